@@ -1,0 +1,1 @@
+"""Comparisons: suites of runs, scores, tables, pictures and the command line."""

@@ -1,0 +1,93 @@
+"""What users type, turned into values; every mistake becomes one clear `ArgumentError`."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from evaluation.errors import ArgumentError
+
+DEFAULT_SPEED_STEP_KMH = 10.0
+MAX_SPEEDS = 200
+
+
+def parse_speeds(text: str) -> tuple[float, ...]:
+    """Speeds in km/h: `10..60` (step 10), `10..60:5`, `30,50`, or any of these joined by commas.
+
+    Raises:
+        ArgumentError: not of that form, not positive, or too many.
+    """
+    form = "use 10..60, 10..60:5 or 30,50"
+    speeds: list[float] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*([^.\s:]+(?:\.\d+)?)\s*(?:\.\.\s*([^:\s]+)\s*(?::\s*(\S+)\s*)?)?", part)
+        if match is None:
+            raise ArgumentError(f"--speeds: cannot read {part.strip()!r} in {text!r}; {form}")
+        try:
+            low, high, step = (None if g is None else float(g) for g in match.groups())
+        except ValueError:
+            raise ArgumentError(f"--speeds: {part.strip()!r} is not a number or a range; {form}") from None
+        assert low is not None
+        high = low if high is None else high
+        step = DEFAULT_SPEED_STEP_KMH if step is None else step
+        if not all(map(math.isfinite, (low, high, step))) or low <= 0 or step <= 0 or high < low:
+            raise ArgumentError(
+                f"--speeds: {part.strip()!r} must be positive and rise from low to high; {form}"
+            )
+        if (high - low) / step > MAX_SPEEDS:
+            raise ArgumentError(
+                f"--speeds: {part.strip()!r} gives over {MAX_SPEEDS} speeds; use a larger step"
+            )
+        speeds += [round(low + k * step, 9) for k in range(math.floor((high - low) / step + 1e-9) + 1)]
+    return tuple(sorted(set(speeds)))
+
+
+def parse_names(text: str, allowed: Sequence[str], option: str) -> tuple[str, ...]:
+    """Comma-separated names, each once, in the order given.
+
+    Raises:
+        ArgumentError: a name is not allowed, or there is none.
+    """
+    names = [n.strip() for n in text.split(",") if n.strip()]
+    for name in names:
+        if name not in allowed:
+            raise ArgumentError(f"{option}: unknown {name!r}; use one or more of: {', '.join(allowed)}")
+    if not names:
+        raise ArgumentError(f"{option}: nothing given; use one or more of: {', '.join(allowed)}")
+    return tuple(dict.fromkeys(names))
+
+
+def parse_place(text: str) -> tuple[str, int, float]:
+    """`ROAD,LANE,S`: id of the road, id of the lane, road coordinate in metres.
+
+    Raises:
+        ArgumentError: not of that form.
+    """
+    parts = [p.strip() for p in text.split(",")]
+    try:
+        road, lane, s = parts
+        place = (road, int(lane), float(s))
+    except ValueError:
+        place = ("", 0, math.nan)
+    if not math.isfinite(place[2]):
+        raise ArgumentError(f"--at: expected ROAD,LANE,S such as 1,-1,250.0; got {text!r}")
+    return place
+
+
+def writable_folder(path: Path) -> Path:
+    """Make a folder for results and see that files can be written there.
+
+    Raises:
+        ArgumentError: it cannot be made or written to.
+    """
+    probe = path / ".smartmot-write-test"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ArgumentError(f"--out: cannot write to folder {path}: {reason}; choose another one") from None
+    return path

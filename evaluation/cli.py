@@ -1,0 +1,220 @@
+"""The command `smartmot-eval`. Heavy libraries are imported by the commands that use them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+app = typer.Typer(
+    name="smartmot-eval",
+    help="HD-map-aware tracking and automatic emergency braking, evaluated in closed loop.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+CPNA_EXAMPLES = """
+**Examples**
+
+`smartmot-eval cpna --speeds 10..60`
+
+`smartmot-eval cpna --speeds 10..80 --preset physical --weather dry,rain --out results`
+
+`smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`
+"""
+
+MAP_EXAMPLES = """
+**Examples**
+
+`smartmot-eval map town.xodr --png town.png`
+
+`smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`
+"""
+
+DEFAULT_MAP = "urban_street"
+
+Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
+Strategy = Annotated[
+    str, typer.Option(help="Monitored areas to compare, comma-separated: rectangular, map, all.")
+]
+PresetName = Annotated[
+    str,
+    typer.Option(help="paper: the SmartMOT paper's conditions; physical: brakes and sensor of a real car."),
+]
+WeatherNames = Annotated[
+    str, typer.Option(help="dry, wet, rain, snow; several, comma-separated: the score is their mean.")
+]
+MapFile = Annotated[
+    Optional[Path],  # noqa: UP045 - typer reads the annotation at run time
+    typer.Option("--map", help=f"OpenDRIVE file; default: the shipped {DEFAULT_MAP}.", metavar="FILE.xodr"),
+]
+At = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option(help="Place of the pedestrian's line: ROAD,LANE,S. Default: found by itself."),
+]
+Impact = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option(
+        "--impact-point",
+        help="Euro NCAP impact location in % of the ego's width (25, 50, 75); default: the paper's test.",
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
+
+
+@app.command(epilog=CPNA_EXAMPLES)
+def cpna(
+    speeds: Speeds = "10..60",
+    strategy: Strategy = "rectangular,map",
+    preset: PresetName = "paper",
+    weather: WeatherNames = "dry",
+    map_file: MapFile = None,
+    at: At = None,
+    impact_point: Impact = None,
+    adversaries: Annotated[
+        str, typer.Option(help="none, or static: parked cars and standing people.")
+    ] = "none",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for tables, logs and pictures.")] = Path("results"),
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
+    from evaluation.arguments import parse_names, parse_place, parse_speeds, writable_folder
+    from evaluation.runner import CpnaSuite, Place
+    from scenarios.cpna import STRATEGIES
+    from scenarios.presets import PRESETS, WEATHER
+
+    suite = CpnaSuite(
+        speeds_kmh=parse_speeds(speeds),
+        strategies=parse_names(strategy, STRATEGIES, "--strategy"),
+        preset=parse_names(preset, tuple(PRESETS), "--preset")[0],
+        weather=parse_names(weather, tuple(WEATHER), "--weather"),
+        map_name=str(map_file) if map_file else DEFAULT_MAP,
+        place=Place(*parse_place(at)) if at else None,
+        impact_point_percent=impact_point,
+        adversaries=adversaries,
+        seed=seed,
+    )
+    _run(suite, writable_folder(out), pictures, quiet)
+
+
+def _run(suite, out: Path, pictures: bool, quiet: bool) -> None:  # type: ignore[no-untyped-def]
+    """Run a suite behind a progress bar, write its files, print its table."""
+    import rich.console
+    import rich.progress
+
+    from evaluation import results, runner
+    from evaluation.scoring import PUBLISHED
+
+    console = rich.console.Console(quiet=quiet)
+    picture_count = 3 if pictures else 0
+    with rich.progress.Progress(console=console, transient=True, disable=quiet) as progress:
+        task = progress.add_task("loading", total=runner.count(suite) + picture_count)
+        site = runner.load_site(suite)
+        progress.update(task, description="running")
+        rows = []
+        for record in runner.run_suite(suite, site):
+            assert record.row.log is not None
+            results.write_log(results.log_path(out, record.row.log), record.log)
+            rows.append(record.row)
+            progress.advance(task)
+        results.write_runs(out, rows, runner.suite_configuration(suite, site))
+        runs = results.read_runs(out)
+        if pictures:
+            from evaluation.pictures import save_pictures
+
+            progress.update(task, description="drawing")
+            logs = results.read_logs(out, runs)
+            save_pictures(out, runs, logs, site, done=lambda: progress.advance(task))
+    published = PUBLISHED if suite.preset == "paper" and suite.impact_point_percent is None else None
+    table = results.comparison_table(runs, published)
+    console.print(results.rich_table(table, f"{rows[0].scenario}, preset {suite.preset}"))
+    console.print(
+        f"{len(rows)} runs in {out}: runs.csv, runs.json, logs/" + (", pictures" if pictures else "")
+    )
+
+
+@app.command()
+def plot(
+    directory: Annotated[Path, typer.Argument(help="Folder that `cpna --out` wrote.", metavar="DIR")],
+    run: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Log name (column log of runs.csv) for temporal diagram and bird's-eye view."),
+    ] = None,
+    form: Annotated[str, typer.Option("--format", help="png, svg or pdf.")] = "png",
+    quiet: Quiet = False,
+) -> None:
+    """Draw the pictures of a folder of results again, for any of its runs."""
+    from evaluation import results, runner
+    from evaluation.arguments import parse_names
+    from evaluation.pictures import save_pictures
+
+    form = parse_names(form, ("png", "svg", "pdf"), "--format")[0]
+    runs = results.read_runs(directory)
+    site = runner.load_site(runner.read_suite(directory))
+    written = save_pictures(directory, runs, results.read_logs(directory, runs), site, shown=run, suffix=form)
+    if not quiet:
+        for path in written:
+            typer.echo(path)
+
+
+@app.command("map", epilog=MAP_EXAMPLES)
+def map_command(
+    file: Annotated[
+        str, typer.Argument(help="OpenDRIVE file, or the name of a shipped map.", metavar="FILE.xodr")
+    ],
+    at: At = None,
+    strategy: Annotated[str, typer.Option(help="Monitored area to draw: rectangular, map or all.")] = "map",
+    speed: Annotated[float, typer.Option(help="Ego speed for the monitored area, km/h.")] = 50.0,
+    preset: PresetName = "physical",
+    png: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
+    ] = None,
+) -> None:
+    """Describe a map, and draw it with the monitored area at a pose."""
+    from evaluation import runner
+    from evaluation.arguments import parse_names, parse_place
+    from scenarios.cpna import STRATEGIES
+    from scenarios.presets import PRESETS
+
+    strategy = parse_names(strategy, STRATEGIES, "--strategy")[0]
+    preset = parse_names(preset, tuple(PRESETS), "--preset")[0]
+    place = runner.Place(*parse_place(at)) if at else None
+    network = runner.load_named_map(file)
+    site = runner.pose_site(network, place) if place else None
+    for line in runner.describe_map(network, site, speed):
+        typer.echo(line)
+    if png is not None:
+        from evaluation.pictures import save_map
+
+        save_map(network, png, site, strategy, speed, preset)
+        typer.echo(f"picture: {png}")
+
+
+def main() -> None:
+    """Entry point: run the command; one line and status 2 for a mistake of the user."""
+    from opendrive import OpenDriveError
+    from scenarios.errors import ScenarioError
+    from smartmot.errors import SmartMotError
+
+    from evaluation.errors import ArgumentError
+
+    try:
+        app()
+    except (ArgumentError, ScenarioError, SmartMotError, OpenDriveError) as error:
+        typer.echo(f"smartmot-eval: {error}", err=True)
+        sys.exit(2)
+    except Exception as error:
+        from evaluation.results import ResultsError
+
+        if isinstance(error, ResultsError):
+            typer.echo(f"smartmot-eval: {error}", err=True)
+            sys.exit(2)
+        raise

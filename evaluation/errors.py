@@ -1,0 +1,7 @@
+"""Errors that the evaluation package raises."""
+
+from __future__ import annotations
+
+
+class ArgumentError(ValueError):
+    """An argument of the command line is wrong; the message names the option and what to write instead."""

@@ -1,0 +1,480 @@
+"""Result tables: one row per run in `runs.csv`, one Parquet log per run, and the comparison of strategies.
+
+The formats are those of docs/run-log.md. What is written depends on the results alone (no time stamps, no
+paths), so that equal runs give equal bytes.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import enum
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import rich.table
+
+RUNS_CSV = "runs.csv"
+RUNS_JSON = "runs.json"
+LOGS_FOLDER = "logs"
+
+LOG_COLUMNS = (
+    "time_s",
+    "kind",
+    "id",
+    "category",
+    "label",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "length_m",
+    "width_m",
+    "speed_mps",
+    "accel_mps2",
+    "horizon_s",
+)
+"""Columns of a run log, in the order in which they are written."""
+
+STRATEGY_ORDER = ("rectangular", "map", "all")
+"""Order in which tables and pictures show the strategies; others follow by name."""
+
+_LOG_TEXT = frozenset({"kind", "category", "label"})
+_CONDITIONS = ("scenario", "preset", "adversaries")
+_EMPTY = "–"
+
+
+class ResultsError(ValueError):
+    """A result file cannot be written, read or understood."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunRow:
+    """One run, a row of `runs.csv`; None where a value does not exist.
+
+    Args:
+        scenario: name of the test.
+        strategy: monitored-area strategy.
+        preset: physical conditions.
+        weather: weather, which sets the friction.
+        adversaries: other participants, none or static.
+        seed: seed of every random number in the run.
+        v_test_kmh: speed of the test.
+        v_impact_kmh: speed at contact, 0 without contact.
+        collided: whether the ego touched the target.
+        score: points won; None where the test gives none.
+        score_max: points to be won; None where the test gives none.
+        flag_time_s: time at which the emergency brake was requested.
+        flag_distance_m: free distance to the target at that time.
+        stop_gap_m: free distance left when the ego stood still.
+        contact_time_s: time of contact.
+        t0_s: time of stop or contact.
+        false_stop: whether the ego braked although nothing was in its way.
+        log: name of the run's log, without folder and suffix.
+    """
+
+    scenario: str
+    strategy: str
+    preset: str
+    weather: str
+    adversaries: str
+    seed: int
+    v_test_kmh: float
+    v_impact_kmh: float
+    collided: bool
+    score: float | None
+    score_max: float | None
+    flag_time_s: float | None
+    flag_distance_m: float | None
+    stop_gap_m: float | None
+    contact_time_s: float | None
+    t0_s: float | None
+    false_stop: bool
+    log: str | None
+
+
+RUN_COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
+"""Columns of `runs.csv`, in the order in which they are written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A finished table as text, for the terminal, a report or a test.
+
+    Args:
+        header: name of each column, with its unit.
+        rows: one tuple per line, as long as the header.
+        totals: lines at the foot, as long as the header.
+        caption: what the reader has to know about the numbers, may be empty.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    totals: tuple[tuple[str, ...], ...] = ()
+    caption: str = ""
+
+
+def log_path(directory: Path, name: str) -> Path:
+    """File of the log that the column `log` names."""
+    return directory / LOGS_FOLDER / f"{name}.parquet"
+
+
+def write_runs(directory: Path, rows: Sequence[RunRow], configuration: Mapping[str, object]) -> None:
+    """Write `runs.csv` and `runs.json` into a folder, which is made if needed.
+
+    Args:
+        directory: folder of the results.
+        rows: the runs, written in this order.
+        configuration: settings that made them; anything JSON can hold, and dataclasses, arrays, enumerations.
+
+    Raises:
+        ResultsError: the folder cannot be written or the configuration holds something JSON cannot.
+    """
+    records = [{name: _plain(getattr(row, name)) for name in RUN_COLUMNS} for row in rows]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(RUN_COLUMNS)
+    writer.writerows([_csv_cell(value) for value in record.values()] for record in records)
+    content = {"version": metadata.version("smartmot"), "configuration": configuration, "runs": records}
+    try:
+        described = json.dumps(
+            content, sort_keys=True, indent=2, allow_nan=False, ensure_ascii=False, default=_json_default
+        )
+    except (TypeError, ValueError) as error:
+        raise ResultsError(
+            f"configuration of the runs: {error}; use numbers, texts, lists and mappings"
+        ) from error
+    _write_bytes(directory / RUNS_CSV, text.getvalue().encode())
+    _write_bytes(directory / RUNS_JSON, f"{described}\n".encode())
+
+
+def read_runs(directory: Path) -> pd.DataFrame:
+    """Read `runs.csv` of a result folder.
+
+    Returns:
+        One row per run; missing numbers and a missing log name are NaN.
+
+    Raises:
+        ResultsError: the folder or the file is missing, or the file is no table of runs.
+    """
+    import pandas as pd
+
+    path = directory / RUNS_CSV
+    _require_file(path)
+    kinds = {"int": "int64", "float": "float64", "float | None": "float64", "bool": "bool"}
+    dtypes: dict[str, Any] = {f.name: kinds.get(str(f.type), "str") for f in dataclasses.fields(RunRow)}
+    try:
+        header = pd.read_csv(path, nrows=0)
+        _require_columns(path, list(header.columns), RUN_COLUMNS)
+        return pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""])
+    except ResultsError:
+        raise
+    except (OSError, ValueError) as error:
+        raise ResultsError(
+            f"{path}: not a readable table of runs ({_one_line(error)}); run the evaluation again"
+        ) from error
+
+
+def write_log(path: Path, table: Mapping[str, NDArray[Any]]) -> None:
+    """Write the log of one run as Parquet; folders are made if needed.
+
+    Args:
+        path: file to write.
+        table: one array per column of `LOG_COLUMNS`, all of the same length. Absent numbers are NaN,
+            absent texts are empty or None.
+
+    Raises:
+        ResultsError: a column is missing or has another length or kind, or the file cannot be written.
+    """
+    import pyarrow as pa  # type: ignore[import-untyped]
+    import pyarrow.parquet as pq  # type: ignore[import-untyped]
+
+    _require_columns(path, list(table), LOG_COLUMNS)
+    lengths = {name: len(table[name]) for name in LOG_COLUMNS}
+    if len(set(lengths.values())) > 1:
+        raise ResultsError(f"{path}: columns of a log must be equally long, got {lengths}")
+    try:
+        arrays = [_log_column(name, table[name]) for name in LOG_COLUMNS]
+        columns = [pa.array(values, type=kind, mask=absent) for values, kind, absent in arrays]
+    except (TypeError, ValueError) as error:
+        raise ResultsError(f"{path}: {_one_line(error)}; see docs/run-log.md for the format") from error
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns, names=list(LOG_COLUMNS)), sink, compression="zstd")
+    _write_bytes(path, sink.getvalue())
+
+
+def read_log(path: Path) -> pd.DataFrame:
+    """Read the log of one run.
+
+    Raises:
+        ResultsError: the file is missing, is no Parquet file or lacks a column.
+    """
+    import pandas as pd
+
+    _require_file(path)
+    try:
+        log = pd.read_parquet(path)
+    except (OSError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError
+        raise ResultsError(
+            f"{path}: not a readable Parquet log ({_one_line(error)}); run the evaluation again"
+        ) from error
+    _require_columns(path, list(log.columns), LOG_COLUMNS)
+    return log
+
+
+def read_logs(directory: Path, runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Read the logs that a table of runs names, by name.
+
+    Raises:
+        ResultsError: a log is missing or broken.
+    """
+    return {str(name): read_log(log_path(directory, str(name))) for name in runs["log"].dropna()}
+
+
+def ordered_strategies(runs: pd.DataFrame) -> list[str]:
+    """Strategies in a table of runs, the known ones first."""
+    known = {name: rank for rank, name in enumerate(STRATEGY_ORDER)}
+    names = {str(name) for name in runs["strategy"]}
+    return sorted(names, key=lambda name: (known.get(name, len(known)), name))
+
+
+def varying_conditions(runs: pd.DataFrame) -> list[str]:
+    """Columns among scenario, preset and adversaries in which the runs differ."""
+    return [name for name in _CONDITIONS if len(set(runs[name])) > 1]
+
+
+def comparison_table(
+    runs: pd.DataFrame, published: Mapping[str, Mapping[float, tuple[float, float]]] | None = None
+) -> Table:
+    """Impact speed and score of each strategy, per test speed.
+
+    Runs that differ in weather and seed only are averaged. Scenario, preset and adversaries become
+    columns where they differ.
+
+    Args:
+        runs: table of runs, as from `read_runs`.
+        published: per strategy and test speed in km/h, the published impact speed in km/h and score.
+
+    Returns:
+        The table, with one line of total scores per condition and the false stops at its foot. A strategy's
+        columns stand together: impact speed, score and, if published, that impact speed and how far ours is
+        above it.
+
+    Raises:
+        ResultsError: there are no runs or a column is missing.
+    """
+    _require_columns("comparison of runs", list(runs.columns), RUN_COLUMNS)
+    if runs.empty:
+        raise ResultsError("comparison of runs: the table of runs is empty; run at least one test")
+    reference = published or {}
+    strategies = ordered_strategies(runs)
+    conditions = varying_conditions(runs)
+    header = [*conditions, "v_test (km/h)"]
+    for strategy in strategies:
+        header += [f"{strategy} v_impact (km/h)", "score"]
+        if strategy in reference:
+            header += ["published (km/h)", "diff. (km/h)"]
+    rows: list[tuple[str, ...]] = []
+    totals: list[tuple[str, ...]] = []
+    groups = runs.groupby(conditions, sort=True) if conditions else [((), runs)]
+    for values, group in groups:
+        lead = [str(value) for value in values]
+        speeds = sorted({float(speed) for speed in group["v_test_kmh"]})
+        for speed in speeds:
+            cells = [_cells(group, strategy, speed, reference.get(strategy)) for strategy in strategies]
+            rows.append((*lead, f"{speed:g}", *(text for cell in cells for text in cell)))
+        cells = [_total_cells(group, strategy, speeds, reference.get(strategy)) for strategy in strategies]
+        totals.append((*lead, "total", *(text for cell in cells for text in cell)))
+    if runs["false_stop"].any():
+        totals.append(_false_stop_line(runs, strategies, len(conditions), reference))
+    repeats = int(runs.groupby([*conditions, "strategy", "v_test_kmh"]).size().max())
+    caption = f"Means over up to {repeats} runs per speed and strategy." if repeats > 1 else ""
+    return Table(tuple(header), tuple(rows), tuple(totals), caption)
+
+
+def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
+    """The table for the terminal."""
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table as RichTable
+
+    view = RichTable(
+        title=title,
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 0),
+        caption=table.caption or None,
+        caption_justify="left",
+    )
+    for name, *cells in zip(table.header, *table.rows, *table.totals, strict=True):
+        # Wide enough for every cell and every word of the header, so that only headers break, at spaces.
+        width = max(map(len, [*name.split(), *cells]))
+        view.add_column(escape(name), justify="right", min_width=width)
+    for index, row in enumerate(table.rows):
+        view.add_row(*map(escape, row), end_section=index == len(table.rows) - 1)
+    for row in table.totals:
+        view.add_row(*map(escape, row), style="bold")
+    return view
+
+
+def markdown_table(table: Table) -> str:
+    """The table as Markdown, with its caption below; ends with a line break."""
+    lines = [table.header, ("---:",) * len(table.header), *table.rows]
+    lines += [tuple(f"**{text}**" if text else "" for text in row) for row in table.totals]
+    text = "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+    return f"{text}\n{table.caption}\n" if table.caption else text
+
+
+def _select(group: pd.DataFrame, strategy: str, speed: float) -> pd.DataFrame:
+    return group[(group["strategy"] == strategy) & (group["v_test_kmh"] == speed)]
+
+
+def _cells(
+    group: pd.DataFrame, strategy: str, speed: float, published: Mapping[float, tuple[float, float]] | None
+) -> list[str]:
+    """Texts of one strategy at one speed."""
+    chosen = _select(group, strategy, speed)
+    impact = float(chosen["v_impact_kmh"].mean()) if len(chosen) else math.nan
+    score = float(chosen["score"].mean()) if len(chosen) else math.nan
+    texts = [_number(impact, ".2f"), _number(score, ".2f")]
+    if published is not None:
+        there, _ = published.get(speed, (math.nan, math.nan))
+        texts += [_number(there, ".2f"), _number(impact - there, "+.2f")]
+    return texts
+
+
+def _total_cells(
+    group: pd.DataFrame,
+    strategy: str,
+    speeds: Sequence[float],
+    published: Mapping[float, tuple[float, float]] | None,
+) -> list[str]:
+    """Sums of the scores of one strategy: its mean at every speed, over what could be won there."""
+    chosen = [_select(group, strategy, speed) for speed in speeds]
+    scored = [one for one in chosen if one["score"].notna().any()]
+    if scored:
+        won = sum(float(one["score"].mean()) for one in scored)
+        possible = sum(float(one["score_max"].mean()) for one in scored)
+        text = f"{won:.2f}/{possible:g}"
+    else:
+        text = _EMPTY
+    texts = ["", text]
+    if published is not None:
+        scores = [published[speed][1] for speed in speeds if speed in published]
+        known = [score for score in scores if not math.isnan(score)]
+        texts += [f"score {sum(known):g}" if known else "", ""]
+    return texts
+
+
+def _false_stop_line(
+    runs: pd.DataFrame, strategies: Sequence[str], lead: int, published: Mapping[str, object]
+) -> tuple[str, ...]:
+    """The false stops of each strategy out of its runs."""
+    line = ["false stops"] + [""] * lead
+    for strategy in strategies:
+        stops = runs.loc[runs["strategy"] == strategy, "false_stop"]
+        line += [f"{int(stops.sum())} of {len(stops)}", ""]
+        line += [""] * 2 if strategy in published else []
+    return tuple(line)
+
+
+def _number(value: float, form: Literal[".2f", "+.2f"]) -> str:
+    if math.isnan(value):
+        return _EMPTY
+    rounded = round(value, 2)
+    return format(rounded, form) if rounded else "0.00"
+
+
+def _plain(value: object) -> object:
+    """Python's own kind of a value; None for NaN."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and math.isnan(value):
+        return None
+    return value
+
+
+def _csv_cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _json_default(value: object) -> object:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, enum.Enum):
+        return value.name
+    if isinstance(value, Path):
+        return value.as_posix()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, (set, frozenset)):
+        return sorted(value, key=str)
+    raise TypeError(f"cannot write a {type(value).__name__}")
+
+
+def _log_column(name: str, values: NDArray[Any]) -> tuple[NDArray[Any], str, NDArray[np.bool_] | None]:
+    """Values of one column of the log, their Arrow type and where they are absent."""
+    if name in _LOG_TEXT:
+        texts = np.asarray(values, dtype=object)
+        return (
+            texts,
+            "string",
+            np.array([not isinstance(text, str) or not text for text in texts], dtype=bool),
+        )
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"column {name!r} of the log: expected numbers, got {values!r}") from error
+    if name != "id":
+        return numbers, "float64", None
+    absent = ~np.isfinite(numbers)
+    whole = np.where(absent, 0.0, numbers)
+    if np.any(whole % 1.0):
+        raise ValueError("column 'id' of the log: expected whole numbers")
+    return whole.astype(np.int64), "int64", absent
+
+
+def _require_file(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise ResultsError(
+            f"{path.parent}: no such folder; give the folder that the evaluation wrote (--out)"
+        )
+    if not path.is_file():
+        raise ResultsError(f"{path}: no such file; run the evaluation into this folder first")
+
+
+def _require_columns(where: Path | str, present: Sequence[str], wanted: Sequence[str]) -> None:
+    missing = [name for name in wanted if name not in present]
+    if missing:
+        raise ResultsError(
+            f"{where}: columns missing: {', '.join(missing)}; see docs/run-log.md for the format"
+        )
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        reason = error.strerror or _one_line(error)
+        raise ResultsError(f"{path}: cannot be written ({reason}); choose another folder (--out)") from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,47 @@
+"""OpenDRIVE maps: geometry, lanes, topology and spatial queries.
+
+    >>> from opendrive import load_map
+    >>> network = load_map("town.xodr")          # doctest: +SKIP
+    >>> hits = network.locate([[12.0, 3.5]])     # doctest: +SKIP
+
+Positions are metres in the map's right-handed frame, angles radians.
+"""
+
+from opendrive.errors import (
+    LaneNotFoundError,
+    MapContentError,
+    MapReadError,
+    MapWarning,
+    OpenDriveError,
+    PositionError,
+    RoadNotFoundError,
+    RouteNotFoundError,
+)
+from opendrive.lane_index import LaneHits, NearestLanes
+from opendrive.lanes import LaneKey, LaneTable
+from opendrive.network import RoadNetwork, load_map
+from opendrive.objects import Crosswalk, RoadSignal
+from opendrive.reader import read_map
+from opendrive.road_geometry import RoadGeometry, SurfacePoints
+
+__all__ = [
+    "Crosswalk",
+    "LaneHits",
+    "LaneKey",
+    "LaneNotFoundError",
+    "LaneTable",
+    "MapContentError",
+    "MapReadError",
+    "MapWarning",
+    "NearestLanes",
+    "OpenDriveError",
+    "PositionError",
+    "RoadGeometry",
+    "RoadNetwork",
+    "RoadNotFoundError",
+    "RoadSignal",
+    "RouteNotFoundError",
+    "SurfacePoints",
+    "load_map",
+    "read_map",
+]

@@ -1,0 +1,62 @@
+"""Array types and checks shared by the modules."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from opendrive.errors import PositionError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """Return the same array, protected against writing."""
+    array.setflags(write=False)
+    return array
+
+
+def finite(values: ArrayLike, name: str) -> FloatArray:
+    """Return `values` as float64.
+
+    Raises:
+        PositionError: a value is not a number, or not finite.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise PositionError(f"{name}: expected numbers, got {values!r:.80}") from error
+    if not np.isfinite(array).all():
+        raise PositionError(f"{name}: expected finite numbers, got a NaN or infinity")
+    return array
+
+
+def points_xy(xy_m: ArrayLike) -> FloatArray:
+    """Return points as an (N, 2) float64 array; one (2,) point counts as N = 1.
+
+    Raises:
+        PositionError: the shape is not (N, 2), or a value is not finite.
+    """
+    array = finite(xy_m, "xy")
+    if array.shape == (0,):
+        return array.reshape(0, 2)
+    if array.shape == (2,):
+        return array.reshape(1, 2)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise PositionError(f"xy: expected shape (N, 2), got {array.shape}")
+    return array
+
+
+def wrapped(angle_rad: FloatArray) -> FloatArray:
+    """Return angles wrapped to (-pi, pi]."""
+    return np.pi - np.mod(np.pi - angle_rad, 2.0 * np.pi)
+
+
+def concatenated_ranges(first: IntArray, count: IntArray) -> IntArray:
+    """Return ``first[0], first[0] + 1, ... (count[0] values), first[1], ...`` as one array."""
+    ends = np.cumsum(count)
+    total = int(ends[-1]) if count.size else 0
+    indices: IntArray = np.arange(total, dtype=np.int64) + np.repeat(first - (ends - count), count)
+    return indices

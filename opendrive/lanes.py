@@ -1,0 +1,165 @@
+"""All lanes of a network as one struct of arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.model import Lane, Road
+from opendrive.profiles import CubicTable
+
+
+class LaneKey(NamedTuple):
+    """Name of a lane: road, index of its lane section in the road, and lane id."""
+
+    road_id: str
+    section: int
+    lane_id: int
+
+
+@dataclass(frozen=True, eq=False)
+class LaneTable:
+    """Lanes of a network, index i in 0 .. L-1; the centre lanes, which have no width, are left out.
+
+    Attributes:
+        key: (L,) names.
+        lane_type: (L,) OpenDRIVE type names.
+        s_start_m: (L,) road s where the lane starts.
+        s_end_m: (L,) road s where it ends.
+        direction: (L,) int8, +1 if traffic runs along s, -1 if against; honours left-hand traffic.
+        junction_id: (L,) junction of the lane's road, or None.
+        road: (L,) index of the road.
+        side: (L,) int8, +1 left of the centre lane, -1 right of it.
+        inner: (L,) index of the next lane towards the centre, -1 for the innermost (see `has_inner`).
+        is_border: (L,) whether `profile` is the outer border's t instead of a width.
+        profiles: width or border of lane i is profile i, over road s.
+        lane_offset: offset of the centre lane; profile r belongs to road r.
+        lane_of_key: index by name.
+        records: (L,) lanes as read.
+    """
+
+    key: tuple[LaneKey, ...]
+    lane_type: NDArray[np.str_]
+    s_start_m: FloatArray
+    s_end_m: FloatArray
+    direction: NDArray[np.int8]
+    junction_id: tuple[str | None, ...]
+    road: IntArray
+    side: NDArray[np.int8]
+    inner: IntArray
+    is_border: BoolArray
+    profiles: CubicTable
+    lane_offset: CubicTable
+    lane_of_key: dict[LaneKey, int]
+    records: tuple[Lane, ...]
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+    @classmethod
+    def collect(cls, roads: Sequence[Road]) -> "LaneTable":
+        """Collect the lanes of `roads`."""
+        key: list[LaneKey] = []
+        rows: list[tuple[float, float, int, int, int, int]] = []
+        junction: list[str | None] = []
+        records: list[Lane] = []
+        for r, road in enumerate(roads):
+            keep_right = 1 if road.rule == "RHT" else -1
+            starts = [section.s_m for section in road.sections]
+            ends = [*starts[1:], max(road.length_m, starts[-1])]
+            for k, section in enumerate(road.sections):
+                left = [lane for lane in section.lanes if lane.id > 0][::-1]
+                right = [lane for lane in section.lanes if lane.id < 0]
+                for side, lanes in ((1, left), (-1, right)):
+                    inner = -1
+                    for lane in lanes:
+                        rows.append((starts[k], ends[k], -side * keep_right, r, side, inner))
+                        inner = len(key)
+                        key.append(LaneKey(road.id, k, lane.id))
+                        junction.append(road.junction_id)
+                        records.append(lane)
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T
+        start, end = columns[0].copy(), columns[1].copy()
+        return cls(
+            key=tuple(key),
+            lane_type=np.array([lane.type for lane in records], dtype=np.str_),
+            s_start_m=start,
+            s_end_m=end,
+            direction=columns[2].astype(np.int8),
+            junction_id=tuple(junction),
+            road=columns[3].astype(np.int64),
+            side=columns[4].astype(np.int8),
+            inner=columns[5].astype(np.int64),
+            is_border=np.array(
+                [not len(lane.width) and len(lane.border) > 0 for lane in records], dtype=np.bool_
+            ),
+            profiles=CubicTable.stack(
+                [lane.width if len(lane.width) else lane.border for lane in records], list(start)
+            ),
+            lane_offset=CubicTable.stack([road.lane_offset for road in roads]),
+            lane_of_key={name: i for i, name in enumerate(key)},
+            records=tuple(records),
+        )
+
+    @cached_property
+    def _stacks(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Return for each lane the lanes whose widths add up to its inner border: first, count, members.
+
+        A lane given by its border starts the count anew: what lies further inside does not matter.
+        """
+        first = np.zeros(len(self), dtype=np.int64)
+        count = np.zeros(len(self), dtype=np.int64)
+        members: list[int] = []
+        stack: list[int] = []
+        for i, inner in enumerate(self.inner.tolist()):
+            if inner < 0:
+                stack = []
+            elif self.is_border[inner]:
+                stack = [inner]
+            else:
+                stack = [*stack, inner]
+            first[i], count[i] = len(members), len(stack)
+            members.extend(stack)
+        return first, count, np.array(members, dtype=np.int64)
+
+    def offsets_and_slopes(
+        self, lane: IntArray, s_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return t of the inner and outer border and their derivatives by s.
+
+        At the end of a lane the limit from inside holds, even if the lane offset jumps there.
+
+        Args:
+            lane: (N,) lane indices.
+            s_m: (N,) road s.
+
+        Returns:
+            t_inner, t_outer, dt_inner/ds, dt_outer/ds, all (N,).
+        """
+        first, count, members = self._stacks
+        inside = np.minimum(s_m, np.nextafter(self.s_end_m[lane], -np.inf))
+        centre, d_centre = self.lane_offset.value_and_slope(self.road[lane], s_m, inside)
+        repeats = count[lane]
+        member = members[concatenated_ranges(first[lane], repeats)]
+        point = np.repeat(np.arange(lane.size), repeats)
+        value, slope = self._signed(member, s_m[point])
+        inner = centre + np.bincount(point, value, lane.size)
+        d_inner = d_centre + np.bincount(point, slope, lane.size)
+        own, d_own = self._signed(lane, s_m)
+        border = self.is_border[lane]
+        return (
+            inner,
+            np.where(border, centre, inner) + own,
+            d_inner,
+            np.where(border, d_centre, d_inner) + d_own,
+        )
+
+    def _signed(self, lane: IntArray, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what a lane's own profile adds to t, and its slope."""
+        value, slope = self.profiles.value_and_slope(lane, s_m)
+        sign = np.where(self.is_border[lane], 1, self.side[lane])
+        return value * sign, slope * sign

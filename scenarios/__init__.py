@@ -1,0 +1,1 @@
+"""Closed-loop worlds: actors, sensor, brakes, ego dynamics and the scripted tests."""

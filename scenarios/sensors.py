@@ -1,0 +1,111 @@
+"""Sensor model: ground truth in, detections out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.errors import ScenarioError
+from smartmot.geometry import corners, wrap_angle
+from smartmot.types import BoolArray, Boxes, Detections, EgoState, FloatArray, StrArray
+
+_RAYS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class SensorConfig:
+    """A bird's-eye-view object sensor at the ego's centre.
+
+    Args:
+        range_m: objects whose centre is farther are not seen.
+        fov_rad: horizontal field of view, symmetric about the ego's heading; 2 pi: all round.
+        position_sigma_m: standard deviation of the centre's error, per axis (authors' code: 0.05 m).
+        yaw_sigma_rad: standard deviation of the heading's error.
+        detection_probability: chance that a visible object is reported in a frame.
+        min_visible: share of the object's width, as seen from the sensor, that must not be occluded.
+        latency_s: age of the detections when they reach the tracker.
+        rate_hz: frames per second (paper: 20 Hz).
+    """
+
+    range_m: float = 70.0
+    fov_rad: float = 2 * np.pi
+    position_sigma_m: float = 0.05
+    yaw_sigma_rad: float = 0.0
+    detection_probability: float = 1.0
+    min_visible: float = 0.3
+    latency_s: float = 0.0
+    rate_hz: float = 20.0
+
+    def __post_init__(self) -> None:
+        if self.range_m <= 0 or self.rate_hz <= 0 or not 0 < self.fov_rad <= 2 * np.pi:
+            raise ScenarioError("sensor: range and rate must be positive, the field of view in (0, 2 pi]")
+        if min(self.position_sigma_m, self.yaw_sigma_rad, self.latency_s) < 0:
+            raise ScenarioError("sensor: noise and latency must not be negative")
+        if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
+            raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
+
+
+def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
+    """(N,) share of each box's angular width that no nearer box hides, seen from a point.
+
+    Nine rays over the width of each box; a ray is blocked by every box that it crosses and whose centre is
+    nearer.
+    """
+    n = len(boxes)
+    if n < 2:
+        return np.ones(n)
+    delta = boxes.center_m - np.array([x_m, y_m])
+    distance = np.hypot(delta[:, 0], delta[:, 1])
+    bearing = np.arctan2(delta[:, 1], delta[:, 0])
+    edge = corners(boxes.center_m, boxes.size_m, boxes.yaw_rad) - np.array([x_m, y_m])
+    spread = wrap_angle(np.arctan2(edge[..., 1], edge[..., 0]) - bearing[:, None])
+    low, high = spread.min(axis=1), spread.max(axis=1)
+    share = (np.arange(_RAYS) + 0.5) / _RAYS
+    ray = bearing[:, None] + low[:, None] + (high - low)[:, None] * share
+    # (N, rays, N): does box j hide this ray of box i?
+    offset = wrap_angle(ray[:, :, None] - bearing)
+    hidden = (offset >= low) & (offset <= high) & (distance < distance[:, None] - 1e-9)[:, None, :]
+    return 1.0 - hidden.any(axis=2).mean(axis=1)
+
+
+class Sensor:
+    """Seeded sensor; the noise of object i in frame k is the same whatever else is in the scene's decisions.
+
+    Args:
+        config: properties.
+        seed: of the noise.
+    """
+
+    def __init__(self, config: SensorConfig, seed: int) -> None:
+        self.config, self.seed = config, seed
+
+    def observe(self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray) -> Detections:
+        """Detections of one frame.
+
+        Args:
+            frame: number of the frame; selects the noise.
+            ego: ego state at the measurement.
+            boxes: N ground-truth boxes.
+            category: (N,) names.
+        """
+        config, n = self.config, len(boxes)
+        rng = np.random.default_rng((self.seed, frame))
+        noise = rng.standard_normal((n, 3))
+        lucky = rng.random(n) < config.detection_probability
+        seen = self._visible(ego, boxes) & lucky
+        noisy = Boxes(
+            boxes.center_m[seen] + config.position_sigma_m * noise[seen, :2],
+            boxes.size_m[seen],
+            wrap_angle(boxes.yaw_rad[seen] + config.yaw_sigma_rad * noise[seen, 2]),
+        )
+        return Detections(ego.stamp_s, noisy, np.ones(int(seen.sum())), category[seen])
+
+    def _visible(self, ego: EgoState, boxes: Boxes) -> BoolArray:
+        config = self.config
+        delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
+        near = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
+        bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
+        near &= np.abs(bearing) <= config.fov_rad / 2
+        visible: BoolArray = near & (visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible)
+        return visible

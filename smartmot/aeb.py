@@ -1,0 +1,127 @@
+"""The decision: follow the path, adapt the speed, or stop; with the events of the temporal diagram.
+
+Rules of the paper (section III, figure 4; conditions of the authors' code):
+
+- `forecasted_pedestrian` opens the unexpected behaviour: the forecast of a moving VRU enters the ego's way.
+- `predicted_collision`: forecast boxes overlap, and the nearest object that counts is nearer than the
+  braking distance or than 12 m. The ego stops and holds.
+- `free_lane`, `end_unexpected`: nothing on the ego's way and nobody about to enter it, for 3 frames (0.15 s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from smartmot.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class AebConfig:
+    """Conditions of the decision.
+
+    Args:
+        near_m: an object nearer than this counts as near at any speed (paper's authors: 12 m).
+        clear_s: time for which the way must be free before driving on (3 frames at 20 Hz).
+    """
+
+    near_m: float = 12.0
+    clear_s: float = 0.15
+
+    def __post_init__(self) -> None:
+        if self.near_m < 0 or self.clear_s < 0:
+            raise ConfigError("aeb: near_m and clear_s must not be negative")
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something one layer of the decision reports.
+
+    Args:
+        stamp_s: when.
+        layer: start, selector, unexpected or monitors.
+        name: run_start, follow_path, unexpected, forecasted_pedestrian, predicted_collision,
+            end_unexpected, collision or free_lane.
+    """
+
+    stamp_s: float
+    layer: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class BrakeCommand:
+    """What the decision asks of the vehicle: nothing, or an emergency stop that is held."""
+
+    emergency: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the decision looks at in one frame.
+
+    Args:
+        stamp_s: time.
+        collision_predicted: some object that counts is on a collision course.
+        nearest_m: distance from the ego's centre to the nearest object that counts; infinite without one.
+        braking_distance_m: at the ego's present speed.
+        vru_entering: the forecast of a moving VRU enters the ego's way.
+        way_occupied: an object is on the ego's way.
+    """
+
+    stamp_s: float
+    collision_predicted: bool
+    nearest_m: float
+    braking_distance_m: float
+    vru_entering: bool
+    way_occupied: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AebState:
+    """Memory between frames; `AebState()` before the first."""
+
+    started: bool = False
+    unexpected: bool = False
+    emergency: bool = False
+    clear_since_s: float | None = None
+
+
+def decide(
+    state: AebState, now: Situation, config: AebConfig
+) -> tuple[AebState, BrakeCommand, tuple[Event, ...]]:
+    """One decision.
+
+    Returns:
+        The next state, the command, and the events of this frame.
+    """
+    events: list[Event] = []
+
+    def report(layer: str, name: str) -> None:
+        events.append(Event(now.stamp_s, layer, name))
+
+    if not state.started:
+        report("start", "run_start")
+        report("selector", "follow_path")
+        state = replace(state, started=True)
+    near = now.nearest_m < max(now.braking_distance_m, config.near_m)
+    flag = now.collision_predicted and near
+    if (now.vru_entering or flag) and not state.unexpected:
+        if now.vru_entering:
+            report("unexpected", "forecasted_pedestrian")
+        report("selector", "unexpected")
+        state = replace(state, unexpected=True)
+    if flag and not state.emergency:
+        report("monitors", "collision")
+        report("unexpected", "predicted_collision")
+        state = replace(state, emergency=True)
+    if not state.unexpected:
+        return state, BrakeCommand(False), tuple(events)
+    if now.vru_entering or now.way_occupied or flag:
+        return replace(state, clear_since_s=None), BrakeCommand(state.emergency), tuple(events)
+    since = now.stamp_s if state.clear_since_s is None else state.clear_since_s
+    if now.stamp_s - since < config.clear_s - 1e-9:
+        return replace(state, clear_since_s=since), BrakeCommand(state.emergency), tuple(events)
+    report("monitors", "free_lane")
+    report("unexpected", "end_unexpected")
+    report("selector", "follow_path")
+    return AebState(started=True), BrakeCommand(False), tuple(events)

@@ -1,0 +1,67 @@
+"""Predicted collisions: overlap of time-aligned forecast boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smartmot.geometry import iou_pairs
+from smartmot.monitored_area import ego_extent
+from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, Threats, Tracks
+
+IOU_THRESHOLD = 0.01
+"""Paper, section V."""
+
+
+def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_THRESHOLD) -> FloatArray:
+    """First time at which each forecast meets the ego's; infinite where it never does.
+
+    Args:
+        ego: one object at T times.
+        others: M objects at the same T times.
+        iou_threshold: bird's-eye-view intersection over union that counts as a collision.
+
+    Returns:
+        (M,) seconds after now.
+    """
+    m = len(others)
+    if m == 0:
+        return np.zeros(0)
+    reach = 0.5 * (np.hypot(*ego.size_m[0]) + np.hypot(others.size_m[:, 0], others.size_m[:, 1]))
+    distance = np.hypot(*np.moveaxis(others.center_m - ego.center_m, -1, 0))
+    close = (distance < reach[:, None]) & others.valid & ego.valid
+    hit = np.zeros(close.shape, dtype=np.bool_)
+    row, column = np.nonzero(close)
+    if len(row):
+        hit[row, column] = (
+            iou_pairs(
+                ego.center_m[0, column],
+                np.broadcast_to(ego.size_m[0], (len(column), 2)),
+                ego.yaw_rad[0, column],
+                others.center_m[row, column],
+                others.size_m[row],
+                others.yaw_rad[row, column],
+            )
+            > iou_threshold
+        )
+    first = np.argmax(hit, axis=1)
+    return np.where(hit.any(axis=1), ego.time_s[first], np.inf)
+
+
+def threats(
+    tracks: Tracks, time_to_collision_s: FloatArray, counts: BoolArray, boxes_now: Boxes, ego: EgoState
+) -> Threats:
+    """The tracks that are on a collision course and count, nearest in time first.
+
+    Args:
+        tracks: M tracks.
+        time_to_collision_s: (M,) from `collision_times`.
+        counts: (M,) which tracks may count.
+        boxes_now: M boxes of the tracks at the ego's time.
+        ego: ego state.
+    """
+    chosen = np.flatnonzero(counts & np.isfinite(time_to_collision_s))
+    chosen = chosen[np.argsort(time_to_collision_s[chosen], kind="stable")]
+    gap = np.maximum(ego_extent(boxes_now[chosen], ego)[0] - ego.length_m / 2, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = np.where(gap > 0, ego.speed_mps**2 / (2 * gap), np.inf if ego.speed_mps > 0 else 0.0)
+    return Threats(tracks.track_id[chosen], time_to_collision_s[chosen], gap, needed)

@@ -1,0 +1,193 @@
+"""One frame of perception and decision, as a pure function of its inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from smartmot.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
+from smartmot.braking import BrakingDistance, horizon_s
+from smartmot.collision import IOU_THRESHOLD, collision_times, threats
+from smartmot.errors import ConfigError
+from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
+from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
+from smartmot.tracker import Tracker, TrackerConfig, TrackerState
+from smartmot.types import BoolArray, Boxes, Detections, EgoState, Forecast, Threats, Tracks
+
+
+@dataclass(frozen=True, slots=True)
+class PipelineConfig:
+    """Settings of perception and decision.
+
+    Args:
+        tracker, forecast, aeb, braking_distance: settings of the parts.
+        iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
+        filter_tracks: also delete tracks that left the monitored area (the paper's second use of the map).
+    """
+
+    tracker: TrackerConfig = field(default_factory=TrackerConfig)
+    forecast: ForecastConfig = field(default_factory=ForecastConfig)
+    aeb: AebConfig = field(default_factory=AebConfig)
+    braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
+    iou_threshold: float = IOU_THRESHOLD
+    filter_tracks: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.iou_threshold < 1:
+            raise ConfigError(f"iou_threshold must lie in [0, 1), got {self.iou_threshold}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PipelineState:
+    """Memory between frames."""
+
+    tracker: TrackerState
+    aeb: AebState
+
+
+@dataclass(frozen=True, slots=True)
+class LeadObject:
+    """The object on the route that the speed is adapted to.
+
+    Args:
+        track_id: its track.
+        gap_m: free distance from the ego's front.
+        speed_mps: its speed along the ego's heading.
+    """
+
+    track_id: int
+    gap_m: float
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameResult:
+    """Everything one frame produced, in the order in which it was made.
+
+    Args:
+        detections: all detections of the frame.
+        kept: (N,) which of them the monitored area kept.
+        tracks: M tracks at the detections' time.
+        forecast: of the tracks, from the ego's time on.
+        ego_forecast: of the ego.
+        time_to_collision_s: see `threats`.
+        threats: tracks on a collision course that count.
+        lead: what the speed is adapted to, if anything.
+        command: brake command.
+        events: events of this frame.
+    """
+
+    detections: Detections
+    kept: BoolArray
+    tracks: Tracks
+    forecast: Forecast
+    ego_forecast: Forecast
+    threats: Threats
+    lead: LeadObject | None
+    command: BrakeCommand
+    events: tuple[Event, ...]
+
+
+class Pipeline:
+    """Perception and decision around one monitored-area strategy.
+
+    Args:
+        strategy: which objects matter.
+        config: settings.
+    """
+
+    def __init__(self, strategy: MonitoredAreaStrategy, config: PipelineConfig) -> None:
+        self.strategy, self.config = strategy, config
+        self._tracker = Tracker(config.tracker)
+
+    def initial(self) -> PipelineState:
+        """State before the first frame."""
+        return PipelineState(TrackerState.empty(), AebState())
+
+    def step(
+        self, state: PipelineState, detections: Detections, ego: EgoState
+    ) -> tuple[PipelineState, FrameResult]:
+        """Process one frame.
+
+        Args:
+            state: from `initial` or the step before.
+            detections: what the sensor delivered; may be older than `ego` by the sensor's latency.
+            ego: odometry now.
+        """
+        config = self.config
+        area = self.strategy.at(ego)
+        kept = area.kept(detections.boxes.center_m, detections.category)
+        monitored = area.kept if config.filter_tracks else None
+        tracker_state, tracks = self._tracker.step(state.tracker, detections[kept], monitored)
+        horizon = horizon_s(
+            ego.speed_mps,
+            config.braking_distance,
+            config.forecast.min_horizon_s,
+            config.forecast.max_horizon_s,
+        )
+        time = forecast_times(horizon, config.forecast.step_s)
+        forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
+        ego_forecast = forecast_ego(ego, time)
+        now = Boxes(forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
+        in_route = area.in_route(now, tracks.category) & tracks.confirmed
+        counts = np.where(tracks.dynamic, area.within_reach(now), in_route) & tracks.confirmed
+        ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
+        found = threats(tracks, ttc, counts, now, ego)
+        situation = self._situation(area, tracks, forecast, now, in_route, found, ego)
+        aeb, command, events = decide(state.aeb, situation, config.aeb)
+        lead = _lead(area, tracks, now, in_route, found, ego)
+        result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
+        return PipelineState(tracker_state, aeb), result
+
+    def _situation(
+        self,
+        area: MonitoredArea,
+        tracks: Tracks,
+        forecast: Forecast,
+        now: Boxes,
+        in_route: BoolArray,
+        found: Threats,
+        ego: EgoState,
+    ) -> Situation:
+        threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
+        relevant = in_route | threatening
+        ahead = ego_extent(now, ego)[0]
+        braking_distance = self.config.braking_distance.at(ego.speed_mps)
+        near = ahead < max(braking_distance, self.config.aeb.near_m)
+        on_way = in_route & area.on_lane(now.center_m)
+        entering = np.zeros(len(tracks), dtype=np.bool_)
+        walking = np.flatnonzero(
+            tracks.dynamic & is_vulnerable(tracks.category) & area.within_reach(now) & ~on_way
+        )
+        if len(walking):
+            # every fifth forecast time is enough: half a second of walking is less than a lane's width
+            path = forecast.center_m[walking][:, ::5]
+            entering[walking] = area.on_lane(path.reshape(-1, 2)).reshape(len(walking), -1).any(axis=1)
+        return Situation(
+            stamp_s=ego.stamp_s,
+            collision_predicted=len(found) > 0,
+            nearest_m=float(np.maximum(ahead[relevant], 0.0).min(initial=np.inf)),
+            braking_distance_m=braking_distance,
+            vru_entering=bool(entering.any()),
+            way_occupied=bool((on_way & (near | is_vulnerable(tracks.category))).any()),
+        )
+
+
+def _lead(
+    area: MonitoredArea, tracks: Tracks, now: Boxes, in_route: BoolArray, found: Threats, ego: EgoState
+) -> LeadObject | None:
+    """Nearest object on the route ahead, for adapting the speed.
+
+    VRUs on a collision course are the emergency decision's; a vehicle ahead is followed even then.
+    """
+    threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
+    vru_threat = is_vulnerable(tracks.category) & threatening
+    front = ego_extent(now, ego)[0] - ego.length_m / 2
+    candidates = np.flatnonzero(in_route & area.on_lane(now.center_m) & ~vru_threat & (front > 0))
+    if len(candidates) == 0:
+        return None
+    k = int(candidates[np.argmin(front[candidates])])
+    vx, vy = tracks.velocity_mps[k] if tracks.dynamic[k] else (0.0, 0.0)
+    along = float(vx * np.cos(ego.yaw_rad) + vy * np.sin(ego.yaw_rad))
+    return LeadObject(int(tracks.track_id[k]), float(front[k]), along)

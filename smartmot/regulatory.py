@@ -1,0 +1,82 @@
+"""Regulatory elements on the route ahead: stop, give way, traffic light, speed limit, crosswalk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from opendrive import RoadNetwork
+from smartmot.route import Route
+
+SIGNAL_KINDS = {
+    # German catalogue (StVO), as OpenDRIVE 1.4 and CARLA's towns use it without naming a country
+    "206": "stop",
+    "205": "give_way",
+    "274": "speed_limit",
+    # ASAM OpenDRIVE 1.8, signal types of traffic lights
+    "1000001": "traffic_light",
+    "1000009": "traffic_light",
+    "1000010": "traffic_light",
+    "1000011": "traffic_light",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RegulatoryElement:
+    """One element ahead.
+
+    Args:
+        kind: stop, give_way, traffic_light, speed_limit or crosswalk.
+        distance_m: from the ego's centre along the route.
+        road_id: the road that carries it.
+        s_m: its road coordinate.
+        value: number on the sign (speed limits: as the file gives it), None when there is none.
+    """
+
+    kind: str
+    distance_m: float
+    road_id: str
+    s_m: float
+    value: float | None
+
+
+def regulatory_elements(
+    network: RoadNetwork, route: Route, station_m: float, ahead_m: float
+) -> tuple[RegulatoryElement, ...]:
+    """Elements that face the ego between two stations of the route, nearest first.
+
+    Args:
+        network: the map.
+        route: the ego's route.
+        station_m: the ego's station on it.
+        ahead_m: how far to look.
+    """
+    found: list[RegulatoryElement] = []
+    for strip, entry in zip(route.strips, route.entry_m, strict=True):
+        if entry > station_m + ahead_m or entry + strip.length_m < station_m:
+            continue
+        key = network.lanes.key[strip.lane]
+        low, high = sorted((float(strip.s_m[0]), float(strip.s_m[-1])))
+        facing = "+" if network.lanes.direction[strip.lane] > 0 else "-"
+
+        def add(
+            kind: str,
+            s_m: float,
+            value: float | None,
+            strip=strip,
+            entry=entry,
+            key=key,  # type: ignore[no-untyped-def]
+        ) -> None:
+            distance = float(entry) + strip.station_at(s_m) - station_m
+            if 0.0 <= distance <= ahead_m:
+                found.append(RegulatoryElement(kind, distance, key.road_id, s_m, value))
+
+        for signal in network.signals_of(key.road_id):
+            kind = SIGNAL_KINDS.get(signal.type)
+            if kind is None or not low <= signal.s_m <= high or signal.orientation not in (facing, "none"):
+                continue
+            if signal.applies_to(key.lane_id):
+                add(kind, signal.s_m, signal.value)
+        for crosswalk in network.crosswalks:
+            if crosswalk.road_id == key.road_id and low <= crosswalk.s_m <= high:
+                add("crosswalk", crosswalk.s_m, None)
+    return tuple(sorted(found, key=lambda e: e.distance_m))

@@ -1,0 +1,160 @@
+"""The lanes that the ego means to drive, as one path with stations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from opendrive import RoadNetwork
+from smartmot.errors import SmartMotError
+from smartmot.strips import LaneStrip, lane_strip
+from smartmot.types import FloatArray
+
+
+class RouteError(SmartMotError):
+    """A route cannot be built or a point is not on it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Route:
+    """Consecutive lanes in travel direction.
+
+    Args:
+        strips: the lanes in driving order.
+        entry_m: (K,) station of each lane's entry along the route.
+        center_m: (P, 2) the joined centre line, map frame.
+        station_m: (P,) distance along it.
+    """
+
+    strips: tuple[LaneStrip, ...]
+    entry_m: FloatArray
+    center_m: FloatArray
+    station_m: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """Length of the centre line."""
+        return float(self.station_m[-1])
+
+    @property
+    def lanes(self) -> tuple[int, ...]:
+        """Indices of the lanes in driving order."""
+        return tuple(strip.lane for strip in self.strips)
+
+    def project(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Station and signed offset (left positive) of the nearest point of the centre line, metres.
+
+        Before the first and after the last sample the end segments are extended straight on.
+        """
+        start, delta = self.center_m[:-1], np.diff(self.center_m, axis=0)
+        length = np.diff(self.station_m)
+        dx, dy = x_m - start[:, 0], y_m - start[:, 1]
+        ux, uy = delta[:, 0] / length, delta[:, 1] / length
+        u = dx * ux + dy * uy
+        low, high = np.zeros_like(length), length.copy()
+        low[0], high[-1] = -np.inf, np.inf
+        on = np.clip(u, low, high)
+        lateral = ux * dy - uy * dx
+        k = int(np.argmin((u - on) ** 2 + lateral**2))
+        return float(self.station_m[k] + on[k]), float(lateral[k])
+
+    def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
+        """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame."""
+        k = int(np.clip(np.searchsorted(self.station_m, station_m) - 1, 0, len(self.station_m) - 2))
+        delta = self.center_m[k + 1] - self.center_m[k]
+        ux, uy = delta / np.hypot(*delta)
+        u = station_m - self.station_m[k]
+        x, y = self.center_m[k]
+        return (
+            float(x + ux * u - uy * offset_m),
+            float(y + uy * u + ux * offset_m),
+            float(np.arctan2(uy, ux)),
+        )
+
+
+def route_from_lanes(network: RoadNetwork, lanes: Sequence[int], vru_margin_m: float = 0.0) -> Route:
+    """Join lanes, each a successor of the one before, into a route.
+
+    Raises:
+        RouteError: no lanes, or two neighbours in the list do not follow each other.
+    """
+    if not lanes:
+        raise RouteError("route: no lanes given")
+    for a, b in zip(lanes[:-1], lanes[1:], strict=True):
+        if b not in network.successors(a):
+            raise RouteError(
+                f"route: lane {tuple(network.lanes.key[b])} does not follow lane {tuple(network.lanes.key[a])}"
+            )
+    strips = tuple(lane_strip(network, lane, vru_margin_m) for lane in lanes)
+    entry = np.concatenate(([0.0], np.cumsum([s.length_m for s in strips])))[:-1]
+    center = np.concatenate([s.center_m for s in strips])
+    station = np.concatenate([s.station_m + e for s, e in zip(strips, entry, strict=True)])
+    keep = np.concatenate(([True], np.diff(station) > 1e-6))
+    return Route(strips, entry, center[keep], station[keep])
+
+
+def route_ahead(
+    network: RoadNetwork,
+    lane: int,
+    s_m: float,
+    ahead_m: float,
+    behind_m: float = 0.0,
+    vru_margin_m: float = 0.0,
+) -> Route:
+    """Route straight on: at every fork the successor that turns least, until `ahead_m` are covered.
+
+    Args:
+        network: the map.
+        lane: index of the lane to start on.
+        s_m: road coordinate on that lane.
+        ahead_m: wanted length in front of that point; the route ends earlier where the map does.
+        behind_m: wanted length behind it, along the straightest predecessors.
+        vru_margin_m: VRU margin kept with the strips.
+    """
+    strip = lane_strip(network, lane, vru_margin_m)
+    here = strip.station_at(s_m)
+    lanes = [lane]
+    covered = strip.length_m - here
+    while (
+        covered < ahead_m
+        and (following := _straightest(network, lanes[-1], forward=True, used=lanes)) is not None
+    ):
+        lanes.append(following)
+        covered += _length(network, following)
+    covered = here
+    while (
+        covered < behind_m
+        and (previous := _straightest(network, lanes[0], forward=False, used=lanes)) is not None
+    ):
+        lanes.insert(0, previous)
+        covered += _length(network, previous)
+    return route_from_lanes(network, lanes, vru_margin_m)
+
+
+def _length(network: RoadNetwork, lane: int) -> float:
+    return float(network.lanes.s_end_m[lane] - network.lanes.s_start_m[lane])
+
+
+def _entry_and_exit_heading(network: RoadNetwork, lane: int) -> tuple[float, float]:
+    s = np.array([network.lanes.s_start_m[lane], network.lanes.s_end_m[lane]])
+    if network.lanes.direction[lane] < 0:
+        s = s[::-1]
+    heading = network.center_line(lane, s)[3]
+    return float(heading[0]), float(heading[1])
+
+
+def _straightest(network: RoadNetwork, lane: int, *, forward: bool, used: Sequence[int]) -> int | None:
+    choices = network.successors(lane) if forward else network.predecessors(lane)
+    choices = tuple(c for c in choices if c not in used)
+    if not choices:
+        return None
+    own = _entry_and_exit_heading(network, lane)
+
+    def turn(choice: int) -> float:
+        entry, leave = _entry_and_exit_heading(network, choice)
+        change = leave - own[1] if forward else own[0] - entry
+        return abs(float(np.arctan2(np.sin(change), np.cos(change))))
+
+    return min(choices, key=turn)

@@ -1,0 +1,196 @@
+"""Lanes as sampled strips in travel direction: the fast geometry behind the monitored area.
+
+A strip is a polyline along a lane's centre with the free width to each side. All strips that matter to a
+route are concatenated, so that one array operation places any number of points in all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from opendrive import RoadNetwork
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+MAX_STEP_M = 20.0
+MAX_TURN_RAD = 0.03
+"""Sampling: at 60 m radius 0.03 rad gives chords of 1.8 m, 7 mm off the true centre line."""
+MAX_WIDTH_CHANGE_M = 0.02
+_FINE_STEP_M = 0.5
+
+KERBSIDE_TYPES = frozenset(
+    {"parking", "shoulder", "border", "curb", "stop", "biking", "none", "restricted", "median"}
+)
+"""Lane types a pedestrian crosses between the sidewalk and the driving lane."""
+SIDEWALK_TYPES = frozenset({"sidewalk", "walking"})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneStrip:
+    """One lane sampled in travel direction, map frame.
+
+    Args:
+        lane: index of the lane in its network.
+        s_m: (P,) road coordinate of the samples (falls along the strip where traffic runs against s).
+        center_m: (P, 2) lane centre.
+        station_m: (P,) distance along the centre from the lane's entry.
+        half_width_m: (P,) half of the lane's width.
+        vru_left_m, vru_right_m: (P,) what lies between the lane's border and the far end of the VRU margin.
+    """
+
+    lane: int
+    s_m: FloatArray
+    center_m: FloatArray
+    station_m: FloatArray
+    half_width_m: FloatArray
+    vru_left_m: FloatArray
+    vru_right_m: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """Length of the lane's centre line."""
+        return float(self.station_m[-1])
+
+    def station_at(self, s_m: float) -> float:
+        """Distance from the lane's entry at road coordinate `s_m`."""
+        along = np.abs(self.s_m - self.s_m[0])
+        return float(np.interp(abs(s_m - self.s_m[0]), along, self.station_m))
+
+    def s_at(self, station_m: float) -> float:
+        """Road coordinate at a distance from the lane's entry."""
+        return float(np.interp(station_m, self.station_m, self.s_m))
+
+
+def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStrip:
+    """Sample a lane in travel direction, as densely as its curvature and width ask for."""
+    s0, s1 = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
+    count = max(2, int(np.ceil((s1 - s0) / _FINE_STEP_M)) + 1)
+    s = np.linspace(s0, s1, count)
+    if network.lanes.direction[lane] < 0:
+        s = s[::-1]
+    x, y, _, heading = network.center_line(lane, s)
+    width = network.lane_width(lane, s)
+    turned = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(np.unwrap(heading))))))
+    widened = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(width)))))
+    moved = np.abs(s - s[0])
+    # one bucket number per sample; a sample starts a new chord when any measure enters its next bucket
+    bucket = np.maximum.reduce(
+        [
+            np.floor(turned / MAX_TURN_RAD),
+            np.floor(widened / MAX_WIDTH_CHANGE_M),
+            np.floor(moved / MAX_STEP_M),
+        ]
+    )
+    keep = np.concatenate(([True], np.diff(bucket) > 0))
+    keep[-1] = True
+    s, width = s[keep], width[keep]
+    center = np.column_stack((x[keep], y[keep]))
+    station = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(center, axis=0).T))))
+    return LaneStrip(
+        lane=lane,
+        s_m=s,
+        center_m=center,
+        station_m=station,
+        half_width_m=width / 2,
+        vru_left_m=_vru_reach(network, lane, s, "left", vru_margin_m),
+        vru_right_m=_vru_reach(network, lane, s, "right", vru_margin_m),
+    )
+
+
+def _vru_reach(network: RoadNetwork, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
+    """(P,) width beside the lane in which VRUs count: the kerbside strips up to the sidewalk, plus the margin.
+
+    Where no sidewalk follows, the margin is measured from the lane's own border.
+    """
+    along = int(network.lanes.direction[lane])
+    passed = np.zeros_like(s_m)
+    current: int | None = lane
+    while True:
+        assert current is not None
+        # "left" is seen in the lane's own travel direction, which turns round across the road's centre
+        same_way = int(network.lanes.direction[current]) == along
+        outward = network.left_neighbour if (side == "left") == same_way else network.right_neighbour
+        current = outward(current)
+        if current is None:
+            return np.full_like(s_m, margin_m)
+        kind = str(network.lanes.lane_type[current])
+        if kind in SIDEWALK_TYPES:
+            return passed + margin_m
+        if kind not in KERBSIDE_TYPES:
+            return np.full_like(s_m, margin_m)
+        passed = passed + network.lane_width(current, s_m)
+
+
+class StripSet:
+    """Many strips as one set of segments; places points in all of them at once.
+
+    Args:
+        strips: the strips; their order is the strip index used by every method.
+    """
+
+    def __init__(self, strips: Sequence[LaneStrip]) -> None:
+        self.strips = tuple(strips)
+        parts = [s for s in self.strips if len(s.s_m) > 1]
+        index = [i for i, s in enumerate(self.strips) if len(s.s_m) > 1]
+        empty2, empty = np.zeros((0, 2)), np.zeros(0)
+        start = np.concatenate([p.center_m[:-1] for p in parts] or [empty2])
+        delta = np.concatenate([np.diff(p.center_m, axis=0) for p in parts] or [empty2])
+        self.strip: IntArray = np.repeat(index, [len(p.s_m) - 1 for p in parts]).astype(np.int64)
+        self._length = np.hypot(delta[:, 0], delta[:, 1])
+        unit = delta / np.maximum(self._length, 1e-12)[:, None]
+        self._ux, self._uy = unit[:, 0], unit[:, 1]
+        self._x, self._y = start[:, 0], start[:, 1]
+        self._station = np.concatenate([p.station_m[:-1] for p in parts] or [empty])
+        self._half, self._half_slope = self._ends([p.half_width_m for p in parts])
+        self._left, self._left_slope = self._ends([p.vru_left_m for p in parts])
+        self._right, self._right_slope = self._ends([p.vru_right_m for p in parts])
+
+    def _ends(self, values: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """(S,) value at each segment's start and its slope along the segment."""
+        start = np.concatenate([v[:-1] for v in values] or [np.zeros(0)])
+        end = np.concatenate([v[1:] for v in values] or [np.zeros(0)])
+        return start, (end - start) / np.maximum(self._length, 1e-12)
+
+    def place(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Place points in every segment.
+
+        Args:
+            points_m: (N, 2) map frame.
+
+        Returns:
+            (N, S) station along the segment's strip; (N, S) whether the point lies between the lane's
+            borders there; (N, S) the same with the VRU margins added.
+        """
+        dx = points_m[:, 0, None] - self._x
+        dy = points_m[:, 1, None] - self._y
+        u = dx * self._ux + dy * self._uy
+        lateral = self._ux * dy - self._uy * dx
+        # at a joint on the outside of a bend the segments' normals leave a wedge; half the largest turn covers it
+        slack = np.abs(lateral) * (0.5 * MAX_TURN_RAD) + 1e-9
+        beside = (u >= -slack) & (u <= self._length + slack)
+        half = self._half + u * self._half_slope
+        in_lane = beside & (np.abs(lateral) <= half)
+        in_margin = (
+            beside
+            & (lateral <= half + self._left + u * self._left_slope)
+            & (-lateral <= half + self._right + u * self._right_slope)
+        )
+        return self._station + u, in_lane, in_margin
+
+
+def ring(strip: LaneStrip, from_m: float, to_m: float, *, vru: bool = False) -> FloatArray:
+    """(P, 2) outline of a strip between two stations, map frame; with the VRU margins when asked.
+
+    The outline follows the strip's samples, so it bends with the road.
+    """
+    inner = strip.station_m[(strip.station_m > from_m) & (strip.station_m < to_m)]
+    station = np.concatenate(([from_m], inner, [to_m]))
+    center = np.column_stack([np.interp(station, strip.station_m, strip.center_m[:, k]) for k in (0, 1)])
+    tangent = np.gradient(center, axis=0)
+    tangent /= np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-12)[:, None]
+    normal = np.column_stack((-tangent[:, 1], tangent[:, 0]))
+    left = np.interp(station, strip.station_m, strip.half_width_m + (strip.vru_left_m if vru else 0.0))
+    right = np.interp(station, strip.station_m, strip.half_width_m + (strip.vru_right_m if vru else 0.0))
+    return np.concatenate((center + normal * left[:, None], (center - normal * right[:, None])[::-1]))

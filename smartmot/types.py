@@ -1,0 +1,288 @@
+"""Core data: one value holds all objects of a frame as arrays.
+
+Map frame throughout: OpenDRIVE's inertial frame, right-handed, x east, y north, yaw counter-clockwise
+from x. SI units and radians. Arrays are checked, converted to float64 and made read-only once, at
+construction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smartmot.errors import ShapeError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+StrArray = NDArray[np.str_]
+T = TypeVar("T")
+
+CATEGORIES = ("car", "pedestrian", "cyclist", "truck", "motorcycle", "unknown")
+"""Object categories that detections may carry; sensors and readers map their own names to these."""
+
+VULNERABLE = frozenset({"pedestrian", "cyclist"})
+"""Vulnerable road users (VRU): those that also count beside the lane, over the sidewalk."""
+
+
+def _frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: str) -> NDArray[Any]:
+    """Read-only array of the wanted kind and shape (None: any length)."""
+    if (
+        isinstance(value, np.ndarray)
+        and value.dtype == dtype
+        and not value.flags.writeable
+        and value.base is None
+        and value.ndim == len(shape)
+        and all(n is None or n == m for n, m in zip(shape, value.shape, strict=True))
+    ):
+        return value
+    try:
+        array: NDArray[Any] = np.array(value, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name}: expected numbers in shape {shape}, got {value!r}") from error
+    if array.size == 0 and array.ndim != len(shape):
+        array = array.reshape([0 if n is None else n for n in shape])
+    if array.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    ):
+        raise ShapeError(f"{name}: expected shape {shape}, got {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+def _set(target: object, name: str, value: object) -> None:
+    object.__setattr__(target, name, value)
+
+
+def _subset(whole: T, index: Any, names: tuple[str, ...]) -> T:
+    """A frozen value with the named arrays indexed: parts of checked arrays need no second check."""
+    part = object.__new__(type(whole))
+    for name in whole.__slots__:  # type: ignore[attr-defined]
+        value = getattr(whole, name)
+        if name in names:
+            value = value[index]
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        _set(part, name, value)
+    return part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Boxes:
+    """Oriented rectangles on the ground, map frame.
+
+    Args:
+        center_m: (N, 2) box centres, metres.
+        size_m: (N, 2) length along the yaw direction and width across it, metres, positive.
+        yaw_rad: (N,) heading.
+
+    Raises:
+        ShapeError: shapes disagree, a value is not finite or a size is not positive.
+    """
+
+    center_m: FloatArray
+    size_m: FloatArray
+    yaw_rad: FloatArray
+
+    def __post_init__(self) -> None:
+        center = _frozen(self.center_m, np.float64, (None, 2), "center_m")
+        n = len(center)
+        size = _frozen(self.size_m, np.float64, (n, 2), "size_m")
+        yaw = _frozen(self.yaw_rad, np.float64, (n,), "yaw_rad")
+        # one sum is finite only if every term is (an overflow of huge terms is refused as well)
+        if not math.isfinite(float(center.sum() + size.sum() + yaw.sum())):
+            raise ShapeError("boxes: every centre, size and yaw must be finite; drop such objects first")
+        if n and size.min() <= 0.0:
+            raise ShapeError(f"size_m: lengths and widths must be positive, got {size.min():g} m")
+        _set(self, "center_m", center)
+        _set(self, "size_m", size)
+        _set(self, "yaw_rad", yaw)
+
+    def __len__(self) -> int:
+        return len(self.yaw_rad)
+
+    def __getitem__(self, index: Any) -> Boxes:
+        """Subset by a mask, a slice or an index array."""
+        return _subset(self, index, ("center_m", "size_m", "yaw_rad"))
+
+    @classmethod
+    def empty(cls) -> Boxes:
+        """No boxes."""
+        return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detections:
+    """What a detector reports for one frame, map frame.
+
+    Args:
+        stamp_s: measurement time, seconds.
+        boxes: N boxes.
+        score: (N,) detector confidence in [0, 1].
+        category: (N,) names out of CATEGORIES.
+    """
+
+    stamp_s: float
+    boxes: Boxes
+    score: FloatArray
+    category: StrArray
+
+    def __post_init__(self) -> None:
+        n = len(self.boxes)
+        _set(self, "score", _frozen(self.score, np.float64, (n,), "score"))
+        category = np.array(self.category, dtype=np.str_).reshape(-1)
+        unknown = set(category.tolist()) - set(CATEGORIES)
+        if len(category) != n or unknown:
+            raise ShapeError(
+                f"category: expected {n} names out of {', '.join(CATEGORIES)}, "
+                f"got {len(category)}{f' with {sorted(unknown)}' if unknown else ''}"
+            )
+        category.flags.writeable = False
+        _set(self, "category", category)
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def __getitem__(self, index: Any) -> Detections:
+        """Subset by a mask, a slice or an index array."""
+        return _subset(self, index, ("boxes", "score", "category"))
+
+    @classmethod
+    def empty(cls, stamp_s: float) -> Detections:
+        """A frame in which nothing was detected."""
+        return cls(stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Estimated objects at one time, map frame.
+
+    Args:
+        stamp_s: time of the estimate, seconds.
+        track_id: (M,) identifiers, unique per tracker.
+        boxes: M filtered boxes.
+        category: (M,) names.
+        score: (M,) score of the last matched detection.
+        mean: (M, D) filter state (see `smartmot.kalman`).
+        covariance: (M, D, D) its covariance.
+        velocity_mps: (M, 2) velocity over ground, map frame.
+        yaw_rate_radps: (M,) turn rate.
+        age_s: (M,) time since birth.
+        coasted_s: (M,) time since the last matched detection (0 when matched in this frame).
+        confirmed: (M,) whether the life cycle confirmed the track.
+        dynamic: (M,) faster than the static/dynamic threshold.
+    """
+
+    stamp_s: float
+    track_id: IntArray
+    boxes: Boxes
+    category: StrArray
+    score: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    velocity_mps: FloatArray
+    yaw_rate_radps: FloatArray
+    age_s: FloatArray
+    coasted_s: FloatArray
+    confirmed: BoolArray
+    dynamic: BoolArray
+
+    def __post_init__(self) -> None:
+        m = len(self.boxes)
+        _set(self, "track_id", _frozen(self.track_id, np.int64, (m,), "track_id"))
+        category = np.array(self.category, dtype=np.str_)
+        category.flags.writeable = False
+        _set(self, "category", category)
+        mean = _frozen(self.mean, np.float64, (m, None), "mean")
+        _set(self, "mean", mean)
+        d = mean.shape[1]
+        _set(self, "covariance", _frozen(self.covariance, np.float64, (m, d, d), "covariance"))
+        _set(self, "velocity_mps", _frozen(self.velocity_mps, np.float64, (m, 2), "velocity_mps"))
+        for name in ("score", "yaw_rate_radps", "age_s", "coasted_s"):
+            _set(self, name, _frozen(getattr(self, name), np.float64, (m,), name))
+        for name in ("confirmed", "dynamic"):
+            _set(self, name, _frozen(getattr(self, name), np.bool_, (m,), name))
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def __getitem__(self, index: Any) -> Tracks:
+        """Subset by a mask, a slice or an index array."""
+        return _subset(self, index, tuple(n for n in self.__slots__ if n != "stamp_s"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forecast:
+    """Predicted poses of M objects at T common times, map frame.
+
+    Args:
+        time_s: (T,) seconds after the frame, starting at 0.
+        center_m: (M, T, 2) box centres.
+        yaw_rad: (M, T) headings.
+        size_m: (M, 2) box sizes, unchanged over the horizon.
+        valid: (M, T) whether the prediction counts at that time.
+    """
+
+    time_s: FloatArray
+    center_m: FloatArray
+    yaw_rad: FloatArray
+    size_m: FloatArray
+    valid: BoolArray
+
+    def __post_init__(self) -> None:
+        time = _frozen(self.time_s, np.float64, (None,), "time_s")
+        size = _frozen(self.size_m, np.float64, (None, 2), "size_m")
+        m, t = len(size), len(time)
+        _set(self, "time_s", time)
+        _set(self, "size_m", size)
+        _set(self, "center_m", _frozen(self.center_m, np.float64, (m, t, 2), "center_m"))
+        _set(self, "yaw_rad", _frozen(self.yaw_rad, np.float64, (m, t), "yaw_rad"))
+        _set(self, "valid", _frozen(self.valid, np.bool_, (m, t), "valid"))
+
+    def __len__(self) -> int:
+        return len(self.size_m)
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """Odometry of the ego vehicle, map frame; the pose is that of the box centre."""
+
+    stamp_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_mps: float
+    accel_mps2: float = 0.0
+    yaw_rate_radps: float = 0.0
+    length_m: float = 4.4
+    width_m: float = 1.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Threats:
+    """Tracks whose forecast meets the ego's, nearest in time first.
+
+    Args:
+        track_id: (K,) identifiers.
+        time_to_collision_s: (K,) first forecast time at which the boxes overlap.
+        gap_m: (K,) free distance along the ego's heading, from its front to the object's box.
+        required_decel_mps2: (K,) constant deceleration that stops the ego within the gap.
+    """
+
+    track_id: IntArray
+    time_to_collision_s: FloatArray
+    gap_m: FloatArray
+    required_decel_mps2: FloatArray
+
+    def __post_init__(self) -> None:
+        ids = _frozen(self.track_id, np.int64, (None,), "track_id")
+        _set(self, "track_id", ids)
+        for name in ("time_to_collision_s", "gap_m", "required_decel_mps2"):
+            _set(self, name, _frozen(getattr(self, name), np.float64, (len(ids),), name))
+
+    def __len__(self) -> int:
+        return len(self.track_id)

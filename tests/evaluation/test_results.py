@@ -1,0 +1,364 @@
+"""Result files: round trips, equal bytes for equal runs, clear errors; and the comparison table."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluation.results import (
+    LOG_COLUMNS,
+    RUN_COLUMNS,
+    ResultsError,
+    RunRow,
+    comparison_table,
+    log_path,
+    markdown_table,
+    read_log,
+    read_logs,
+    read_runs,
+    rich_table,
+    write_log,
+    write_runs,
+)
+
+DOCUMENTED_RUNS = (
+    "scenario,strategy,preset,weather,adversaries,seed,v_test_kmh,v_impact_kmh,collided,score,score_max,"
+    "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,false_stop,log"
+)
+DOCUMENTED_LOG = (
+    "time_s,kind,id,category,label,x_m,y_m,yaw_rad,length_m,width_m,speed_mps,accel_mps2,horizon_s"
+)
+STOPPED = RunRow(
+    scenario="cpna",
+    strategy="map",
+    preset="paper",
+    weather="clear",
+    adversaries="none",
+    seed=1,
+    v_test_kmh=50.0,
+    v_impact_kmh=0.0,
+    collided=False,
+    score=2.0,
+    score_max=2.0,
+    flag_time_s=0.1 + 0.2,
+    flag_distance_m=17.25,
+    stop_gap_m=1.5,
+    contact_time_s=None,
+    t0_s=4.25,
+    false_stop=False,
+    log="cpna-map-50",
+)
+HIT = replace(
+    STOPPED,
+    strategy="rectangular",
+    v_impact_kmh=23.0,
+    collided=True,
+    score=0.0,
+    stop_gap_m=None,
+    contact_time_s=4.1,
+    t0_s=4.1,
+    log=None,
+)
+PUBLISHED = {"rectangular": {50.0: (23.82, 2.0), 60.0: (44.23, 0.0)}, "map": {50.0: (0.0, 2.0)}}
+
+
+def runs_of(*rows: RunRow) -> pd.DataFrame:
+    values = [[getattr(row, field.name) for field in fields(RunRow)] for row in rows]
+    return pd.DataFrame(values, columns=list(RUN_COLUMNS))
+
+
+def some_log(count: int = 3) -> dict[str, np.ndarray[Any, Any]]:
+    table: dict[str, np.ndarray[Any, Any]] = {name: np.arange(count) / 7.0 for name in LOG_COLUMNS}
+    table["kind"] = np.array(["ego", "track", "event"][:count])
+    table["category"] = np.array(["", "pedestrian", "start"][:count])
+    table["label"] = np.array([None, "threat", "run_start"][:count], dtype=object)
+    table["id"] = np.array([np.nan, 7.0, np.nan][:count])
+    table["horizon_s"] = np.full(count, np.nan)
+    return table
+
+
+def test_columns_are_those_of_the_documentation() -> None:
+    assert ",".join(RUN_COLUMNS) == DOCUMENTED_RUNS
+    assert ",".join(LOG_COLUMNS) == DOCUMENTED_LOG
+
+
+def test_runs_come_back_as_they_were_written(tmp_path: Path) -> None:
+    write_runs(tmp_path / "new" / "folder", [STOPPED, HIT], {})
+    runs = read_runs(tmp_path / "new" / "folder")
+    assert list(runs.columns) == list(RUN_COLUMNS)
+    back = [
+        RunRow(**{str(k): None if pd.isna(v) else v for k, v in row.items()})
+        for row in runs.to_dict("records")
+    ]
+    assert back == [STOPPED, HIT]
+    assert runs["collided"].dtype == bool
+    assert runs["seed"].dtype == np.int64
+
+
+def test_a_weather_called_none_stays_a_text(tmp_path: Path) -> None:
+    write_runs(tmp_path, [replace(STOPPED, weather="None", log="NA")], {})
+    runs = read_runs(tmp_path)
+    assert (runs["weather"][0], runs["log"][0]) == ("None", "NA")
+
+
+def test_no_runs_are_a_table_too(tmp_path: Path) -> None:
+    write_runs(tmp_path, [], {})
+    assert read_runs(tmp_path).empty
+
+
+def test_numpy_values_and_nan_are_written_like_plain_ones(tmp_path: Path) -> None:
+    odd = replace(
+        HIT, v_impact_kmh=np.float64(23.0), collided=np.bool_(True), seed=np.int64(1), stop_gap_m=float("nan")
+    )
+    write_runs(tmp_path / "a", [HIT], {})
+    write_runs(tmp_path / "b", [odd], {})
+    for name in ("runs.csv", "runs.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_equal_runs_give_equal_bytes_in_another_process_and_folder(tmp_path: Path) -> None:
+    code = (
+        "import importlib.util, sys; from pathlib import Path\n"
+        "spec = importlib.util.spec_from_file_location('here', sys.argv[1])\n"
+        "here = importlib.util.module_from_spec(spec); sys.modules['here'] = here\n"
+        "spec.loader.exec_module(here); here.write_everything(Path(sys.argv[2]))\n"
+    )
+    write_everything(tmp_path / "one")
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    subprocess.run([sys.executable, "-c", code, __file__, str(tmp_path / "two")], check=True, env=environment)
+    for name in ("runs.csv", "runs.json", "logs/cpna-map-50.parquet"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+        assert str(tmp_path).encode() not in (tmp_path / "one" / name).read_bytes()
+
+
+def write_everything(directory: Path) -> None:
+    write_runs(directory, [STOPPED, HIT], {"weathers": {"rain", "clear", "fog"}, "reach_m": 22.2})
+    write_log(log_path(directory, "cpna-map-50"), some_log())
+
+
+def test_configuration_is_written_with_version_and_runs(tmp_path: Path) -> None:
+    class Level(Enum):
+        EMERGENCY = 2
+
+    @dataclass(frozen=True)
+    class Brakes:
+        delay_s: float
+        level: Level
+
+    configuration = {
+        "brakes": Brakes(0.2, Level.EMERGENCY),
+        "reach_m": np.array([12.0, 22.2]),
+        "map": Path("maps") / "a.xodr",
+        "weathers": frozenset({"rain", "clear"}),
+    }
+    write_runs(tmp_path, [STOPPED], configuration)
+    text = (tmp_path / "runs.json").read_text(encoding="utf-8")
+    content = json.loads(text)
+    assert content["configuration"] == {
+        "brakes": {"delay_s": 0.2, "level": "EMERGENCY"},
+        "reach_m": [12.0, 22.2],
+        "map": "maps/a.xodr",
+        "weathers": ["clear", "rain"],
+    }
+    assert content["runs"][0]["flag_time_s"] == 0.1 + 0.2
+    assert content["runs"][0]["contact_time_s"] is None
+    assert content["version"]
+    assert text == json.dumps(content, sort_keys=True, indent=2) + "\n"
+
+
+@pytest.mark.parametrize("value", [object(), float("nan")])
+def test_configuration_that_json_cannot_hold_is_refused(tmp_path: Path, value: object) -> None:
+    with pytest.raises(ResultsError, match="configuration of the runs"):
+        write_runs(tmp_path, [], {"value": value})
+    assert not list(tmp_path.iterdir())
+
+
+def test_logs_come_back_as_they_were_written(tmp_path: Path) -> None:
+    path = log_path(tmp_path, "a run")
+    assert path == tmp_path / "logs" / "a run.parquet"
+    write_log(path, some_log())
+    log = read_log(path)
+    assert list(log.columns) == list(LOG_COLUMNS)
+    assert list(log["kind"]) == ["ego", "track", "event"]
+    assert log["category"].isna().tolist() == [True, False, False]
+    assert log["label"].isna().tolist() == [True, False, False]
+    assert log["id"].tolist()[1] == 7
+    assert log["horizon_s"].isna().all()
+    assert np.array_equal(log["x_m"], np.arange(3) / 7.0)
+
+
+def test_an_empty_log_keeps_its_columns(tmp_path: Path) -> None:
+    write_log(tmp_path / "empty.parquet", {name: np.zeros(0) for name in LOG_COLUMNS})
+    log = read_log(tmp_path / "empty.parquet")
+    assert list(log.columns) == list(LOG_COLUMNS)
+    assert log.empty
+
+
+def test_logs_named_by_the_runs_are_read(tmp_path: Path) -> None:
+    write_everything(tmp_path)
+    assert list(read_logs(tmp_path, read_runs(tmp_path))) == ["cpna-map-50"]
+
+
+def test_missing_folder_and_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"nowhere: no such folder; give the folder"):
+        read_runs(tmp_path / "nowhere")
+    with pytest.raises(ResultsError, match=r"runs\.csv: no such file; run the evaluation"):
+        read_runs(tmp_path)
+    with pytest.raises(ResultsError, match=r"a\.parquet: no such file"):
+        read_log(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "not a readable table"),
+        (b"scenario,strategy\ncpna,map\n", "columns missing: preset, weather"),
+        (b"\xff\xfe\x00broken", "not a readable table"),
+        (f"{DOCUMENTED_RUNS}\ncpna,map,paper\n".encode(), "not a readable table"),
+        (
+            f"{DOCUMENTED_RUNS}\ncpna,map,p,c,0,1,fast,0,false,1,1,,,,,,false,\n".encode(),
+            "not a readable table",
+        ),
+    ],
+)
+def test_broken_tables_of_runs_give_one_clear_line(tmp_path: Path, content: bytes, problem: str) -> None:
+    (tmp_path / "runs.csv").write_bytes(content)
+    with pytest.raises(ResultsError, match=problem) as caught:
+        read_runs(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert "runs.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing"])
+def test_broken_logs_give_one_clear_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.parquet").write_bytes(content)
+    with pytest.raises(ResultsError, match=r"a\.parquet: not a readable Parquet log") as caught:
+        read_log(tmp_path / "a.parquet")
+    assert "\n" not in str(caught.value)
+
+
+def test_parquet_files_that_are_no_logs_are_refused(tmp_path: Path) -> None:
+    pd.DataFrame({"time_s": [1.0]}).to_parquet(tmp_path / "a.parquet")
+    with pytest.raises(ResultsError, match="columns missing: kind, id"):
+        read_log(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"x_m": np.zeros(2)}, "equally long"),
+        ({"x_m": np.array(["a", "b", "c"])}, "column 'x_m' of the log: expected numbers"),
+        ({"id": np.array([0.5, 1.0, 2.0])}, "column 'id' of the log: expected whole numbers"),
+    ],
+)
+def test_logs_of_wrong_columns_are_refused(
+    tmp_path: Path, change: dict[str, np.ndarray[Any, Any]], problem: str
+) -> None:
+    with pytest.raises(ResultsError, match=problem):
+        write_log(tmp_path / "a.parquet", {**some_log(), **change})
+    with pytest.raises(ResultsError, match="columns missing: time_s"):
+        write_log(tmp_path / "a.parquet", {})
+    assert not (tmp_path / "a.parquet").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(ResultsError, match=r"cannot be written .*; choose another folder"):
+        write_runs(tmp_path / "file", [STOPPED], {})
+    with pytest.raises(ResultsError, match=r"cannot be written"):
+        write_log(tmp_path / "file" / "a.parquet", some_log())
+
+
+def test_comparison_sets_strategies_side_by_side() -> None:
+    slow = [
+        replace(row, v_test_kmh=10.0, v_impact_kmh=0.0, score=1.0, score_max=1.0) for row in (STOPPED, HIT)
+    ]
+    table = comparison_table(runs_of(STOPPED, HIT, *slow))
+    assert table.header == (
+        "v_test (km/h)",
+        "rectangular v_impact (km/h)",
+        "score",
+        "map v_impact (km/h)",
+        "score",
+    )
+    assert table.rows == (("10", "0.00", "1.00", "0.00", "1.00"), ("50", "23.00", "0.00", "0.00", "2.00"))
+    assert table.totals == (("total", "", "1.00/3", "", "3.00/3"),)
+    assert table.caption == ""
+
+
+def test_comparison_with_published_values_shows_differences() -> None:
+    table = comparison_table(runs_of(STOPPED, HIT), PUBLISHED)
+    assert table.header[3:5] == ("published (km/h)", "diff. (km/h)")
+    assert table.rows == (("50", "23.00", "0.00", "23.82", "-0.82", "0.00", "2.00", "0.00", "0.00"),)
+    assert table.totals == (("total", "", "0.00/2", "score 2", "", "", "2.00/2", "score 2", ""),)
+
+
+def test_comparison_leaves_out_what_was_not_run_or_published() -> None:
+    fast = replace(HIT, v_test_kmh=80.0, v_impact_kmh=70.0, score=None, score_max=None)
+    table = comparison_table(runs_of(STOPPED, HIT, fast), PUBLISHED)
+    assert table.rows[1] == ("80", "70.00", "–", "–", "–", "–", "–", "–", "–")
+    assert table.totals[0][2] == "0.00/2"
+
+
+def test_comparison_averages_weather_and_seeds() -> None:
+    table = comparison_table(runs_of(HIT, replace(HIT, weather="rain", v_impact_kmh=30.0, score=1.0)))
+    assert table.rows == (("50", "26.50", "0.50"),)
+    assert table.totals == (("total", "", "0.50/2"),)
+    assert table.caption == "Means over up to 2 runs per speed and strategy."
+
+
+def test_comparison_keeps_conditions_apart_and_counts_false_stops() -> None:
+    stop = replace(STOPPED, adversaries="static", false_stop=True)
+    table = comparison_table(runs_of(STOPPED, HIT, stop))
+    assert table.header[:2] == ("adversaries", "v_test (km/h)")
+    assert [row[:2] for row in table.rows] == [("none", "50"), ("static", "50")]
+    assert table.rows[1] == ("static", "50", "–", "–", "0.00", "2.00")
+    assert table.totals[-1] == ("false stops", "", "0 of 1", "", "1 of 2", "")
+
+
+def test_comparison_of_nothing_says_so() -> None:
+    with pytest.raises(ResultsError, match="table of runs is empty"):
+        comparison_table(runs_of())
+    with pytest.raises(ResultsError, match="columns missing: scenario"):
+        comparison_table(pd.DataFrame({"strategy": ["map"]}))
+
+
+def test_markdown_has_a_line_per_row() -> None:
+    text = markdown_table(comparison_table(runs_of(STOPPED, HIT, HIT), PUBLISHED))
+    lines = text.splitlines()
+    assert lines[1].count("---:") == 9
+    assert lines[2].startswith("| 50 | 23.00 | 0.00 | 23.82 | -0.82 |")
+    assert lines[3].startswith("| **total** |  | **0.00/2** |")
+    assert lines[5] == "Means over up to 2 runs per speed and strategy."
+
+
+def test_rich_table_prints_every_cell() -> None:
+    from rich.console import Console
+
+    table = comparison_table(runs_of(STOPPED, HIT, replace(HIT, scenario="[bold]")), PUBLISHED)
+    console = Console(width=140, record=True, quiet=False, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    with console.file:
+        console.print(rich_table(table, "CPNA"))
+    printed = console.export_text()
+    for row in (*table.rows, *table.totals):
+        for cell in row:
+            assert cell in printed
+    assert "CPNA" in printed
+
+
+def test_importing_the_package_loads_no_heavy_library() -> None:
+    code = (
+        "import sys, evaluation.results, evaluation.plots\n"
+        "assert not {'matplotlib', 'pandas', 'pyarrow', 'rich'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

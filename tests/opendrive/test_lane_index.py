@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+
+from opendrive import LaneKey, PositionError
+
+BANKED = "esut_straight_500_superelevation_elevation_curve"
+
+
+def test_containment(network_of, oracle, map_name):
+    """Every point lies in exactly the lanes that the exact reference lists, at the same s and t."""
+    if map_name == BANKED:
+        pytest.skip("the reference measures t in plan; see test_containment_on_a_banked_road")
+    network = network_of(map_name)
+    points = np.array([row[:2] for row in oracle(map_name, "points")["rows"]])
+    expected = {
+        (p, str(hit[0]), hit[1]): hit[2:5]
+        for p, hits in enumerate(oracle(map_name, "second")["contain"])
+        for hit in hits
+    }
+    hits = network.locate(points)
+    keys = [network.lanes.key[lane] for lane in hits.lane]
+    found = {
+        (int(p), key.road_id, key.lane_id): k for k, (p, key) in enumerate(zip(hits.point, keys, strict=True))
+    }
+    assert expected.keys() <= found.keys()
+    for name in found.keys() - expected.keys():
+        # The reference gives a point on a border, or on a kink between two sections, to one lane only.
+        k = found[name]
+        on_joint = hits.s_m[k] in (network.lanes.s_start_m[hits.lane[k]], network.lanes.s_end_m[hits.lane[k]])
+        assert hits.margin_m[k] < 1e-9 or on_joint, name
+    # Reference values are rounded to 1e-4; its s on paramPoly3 is good to 2 mm.
+    rows = [found[name] for name in expected]
+    got = np.stack([hits.s_m[rows], hits.t_m[rows], hits.margin_m[rows]], axis=1)
+    if expected:
+        error = np.abs(got - np.array(list(expected.values())))
+        assert error[:, 0].max() < 2e-3
+        assert error[:, 1:].max() < 1e-4
+
+
+def test_containment_on_a_banked_road(network_of, oracle):
+    """The reference takes the lateral distance in plan for t; the roll makes the true t longer."""
+    network = network_of(BANKED)
+    points = np.array([row[:2] for row in oracle(BANKED, "points")["rows"]])
+    contain = oracle(BANKED, "second")["contain"]
+    some = np.array([p for p, hits in enumerate(contain) if hits])
+    s, t = network.road_coordinates("1", points[some])
+    roll = network.model.roads["1"].superelevation
+    k = np.searchsorted(roll[:, 0], s, side="right") - 1
+    ds = s - roll[k, 0]
+    angle = roll[k, 1] + ds * (roll[k, 2] + ds * (roll[k, 3] + ds * roll[k, 4]))
+    assert np.abs(angle).max() > 0.1
+    in_plan = np.array([contain[p][0][2:4] for p in some])
+    flat = np.abs(angle) < 1e-9
+    np.testing.assert_allclose(s[flat], in_plan[flat, 0], atol=1e-4)
+    np.testing.assert_allclose(t * np.cos(angle), in_plan[:, 1], atol=0.05)
+    np.testing.assert_allclose(t[flat], in_plan[flat, 1], atol=1e-4)
+
+
+def test_points_of_the_centre_lines_are_found_in_their_lanes(network_of, map_name):
+    """Whatever the shape: a point made from a lane is located in it, also on banked roads."""
+    network = network_of(map_name)
+    lanes = network.lanes
+    rng = np.random.default_rng(7)
+    chosen = rng.choice(len(lanes), size=min(150, len(lanes)), replace=False)
+    points, expected = [], []
+    for lane in chosen.tolist():
+        start, end = lanes.s_start_m[lane], lanes.s_end_m[lane]
+        s = start + (end - start) * rng.uniform(0.02, 0.98, 4)
+        x, y, _, _ = network.center_line(lane, s)
+        wide = network.lane_width(lane, s) > 1e-3
+        points.append(np.stack([x, y], axis=1)[wide])
+        expected += [(lane, at) for at in s[wide]]
+    hits = network.locate(np.concatenate(points))
+    found = {(int(p), int(lane)): s for p, lane, s in zip(hits.point, hits.lane, hits.s_m, strict=True)}
+    for p, (lane, s) in enumerate(expected):
+        assert (p, lane) in found, (lanes.key[lane], s)
+        # A lane that crosses itself would be found elsewhere; none of these does.
+        assert found[p, lane] == pytest.approx(s, abs=1e-5), lanes.key[lane]
+
+
+def test_batch_and_single_queries_agree(network_of):
+    network = network_of("Town04")
+    rng = np.random.default_rng(3)
+    x_min, y_min, x_max, y_max = network.bounds
+    points = rng.uniform((x_min, y_min), (x_max, y_max), (300, 2))
+    batch = network.locate(points)
+    single = [network.locate(point) for point in points]
+    assert batch.lane.tolist() == [lane for hits in single for lane in hits.lane.tolist()]
+    near = network.nearest_lane(points)
+    assert near.lane.tolist() == [int(network.nearest_lane(point).lane[0]) for point in points]
+
+
+def test_straight_road(load, text):
+    network = load(text.road('<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'))
+    left, right = (network.lane_index_of(LaneKey("r", 0, i)) for i in (1, -1))
+    hits = network.locate([[10.0, 1.0], [10.0, 0.0], [10.0, -3.5], [10.0, -3.6], [-0.1, 1.0], [100.0, -1.0]])
+    assert hits.point.tolist() == [0, 1, 1, 2, 5]
+    assert hits.lane.tolist() == [left, *sorted([left, right]), right, right]
+    np.testing.assert_allclose(hits.s_m, [10, 10, 10, 10, 100])
+    np.testing.assert_allclose(hits.t_m, [1, 0, 0, -3.5, -1], atol=1e-12)
+    np.testing.assert_allclose(hits.margin_m, [1, 0, 0, 0, 1], atol=1e-12)
+
+
+def test_nearest_lane_measures_to_the_border(load, text):
+    network = load(text.road('<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'))
+    left, right = (network.lane_index_of(LaneKey("r", 0, i)) for i in (1, -1))
+    near = network.nearest_lane([[10.0, 5.5], [10.0, -1.0], [103.0, -7.5], [-3.0, 1.0]])
+    assert near.found.all()
+    assert near.lane.tolist() == [left, right, right, left]
+    np.testing.assert_allclose(near.distance_m, [2.0, 0.0, 5.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(near.s_m, [10, 10, 100, 0], atol=1e-9)
+    np.testing.assert_allclose(near.t_m, [5.5, -1.0, -7.5, 1.0], atol=1e-9)
+
+
+def test_nearest_lane_looks_at_the_wanted_types_only(load, text):
+    width = text.record("width", 3.0)
+    network = load(
+        text.road(
+            '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>',
+            sections=text.section(right=text.lane(-1, width) + text.lane(-2, width, "sidewalk")),
+        )
+    )
+    point = [[50.0, -4.0]]
+    assert network.nearest_lane(point).distance_m[0] == pytest.approx(1.0)
+    assert network.nearest_lane(point, ("sidewalk",)).distance_m[0] == 0.0
+    assert network.nearest_lane(point, "sidewalk").distance_m[0] == 0.0
+    assert not network.nearest_lane(point, ("biking",)).found.any()
+
+
+def test_nearest_lane_is_the_nearest_of_all(network_of):
+    """Against a dense sampling of every driving lane."""
+    network = network_of("esmini_fabriksgatan")
+    lanes = network.lanes
+    driving = np.flatnonzero(lanes.lane_type == "driving").tolist()
+    samples = []
+    for lane in driving:
+        s = np.linspace(lanes.s_start_m[lane], lanes.s_end_m[lane], 800)
+        left, right = network.borders(lane, s)
+        samples.append(np.concatenate([left, right]))
+    borders = np.concatenate(samples)
+    rng = np.random.default_rng(5)
+    x_min, y_min, x_max, y_max = network.bounds
+    points = rng.uniform((x_min - 20, y_min - 20), (x_max + 20, y_max + 20), (200, 2))
+    near = network.nearest_lane(points)
+    to_border = np.array([np.hypot(*(borders - point).T).min() for point in points])
+    outside = near.distance_m > 0.0
+    assert outside.sum() > 50
+    np.testing.assert_allclose(near.distance_m[outside], to_border[outside], atol=0.15)
+
+
+@pytest.mark.parametrize("xy", [[[np.nan, 0.0]], [[np.inf, 0.0]], [1.0, 2.0, 3.0], [[1.0, 2.0, 3.0]], "here"])
+def test_bad_points_are_refused(load, text, xy):
+    network = load(text.road())
+    with pytest.raises(PositionError, match="xy: expected"):
+        network.locate(xy)
+    with pytest.raises(PositionError, match="xy: expected"):
+        network.nearest_lane(xy)
+
+
+def test_no_points_give_no_hits(load, text):
+    network = load(text.road())
+    assert network.locate(np.empty((0, 2))).lane.shape == (0,)
+    assert network.nearest_lane(np.empty((0, 2))).found.shape == (0,)

@@ -1,0 +1,261 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from opendrive import LaneKey, LaneNotFoundError, PositionError, RoadNotFoundError, load_map
+
+BANKED = "esut_straight_500_superelevation_elevation_curve"
+# libOpenDRIVE takes 2.7 mm too little arc length on paramPoly3, libcarla up to 2 mm; line, arc and spiral are exact.
+CUBIC_XY_M = 2e-3
+
+
+def angle_between(a, b):
+    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+def has_cubics(network):
+    shapes = {type(g.shape).__name__ for road in network.model.roads.values() for g in road.geometries}
+    return bool(shapes & {"ParamPoly3", "Poly3"})
+
+
+def poses_of(network, rows):
+    """Return x, y, z, heading along s and width for oracle rows, one call per lane."""
+    lane = np.array([network.lane_index_of(LaneKey(str(row[0]), row[2], row[3])) for row in rows])
+    s = np.array([row[4] for row in rows])
+    poses = np.empty((len(rows), 5))
+    for i in np.unique(lane).tolist():
+        chosen = np.flatnonzero(lane == i)
+        x, y, z, heading = network.center_line(i, s[chosen])
+        poses[chosen] = np.stack([x, y, z, heading, network.lane_width(i, s[chosen])], axis=1)
+    return lane, poses
+
+
+def test_poses_against_libopendrive(network_of, oracle, map_name):
+    """x, y, z, heading and width of up to 3000 places per map; rows are rounded to 1e-6."""
+    network = network_of(map_name)
+    lane, poses = poses_of(network, oracle(map_name, "lanes")["rows"])
+    values = [
+        [np.nan if v in (None, "nan") else v for v in row[:7]] for row in oracle(map_name, "second")["libodr"]
+    ]
+    expected = np.array(values, dtype=float)
+    assert np.isfinite(expected).all()
+    along = poses[:, 3] + np.where(network.lanes.direction[lane] > 0, 0.0, np.pi)
+    cubic = has_cubics(network)
+    assert np.hypot(*(poses - expected[:, :5])[:, :2].T).max() < (CUBIC_XY_M if cubic else 1e-6)
+    assert np.abs(poses[:, 2] - expected[:, 2]).max() < 1e-6
+    assert angle_between(along, expected[:, 3]).max() < 1e-4
+    assert np.abs(poses[:, 4] - expected[:, 4]).max() < 1e-6
+
+
+def test_poses_against_libcarla(network_of, oracle, map_name):
+    """The second opinion, float32: positions, widths, travel direction."""
+    if map_name == BANKED:
+        pytest.skip("libcarla ignores superelevation")
+    network = network_of(map_name)
+    rows = oracle(map_name, "lanes")["rows"]
+    lane, poses = poses_of(network, rows)
+    expected = np.array([row[5:10] for row in rows], dtype=float)
+    assert np.hypot(*(poses - expected)[:, :2].T).max() < CUBIC_XY_M
+    # Widths come from a float32 s: a steep width record makes an error of 1e-5 out of it.
+    assert np.abs(poses[:, 4] - expected[:, 4]).max() < 2e-5
+    raised = np.array([len(network.lanes.records[i].height) > 0 for i in lane])
+    assert np.abs(poses[:, 2] - expected[:, 2])[~raised].max(initial=0.0) < 1e-3
+    # libcarla's heading is atan(dt/ds): right where the lane is parallel to the road.
+    turned = angle_between(poses[:, 3], expected[:, 3])
+    assert turned.max() < 0.5
+    assert np.median(turned) < 1e-4
+    kinds = network.lanes.lane_type[lane].tolist()
+    assert kinds == [row[10] for row in rows]
+
+
+def test_borders_against_libopendrive(network_of, oracle, map_name):
+    network = network_of(map_name)
+    rows = oracle(map_name, "lanes")["rows"]
+    bound = CUBIC_XY_M if has_cubics(network) else 2e-6
+    for row, expected in zip(rows[::10], oracle(map_name, "second")["libodr"][::10], strict=True):
+        lane = network.lane_index_of(LaneKey(str(row[0]), row[2], row[3]))
+        t_inner, t_outer = network.lane_offsets(lane, row[4])
+        assert (float(t_inner), float(t_outer)) == pytest.approx(expected[5:7], abs=2e-6)
+        left, right = network.borders(lane, row[4])
+        inner = right if network.lanes.side[lane] == network.lanes.direction[lane] else left
+        assert np.hypot(*(inner[0] - expected[7:9])) < bound
+
+
+def test_borders_are_left_and_right_in_travel_direction(network_of, map_name):
+    network = network_of(map_name)
+    lanes = network.lanes
+    for lane in range(0, len(lanes), max(1, len(lanes) // 60)):
+        s = 0.5 * (lanes.s_start_m[lane] + lanes.s_end_m[lane])
+        if float(network.lane_width(lane, s)) < 0.01:
+            continue
+        x, y, _, heading = (float(value) for value in network.center_line(lane, s))
+        left, right = network.borders(lane, s)
+        across = left[0] - right[0]
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        assert ahead[0] * across[1] - ahead[1] * across[0] > 0.0
+        np.testing.assert_allclose(0.5 * (left[0] + right[0]), [x, y], atol=1e-9)
+
+
+def test_lane_polygons_contain_their_centre_lines(network_of, map_name):
+    network = network_of(map_name)
+    lanes = network.lanes
+    checked = 0
+    for lane in range(0, len(lanes), max(1, len(lanes) // 60)):
+        start, end = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+        s = np.linspace(start, end, 50)
+        if end - start < 0.5 or network.lane_width(lane, s).min() < 0.3:
+            continue
+        ring = network.lane_polygon(lane, start, end)
+        polygon = shapely.Polygon(ring)
+        x, y, _, _ = network.center_line(lane, s)
+        assert polygon.is_valid, lanes.key[lane]
+        assert polygon.exterior.is_ccw, lanes.key[lane]
+        assert shapely.distance(polygon, shapely.points(x, y)).max() < 1e-6, lanes.key[lane]
+        for border in network.borders(lane, s):
+            distance = shapely.distance(polygon.exterior, shapely.points(border))
+            assert distance.max() <= 0.05 + 1e-6, lanes.key[lane]
+        checked += 1
+    assert checked
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    curvature=st.floats(-0.05, 0.05),
+    growth=st.floats(-0.02, 0.05),
+    margins=st.tuples(st.floats(0.0, 3.0), st.floats(0.0, 3.0)),
+    ends=st.tuples(st.floats(0.0, 100.0), st.floats(0.0, 100.0)),
+    tolerance=st.floats(0.005, 0.2),
+    lane_id=st.sampled_from([1, -1]),
+)
+def test_lane_polygon_follows_the_widened_borders(
+    tmp_path_factory, text, curvature, growth, margins, ends, tolerance, lane_id
+):
+    plan = f'<geometry s="0" x="0" y="0" hdg="1" length="100"><arc curvature="{curvature!r}"/></geometry>'
+    width = text.record("width", 3.0, growth)
+    sections = text.section(left=text.lane(1, width), right=text.lane(-1, width))
+    file = tmp_path_factory.getbasetemp() / "polygon.xodr"
+    file.write_text(text.document(text.road(plan, sections=sections)), encoding="utf-8")
+    network = load_map(file)
+    lane = network.lane_index_of(LaneKey("r", 0, lane_id))
+    left_m, right_m = margins
+    low, high = sorted(ends)
+    ring = network.lane_polygon(
+        lane, *ends, margin_left_m=left_m, margin_right_m=right_m, tolerance_m=tolerance
+    )
+    s = np.linspace(low, high, 60)
+    _, outer = network.lane_offsets(lane, s)
+    direction = network.lanes.direction[lane]
+    # The inner border is the left one in right-hand traffic; outwards means towards the other side of the road.
+    inner = network.road_point("r", s, direction * left_m)
+    outer = network.road_point("r", s, outer - direction * right_m)
+    outline = shapely.LinearRing(ring) if high > low else shapely.LineString(ring)
+    for border in (inner, outer):
+        distance = shapely.distance(outline, shapely.points(border.x_m, border.y_m))
+        assert distance.max() <= 1.05 * tolerance + 1e-6
+
+
+def test_polygon_of_a_straight_lane_has_four_corners(load, text):
+    network = load(text.road('<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'))
+    ring = network.lane_polygon(network.lane_index_of(LaneKey("r", 0, -1)), 10.0, 30.0, 0.5, 1.0)
+    np.testing.assert_allclose(ring, [[10, -4.5], [30, -4.5], [30, 0.5], [10, 0.5]], atol=1e-12)
+    ring = network.lane_polygon(network.lane_index_of(LaneKey("r", 0, 1)), 30.0, 10.0, 0.5, 1.0)
+    np.testing.assert_allclose(ring, [[30, 4.5], [10, 4.5], [10, -0.5], [30, -0.5]], atol=1e-12)
+
+
+def test_the_end_of_a_lane_keeps_its_own_offset(load, text):
+    """The lane offset jumps between two sections; each section sees its own side of the jump."""
+    offsets = text.record("laneOffset", 0.0) + text.record("laneOffset", 2.0, s=50.0)
+    width = text.record("width", 3.0)
+    sections = text.section(right=text.lane(-1, width)) + text.section(50.0, right=text.lane(-1, width))
+    network = load(text.road(sections=sections, offsets=offsets))
+    before, after = (network.lane_index_of(LaneKey("r", k, -1)) for k in (0, 1))
+    assert [float(t) for t in network.lane_offsets(before, 50.0)] == [0.0, -3.0]
+    assert [float(t) for t in network.lane_offsets(after, 50.0)] == [2.0, -1.0]
+
+
+def test_a_border_lane_inside_width_lanes(load, text):
+    """Lane -2 is given by its border; lane -3 adds its width to that."""
+    right = (
+        text.lane(-1, text.record("width", 3.0))
+        + text.lane(-2, text.record("border", -7.0, -0.01))
+        + text.lane(-3, text.record("width", 2.0))
+    )
+    network = load(text.road(sections=text.section(right=right), offsets=text.record("laneOffset", 0.5)))
+    offsets = [
+        [float(t) for t in network.lane_offsets(network.lane_index_of(LaneKey("r", 0, i)), 10.0)]
+        for i in (-1, -2, -3)
+    ]
+    np.testing.assert_allclose(offsets, [[0.5, -2.5], [-2.5, -6.6], [-6.6, -8.6]])
+
+
+def test_speed_limits_prefer_the_lane_and_are_converted(load, text):
+    width = text.record("width", 3.0)
+    speeds = '<speed sOffset="20" max="30" unit="mph"/><speed sOffset="40" max="no limit"/>'
+    extra = (
+        '<type s="0" type="town"><speed max="50" unit="km/h"/></type>'
+        '<type s="60" type="rural"><speed max="25"/></type>'
+    )
+    sections = text.section(right=text.lane(-1, width + speeds) + text.lane(-2, width))
+    network = load(text.road(sections=sections, extra=extra))
+    with_own, without = (network.lane_index_of(LaneKey("r", 0, i)) for i in (-1, -2))
+    assert network.speed_limit(with_own, 10.0) == pytest.approx(50 / 3.6)
+    assert network.speed_limit(with_own, 20.0) == pytest.approx(30 * 0.44704)
+    assert network.speed_limit(with_own, 50.0) is None
+    assert network.speed_limit(without, 59.0) == pytest.approx(50 / 3.6)
+    assert network.speed_limit(without, 60.0) == 25.0
+
+
+def test_a_road_without_limits_has_none(load, text):
+    network = load(text.road())
+    assert network.speed_limit(0, 10.0) is None
+
+
+def test_lane_table(load, text):
+    network = load(text.road(attributes='rule="LHT"'), text.road(road_id="s", junction="4"))
+    lanes = network.lanes
+    assert len(lanes) == 4
+    assert lanes.key == (("r", 0, 1), ("r", 0, -1), ("s", 0, 1), ("s", 0, -1))
+    assert lanes.direction.tolist() == [1, -1, -1, 1]
+    assert lanes.junction_id == (None, None, "4", "4")
+    assert lanes.lane_type.tolist() == ["driving"] * 4
+    assert lanes.s_end_m.tolist() == [100.0] * 4
+
+
+def test_unknown_lanes_and_roads_are_refused(load, text):
+    network = load(text.road())
+    with pytest.raises(LaneNotFoundError, match="no lane 7 in section 0 of road 'r'"):
+        network.lane_index_of(LaneKey("r", 0, 7))
+    for lane in (-1, 2):
+        with pytest.raises(LaneNotFoundError, match=f"no lane {lane}: the network has lanes 0 to 1"):
+            network.center_line(lane, 0.0)
+        with pytest.raises(LaneNotFoundError):
+            network.successors(lane)
+    with pytest.raises(RoadNotFoundError, match="no road 'x'"):
+        network.road_point("x", 0.0, 0.0)
+    with pytest.raises(RoadNotFoundError, match="no road 'x'"):
+        network.signals_of("x")
+
+
+def test_positions_off_a_lane_are_refused(load, text):
+    network = load(text.road())
+    for s in (-0.01, 100.01, np.nan, np.inf, "a"):
+        with pytest.raises(PositionError):
+            network.center_line(0, s)
+    with pytest.raises(PositionError, match="tolerance"):
+        network.lane_polygon(0, 0.0, 10.0, tolerance_m=0.0)
+    with pytest.raises(PositionError, match="margin"):
+        network.lane_polygon(0, 0.0, 10.0, margin_left_m=np.nan)
+    with pytest.raises(PositionError, match="'left' or 'right'"):
+        network.lane_change(0, 0.0, "up")
+
+
+def test_loading_is_quick(shared):
+    """A guard against accidents: an order of magnitude above what it takes."""
+    import time
+
+    start = time.perf_counter()
+    network = load_map(shared / "maps" / "Town04.xodr")
+    network.locate([[0.0, 0.0]])
+    assert time.perf_counter() - start < 5.0

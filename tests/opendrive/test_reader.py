@@ -1,0 +1,202 @@
+import numpy as np
+import pytest
+
+from opendrive import MapContentError, MapReadError, OpenDriveError, load_map, read_map
+from opendrive.model import ParamPoly3, Spiral
+
+BOMB = """<?xml version="1.0"?><!DOCTYPE OpenDRIVE [<!ENTITY a "aaaaaaaaaa">
+<!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">
+<!ENTITY d "&c;&c;&c;&c;&c;&c;&c;&c;&c;&c;"><!ENTITY e "&d;&d;&d;&d;&d;&d;&d;&d;&d;&d;">
+<!ENTITY f "&e;&e;&e;&e;&e;&e;&e;&e;&e;&e;"><!ENTITY g "&f;&f;&f;&f;&f;&f;&f;&f;&f;&f;">]>
+<OpenDRIVE><header name="&g;"/><road>&g;</road></OpenDRIVE>"""
+OUTSIDE = '<!DOCTYPE OpenDRIVE [<!ENTITY x SYSTEM "file:///etc/hostname">]><OpenDRIVE><header>&x;</header></OpenDRIVE>'
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"  \n ",
+        b"not xml at all",
+        b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR",
+        bytes(range(256)) * 10,
+        b"<OpenDRIVE><header",
+        b"<OpenDRIVE><header revMajor='1'/>",
+        b"<OpenSCENARIO><FileHeader/></OpenSCENARIO>",
+        b"<html><body/></html>",
+        b"<OpenDRIVE/>",
+        b"<OpenDRIVE><header/></OpenDRIVE>",
+        BOMB.encode(),
+        OUTSIDE.encode(),
+        b"<a>" * 5000 + b"</a>" * 5000,
+        b"<?xml version='1.0' encoding='no-such-encoding'?><OpenDRIVE/>",
+    ],
+)
+def test_a_file_that_is_no_map_is_refused_by_name(tmp_path, content):
+    file = tmp_path / "bad.xodr"
+    file.write_bytes(content)
+    with pytest.raises(MapReadError, match=r"bad\.xodr"):
+        load_map(file)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(MapReadError, match="nowhere"):
+        load_map(tmp_path / "nowhere.xodr")
+    with pytest.raises(MapReadError, match="cannot be opened"):
+        load_map(tmp_path)
+    with pytest.raises(MapReadError, match="cannot be opened"):
+        load_map("a\0b")
+
+
+def test_every_truncation_of_a_map_is_refused(tmp_path, text):
+    whole = text.document(text.road())
+    file = tmp_path / "cut.xodr"
+    for length in range(0, len(whole) - 1, 7):
+        file.write_text(whole[:length], encoding="utf-8")
+        with pytest.raises(MapReadError):
+            load_map(file)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e999", "", "x", "1,5", "0x10"])
+@pytest.mark.parametrize(
+    "attribute", ['hdg="0.3"', 'length="100"', 'x="10"', 'a="3.5"', 'b="0.0"', 'length="100.0"']
+)
+def test_a_bad_number_is_refused_with_road_element_and_line(load, text, attribute, value):
+    name = attribute.split("=", maxsplit=1)[0]
+    content = text.document(text.road(road_id="seven")).replace(attribute, f'{name}="{value}"', 1)
+    with pytest.raises(MapContentError, match=rf"road 'seven', <\w+>, line \d+: attribute '{name}'"):
+        load(content, whole=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<line/>", "", "shape is None"),
+        ("<line/>", "<cubic/>", "shape is cubic"),
+        ("<line/>", '<arc curvature="1e9"/>', "turns by"),
+        ("<line/>", "<arc/>", "'curvature' is missing"),
+        ('length="100"', 'length="-1"', "positive length"),
+        ('id="r"', "", "'id' is missing"),
+        ('id="1"', 'id="one"', "expected an integer"),
+        ('id="1"', 'id="-2"', "wrong sign"),
+        ('junction="-1"', 'junction="-1" rule="both"', "'RHT' or 'LHT'"),
+        ("<laneSection", "<section", "not well-formed"),
+    ],
+)
+def test_impossible_content_is_refused(load, text, old, new, message):
+    content = text.document(text.road())
+    assert old in content
+    with pytest.raises(MapReadError, match=message):
+        load(content.replace(old, new, 1), whole=True)
+
+
+def test_missing_parts_are_refused(load, text):
+    with pytest.raises(MapContentError, match="no <geometry>"):
+        load(text.road(plan=""))
+    with pytest.raises(MapContentError, match="no <laneSection>"):
+        load(text.road(sections=""))
+    with pytest.raises(MapContentError, match="no <road>"):
+        load("")
+
+
+def test_ids_must_be_unique(load, text):
+    with pytest.raises(MapContentError, match="road id 'r' is used twice"):
+        load(text.road(), text.road())
+    width = text.record("width", 3.0)
+    with pytest.raises(MapContentError, match="lane id 1 is used twice"):
+        load(text.road(sections=text.section(left=text.lane(1, width) * 2)))
+
+
+def test_errors_are_value_errors():
+    assert issubclass(MapReadError, OpenDriveError)
+    assert issubclass(OpenDriveError, ValueError)
+
+
+def test_a_namespace_makes_no_difference(load, text):
+    content = text.document(text.road()).replace(
+        "<OpenDRIVE>", '<OpenDRIVE xmlns="http://example.org/opendrive">'
+    )
+    assert list(load(content, whole=True).roads) == ["r"]
+
+
+def test_string_ids_and_names_are_kept(load, text):
+    network = load(text.road(road_id="Rue de l'Été"))
+    assert list(network.roads) == ["Rue de l'Été"]
+    assert network.name == "made"
+
+
+def test_records_are_read(load, text, tmp_path):
+    plan = (
+        '<geometry s="0" x="0" y="0" hdg="0" length="40"><spiral curvStart="0" curvEnd="0.01"/></geometry>'
+        '<geometry s="40" x="40" y="0" hdg="0" length="60">'
+        '<paramPoly3 aU="0" bU="60" cU="0" dU="0" aV="0" bV="0" cV="1" dV="0"/></geometry>'
+    )
+    mark = '<roadMark sOffset="5" type="solid" color="white" width="0.12" laneChange="none"/>'
+    extra = '<type s="0" type="town"><speed max="50" unit="km/h"/></type>'
+    road = text.road(
+        plan,
+        sections=text.section(right=text.lane(-1, text.record("width", 3.0) + mark)),
+        extra=extra,
+        attributes='rule="LHT"',
+        junction="9",
+    )
+    load(road)
+    model = read_map(tmp_path / "map.xodr")
+    record = model.roads["r"]
+    assert record.geometries[0].shape == Spiral(0.0, 0.01)
+    assert record.geometries[1].shape == ParamPoly3(
+        (0.0, 60.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), normalized=True
+    )
+    assert (record.rule, record.junction_id) == ("LHT", "9")
+    assert record.types[0].speed_mps == pytest.approx(50 / 3.6)
+    lane = record.sections[0].lanes[-1]
+    assert (lane.id, lane.road_marks[0].lane_change, lane.road_marks[0].s_offset_m) == (-1, "none", 5.0)
+    np.testing.assert_array_equal(lane.width, [[0.0, 3.0, 0.0, 0.0, 0.0]])
+    assert not lane.width.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("", "neither width nor border"),
+        ('<width sOffset="50" a="3.5" b="0" c="0" d="0"/>', "50.0 m late"),
+        (
+            '<width sOffset="0" a="3" b="0" c="0" d="0"/><border sOffset="0" a="3" b="0" c="0" d="0"/>',
+            "both width and border",
+        ),
+        (
+            '<width sOffset="9" a="3" b="0" c="0" d="0"/><width sOffset="0" a="4" b="0" c="0" d="0"/>',
+            "not in ascending sOffset",
+        ),
+        (
+            '<width sOffset="0" a="3" b="0" c="0" d="0"/><roadMark laneChange="maybe"/>',
+            "laneChange is 'maybe'",
+        ),
+        ('<width sOffset="0" a="3" b="0" c="0" d="0"/><speed max="-3"/>', "negative speed"),
+    ],
+)
+def test_tolerable_defects_are_noted(load, text, body, message):
+    network = load(text.road(sections=text.section(right=text.lane(-1, body))))
+    (warning,) = network.warnings
+    assert warning.road_id == "r"
+    assert message in warning.message
+
+
+def test_gaps_and_short_curves_are_noted(load, text):
+    plan = (
+        '<geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry>'
+        '<geometry s="50" x="51" y="0" hdg="0" length="50">'
+        '<paramPoly3 pRange="normalized" aU="0" bU="40" cU="0" dU="0" aV="0" bV="0" cV="0" dV="0"/></geometry>'
+    )
+    messages = [warning.message for warning in load(text.road(plan)).warnings]
+    assert len(messages) == 2
+    assert "gap of 1 m" in messages[0]
+    assert "10 m shorter" in messages[1]
+
+
+def test_every_reference_map_loads(network_of, map_name):
+    network = network_of(map_name)
+    assert len(network.lanes) > 0
+    x_min, y_min, x_max, y_max = network.bounds
+    assert x_min < x_max
+    assert y_min < y_max

@@ -1,0 +1,155 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from opendrive import LaneKey, PositionError, RoadNetwork, load_map
+from opendrive.model import Arc, Geometry, Header, Lane, LaneSection, Line, MapModel, Road, Spiral
+
+EMPTY = np.empty((0, 5))
+
+
+def made_network(*shapes, length_m=60.0, superelevation=EMPTY, elevation=EMPTY, width_m=3.0):
+    """Build a network of one road from shapes laid end to end."""
+    pieces, x, y, heading = [], 0.0, 0.0, 0.4
+    for k, shape in enumerate(shapes):
+        piece = Geometry(k * length_m, x, y, heading, length_m, shape)
+        pieces.append(piece)
+        at = network_from([*pieces], EMPTY, EMPTY, width_m).roads["r"].reference_line((k + 1) * length_m)
+        x, y, heading = float(at.x_m), float(at.y_m), float(at.heading_rad)
+    return network_from(pieces, superelevation, elevation, width_m)
+
+
+def network_from(pieces, superelevation, elevation, width_m):
+    width = np.array([[0.0, width_m, 0.0, 0.0, 0.0]])
+    lanes = tuple(
+        Lane(i, "driving", False, (), (), width if i else EMPTY, EMPTY, np.empty((0, 3)), (), ())
+        for i in (1, 0, -1)
+    )
+    road = Road(
+        id="r",
+        name="",
+        length_m=pieces[-1].s_m + pieces[-1].length_m,
+        junction_id=None,
+        rule="RHT",
+        predecessor=None,
+        successor=None,
+        geometries=tuple(pieces),
+        elevation=elevation,
+        superelevation=superelevation,
+        crossfall_left=EMPTY,
+        crossfall_right=EMPTY,
+        shape=np.empty((0, 6)),
+        lane_offset=EMPTY,
+        types=(),
+        sections=(LaneSection(0.0, False, lanes),),
+        signals=(),
+        signal_references=(),
+        objects=(),
+    )
+    header = Header(1, 8, "", "", "", "", None, None, None, None, "", None)
+    return RoadNetwork(MapModel(header, {"r": road}, {}, ()))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    curvatures=st.lists(st.floats(-0.04, 0.04), min_size=2, max_size=4),
+    where=st.lists(st.tuples(st.floats(0.001, 0.999), st.floats(-4.0, 4.0)), min_size=1, max_size=20),
+    roll_rad=st.floats(-0.2, 0.2),
+)
+def test_st_to_xy_and_back_is_the_identity(curvatures, where, roll_rad):
+    shapes = [Spiral(a, b) for a, b in zip(curvatures, curvatures[1:], strict=False)]
+    banked = np.array([[0.0, roll_rad, 0.0, 0.0, 0.0]])
+    sloping = np.array([[0.0, 1.0, 0.05, 0.0, 0.0]])
+    # 20 m pieces turn by less than a radian each, so that no part of the road comes near another.
+    network = made_network(*shapes, length_m=20.0, superelevation=banked, elevation=sloping)
+    s, t = np.array(where).T
+    s = s * network.roads["r"].length_m
+    points = network.road_point("r", s, t)
+    back_s, back_t = network.road_coordinates("r", np.stack([points.x_m, points.y_m], axis=1))
+    np.testing.assert_allclose(back_s, s, atol=1e-7)
+    np.testing.assert_allclose(back_t, t, atol=1e-7)
+
+
+def test_shapes_are_broadcast():
+    network = made_network(Line())
+    points = network.road_point("r", np.linspace(0, 60, 5)[:, None], np.array([-1.0, 0.0, 1.0]))
+    assert points.x_m.shape == (5, 3)
+    assert network.road_point("r", 3.0, 1.0).heading_rad.shape == ()
+    assert network.road_coordinates("r", np.empty((0, 2)))[0].shape == (0,)
+
+
+def test_left_is_positive_t():
+    points = made_network(Line()).road_point("r", 10.0, 2.0)
+    np.testing.assert_allclose(
+        [points.x_m, points.y_m],
+        [10 * np.cos(0.4) - 2 * np.sin(0.4), 10 * np.sin(0.4) + 2 * np.cos(0.4)],
+    )
+
+
+def test_points_beyond_the_ends_are_held_there():
+    network = made_network(Line())
+    ahead = np.array([np.cos(0.4), np.sin(0.4)])
+    left = np.array([-ahead[1], ahead[0]])
+    s, t = network.road_coordinates("r", [-7.0 * ahead + 2.0 * left, 90.0 * ahead - 3.0 * left])
+    np.testing.assert_allclose(s, [0.0, 60.0])
+    np.testing.assert_allclose(t, [2.0, -3.0])
+
+
+def test_a_road_that_bends_back_is_searched_as_a_whole():
+    network = made_network(Line(), Arc(np.pi / 60.0), Line())
+    line = network.roads["r"].reference_line(np.array([5.0, 175.0]))
+    s, t = network.road_coordinates("r", np.stack([line.x_m, line.y_m], axis=1))
+    np.testing.assert_allclose(s, [5.0, 175.0], atol=1e-9)
+    np.testing.assert_allclose(t, 0.0, atol=1e-9)
+
+
+def test_points_near_the_centre_of_an_arc_find_their_foot():
+    network = made_network(Arc(0.1), length_m=30.0)
+    points = network.road_point("r", np.linspace(0.5, 29.5, 30), 9.9)
+    s, t = network.road_coordinates("r", np.stack([points.x_m, points.y_m], axis=1))
+    np.testing.assert_allclose(s, np.linspace(0.5, 29.5, 30), atol=1e-9)
+    np.testing.assert_allclose(t, 9.9, atol=1e-9)
+
+
+def test_superelevation_rolls_the_surface_about_the_reference_line():
+    network = made_network(Line(), superelevation=np.array([[0.0, 0.2, 0.0, 0.0, 0.0]]))
+    flat = made_network(Line())
+    a, b = network.road_point("r", 10.0, 3.0), flat.road_point("r", 10.0, 3.0 * np.cos(0.2))
+    np.testing.assert_allclose([a.x_m, a.y_m], [b.x_m, b.y_m])
+    assert float(a.z_m) == pytest.approx(3.0 * np.sin(0.2))
+
+
+def test_positions_off_the_road_are_refused():
+    network = made_network(Line())
+    with pytest.raises(PositionError, match=r"road 'r': s from 61 .* within \[0, 60\]"):
+        network.road_point("r", 61.0, 0.0)
+    with pytest.raises(PositionError, match="NaN"):
+        network.road_point("r", np.nan, 0.0)
+    with pytest.raises(PositionError, match="numbers"):
+        network.road_point("r", "ten", 0.0)
+    with pytest.raises(PositionError, match=r"shape \(N, 2\), got \(3,\)"):
+        network.road_coordinates("r", [1.0, 2.0, 3.0])
+    assert float(network.road_point("r", 60.0005, 0.0).x_m) == pytest.approx(60 * np.cos(0.4))
+
+
+def test_probes(shared, tmp_path):
+    probes = json.loads((shared / "probes.json").read_text(encoding="utf-8"))["probes"]
+    assert len(probes) == 22
+    # What the plain expectation leaves out is taken from the only parsers that support it.
+    with_profile = {"superelev", "crossfall", "lane_height"}
+    for name, probe in probes.items():
+        file = tmp_path / f"{name}.xodr"
+        file.write_text(probe["xodr"], encoding="utf-8")
+        network = load_map(file)
+        expected = probe["libodr"] if name in with_profile else probe["expected_no_lateral_profile"]
+        for (lane_id, s), row in zip(probe["queries"], expected, strict=True):
+            lane = network.lane_index_of(LaneKey("1", 0, lane_id))
+            x, y, z, heading = (float(value) for value in network.center_line(lane, s))
+            along = heading if network.lanes.direction[lane] > 0 else heading + np.pi
+            assert (x, y, z) == pytest.approx(row[:3], abs=2e-6), (name, lane_id, s)
+            assert np.sin(along - row[3]) == pytest.approx(0.0, abs=2e-6), (name, lane_id, s)
+            assert np.cos(along - row[3]) > 0.0, (name, lane_id, s)
+            assert float(network.lane_width(lane, s)) == pytest.approx(row[4], abs=1e-6), (name, lane_id, s)

@@ -1,0 +1,188 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smartmot.geometry import (
+    circles_touch,
+    corners,
+    from_frame,
+    intersection_area,
+    iou_matrix,
+    iou_pairs,
+    signed_gap,
+    signed_gap_scalar,
+    to_frame,
+    wrap_angle,
+)
+from smartmot.types import Boxes, FloatArray
+
+Rectangles = tuple[FloatArray, FloatArray, FloatArray]
+
+_YAW = st.one_of(
+    st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2, np.pi / 4, 1e-9, np.pi / 2 + 1e-13, 1e-7]),
+    st.floats(-7, 7),
+)
+_POSITION = st.one_of(st.sampled_from([0.0, 1.0, 2.0, -3.0, 0.5]), st.floats(-6, 6))
+_SIZE = st.one_of(st.sampled_from([0.5, 1.0, 2.0, 4.0, 0.01]), st.floats(0.01, 8))
+_RECTANGLE = st.tuples(_POSITION, _POSITION, _SIZE, _SIZE, _YAW)
+
+
+def _random(rng: np.random.Generator, *shape: int) -> Rectangles:
+    return rng.uniform(-4, 4, (*shape, 2)), rng.uniform(0.05, 6, (*shape, 2)), rng.uniform(-7, 7, shape)
+
+
+def _polygon(center: FloatArray, size: FloatArray, yaw: FloatArray) -> object:
+    return shapely.polygons(corners(center, size, yaw))
+
+
+def _arrays(rectangle: tuple[float, ...]) -> Rectangles:
+    x, y, length, width, yaw = rectangle
+    return np.array([x, y]), np.array([length, width]), np.array(yaw)
+
+
+@pytest.mark.parametrize(
+    ("angle", "wrapped"),
+    [(0.0, 0.0), (np.pi, -np.pi), (-np.pi, -np.pi), (7.0, 7.0 - 2 * np.pi), (-4.0, 2 * np.pi - 4)],
+)
+def test_wrap_angle(angle: float, wrapped: float) -> None:
+    assert wrap_angle(np.array(angle)) == pytest.approx(wrapped)
+
+
+def test_frames_by_hand_and_round_trip() -> None:
+    # Facing north from (10, 5), a point 2 m north is ahead, one 3 m west is to the left.
+    local = to_frame(np.array([[10.0, 7.0], [7.0, 5.0]]), 10.0, 5.0, np.pi / 2)
+    np.testing.assert_allclose(local, [[2.0, 0.0], [0.0, 3.0]], atol=1e-12)
+    points = np.random.default_rng(0).normal(0, 30, (4, 6, 2))
+    np.testing.assert_allclose(from_frame(to_frame(points, 3, -8, 2.2), 3, -8, 2.2), points, atol=1e-12)
+
+
+def test_corners_by_hand() -> None:
+    found = corners(np.array([1.0, 2.0]), np.array([4.0, 2.0]), np.array(np.pi / 2))
+    np.testing.assert_allclose(found, [[0, 4], [0, 0], [2, 0], [2, 4]], atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(), (7,), (3, 5), (2, 1, 4)])
+def test_corners_run_counter_clockwise_in_every_batch_shape(shape: tuple[int, ...]) -> None:
+    center, size, yaw = _random(np.random.default_rng(1), *shape)
+    polygons = np.atleast_1d(_polygon(center, size, yaw)).ravel()
+    assert corners(center, size, yaw).shape == (*shape, 4, 2)
+    assert all(shapely.is_ccw(shapely.get_exterior_ring(polygons)))
+    np.testing.assert_allclose(shapely.area(polygons), size.prod(axis=-1).ravel())
+
+
+@settings(max_examples=400, deadline=None)
+@given(_RECTANGLE, _RECTANGLE)
+def test_area_iou_and_gap_equal_shapely(a: tuple[float, ...], b: tuple[float, ...]) -> None:
+    first, second = _arrays(a), _arrays(b)
+    polygon_a, polygon_b = _polygon(*first), _polygon(*second)
+    common = shapely.intersection(polygon_a, polygon_b).area
+    assert intersection_area(*first, *second) == pytest.approx(common, abs=1e-9)
+    union = polygon_a.area + polygon_b.area - common  # type: ignore[attr-defined]
+    assert iou_pairs(*first, *second) == pytest.approx(common / union, abs=1e-6)
+    gap = signed_gap(*first, *second)
+    assert max(float(gap), 0.0) == pytest.approx(shapely.distance(polygon_a, polygon_b), abs=1e-9)
+    assert signed_gap_scalar(a, b) == pytest.approx(float(gap), abs=1e-12)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "area", "gap"),
+    [
+        ((0, 0, 4, 2, 0.3), (0, 0, 4, 2, 0.3), 8.0, -2.0),
+        ((0, 0, 4, 2, 0.0), (0, 0, 2, 4, np.pi / 2), 8.0, -2.0),
+        ((0, 0, 4, 2, 0.0), (4, 0, 4, 2, np.pi), 0.0, 0.0),
+        ((0, 0, 4, 2, 0.0), (4, 2, 4, 2, 0.0), 0.0, 0.0),
+        ((0, 0, 4, 2, 0.0), (0.5, 0, 0.5, 0.5, 1.0), 0.25, None),
+        ((0, 0, 4, 2, 0.0), (0, 0, 4, 2, np.pi / 2), 4.0, -3.0),
+        ((0, 0, 2, 2, 0.0), (0, 0, 2, 2, np.pi / 4), 8 * (np.sqrt(2) - 1), None),
+        ((0, 0, 100, 0.001, 0.0), (0, 0, 100, 0.001, np.pi / 2), 1e-6, None),
+        ((0, 0, 2, 2, 0.0), (5, 6, 2, 2, 0.0), 0.0, 5.0),
+        ((0, 0, 2, 2, 0.0), (1.5, 0, 2, 2, 0.0), 1.0, -0.5),
+    ],
+)
+def test_known_cases(a: tuple[float, ...], b: tuple[float, ...], area: float, gap: float | None) -> None:
+    assert intersection_area(*_arrays(a), *_arrays(b)) == pytest.approx(area, abs=1e-12)
+    if gap is not None:
+        assert signed_gap(*_arrays(a), *_arrays(b)) == pytest.approx(gap, abs=1e-12)
+        assert signed_gap_scalar(a, b) == pytest.approx(gap, abs=1e-12)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("left", "right"), [((), ()), ((9,), (9,)), ((4, 1), (1, 6)), ((3, 1, 2), (5, 1)), ((0,), (0,))]
+)
+def test_broadcasting_equals_the_loop(left: tuple[int, ...], right: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(2)
+    a, b = _random(rng, *left), _random(rng, *right)
+    shape = np.broadcast_shapes(left, right)
+    for function in (intersection_area, iou_pairs, signed_gap):
+        found = function(*a, *b)
+        assert found.shape == shape
+        spread_a = [np.broadcast_to(v, (*shape, *v.shape[len(left) :])) for v in a]
+        spread_b = [np.broadcast_to(v, (*shape, *v.shape[len(right) :])) for v in b]
+        for index in np.ndindex(shape):
+            single = function(*(v[index] for v in spread_a), *(v[index] for v in spread_b))
+            assert found[index] == pytest.approx(float(single), abs=1e-12)
+
+
+def test_iou_laws() -> None:
+    rng = np.random.default_rng(3)
+    a, b = _random(rng, 500), _random(rng, 500)
+    iou, gap = iou_pairs(*a, *b), signed_gap(*a, *b)
+    assert iou.min() >= 0.0
+    assert iou.max() <= 1.0
+    assert 0.0 < (iou > 0).mean() < 1.0
+    np.testing.assert_allclose(iou, iou_pairs(*b, *a), atol=1e-12)
+    np.testing.assert_allclose(gap, signed_gap(*b, *a), atol=1e-12)
+    np.testing.assert_allclose(iou_pairs(*a, *a), 1.0)
+    # Rounding may leave 1e-17 m2 between rectangles that are apart.
+    assert ((gap < 0.0) == (iou > 1e-12)).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-500, 500), st.floats(-500, 500), st.floats(-4, 4))
+def test_iou_and_gap_do_not_depend_on_the_frame(x: float, y: float, yaw: float) -> None:
+    rng = np.random.default_rng(4)
+    a, b = _random(rng, 40), _random(rng, 40)
+    moved_a = (from_frame(a[0], x, y, yaw), a[1], a[2] + yaw)
+    moved_b = (from_frame(b[0], x, y, yaw), b[1], b[2] + yaw)
+    np.testing.assert_allclose(iou_pairs(*moved_a, *moved_b), iou_pairs(*a, *b), atol=1e-10)
+    np.testing.assert_allclose(signed_gap(*moved_a, *moved_b), signed_gap(*a, *b), atol=1e-10)
+
+
+def test_penetration_is_the_shift_that_separates() -> None:
+    rng = np.random.default_rng(5)
+    a, b = _random(rng, 300), _random(rng, 300)
+    gap = signed_gap(*a, *b)
+    direction = np.linspace(0, 2 * np.pi, 721)
+    shift = np.stack((np.cos(direction), np.sin(direction)), axis=-1)
+    for i in np.flatnonzero(gap < 0.0):
+        shifted = b[0][i] + shift * -gap[i] * (1.0 - 1e-3)
+        assert signed_gap(a[0][i], a[1][i], a[2][i], shifted, b[1][i], b[2][i]).max() < 0.0
+
+
+def test_the_circle_test_never_rejects_an_overlap() -> None:
+    rng = np.random.default_rng(6)
+    a, b = _random(rng, 2000), _random(rng, 2000)
+    touch = circles_touch(a[0], a[1], b[0], b[1])
+    assert touch[signed_gap(*a, *b) <= 0.0].all()
+    assert not touch.all()
+
+
+def test_iou_matrix_equals_pairs_and_takes_empty_sets() -> None:
+    rng = np.random.default_rng(7)
+    a, b = Boxes(*_random(rng, 6)), Boxes(*_random(rng, 4))
+    matrix = iou_matrix(a, b)
+    assert matrix.shape == (6, 4)
+    for i, j in np.ndindex(6, 4):
+        pair = iou_pairs(a.center_m[i], a.size_m[i], a.yaw_rad[i], b.center_m[j], b.size_m[j], b.yaw_rad[j])
+        assert matrix[i, j] == pytest.approx(float(pair), abs=1e-12)
+    assert iou_matrix(a, Boxes.empty()).shape == (6, 0)
+    assert iou_matrix(Boxes.empty(), b).shape == (0, 4)
+
+
+def test_exact_far_from_the_origin() -> None:
+    a = (np.array([500_000.0, 5_400_000.0]), np.array([4.4, 1.8]), np.array(0.7))
+    b = (a[0] + np.array([1.0, 0.5]), np.array([0.5, 0.5]), np.array(1.9))
+    near_a, near_b = (np.zeros(2), *a[1:]), (np.array([1.0, 0.5]), *b[1:])
+    assert intersection_area(*a, *b) == pytest.approx(float(intersection_area(*near_a, *near_b)), abs=1e-9)

@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+
+from smartmot.errors import ConfigError
+from smartmot.lifecycle import LifecycleConfig, confirm, survives
+
+
+@pytest.mark.parametrize(
+    ("coasted_s", "outside_s", "alive"),
+    [(0.0, 0.0, True), (0.15, 0.0, True), (3 * 0.05, 3 * 0.05, True), (0.16, 0.0, False), (0.0, 0.2, False)],
+)
+def test_a_track_survives_max_age_and_no_longer(coasted_s: float, outside_s: float, alive: bool) -> None:
+    found = survives(np.array([coasted_s]), np.array([outside_s]), LifecycleConfig())
+    assert found.tolist() == [alive]
+
+
+def test_three_frames_survive_at_epoch_stamps() -> None:
+    start = 1.7e9 + 0.123456
+    stamp = start + 0.05 + 0.05 + 0.05
+    assert survives(np.array([stamp - start]), np.zeros(1), LifecycleConfig()).all()
+
+
+def test_confirmation_waits_for_a_match_at_the_age_and_stays() -> None:
+    config = LifecycleConfig(confirm_s=0.1)
+    before = np.array([False, False, False, True])
+    age, coasted = np.array([0.05, 0.1, 0.2, 0.3]), np.array([0.0, 0.0, 0.05, 0.1])
+    assert confirm(before, age, coasted, config).tolist() == [False, True, False, True]
+    assert confirm(before, age, coasted, LifecycleConfig()).tolist() == [True, True, False, True]
+
+
+@pytest.mark.parametrize("name", ["confirm_s", "max_age_s"])
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_rejects_impossible_times(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=f"LifecycleConfig.{name}: allowed 0 to inf"):
+        LifecycleConfig(**{name: value})

@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from smartmot.errors import ConfigError
+from smartmot.motion_models import (
+    AREA,
+    AREA_RATE,
+    STATE,
+    VX,
+    VY,
+    YAW,
+    YAW_RATE,
+    ConstantVelocity,
+    PerCategory,
+    X,
+    Y,
+    ctrv_positions,
+)
+
+MODELS = [ConstantVelocity(), ConstantVelocity.paper()]
+
+
+def test_transition_moves_each_value_by_its_rate() -> None:
+    state = np.arange(1.0, len(STATE) + 1)
+    moved = ConstantVelocity().transition(0.5) @ state
+    for value, rate in ((X, VX), (Y, VY), (AREA, AREA_RATE), (YAW, YAW_RATE)):
+        assert moved[value] == state[value] + 0.5 * state[rate]
+    assert (moved[[3, VX, VY, AREA_RATE, YAW_RATE]] == state[[3, VX, VY, AREA_RATE, YAW_RATE]]).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+@settings(max_examples=50, deadline=None)
+@given(first=st.floats(1e-4, 2.0), second=st.floats(1e-4, 2.0))
+def test_two_steps_equal_one(model: ConstantVelocity, first: float, second: float) -> None:
+    f1, f2 = model.transition(first), model.transition(second)
+    np.testing.assert_allclose(f2 @ f1, model.transition(first + second), atol=1e-12)
+    added = f2 @ model.process_noise(first) @ f2.T + model.process_noise(second)
+    np.testing.assert_allclose(added, model.process_noise(first + second), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("dt_s", [0.0, 1e-3, 0.05, 1.0])
+def test_process_noise_is_a_covariance(model: ConstantVelocity, dt_s: float) -> None:
+    noise = model.process_noise(dt_s)
+    np.testing.assert_array_equal(noise, noise.T)
+    assert np.linalg.eigvalsh(noise).min() >= -1e-15
+
+
+def test_paper_noise_is_the_diagonal_of_the_reference_code() -> None:
+    # One pixel is 0.05 m and one frame 0.05 s: a pixel per frame is 1 m/s.
+    noise = ConstantVelocity.paper().process_noise(0.05)
+    assert noise[X, X] == pytest.approx(0.05**2, rel=0.01)
+    assert noise[VX, VX] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
+def test_rejects_impossible_densities(value: float) -> None:
+    with pytest.raises(ConfigError, match="velocity_m2ps3: allowed 0 to inf"):
+        ConstantVelocity(velocity_m2ps3=value)
+
+
+def test_per_category() -> None:
+    values = PerCategory(1, 2, 3, 4, 5, 6)
+    np.testing.assert_array_equal(values.of(np.array([5, 0, 1, 1])), [6, 1, 2, 2])
+    with pytest.raises(ConfigError, match=r"PerCategory\.truck"):
+        PerCategory(1, 2, 3, 0, 5, 6)
+
+
+def _one(course: float, speed: float, rate: float, times: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    return ctrv_positions(*(np.array([v]) for v in (2.0, -1.0, course, speed, rate)), np.array(times))
+
+
+def test_ctrv_by_hand() -> None:
+    # Radius 2 m, from east to north in a quarter turn, then on to west.
+    position, course = _one(0.0, np.pi, np.pi / 2, [0.0, 1.0, 2.0])
+    np.testing.assert_allclose(position[0], [[2, -1], [4, 1], [2, 3]], atol=1e-12)
+    np.testing.assert_allclose(course[0], [0, np.pi / 2, np.pi])
+    position, course = _one(np.pi / 2, 3.0, 0.0, [0.0, 2.0])
+    np.testing.assert_allclose(position[0], [[2, -1], [2, 5]], atol=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-4, 4), st.floats(-40, 40), st.floats(-2, 2))
+def test_ctrv_solves_its_differential_equation(course: float, speed: float, rate: float) -> None:
+    position, _ = _one(course, speed, rate, [1.3])
+    solved = solve_ivp(
+        lambda t, _: [speed * np.cos(course + rate * t), speed * np.sin(course + rate * t)],
+        (0, 1.3), [2.0, -1.0], rtol=1e-10, atol=1e-10,
+    )  # fmt: skip
+    np.testing.assert_allclose(position[0, 0], solved.y[:, -1], atol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [1e-300, 1e-12, 1e-9, 1e-6, 1e-4])
+def test_ctrv_is_smooth_through_straight_motion(rate: float) -> None:
+    left, _ = _one(0.4, 20.0, rate, [3.0])
+    right, _ = _one(0.4, 20.0, -rate, [3.0])
+    straight, _ = _one(0.4, 20.0, 0.0, [3.0])
+    np.testing.assert_allclose(0.5 * (left + right), straight, atol=100 * rate**2 + 1e-12)
+    # Offset of a slight turn: v w t^2 / 2.
+    assert np.linalg.norm(left - straight) == pytest.approx(90.0 * rate, rel=1e-3, abs=1e-13)
+
+
+@pytest.mark.parametrize(("m", "t"), [(0, 4), (1, 1), (5, 3)])
+def test_ctrv_shapes(m: int, t: int) -> None:
+    arguments = np.random.default_rng(0).normal(size=(5, m))
+    position, course = ctrv_positions(*arguments, np.linspace(0, 3, t))
+    assert position.shape == (m, t, 2)
+    assert course.shape == (m, t)
+    own_times, _ = ctrv_positions(*arguments, np.broadcast_to(np.linspace(0, 3, t), (m, t)))
+    np.testing.assert_array_equal(own_times, position)

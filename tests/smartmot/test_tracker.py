@@ -1,0 +1,346 @@
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from smartmot.errors import ConfigError, ShapeError, TimeOrderError
+from smartmot.lifecycle import LifecycleConfig
+from smartmot.motion_models import PerCategory
+from smartmot.tracker import Tracker, TrackerConfig, TrackerState
+from smartmot.types import Boxes, Detections, FloatArray, StrArray, Tracks
+
+WALK_MPS = 5.0 / 3.6
+SIZES = {"car": (4.4, 1.8), "pedestrian": (0.5, 0.5), "cyclist": (1.8, 0.6), "unknown": (1.0, 1.0)}
+
+
+def _frame(
+    stamp_s: float,
+    centers: Sequence[Sequence[float]] | FloatArray,
+    category: str | Sequence[str] = "pedestrian",
+    yaw: float | FloatArray = 0.0,
+    score: float | Sequence[float] = 0.9,
+) -> Detections:
+    center = np.array(centers, dtype=float).reshape(-1, 2)
+    names = [category] * len(center) if isinstance(category, str) else list(category)
+    boxes = Boxes(center, np.array([SIZES[n] for n in names]), np.broadcast_to(yaw, len(center)))
+    return Detections(stamp_s, boxes, np.broadcast_to(score, len(center)), np.array(names, dtype=np.str_))
+
+
+def _walk(
+    runs: int, frames: int, *, speed: float = WALK_MPS, yaw_noise: float = 0.0, seed: int = 0
+) -> list[Tracks]:
+    """Many pedestrians 100 m apart walk to the north from the first frame, 20 Hz, 0.05 m of noise."""
+    rng = np.random.default_rng(seed)
+    tracker, start = Tracker(), 100.0 * np.arange(runs)
+    results = []
+    for k in range(frames):
+        center = np.column_stack((start, np.full(runs, 0.05 * k * speed))) + rng.normal(0, 0.05, (runs, 2))
+        results.append(
+            tracker.update(_frame(0.05 * k, center, yaw=np.pi / 2 + rng.normal(0, yaw_noise, runs)))
+        )
+    return results
+
+
+def test_first_frame_starts_tracks_at_rest() -> None:
+    tracks = Tracker().update(_frame(3.0, [[1, 2], [8, 9]]))
+    assert tracks.track_id.tolist() == [1, 2]
+    assert tracks.stamp_s == 3.0
+    assert tracks.confirmed.all()
+    assert not tracks.dynamic.any()
+    assert not tracks.velocity_mps.any()
+    assert not tracks.age_s.any()
+    np.testing.assert_allclose(tracks.boxes.center_m, [[1, 2], [8, 9]])
+    np.testing.assert_allclose(tracks.boxes.size_m, 0.5)
+
+
+@pytest.mark.parametrize("yaw_noise", [0.0, 0.05])
+def test_velocity_and_turn_rate_settle_within_half_a_second(yaw_noise: float) -> None:
+    tracks = _walk(400, 11, yaw_noise=yaw_noise)[-1]
+    assert len(tracks) == 400
+    error = tracks.velocity_mps - np.array([0.0, WALK_MPS])
+    assert np.sqrt((error**2).mean(axis=0)).max() < 0.2
+    assert abs(error.mean(axis=0)).max() < 0.05
+    assert tracks.yaw_rate_radps.std() < 0.1
+    assert tracks.dynamic.all()
+
+
+def test_covariance_is_no_smaller_than_the_error() -> None:
+    tracks = _walk(400, 40)[-1]
+    claimed = tracks.covariance[:, 5, 5].mean()
+    assert tracks.velocity_mps[:, 0].var() < claimed
+
+
+def test_noise_does_not_set_a_standing_pedestrian_moving() -> None:
+    results = _walk(400, 40, speed=0.0)
+    assert np.mean([t.dynamic.mean() for t in results]) < 0.02
+    assert np.mean([t.dynamic.mean() for t in results[10:]]) < 0.002
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.05])
+def test_a_start_from_standstill_is_seen_within_three_tenths(noise_m: float) -> None:
+    rng, runs = np.random.default_rng(1), 300
+    tracker, start = Tracker(), 100.0 * np.arange(runs)
+    for k in range(46):
+        walked = max(0.0, 0.05 * k - 2.0) * WALK_MPS
+        center = np.column_stack((start, np.full(runs, walked))) + rng.normal(0, noise_m, (runs, 2))
+        tracks = tracker.update(_frame(0.05 * k, center))
+        if k == 40:
+            assert tracks.dynamic.mean() < 0.02
+    # k = 45 is 0.25 s after the first step.
+    assert tracks.dynamic.mean() > 0.95
+
+
+def test_velocity_is_exact_without_noise() -> None:
+    tracker = Tracker()
+    for k in range(60):
+        tracks = tracker.update(_frame(0.05 * k, [[12.0 * 0.05 * k, 3.0]], "car"))
+    np.testing.assert_allclose(tracks.velocity_mps, [[12.0, 0.0]], atol=0.01)
+    np.testing.assert_allclose(tracks.boxes.center_m, [[12.0 * 0.05 * 59, 3.0]], atol=1e-3)
+
+
+def test_turning_car_has_its_turn_rate() -> None:
+    tracker, rate, speed = Tracker(), 0.4, 6.0
+    for k in range(80):
+        yaw = rate * 0.05 * k
+        center = speed / rate * np.array([[np.sin(yaw), 1.0 - np.cos(yaw)]])
+        tracks = tracker.update(_frame(0.05 * k, center, "car", yaw=yaw))
+    assert tracks.yaw_rate_radps[0] == pytest.approx(rate, abs=0.01)
+    assert np.hypot(*tracks.velocity_mps[0]) == pytest.approx(speed, rel=0.02)
+
+
+def test_flipped_headings_do_not_turn_the_track() -> None:
+    tracker = Tracker()
+    for k in range(30):
+        tracks = tracker.update(_frame(0.05 * k, [[0, 0]], "car", yaw=0.2 + np.pi * (k % 3 == 1)))
+    assert tracks.boxes.yaw_rad[0] == pytest.approx(0.2, abs=1e-9)
+    assert tracks.yaw_rate_radps[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("first_step_m", [0.7, 15 / 3.6 * 0.2])
+def test_a_runner_at_5_hz_keeps_its_id(first_step_m: float) -> None:
+    # 0.5 m wide, more than its own size per frame: the boxes never overlap before the speed is known.
+    tracker = Tracker()
+    ids = [tracker.update(_frame(0.2 * k, [[0, first_step_m * k]])).track_id.tolist() for k in range(20)]
+    assert ids == [[1]] * 20
+
+
+def test_a_sudden_start_at_5_hz_keeps_its_id() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(max_age_s=0.5)))
+    position = np.cumsum([0.0] * 10 + [15 / 3.6 * 0.2] * 10)
+    ids = [tracker.update(_frame(0.2 * k, [[0, y]])).track_id.tolist() for k, y in enumerate(position)]
+    assert ids == [[1]] * 20
+
+
+def test_the_papers_rule_loses_the_runner() -> None:
+    tracker = Tracker(TrackerConfig.paper())
+    ids = [tracker.update(_frame(0.2 * k, [[0, 0.7 * k]])).track_id.tolist() for k in range(4)]
+    assert ids == [[1], [2], [3], [4]]
+
+
+@pytest.mark.parametrize("config", [TrackerConfig(), TrackerConfig.paper()], ids=["default", "paper"])
+def test_crossing_pedestrians_keep_their_ids(config: TrackerConfig) -> None:
+    rng = np.random.default_rng(2)
+    tracker = Tracker(config)
+    for k in range(80):
+        t = 0.05 * k - 2.0
+        centers = np.array([[WALK_MPS * t, 0.3], [-WALK_MPS * t, -0.3], [0.3, 3.0 * WALK_MPS * t]])
+        tracks = tracker.update(_frame(0.05 * k, centers + rng.normal(0, 0.02, (3, 2))))
+        assert tracks.track_id.tolist() == [1, 2, 3]
+    np.testing.assert_allclose(tracks.boxes.center_m, centers, atol=0.2)
+
+
+def test_pedestrian_beside_a_car_is_its_own_track() -> None:
+    tracker = Tracker()
+    for k in range(10):
+        order = [0, 1] if k % 2 else [1, 0]
+        frame = _frame(0.05 * k, [[0, 0], [0.5, 0.5]], ["car", "pedestrian"])
+        tracks = tracker.update(frame[np.array(order)])
+    assert dict(zip(tracks.track_id.tolist(), tracks.category.tolist(), strict=True)) == {
+        1: "pedestrian",
+        2: "car",
+    }
+
+
+def test_unknown_track_learns_its_category() -> None:
+    tracker = Tracker()
+    tracker.update(_frame(0.0, [[0, 0]], "unknown"))
+    tracks = tracker.update(_frame(0.05, [[0, 0]], "cyclist"))
+    tracks = tracker.update(_frame(0.10, [[0, 0]], "unknown"))
+    assert (tracks.track_id.tolist(), tracks.category.tolist()) == ([1], ["cyclist"])
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.05, 0.1, 0.15])
+def test_a_track_dies_by_time_not_by_frames(dt_s: float) -> None:
+    tracker = Tracker()
+    tracker.update(_frame(0.0, [[0, 0]]))
+    for k in range(1, 30):
+        tracks = tracker.update(Detections.empty(dt_s * k))
+        assert len(tracks) == (dt_s * k <= 0.15 + 1e-6)
+        if len(tracks):
+            assert tracks.coasted_s[0] == pytest.approx(dt_s * k)
+
+
+def test_a_coasting_track_moves_on_and_is_found_again() -> None:
+    tracker = Tracker()
+    for k in range(20):
+        tracker.update(_frame(0.05 * k, [[0.5 * k, 0]], "car"))
+    for k in range(20, 23):
+        tracks = tracker.update(Detections.empty(0.05 * k))
+        assert tracks.boxes.center_m[0, 0] == pytest.approx(0.5 * k, abs=0.05)
+    tracks = tracker.update(_frame(0.05 * 23, [[0.5 * 23, 0]], "car"))
+    assert tracks.track_id.tolist() == [1]
+    assert tracks.coasted_s.tolist() == [0.0]
+
+
+def test_ids_are_never_used_again() -> None:
+    tracker, other = Tracker(), Tracker()
+    tracker.update(_frame(0.0, [[0, 0], [9, 9]]))
+    tracker.update(Detections.empty(1.0))
+    assert tracker.update(_frame(2.0, [[0, 0]])).track_id.tolist() == [3]
+    assert other.update(_frame(2.0, [[0, 0]])).track_id.tolist() == [1]
+    tracker.reset()
+    assert tracker.update(_frame(0.0, [[0, 0]])).track_id.tolist() == [1]
+
+
+def test_irregular_frame_times() -> None:
+    rng = np.random.default_rng(3)
+    stamps = np.cumsum(rng.uniform(0.01, 0.14, 60))
+    tracker = Tracker()
+    for stamp in stamps:
+        tracks = tracker.update(_frame(stamp, [[3.0 * stamp, -1.0 * stamp]]))
+        assert tracks.track_id.tolist() == [1]
+    np.testing.assert_allclose(tracks.velocity_mps, [[3.0, -1.0]], atol=0.02)
+    assert tracks.age_s[0] == pytest.approx(stamps[-1] - stamps[0])
+
+
+@pytest.mark.parametrize("stamp", [1.0, 0.5, np.nan])
+def test_time_must_advance(stamp: float) -> None:
+    tracker = Tracker()
+    tracker.update(_frame(1.0, [[0, 0]]))
+    with pytest.raises(TimeOrderError, match=rf"frame at {stamp!r} s is not newer .* 1\.0 s"):
+        tracker.update(_frame(stamp, [[0, 0]]))
+    assert tracker.update(_frame(1.05, [[0, 0]])).track_id.tolist() == [1]
+
+
+def test_empty_frames() -> None:
+    tracker = Tracker()
+    assert len(tracker.update(Detections.empty(0.0))) == 0
+    assert len(tracker.update(Detections.empty(0.1))) == 0
+    assert tracker.update(_frame(0.2, [[0, 0]])).track_id.tolist() == [1]
+
+
+def test_low_scores_are_dropped() -> None:
+    tracks = Tracker().update(_frame(0.0, [[0, 0], [9, 0], [18, 0]], score=[0.29, 0.3, 0.9]))
+    assert tracks.score.tolist() == [0.3, 0.9]
+    np.testing.assert_allclose(tracks.boxes.center_m[:, 0], [9, 18])
+
+
+def _ahead(center_m: FloatArray, category: StrArray) -> FloatArray:
+    assert len(center_m) == len(category)
+    inside: FloatArray = center_m[:, 0] > 0.0
+    return inside
+
+
+def test_no_birth_outside_the_monitored_area() -> None:
+    tracker = Tracker()
+    tracks = tracker.update(_frame(0.0, [[-5, 0], [5, 0]]), _ahead)
+    assert tracks.track_id.tolist() == [1]
+    assert tracks.boxes.center_m[0, 0] == 5.0
+
+
+def test_a_track_dies_when_outside_for_longer_than_max_age() -> None:
+    tracker = Tracker()
+    alive = [
+        len(tracker.update(_frame(0.05 * k, [[0.51 - 0.1 * k, 0]], "cyclist"), _ahead)) for k in range(12)
+    ]
+    # Outside from k = 6 on: the last frame inside is 5, three more survive.
+    assert alive == [1] * 9 + [0] * 3
+
+
+def test_a_short_visit_outside_is_forgiven() -> None:
+    tracker = Tracker()
+    ids = [
+        tracker.update(_frame(0.05 * k, [[0.01 if k % 3 else -0.01, 0]]), _ahead).track_id.tolist()
+        for k in range(1, 30)
+    ]
+    assert ids == [[1]] * 29
+
+
+def test_monitored_must_answer_for_every_track() -> None:
+    with pytest.raises(ShapeError, match="monitored: expected"):
+        Tracker().update(_frame(0.0, [[0, 0], [9, 9]]), lambda center, category: np.array([True]))
+
+
+def test_confirmation_by_time() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(confirm_s=0.1)))
+    confirmed = [bool(tracker.update(_frame(0.05 * k, [[0, 0]])).confirmed[0]) for k in range(4)]
+    assert confirmed == [False, False, True, True]
+
+
+def test_outliers_are_rejected_by_category() -> None:
+    config = TrackerConfig(outlier_speed_mps=PerCategory(60, 5, 25, 60, 60, 60))
+    tracker = Tracker(config)
+    for k in range(30):
+        frame = _frame(0.05 * k, [[8 * 0.05 * k, 0], [8 * 0.05 * k, 9]], ["pedestrian", "car"])
+        tracks = tracker.update(frame)
+    assert tracks.dynamic.tolist() == [False, True]
+    np.testing.assert_allclose(tracks.velocity_mps, [[0, 0], [8, 0]], atol=0.05)
+    assert tracks.mean[0, 5] == pytest.approx(8.0, abs=0.05)
+
+
+def test_step_is_a_function_of_its_arguments() -> None:
+    tracker, rng = Tracker(), np.random.default_rng(4)
+    frames = [_frame(0.05 * k, rng.normal(0, 5, (6, 2))) for k in range(10)]
+    states = [TrackerState.empty()]
+    for frame in frames:
+        states.append(tracker.step(states[-1], frame)[0])
+    again, tracks = tracker.step(states[4], frames[4])
+    for name in ("track_id", "mean", "covariance", "matched_s", "confirmed"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(states[5], name))
+    assert len(tracker.state) == 0
+    assert tracks.track_id.tolist() == states[5].track_id.tolist()
+    with pytest.raises(ValueError, match="read-only"):
+        again.mean[0] = 0.0
+
+
+def test_update_equals_step() -> None:
+    rng = np.random.default_rng(5)
+    tracker, state = Tracker(), TrackerState.empty()
+    for k in range(10):
+        frame = _frame(0.05 * k, rng.normal(0, 3, (5, 2)))
+        state, functional = Tracker().step(state, frame)
+        stateful = tracker.update(frame)
+        np.testing.assert_array_equal(functional.mean, stateful.mean)
+        np.testing.assert_array_equal(functional.track_id, stateful.track_id)
+
+
+def test_tracks_do_not_depend_on_where_the_map_origin_is() -> None:
+    rng, shift = np.random.default_rng(6), np.array([1234.0, -4321.0])
+    near, far = Tracker(), Tracker()
+    for k in range(30):
+        centers = np.array([[0.2 * k, 0.0], [5.0, 0.07 * k]]) + rng.normal(0, 0.05, (2, 2))
+        here, there = near.update(_frame(0.05 * k, centers)), far.update(_frame(0.05 * k, centers + shift))
+    np.testing.assert_allclose(there.boxes.center_m - shift, here.boxes.center_m, atol=1e-9)
+    np.testing.assert_allclose(there.velocity_mps, here.velocity_mps, atol=1e-9)
+
+
+def test_state_rejects_arrays_of_different_length() -> None:
+    state = TrackerState.empty()
+    with pytest.raises(ShapeError, match="score: expected 0 rows"):
+        TrackerState(
+            0.0, 1, state.track_id, state.category_code, np.zeros(1), state.mean, state.covariance,
+            state.birth_s, state.matched_s, state.inside_s, state.confirmed,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("score_threshold", 1.1), ("dynamic_speed_mps", -1.0), ("dynamic_sigmas", np.nan)]
+)
+def test_rejects_impossible_settings(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=f"TrackerConfig.{name}: allowed"):
+        TrackerConfig(**{name: value})  # type: ignore[arg-type]
+
+
+def test_paper_thresholds() -> None:
+    assert TrackerConfig.paper().dynamic_speed_mps == 0.5
+    assert TrackerConfig.paper(with_map=False).dynamic_speed_mps == 1.0

@@ -1,0 +1,85 @@
+"""What holds for the project as a whole: who imports whom, what is installed, what start-up may load."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("opendrive", "smartmot", "scenarios", "evaluation")
+HEAVY = ("highway_env", "gymnasium", "pygame", "pandas", "pyarrow", "matplotlib", "scipy")
+
+
+def python(code: str) -> str:
+    """Run code in a fresh interpreter and return what it printed."""
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def pins(name: str) -> dict[str, str]:
+    lines = (ROOT / "requirements" / name).read_text().splitlines()
+    pinned = [line.split("==") for line in lines if line and not line.startswith(("#", "-r "))]
+    return {canonicalize_name(package): number for package, number in pinned}
+
+
+def test_import_contract_holds() -> None:
+    code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
+    assert re.search(r"\b2 kept, 0 broken", python(code))
+
+
+def test_import_of_the_command_line_is_light() -> None:
+    loaded = python(f"import sys, evaluation.cli; print([m for m in {HEAVY} if m in sys.modules])")
+    assert loaded.strip() == "[]"
+
+
+def test_help_is_light() -> None:
+    code = f"""
+import sys
+from evaluation.cli import main
+sys.argv = ["smartmot-eval", "--help"]
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code, stop.code
+print([m for m in {HEAVY} if m in sys.modules])
+"""
+    lines = python(code).splitlines()
+    assert any("Usage" in line for line in lines)
+    assert lines[-1] == "[]"
+
+
+def test_installed_version_is_the_one_of_the_source(project: dict[str, Any]) -> None:
+    assert version("smartmot") == project["version"]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_declares_its_types(package: str) -> None:
+    assert (files(package) / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("name", ["run.txt", "dev.txt"])
+def test_requirements_are_exact_pins_and_nothing_else(name: str) -> None:
+    for line in (ROOT / "requirements" / name).read_text().splitlines():
+        assert re.fullmatch(r"#.*|-r run\.txt|[A-Za-z0-9_.-]+==[0-9][0-9A-Za-z.]*", line), line
+
+
+def test_pins_satisfy_the_declared_dependencies(project: dict[str, Any]) -> None:
+    run = pins("run.txt")
+    extras = project["optional-dependencies"]["dev"]
+    for declared, pinned in ((project["dependencies"], run), (extras, run | pins("dev.txt"))):
+        for requirement in map(Requirement, declared):
+            assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
