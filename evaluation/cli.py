@@ -200,11 +200,10 @@ def map_command(
 
 def main() -> None:
     """Entry point: run the command; one line and status 2 for a mistake of the user."""
+    from evaluation.errors import ArgumentError
     from opendrive import OpenDriveError
     from scenarios.errors import ScenarioError
     from smartmot.errors import SmartMotError
-
-    from evaluation.errors import ArgumentError
 
     try:
         app()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evaluation.errors import ArgumentError
 from opendrive import RoadNetwork
@@ -55,7 +55,8 @@ def save_pictures(
         written.append(path)
         done()
 
-    title = f"{row['scenario']}, {row['strategy']}, {row['v_test_kmh']:g} km/h, {row['weather']}, preset {row['preset']}"
+    speed = f"{row['v_test_kmh']:g} km/h"
+    title = f"{row['scenario']}, {row['strategy']}, {speed}, {row['weather']}, preset {row['preset']}"
     save(speed_curves(runs, logs), "speed_curves")
     save(temporal_diagram(log, title), "temporal_diagram")
     time = (
@@ -88,15 +89,20 @@ def save_map(
 
 def _plain_metadata(suffix: str) -> dict[str, str | None]:
     """No time stamps in the files, so that equal runs give equal bytes."""
-    return {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(suffix, {})
+    stamps: dict[str, dict[str, str | None]] = {
+        "png": {"Software": None},
+        "svg": {"Date": None},
+        "pdf": {"CreationDate": None},
+    }
+    return stamps[suffix]
 
 
-def _row_to_show(runs: pd.DataFrame, shown: str | None) -> pd.Series:
+def _row_to_show(runs: pd.DataFrame, shown: str | None) -> pd.Series[Any]:
     if shown is not None:
         match = runs[runs["log"] == shown]
         if match.empty:
             raise ArgumentError(f"--run: no run {shown!r}; the folder has: {', '.join(runs['log'])}")
-        return match.iloc[0]
+        return match.iloc[0, :]
     last = runs[runs["strategy"] == runs["strategy"].iloc[-1]]
     flagged = last[last["flag_time_s"].notna()]
     # 50 km/h is the usual speed in town; otherwise the fastest flagged run

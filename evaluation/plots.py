@@ -100,6 +100,7 @@ _STANDSTILL_MPS = 0.01
 _CONTACT_GAP_M = 0.01
 _TIME_TOLERANCE_S = 1e-6
 _REPEAT_COST = 2.0
+_PANEL_CONDITIONS = ("scenario", "preset", "weather", "adversaries")
 _ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
 
 
@@ -165,7 +166,7 @@ def temporal_diagram(
     _style(above)
     _style(below)
     if title:
-        above.set_title(title, fontsize=_FONT_PT)
+        _set_title(above, title, room=58)
     start, end = _time_range(ego, events)
     margin = 0.02 * (end - start)
     below.set_xlim(start - margin, end + margin)
@@ -342,8 +343,8 @@ def _time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
 def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure:
     """Speed over the time to stop or contact, a panel per strategy, a curve per test speed.
 
-    A cross marks the request of the emergency brake, an open circle a contact. Scenario, preset and
-    adversaries get panels of their own where they differ.
+    A cross marks the request of the emergency brake, an open circle a contact. Runs that differ in
+    scenario, preset, weather or adversaries get panels of their own; seeds share one.
 
     Args:
         runs: table of runs, as from `results.read_runs`.
@@ -357,7 +358,8 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     if runs.empty:
         raise ResultsError("speed curves: the table of runs is empty; run at least one test")
     panels = _panels(runs)
-    columns = min(2, len(panels)) if len(panels) != 3 else 3
+    strategies = len(ordered_strategies(runs))
+    columns = min(strategies if strategies in (2, 3) else 2, len(panels))
     lines = math.ceil(len(panels) / columns)
     figure = _figure(0.9 + 2.15 * lines)
     grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
@@ -370,8 +372,9 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
     earliest = min(-1.5, float(flags.min()) - 0.3) if len(flags) else -1.5
     top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
-    for axes, (name, rows), letter in zip(grid.flat, panels, "abcdefghijklmnopqrstuvwxyz", strict=False):
-        axes.set_title(f"({letter}) {name}", fontsize=_FONT_PT, pad=4.0)
+    for number, (axes, (name, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
+        letter = chr(ord("a") + number) if number < 26 else str(number + 1)
+        _set_title(axes, f"({letter}) {name}", room=30)
         _style(axes)
         axes.set_xlim(earliest, 0.0)
         axes.xaxis.set_major_locator(MultipleLocator(0.5))
@@ -399,7 +402,7 @@ def _short_number(value: float, _position: object) -> str:
 
 def _panels(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each panel with its name: strategies within each set of conditions."""
-    conditions = varying_conditions(runs)
+    conditions = varying_conditions(runs, _PANEL_CONDITIONS)
     groups = runs.groupby(conditions, sort=True) if conditions else [((), runs)]
     panels = []
     for values, group in groups:
@@ -509,7 +512,7 @@ def birdseye(
     axes.set_xlabel("Ahead of ego (m)", fontsize=_FONT_PT)
     axes.set_ylabel("Left of ego (m)", fontsize=_FONT_PT)
     heading = f"t = {float(ego['time_s']):.2f} s, ego at {float(ego['speed_mps']) * _KMH:.1f} km/h"
-    axes.set_title(heading if title is None else title, fontsize=_FONT_PT, pad=4.0)
+    _set_title(axes, heading if title is None else title, room=62)
     handles = _draw_map(axes, network, pose, view) + _draw_areas(axes, areas, pose)
     handles += _draw_objects(axes, frame, pose)
     _legend_below(figure, handles)
@@ -531,20 +534,20 @@ def map_picture(
         areas: role and outline (P, 2) of each monitored area, map frame, metres.
         ego_pose: x, y in metres and yaw in radians.
         title: heading, if any.
-        half_size_m: half the side of the square around the ego that is shown; without it or without an ego,
-            the whole map.
+        half_size_m: half the side of the square around the ego that is shown. Without it, or without an ego,
+            the surroundings of the areas, and the whole map if there are none.
     """
     origin = (0.0, 0.0, 0.0)
     if half_size_m is not None and ego_pose is not None:
         x, y, _ = ego_pose
         view = (x - half_size_m, y - half_size_m, x + half_size_m, y + half_size_m)
     else:
-        view = _whole_view(network)
+        view = _view_of([ring for _, ring in areas], 0.25) if areas else _whole_view(network)
     figure, axes = _scene_axes(view)
     axes.set_xlabel("x, east (m)", fontsize=_FONT_PT)
     axes.set_ylabel("y, north (m)", fontsize=_FONT_PT)
     if title:
-        axes.set_title(title, fontsize=_FONT_PT, pad=4.0)
+        _set_title(axes, title, room=62)
     handles = _draw_map(axes, network, origin, view) + _draw_areas(axes, areas, origin)
     if ego_pose is not None:
         x, y, yaw = ego_pose
@@ -615,12 +618,15 @@ def _lane_outlines(network: MapView) -> tuple[tuple[str, FloatArray], ...]:
 
 def _whole_view(network: MapView) -> Rectangle:
     outlines = [outline for _, outline in _lane_outlines(network)]
-    if not outlines:
-        return (0.0, 0.0, 1.0, 1.0)
-    points = np.concatenate(outlines)
+    return _view_of(outlines, 0.02) if outlines else (0.0, 0.0, 1.0, 1.0)
+
+
+def _view_of(outlines: Sequence[FloatArray], margin: float) -> Rectangle:
+    """Rectangle around outlines, with a margin as part of its longer side."""
+    points = np.concatenate([np.asarray(outline, dtype=np.float64)[:, :2] for outline in outlines])
     (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
-    margin = 0.02 * max(right - left, high - low, 1.0)
-    return (float(left - margin), float(low - margin), float(right + margin), float(high + margin))
+    more = margin * max(right - left, high - low, 1.0)
+    return (float(left - more), float(low - more), float(right + more), float(high + more))
 
 
 def _draw_areas(axes: Axes, areas: Sequence[Area], pose: Pose) -> list[Any]:
@@ -677,7 +683,7 @@ def _draw_objects(axes: Axes, frame: pd.DataFrame, pose: Pose) -> list[Any]:
             axes.plot(around[:, 0], around[:, 1], color=colour, gid="threat", zorder=5.5, **ring)
         _draw_fading(axes, forecasts[forecasts["id"].map(state_of) == state], pose, "forecast", colour)
     if len(forecasts):
-        handles.append(_patch("forecast", face="none", edge=GREEN, alpha=0.5))
+        handles.append(_patch("forecast", face="none", edge=GREY))
     _label_tracks(axes, tracks, [ego, ahead, actors, detections, tracks], pose)
     return handles
 
@@ -862,6 +868,12 @@ def _style(axes: Axes) -> None:
     axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_SMALL_PT)
+
+
+def _set_title(axes: Axes, title: str, *, room: int) -> None:
+    """Heading, smaller where it has more characters than there is room for."""
+    size = _FONT_PT * min(1.0, room / max(len(title), 1))
+    axes.set_title(title, fontsize=size, pad=4.0)
 
 
 def _scene_axes(view: Rectangle) -> tuple[Figure, Axes]:

@@ -49,6 +49,9 @@ LOG_COLUMNS = (
 STRATEGY_ORDER = ("rectangular", "map", "all")
 """Order in which tables and pictures show the strategies; others follow by name."""
 
+Published = Mapping[float, tuple[float, float | None]]
+"""Published impact speed in km/h and score, if there is one, of one strategy by test speed in km/h."""
+
 _LOG_TEXT = frozenset({"kind", "category", "label"})
 _CONDITIONS = ("scenario", "preset", "adversaries")
 _EMPTY = "–"
@@ -248,14 +251,12 @@ def ordered_strategies(runs: pd.DataFrame) -> list[str]:
     return sorted(names, key=lambda name: (known.get(name, len(known)), name))
 
 
-def varying_conditions(runs: pd.DataFrame) -> list[str]:
-    """Columns among scenario, preset and adversaries in which the runs differ."""
-    return [name for name in _CONDITIONS if len(set(runs[name])) > 1]
+def varying_conditions(runs: pd.DataFrame, names: Sequence[str] = _CONDITIONS) -> list[str]:
+    """Columns among the named ones in which the runs differ."""
+    return [name for name in names if len(set(runs[name])) > 1]
 
 
-def comparison_table(
-    runs: pd.DataFrame, published: Mapping[str, Mapping[float, tuple[float, float]]] | None = None
-) -> Table:
+def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | None = None) -> Table:
     """Impact speed and score of each strategy, per test speed.
 
     Runs that differ in weather and seed only are averaged. Scenario, preset and adversaries become
@@ -263,7 +264,8 @@ def comparison_table(
 
     Args:
         runs: table of runs, as from `read_runs`.
-        published: per strategy and test speed in km/h, the published impact speed in km/h and score.
+        published: per strategy and test speed in km/h, the published impact speed in km/h and score
+            (None where none was published).
 
     Returns:
         The table, with one line of total scores per condition and the false stops at its foot. A strategy's
@@ -311,6 +313,7 @@ def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
     view = RichTable(
         title=title,
         box=SIMPLE_HEAD,
+        show_edge=False,
         pad_edge=False,
         padding=(0, 0),
         caption=table.caption or None,
@@ -319,7 +322,7 @@ def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
     for name, *cells in zip(table.header, *table.rows, *table.totals, strict=True):
         # Wide enough for every cell and every word of the header, so that only headers break, at spaces.
         width = max(map(len, [*name.split(), *cells]))
-        view.add_column(escape(name), justify="right", min_width=width)
+        view.add_column(escape(name), justify="right", width=width)
     for index, row in enumerate(table.rows):
         view.add_row(*map(escape, row), end_section=index == len(table.rows) - 1)
     for row in table.totals:
@@ -339,16 +342,14 @@ def _select(group: pd.DataFrame, strategy: str, speed: float) -> pd.DataFrame:
     return group[(group["strategy"] == strategy) & (group["v_test_kmh"] == speed)]
 
 
-def _cells(
-    group: pd.DataFrame, strategy: str, speed: float, published: Mapping[float, tuple[float, float]] | None
-) -> list[str]:
+def _cells(group: pd.DataFrame, strategy: str, speed: float, published: Published | None) -> list[str]:
     """Texts of one strategy at one speed."""
     chosen = _select(group, strategy, speed)
     impact = float(chosen["v_impact_kmh"].mean()) if len(chosen) else math.nan
     score = float(chosen["score"].mean()) if len(chosen) else math.nan
     texts = [_number(impact, ".2f"), _number(score, ".2f")]
     if published is not None:
-        there, _ = published.get(speed, (math.nan, math.nan))
+        there, _ = published.get(speed, (math.nan, None))
         texts += [_number(there, ".2f"), _number(impact - there, "+.2f")]
     return texts
 
@@ -357,7 +358,7 @@ def _total_cells(
     group: pd.DataFrame,
     strategy: str,
     speeds: Sequence[float],
-    published: Mapping[float, tuple[float, float]] | None,
+    published: Published | None,
 ) -> list[str]:
     """Sums of the scores of one strategy: its mean at every speed, over what could be won there."""
     chosen = [_select(group, strategy, speed) for speed in speeds]
@@ -371,7 +372,7 @@ def _total_cells(
     texts = ["", text]
     if published is not None:
         scores = [published[speed][1] for speed in speeds if speed in published]
-        known = [score for score in scores if not math.isnan(score)]
+        known = [score for score in scores if score is not None]
         texts += [f"score {sum(known):g}" if known else "", ""]
     return texts
 

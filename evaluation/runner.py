@@ -113,7 +113,8 @@ def lane_at(network: RoadNetwork, place: Place) -> int:
             return index
         found.append(f"{key.lane_id} ({network.lanes.lane_type[index]!s}, s {low:g}..{high:g})")
     raise ScenarioError(
-        f"road {place.road_id} has no lane {place.lane_id} at s = {place.s_m:g} m; it has: {'; '.join(found[:12])}"
+        f"road {place.road_id} has no lane {place.lane_id} at s = {place.s_m:g} m; "
+        f"it has: {'; '.join(found[:12])}"
     )
 
 

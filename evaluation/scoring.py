@@ -30,7 +30,7 @@ PUBLISHED: dict[str, dict[float, tuple[float, float | None]]] = {
         80.0: (39.78, None),
     },
 }
-"""What the paper printed for its conditions, by strategy. Never used in a computation, only shown beside it."""
+"""What the paper printed, by strategy. Shown beside results, never used in a computation."""
 
 
 def paper_score_max(v_test_kmh: float) -> float | None:

@@ -1,6 +1,6 @@
 """Array types and checks shared by the modules."""
 
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +11,10 @@ FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
-def read_only(array: FloatArray) -> FloatArray:
+
+def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Return the same array, protected against writing."""
     array.setflags(write=False)
     return array

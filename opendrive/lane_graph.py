@@ -170,11 +170,21 @@ class _Builder:
                 )
             )
             return
-        for from_lane, to_lane in connection.lane_links:
+        for from_lane, to_lane in connection.lane_links or _same_ids(incoming, end, connecting, connection):
             a = self._end(incoming, end, from_lane, "junction/connection/laneLink")
             b = self._end(connecting, connection.contact_point, to_lane, "junction/connection/laneLink")
             if a is not None and b is not None:
                 yield a, b
+
+
+def _same_ids(
+    incoming: Road, end: ContactPoint, connecting: Road, connection: Connection
+) -> tuple[tuple[int, int], ...]:
+    """Return the links of a connection that lists none: lanes of equal id belong together (clause 12.4.2)."""
+    before = incoming.sections[0 if end == "start" else -1]
+    after = connecting.sections[0 if connection.contact_point == "start" else -1]
+    common = {lane.id for lane in before.lanes} & {lane.id for lane in after.lanes} - {0}
+    return tuple((lane_id, lane_id) for lane_id in sorted(common))
 
 
 def _links(lane: Lane, end: ContactPoint) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, read_only
 from opendrive.model import Lane, Road
 from opendrive.profiles import CubicTable
 
@@ -83,17 +83,17 @@ class LaneTable:
                         junction.append(road.junction_id)
                         records.append(lane)
         columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T
-        start, end = columns[0].copy(), columns[1].copy()
+        start, end = read_only(columns[0].copy()), read_only(columns[1].copy())
         return cls(
             key=tuple(key),
-            lane_type=np.array([lane.type for lane in records], dtype=np.str_),
+            lane_type=read_only(np.array([lane.type for lane in records], dtype=np.str_)),
             s_start_m=start,
             s_end_m=end,
-            direction=columns[2].astype(np.int8),
+            direction=read_only(columns[2].astype(np.int8)),
             junction_id=tuple(junction),
-            road=columns[3].astype(np.int64),
-            side=columns[4].astype(np.int8),
-            inner=columns[5].astype(np.int64),
+            road=read_only(columns[3].astype(np.int64)),
+            side=read_only(columns[4].astype(np.int8)),
+            inner=read_only(columns[5].astype(np.int64)),
             is_border=np.array(
                 [not len(lane.width) and len(lane.border) > 0 for lane in records], dtype=np.bool_
             ),

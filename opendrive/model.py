@@ -7,6 +7,7 @@ as in the standard. A piecewise cubic is an array of shape (K, 5) with the colum
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from opendrive.arrays import FloatArray
@@ -379,3 +380,12 @@ class MapModel:
     roads: Mapping[str, Road]
     junctions: Mapping[str, Junction]
     warnings: tuple[MapWarning, ...]
+
+    def __post_init__(self) -> None:
+        """Protect the mappings against writing."""
+        object.__setattr__(self, "roads", MappingProxyType(dict(self.roads)))
+        object.__setattr__(self, "junctions", MappingProxyType(dict(self.junctions)))
+
+    def __reduce__(self) -> tuple[type["MapModel"], tuple[object, ...]]:
+        """Pickle the mappings as plain dictionaries."""
+        return MapModel, (self.header, dict(self.roads), dict(self.junctions), self.warnings)

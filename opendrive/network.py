@@ -36,6 +36,13 @@ class RoadNetwork:
         self._geometry = NetworkGeometry.collect(self._records)
         self._road_index = {road.id: r for r, road in enumerate(self._records)}
 
+    def __reduce__(self) -> tuple[type["RoadNetwork"], tuple[MapModel]]:
+        """Pickle the map alone; derived tables are made anew where it is loaded."""
+        return RoadNetwork, (self._model,)
+
+    def __repr__(self) -> str:
+        return f"<RoadNetwork {self.name!r}: {len(self._records)} roads, {len(self.lanes)} lanes>"
+
     # Content
 
     @property

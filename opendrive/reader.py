@@ -8,7 +8,6 @@ import math
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal, TypeAlias, overload
 
 import numpy as np
@@ -48,6 +47,12 @@ from opendrive.model import (
 Element: TypeAlias = etree._Element
 
 MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
+MAX_NUMBER = 1e9
+"""A greater number is refused: no quantity of a road map comes near it."""
+
+MAX_LENGTH_M = 1e6
+"""A road that is longer is refused."""
+
 MAX_TURN_RAD = 1000.0
 """A piece of reference line that turns further than this is refused."""
 
@@ -146,8 +151,12 @@ class _Reader:
             value = float(text)
         except ValueError:
             value = math.nan
-        if math.isfinite(value):
+        if abs(value) <= MAX_NUMBER:
             return value
+        if math.isfinite(value):
+            raise self.error(
+                element, f"attribute {name!r} is {text!r:.40}, expected a value within {MAX_NUMBER:g}"
+            )
         raise self.error(element, f"attribute {name!r} is {text!r:.40}, expected a finite number")
 
     def integer(self, element: Element, name: str) -> int:
@@ -159,6 +168,13 @@ class _Reader:
             raise self.error(element, f"attribute {name!r} is {text!r:.40}, expected an integer") from None
         if abs(value) > 10**6:
             raise self.error(element, f"attribute {name!r} is {value}, expected a value within 1000000")
+        return value
+
+    def length_m(self, element: Element) -> float:
+        """Return the attribute length, metres."""
+        value = self.number(element, "length")
+        if not 0.0 <= value <= MAX_LENGTH_M:
+            raise self.error(element, f"attribute 'length' is {value:g}, expected 0 to {MAX_LENGTH_M:g} m")
         return value
 
     def contact_point(self, element: Element) -> ContactPoint | None:
@@ -229,7 +245,7 @@ class _Reader:
             junctions[junction.id] = junction
         if not roads:
             raise MapContentError(f"{self.file}: the map has no <road>; it may be truncated")
-        return MapModel(header, MappingProxyType(roads), MappingProxyType(junctions), tuple(self.warnings))
+        return MapModel(header, roads, junctions, tuple(self.warnings))
 
     def header(self, root: Element) -> Header:
         element = root.find("header")
@@ -260,9 +276,7 @@ class _Reader:
         )
 
     def road(self, element: Element) -> Road:
-        length_m = self.number(element, "length")
-        if length_m < 0.0:
-            raise self.error(element, f"attribute 'length' is {length_m}, expected a positive length")
+        length_m = self.length_m(element)
         link = element.find("link")
         lateral = element.find("lateralProfile")
         lanes = element.find("lanes")
@@ -349,9 +363,7 @@ class _Reader:
         return tuple(records)
 
     def geometry(self, element: Element) -> Geometry:
-        length_m = self.number(element, "length")
-        if length_m < 0.0:
-            raise self.error(element, f"attribute 'length' is {length_m}, expected a positive length")
+        length_m = self.length_m(element)
         return Geometry(
             s_m=self.number(element, "s"),
             x_m=self.number(element, "x"),

@@ -21,6 +21,12 @@ S_TOLERANCE_M = 1e-3
 _FOOT_STEPS = 30
 _KINK_STEP_M = 1e-7
 
+_SHARE = 0.9
+"""Part of a tolerance that the probes may use up; the border may depart a little more between them."""
+
+_PROBES = np.array([0.0, (3.0 - np.sqrt(3.0)) / 6.0, 0.5, (3.0 + np.sqrt(3.0)) / 6.0, 1.0])
+"""Where a cubic departs most from its chord; irrational, so that no number of whole turns is overlooked."""
+
 
 class SurfacePoints(NamedTuple):
     """Points on road surfaces, map frame; arrays of one shape.
@@ -192,12 +198,12 @@ class NetworkGeometry:
         for _ in range(24):
             if not lane.size:
                 break
-            fractions = np.array([0.0, 0.25, 0.5, 0.75, 1.0])[:, None]
+            fractions = _PROBES[:, None]
             s = low_m + fractions * (high_m - low_m)
             xy = self.border_points(np.broadcast_to(lane, s.shape).ravel(), s.ravel(), margins_m)
             xy = xy.reshape(2, 5, lane.size, 2)
             chord = xy[:, :1] + fractions[:, :, None] * (xy[:, -1:] - xy[:, :1])
-            rough = (np.hypot(*np.moveaxis(xy - chord, -1, 0)) > tolerance_m).any(axis=(0, 1))
+            rough = (np.hypot(*np.moveaxis(xy - chord, -1, 0)) > _SHARE * tolerance_m).any(axis=(0, 1))
             rough &= high_m - low_m > 0.01
             done.append((lane[~rough], low_m[~rough], high_m[~rough]))
             middle = 0.5 * (low_m + high_m)[rough]

@@ -21,6 +21,7 @@ from smartmot.monitored_area import (
 )
 from smartmot.pipeline import Pipeline
 from smartmot.route import Route, route_ahead
+from smartmot.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
 
 ADULT_LENGTH_M, ADULT_WIDTH_M = 0.60, 0.50
 """Euro NCAP adult target EPTa: along and across its walking direction."""
@@ -118,11 +119,11 @@ def site_at(network: RoadNetwork, lane: int, s_m: float, max_speed_kmh: float) -
     free = straight_around(route, line)
     if free[0] < needed or free[1] < RUN_OUT_M:
         raise ScenarioError(
-            f"no straight stretch: at lane {name}, s = {s_m:g} m the route is straight for {free[0]:.0f} m before and "
-            f"{free[1]:.0f} m after; {max_speed_kmh:g} km/h needs {needed:.0f} m and {RUN_OUT_M:.0f} m"
+            f"no straight stretch: at lane {name}, s = {s_m:g} m the route is straight for {free[0]:.0f} m "
+            f"before and {free[1]:.0f} m after; {max_speed_kmh:g} km/h needs {needed:.0f} m and "
+            f"{RUN_OUT_M:.0f} m"
         )
-    side = 1 if int(network.lanes.direction[lane]) * network.lanes.key[lane].lane_id > 0 else -1
-    return Site(network, route, line, side)
+    return Site(network, route, line, near_side(network, lane))
 
 
 def straight_around(route: Route, station_m: float) -> tuple[float, float]:
@@ -139,7 +140,7 @@ def straight_around(route: Route, station_m: float) -> tuple[float, float]:
 
 
 def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
-    """Choose a place by itself: the longest straight driving lane outside junctions, beside a sidewalk if any.
+    """Choose a place: the longest straight driving lane outside junctions, beside a sidewalk if there is one.
 
     Raises:
         ScenarioError: no lane is straight for long enough.
@@ -151,39 +152,54 @@ def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
         for i in np.argsort(-length, kind="stable").tolist()
         if lanes.lane_type[i] == "driving" and lanes.junction_id[i] is None
     ]
-    beside = [i for i in candidates if _has_sidewalk(network, i)]
+    middle = (lanes.s_start_m + lanes.s_end_m) / 2
+    beside = [i for i in candidates if kerb_m(network, i, float(middle[i]), near_side(network, i))[1]]
     needed = approach_m(max_speed_kmh)
-    best = (0.0, "")
     for lane in (beside or candidates)[:60]:
         low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
         for share in (0.75, 0.5, 0.9, 0.99):
             s = low + share * (high - low) if lanes.direction[lane] > 0 else high - share * (high - low)
             try:
                 return site_at(network, lane, s, max_speed_kmh)
-            except ScenarioError as error:
-                best = max(best, (float(length[lane]), str(error)))
+            except ScenarioError:
+                continue
     raise ScenarioError(
-        f"no straight stretch of {needed:.0f} m for {max_speed_kmh:g} km/h in map {network.name or '(unnamed)'}; "
-        "use lower speeds, another map, or --at ROAD,LANE,S"
+        f"no straight stretch of {needed:.0f} m for {max_speed_kmh:g} km/h in map "
+        f"{network.name or '(unnamed)'}; use lower speeds, another map, or --at ROAD,LANE,S"
     )
 
 
-def _has_sidewalk(network: RoadNetwork, lane: int) -> bool:
-    """Whether a sidewalk lies on the near side of a lane, over kerbside strips only."""
-    from smartmot.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
+def kerb_m(network: RoadNetwork, lane: int, s_m: float, side: int) -> tuple[float, bool]:
+    """Distance from a lane's centre over the carriageway to the kerb, and whether a sidewalk begins there.
 
-    side = int(network.lanes.direction[lane]) * network.lanes.key[lane].lane_id > 0
-    current: int | None = lane
+    Args:
+        network: the map.
+        lane: index of the lane.
+        s_m: road coordinate.
+        side: +1 to the left of the lane's travel direction, -1 to the right.
+    """
+    along = int(network.lanes.direction[lane])
+    here = np.array([s_m])
+    distance = float(network.lane_width(lane, here)[0]) / 2
+    current = lane
     while True:
-        assert current is not None
-        current = network.left_neighbour(current) if side else network.right_neighbour(current)
-        if current is None:
-            return False
-        kind = str(network.lanes.lane_type[current])
+        same_way = int(network.lanes.direction[current]) == along
+        outward = network.left_neighbour if (side > 0) == same_way else network.right_neighbour
+        following = outward(current)
+        if following is None:
+            return distance, False
+        kind = str(network.lanes.lane_type[following])
         if kind in SIDEWALK_TYPES:
-            return True
-        if kind not in KERBSIDE_TYPES:
-            return False
+            return distance, True
+        if kind not in KERBSIDE_TYPES and kind != "driving":
+            return distance, False
+        distance += float(network.lane_width(following, here)[0])
+        current = following
+
+
+def near_side(network: RoadNetwork, lane: int) -> int:
+    """Side of a lane's near side: -1 (right) where traffic keeps right, +1 (left) where it keeps left."""
+    return 1 if int(network.lanes.direction[lane]) * network.lanes.key[lane].lane_id > 0 else -1
 
 
 def make_strategy(name: str, preset: Preset, site: Site) -> MonitoredAreaStrategy:
@@ -231,22 +247,28 @@ def _target(test: CpnaTest, site: Site, ego_width_m: float) -> tuple[Actor, floa
 def _adversaries(site: Site) -> list[Actor]:
     """Parked cars at the far kerb, pedestrians standing on the monitored and the non-relevant sidewalk.
 
-    The sidewalk is looked for beside the lane; without one its place is taken as 2 m wide from the border.
+    Cars stand 0.1 m from the far kerb, pedestrians 0.9 m over the near kerb (inside the usual margin of
+    1.8 m) and 2.2 m over it (outside), and on the far sidewalk.
     """
-    side, lane = site.near_side, site.route.strips[0].half_width_m[0]
+    side = site.near_side
+    index = int(np.searchsorted(site.route.entry_m, site.line_m, side="right")) - 1
+    strip = site.route.strips[index]
+    s_m = strip.s_at(site.line_m - float(site.route.entry_m[index]))
+    near, far = (kerb_m(site.network, strip.lane, s_m, k)[0] for k in (side, -side))
     actors: list[Actor] = []
 
     def put(category: str, along: float, across: float, size: tuple[float, float], turn: float = 0.0) -> None:
         x, y, yaw = site.route.pose(site.line_m + along, side * across)
         actors.append(Actor(category, "adversary", x, y, yaw + turn, *size))
 
-    width = 2 * lane
+    car, adult = (4.4, 1.8), (ADULT_LENGTH_M, ADULT_WIDTH_M)
     for along in (-25.0, -12.0, 3.0, 12.0):
-        put("car", along, -(lane + width - 1.0), (4.4, 1.8), np.pi)
+        put("car", along, -(far - car[1] / 2 - 0.1), car, np.pi)
     for along in (-18.0, 6.0, 14.0):
-        put("pedestrian", along, lane + 0.9, (ADULT_LENGTH_M, ADULT_WIDTH_M))
-    for along, across in ((-22.0, lane + 2.3), (9.0, lane + 2.3), (2.0, -(lane + width + 1.5))):
-        put("pedestrian", along, across, (ADULT_LENGTH_M, ADULT_WIDTH_M))
+        put("pedestrian", along, near + 0.9, adult)
+    for along in (-22.0, 9.0):
+        put("pedestrian", along, near + 2.2, adult)
+    put("pedestrian", 2.0, -(far + 1.0), adult)
     return actors
 
 
@@ -275,8 +297,8 @@ def build(
     start = trigger - preset.ego_length_m / 2 - speed * LEAD_S
     if start < 0:
         raise ScenarioError(
-            f"{test.speed_kmh:g} km/h needs {site.line_m - start:.0f} m of road before the pedestrian's line; "
-            f"the route offers {site.line_m:.0f} m"
+            f"{test.speed_kmh:g} km/h needs {site.line_m - start:.0f} m of road before the pedestrian's "
+            f"line; the route offers {site.line_m:.0f} m"
         )
     ego = EgoVehicle(site.route, start, speed, preset.ego_length_m, preset.ego_width_m, preset.brakes)
     actors = [target] + (_adversaries(site) if test.adversaries == "static" else [])

@@ -42,8 +42,8 @@ PAPER = Preset(
     # Ground truth of the simulator with 0.05 m of noise at 20 Hz (authors' code). What limits the paper's
     # system is how far ahead an object may count; that is set in the areas below.
     sensor=SensorConfig(range_m=100.0, position_sigma_m=0.05, rate_hz=20.0),
-    # The authors clamp the rectangle to 12..30 m. The published impact speeds (23.82 and 44.23 km/h) belong to
-    # its lower clamp, whatever the speed; a longer rectangle would have stopped in time.
+    # The authors clamp the rectangle to 12..30 m. The published impact speeds (23.82 and 44.23 km/h) belong
+    # to its lower clamp, whatever the speed; a longer rectangle would have stopped in time.
     rectangular=RectangularConfig(min_length_m=12.0, max_length_m=12.0),
     # Front limit of the authors' detections; objects count up to there.
     map_area=MapAreaConfig(reach_m=22.2),
@@ -54,8 +54,8 @@ PAPER = Preset(
 
 PHYSICAL = Preset(
     name="physical",
-    # Peak braking coefficient 0.9 of Euro NCAP's test track x 9.81 m/s2 = 8.8; 0.2 s delay and 0.4 s build-up:
-    # the slower of the two profiles commonly assumed for AEB, near UN R157's 14.1 m/s3 build-up.
+    # Peak braking coefficient 0.9 of Euro NCAP's test track x 9.81 m/s2 = 8.8; 0.2 s delay and 0.4 s build-up
+    # is the slower of the two profiles commonly assumed for AEB, near UN R157's 14.1 m/s3 build-up.
     brakes=BrakeConfig(delay_s=0.2, build_up_s=0.4, max_decel_mps2=8.8),
     sensor=SensorConfig(range_m=70.0, position_sigma_m=0.05, rate_hz=20.0),
     rectangular=RectangularConfig(),  # the authors' own clamps, 12..30 m

@@ -130,5 +130,9 @@ class RunLog:
 
 def _box_columns(center: FloatArray, size: FloatArray, yaw: FloatArray) -> dict[str, FloatArray]:
     return {
-        "x_m": center[:, 0], "y_m": center[:, 1], "length_m": size[:, 0], "width_m": size[:, 1], "yaw_rad": yaw,
-    }  # fmt: skip
+        "x_m": center[:, 0],
+        "y_m": center[:, 1],
+        "length_m": size[:, 0],
+        "width_m": size[:, 1],
+        "yaw_rad": yaw,
+    }

@@ -66,7 +66,8 @@ def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
     # (N, rays, N): does box j hide this ray of box i?
     offset = wrap_angle(ray[:, :, None] - bearing)
     hidden = (offset >= low) & (offset <= high) & (distance < distance[:, None] - 1e-9)[:, None, :]
-    return 1.0 - hidden.any(axis=2).mean(axis=1)
+    share_seen: FloatArray = 1.0 - hidden.any(axis=2).mean(axis=1)
+    return share_seen
 
 
 class Sensor:

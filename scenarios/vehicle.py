@@ -73,6 +73,10 @@ class EgoVehicle(IDMVehicle):  # type: ignore[misc]
         brakes: emergency brake.
     """
 
+    position: Any  # (2,) array, metres, map frame; highway-env declares no types
+    heading: float
+    speed: float
+
     COMFORT_DECEL_MPS2 = 4.0
     """Limit of the speed adaptation (ACC): ISO 15622 allows 3.5 to 5 m/s2 depending on speed."""
     STANDSTILL_GAP_M = 2.0

@@ -30,7 +30,7 @@ class BrakingDistance:
 
 
 def horizon_s(speed_mps: float, distance: BrakingDistance, minimum_s: float, maximum_s: float) -> float:
-    """Forecast horizon: max(minimum, braking distance / speed), never over `maximum_s` (paper, section III)."""
+    """Forecast horizon: max(minimum, braking distance / speed), at most `maximum_s` (paper, section III)."""
     if speed_mps < 0.1:
         return minimum_s
     return min(max(minimum_s, distance.at(speed_mps) / speed_mps), maximum_s)

@@ -37,7 +37,8 @@ class ForecastConfig:
 
 def forecast_times(horizon_s: float, step_s: float) -> FloatArray:
     """(T,) times from 0 to at least the horizon in equal steps."""
-    return np.arange(int(np.ceil(horizon_s / step_s - 1e-9)) + 1) * step_s
+    steps = int(np.ceil(horizon_s / step_s - 1e-9))
+    return np.arange(steps + 1, dtype=np.float64) * step_s
 
 
 def forecast_tracks(

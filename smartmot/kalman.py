@@ -53,7 +53,7 @@ class BevFilterConfig:
         initial_factor: Covariance of the measured entries of a new track over the measurement noise.
         initial_speed_sigma_mps: Velocity of a new track along each axis, half of a high speed.
         initial_area_rate_sigma_m2ps: Change of area of a new track.
-        initial_yaw_rate_sigma_radps: Turn rate of a new track; a car at 0.4 g and 13 m/s has 0.3.
+        initial_yaw_rate_sigma_radps: Turn rate of a new track; a car at 0.3 g and 14 m/s has 0.2.
 
     Raises:
         ConfigError: A value is not positive or not finite.
@@ -68,7 +68,7 @@ class BevFilterConfig:
         default=PerCategory(car=15.0, pedestrian=2.0, cyclist=5.0, truck=15.0, motorcycle=15.0, unknown=10.0)
     )
     initial_area_rate_sigma_m2ps: float = 0.1
-    initial_yaw_rate_sigma_radps: float = 0.3
+    initial_yaw_rate_sigma_radps: float = 0.2
 
     def __post_init__(self) -> None:
         for name in (

@@ -56,6 +56,11 @@ def is_vulnerable(category: StrArray) -> BoolArray:
     return found
 
 
+def _any(mask: BoolArray) -> BoolArray:
+    """(N,) whether any segment holds, from (N, S)."""
+    return np.asarray(mask.any(axis=1), dtype=np.bool_)
+
+
 def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Extent of boxes along and across the ego's heading, from the ego's centre.
 
@@ -172,7 +177,8 @@ class _Everything:
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         c, s = np.cos(self.ego.yaw_rad), np.sin(self.ego.yaw_rad)
         dx, dy = center_m[:, 0] - self.ego.x_m, center_m[:, 1] - self.ego.y_m
-        return (c * dx + s * dy >= 0.0) & (np.abs(c * dy - s * dx) <= self.path_half_width_m)
+        inside: BoolArray = (c * dx + s * dy >= 0.0) & (np.abs(c * dy - s * dx) <= self.path_half_width_m)
+        return inside
 
     def within_reach(self, boxes: Boxes) -> BoolArray:
         ahead: BoolArray = ego_extent(boxes, self.ego)[1] >= 0.0
@@ -264,23 +270,20 @@ class MonitoredLanes:
         station, in_lane, in_margin = self.strips.place(center_m)
         span = (station >= self.low_m) & (station <= self.high_m)
         vru = is_vulnerable(category)[:, None]
-        hit: BoolArray = (span & np.where(vru, in_margin, in_lane)).any(axis=1)
-        return hit
+        return _any(span & np.where(vru, in_margin, in_lane))
 
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects on the route ahead and within reach; VRUs also in its margins."""
         station, in_lane, in_margin = self.strips.place(boxes.center_m)
         span = (station >= self.route_low_m) & (station <= self.route_high_m)
         vru = is_vulnerable(category)[:, None]
-        hit: BoolArray = (span & np.where(vru, in_margin, in_lane)).any(axis=1)
-        return hit & self.within_reach(boxes)
+        return _any(span & np.where(vru, in_margin, in_lane)) & self.within_reach(boxes)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""
         station, in_lane, _ = self.strips.place(center_m)
         span = (station >= self.route_low_m) & (station <= self.route_high_m)
-        hit: BoolArray = (span & in_lane).any(axis=1)
-        return hit
+        return _any(span & in_lane)
 
     def within_reach(self, boxes: Boxes) -> BoolArray:
         """(N,) objects that are not wholly behind the ego's centre and not beyond the reach."""

@@ -157,9 +157,7 @@ class Pipeline:
         near = ahead < max(braking_distance, self.config.aeb.near_m)
         on_way = in_route & area.on_lane(now.center_m)
         entering = np.zeros(len(tracks), dtype=np.bool_)
-        walking = np.flatnonzero(
-            tracks.dynamic & is_vulnerable(tracks.category) & area.within_reach(now) & ~on_way
-        )
+        walking = np.flatnonzero(tracks.dynamic & is_vulnerable(tracks.category) & (ahead > 0.0) & ~on_way)
         if len(walking):
             # every fifth forecast time is enough: half a second of walking is less than a lane's width
             path = forecast.center_m[walking][:, ::5]

@@ -57,26 +57,16 @@ def regulatory_elements(
         key = network.lanes.key[strip.lane]
         low, high = sorted((float(strip.s_m[0]), float(strip.s_m[-1])))
         facing = "+" if network.lanes.direction[strip.lane] > 0 else "-"
-
-        def add(
-            kind: str,
-            s_m: float,
-            value: float | None,
-            strip=strip,
-            entry=entry,
-            key=key,  # type: ignore[no-untyped-def]
-        ) -> None:
+        here: list[tuple[str, float, float | None]] = [
+            (SIGNAL_KINDS[signal.type], signal.s_m, signal.value)
+            for signal in network.signals_of(key.road_id)
+            if signal.type in SIGNAL_KINDS
+            and signal.orientation in (facing, "none")
+            and signal.applies_to(key.lane_id)
+        ]
+        here += [("crosswalk", c.s_m, None) for c in network.crosswalks if c.road_id == key.road_id]
+        for kind, s_m, value in here:
             distance = float(entry) + strip.station_at(s_m) - station_m
-            if 0.0 <= distance <= ahead_m:
+            if low <= s_m <= high and 0.0 <= distance <= ahead_m:
                 found.append(RegulatoryElement(kind, distance, key.road_id, s_m, value))
-
-        for signal in network.signals_of(key.road_id):
-            kind = SIGNAL_KINDS.get(signal.type)
-            if kind is None or not low <= signal.s_m <= high or signal.orientation not in (facing, "none"):
-                continue
-            if signal.applies_to(key.lane_id):
-                add(kind, signal.s_m, signal.value)
-        for crosswalk in network.crosswalks:
-            if crosswalk.road_id == key.road_id and low <= crosswalk.s_m <= high:
-                add("crosswalk", crosswalk.s_m, None)
     return tuple(sorted(found, key=lambda e: e.distance_m))

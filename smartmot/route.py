@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -82,10 +83,11 @@ def route_from_lanes(network: RoadNetwork, lanes: Sequence[int], vru_margin_m: f
     """
     if not lanes:
         raise RouteError("route: no lanes given")
-    for a, b in zip(lanes[:-1], lanes[1:], strict=True):
+    for a, b in pairwise(lanes):
         if b not in network.successors(a):
             raise RouteError(
-                f"route: lane {tuple(network.lanes.key[b])} does not follow lane {tuple(network.lanes.key[a])}"
+                f"route: lane {tuple(network.lanes.key[b])} does not follow "
+                f"lane {tuple(network.lanes.key[a])}"
             )
     strips = tuple(lane_strip(network, lane, vru_margin_m) for lane in lanes)
     entry = np.concatenate(([0.0], np.cumsum([s.length_m for s in strips])))[:-1]

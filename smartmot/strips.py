@@ -100,7 +100,7 @@ def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStri
 
 
 def _vru_reach(network: RoadNetwork, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
-    """(P,) width beside the lane in which VRUs count: the kerbside strips up to the sidewalk, plus the margin.
+    """(P,) width beside the lane in which VRUs count: kerbside strips up to the sidewalk, plus margin.
 
     Where no sidewalk follows, the margin is measured from the lane's own border.
     """
@@ -167,7 +167,7 @@ class StripSet:
         dy = points_m[:, 1, None] - self._y
         u = dx * self._ux + dy * self._uy
         lateral = self._ux * dy - self._uy * dx
-        # at a joint on the outside of a bend the segments' normals leave a wedge; half the largest turn covers it
+        # at a joint on the outside of a bend the normals leave a wedge; half the largest turn covers it
         slack = np.abs(lateral) * (0.5 * MAX_TURN_RAD) + 1e-9
         beside = (u >= -slack) & (u <= self._length + slack)
         half = self._half + u * self._half_slope

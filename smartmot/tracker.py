@@ -6,6 +6,7 @@ want to. Everything is estimated in the map frame, so the ego vehicle's own moti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -291,8 +292,9 @@ class Tracker:
             return tracks
         mean, covariance = tracks.mean.copy(), tracks.covariance.copy()
         score, matched_s = tracks.score.copy(), tracks.matched_s.copy()
-        innovation = innovations(mean[track], measured.measurement[detection])
-        corrected, covariance[track] = update(mean[track], covariance[track], innovation, self._noise)
+        prior = mean[track]
+        innovation = innovations(prior, measured.measurement[detection])
+        corrected, covariance[track] = update(prior, covariance[track], innovation, self._noise)
         mean[track] = valid_state(corrected)
         score[track] = measured.score[detection]
         matched_s[track] = measured.stamp_s
@@ -391,7 +393,9 @@ def _elapsed_s(last_s: float | None, now_s: float) -> float:
         TimeOrderError: The new stamp is not later than the last, or not a number.
     """
     if last_s is None:
+        if not math.isfinite(now_s):
+            raise TimeOrderError(f"frame at {now_s!r} s: the stamp must be a finite number of seconds")
         return 0.0
-    if not now_s > last_s:
+    if not last_s < now_s < math.inf:
         raise TimeOrderError(f"frame at {now_s!r} s is not newer than the last one at {last_s!r} s")
     return now_s - last_s

@@ -422,6 +422,18 @@ def test_speed_curves_of_runs_with_others_get_their_own_panels() -> None:
     ]
 
 
+def test_speed_curves_of_three_strategies_in_two_weathers_stand_in_two_lines() -> None:
+    runs, logs = sweep()
+    everywhere = runs[runs["strategy"] == "map"].assign(strategy="all")
+    dry = pd.concat([runs, everywhere], ignore_index=True)
+    figure = plots.speed_curves(pd.concat([dry, dry.assign(weather="rain")], ignore_index=True), logs)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[0] == "(a) rectangular, clear"
+    assert titles[5] == "(f) all, rain"
+    assert figure.axes[0].get_subplotspec().get_gridspec().get_geometry() == (2, 3)  # type: ignore[union-attr]
+    assert overlapping_texts(figure) == []
+
+
 def test_speed_curves_of_no_runs_say_so() -> None:
     with pytest.raises(ResultsError, match="table of runs is empty"):
         plots.speed_curves(table_of([]), {})
@@ -492,7 +504,7 @@ def test_birdseye_of_a_frame_with_nothing_but_the_ego() -> None:
 
 
 def test_map_picture_shows_the_whole_map() -> None:
-    figure = plots.map_picture(StraightRoad(), scene_areas(), None, "Map")
+    figure = plots.map_picture(StraightRoad(), title="Map")
     (axes,) = figure.axes
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend[:3] == ["driving lane", "sidewalk lane", "parking lane"]
@@ -507,6 +519,13 @@ def test_map_picture_of_the_surroundings() -> None:
     (axes,) = figure.axes
     assert axes.get_xlim() == pytest.approx((x - 25.0, x + 25.0))
     assert len(by_gid(figure, "ego")) == 1
+
+
+def test_map_picture_shows_the_surroundings_of_the_areas() -> None:
+    figure = plots.map_picture(StraightRoad(), scene_areas())
+    (axes,) = figure.axes
+    assert -10.0 < axes.get_xlim()[0] < axes.get_xlim()[1] < 80.0
+    assert by_gid(figure, "monitored: current")
 
 
 def test_figures_are_saved(tmp_path: Path) -> None:

@@ -69,7 +69,10 @@ HIT = replace(
     t0_s=4.1,
     log=None,
 )
-PUBLISHED = {"rectangular": {50.0: (23.82, 2.0), 60.0: (44.23, 0.0)}, "map": {50.0: (0.0, 2.0)}}
+PUBLISHED: dict[str, dict[float, tuple[float, float | None]]] = {
+    "rectangular": {50.0: (23.82, 2.0), 60.0: (44.23, 0.0)},
+    "map": {50.0: (0.0, 2.0), 70.0: (0.0, None)},
+}
 
 
 def runs_of(*rows: RunRow) -> pd.DataFrame:
@@ -310,6 +313,13 @@ def test_comparison_leaves_out_what_was_not_run_or_published() -> None:
     assert table.totals[0][2] == "0.00/2"
 
 
+def test_comparison_takes_published_speeds_without_a_score() -> None:
+    fast = replace(STOPPED, v_test_kmh=70.0, v_impact_kmh=0.0, score=None, score_max=None)
+    table = comparison_table(runs_of(STOPPED, fast), PUBLISHED)
+    assert table.rows[1] == ("70", "0.00", "–", "0.00", "0.00")
+    assert table.totals == (("total", "", "2.00/2", "score 2", ""),)
+
+
 def test_comparison_averages_weather_and_seeds() -> None:
     table = comparison_table(runs_of(HIT, replace(HIT, weather="rain", v_impact_kmh=30.0, score=1.0)))
     assert table.rows == (("50", "26.50", "0.50"),)
@@ -354,6 +364,18 @@ def test_rich_table_prints_every_cell() -> None:
         for cell in row:
             assert cell in printed
     assert "CPNA" in printed
+
+
+def test_rich_table_of_two_strategies_fits_a_terminal_of_80_columns() -> None:
+    from rich.console import Console
+
+    rows = [
+        replace(row, v_test_kmh=speed) for row in (STOPPED, HIT) for speed in (10.0, 20.0, 30.0, 40.0, 50.0)
+    ]
+    published: dict[str, dict[float, tuple[float, float | None]]]
+    published = {name: {row.v_test_kmh: (0.0, 2.0) for row in rows} for name in ("rectangular", "map")}
+    view = rich_table(comparison_table(runs_of(*rows), published))
+    assert view.__rich_measure__(Console(width=200), Console(width=200).options).minimum <= 80
 
 
 def test_importing_the_package_loads_no_heavy_library() -> None:

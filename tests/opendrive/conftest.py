@@ -23,7 +23,8 @@ def _record(name: str, a: float, b: float = 0.0, c: float = 0.0, d: float = 0.0,
 
 def _section(s: float = 0.0, left: str = "", center: str = "", right: str = "") -> str:
     center = _lane(0, center, "none")
-    return f'<laneSection s="{s!r}"><left>{left}</left><center>{center}</center><right>{right}</right></laneSection>'
+    lanes = f"<left>{left}</left><center>{center}</center><right>{right}</right>"
+    return f'<laneSection s="{s!r}">{lanes}</laneSection>'
 
 
 def _road(
@@ -41,8 +42,8 @@ def _road(
         width = _record("width", 3.5)
         sections = _section(left=_lane(1, width), right=_lane(-1, width))
     return (
-        f'<road name="" length="{length!r}" id="{road_id}" junction="{junction}" {attributes}><link>{link}</link>'
-        f"<planView>{plan}</planView>{extra}<lanes>{offsets}{sections}</lanes></road>"
+        f'<road name="" length="{length!r}" id="{road_id}" junction="{junction}" {attributes}>'
+        f"<link>{link}</link><planView>{plan}</planView>{extra}<lanes>{offsets}{sections}</lanes></road>"
     )
 
 

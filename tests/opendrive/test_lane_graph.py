@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import pytest
 
 from opendrive import LaneKey, RouteNotFoundError
@@ -6,8 +8,8 @@ from opendrive import LaneKey, RouteNotFoundError
 WITH_DIRECT_JUNCTION = {"esmini_soderleden"}
 # Nor does it walk from the end of a road into the start of the same road.
 PARTLY_WALKED = {*WITH_DIRECT_JUNCTION, "esmini_circle_300m"}
-# These marks carry "increase" or "decrease". libcarla takes them for right and left of the lane; the standard means
-# towards greater and lesser lane ids.
+# These marks carry "increase" or "decrease". libcarla takes them for right and left of the lane; the
+# standard means towards greater and lesser lane ids.
 ONE_WAY_MARKS = {"BrokenSolid", "SolidBroken"}
 
 
@@ -162,7 +164,7 @@ def test_shortest_route(network_of):
     )
     route = network.shortest_route(start, goal)
     assert (route[0], route[-1]) == (start, goal)
-    assert all(b in network.successors(a) for a, b in zip(route, route[1:], strict=False))
+    assert all(b in network.successors(a) for a, b in pairwise(route))
     assert network.shortest_route(start, start) == (start,)
 
 

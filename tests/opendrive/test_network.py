@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from opendrive import LaneKey, LaneNotFoundError, PositionError, RoadNotFoundError, load_map
 
 BANKED = "esut_straight_500_superelevation_elevation_curve"
-# libOpenDRIVE takes 2.7 mm too little arc length on paramPoly3, libcarla up to 2 mm; line, arc and spiral are exact.
+# On paramPoly3 both references are good to 2 mm; on line, arc and spiral they are exact.
 CUBIC_XY_M = 2e-3
 
 
@@ -62,10 +62,12 @@ def test_poses_against_libcarla(network_of, oracle, map_name):
     assert np.abs(poses[:, 4] - expected[:, 4]).max() < 2e-5
     raised = np.array([len(network.lanes.records[i].height) > 0 for i in lane])
     assert np.abs(poses[:, 2] - expected[:, 2])[~raised].max(initial=0.0) < 1e-3
-    # libcarla's heading is atan(dt/ds): right where the lane is parallel to the road.
+    # libcarla's heading is only right where the lane is parallel to the road.
     turned = angle_between(poses[:, 3], expected[:, 3])
+    road_heading = np.array([row[10] for row in oracle(map_name, "second")["libodr"]], dtype=float)
+    slanted = angle_between(poses[:, 3] + (network.lanes.direction[lane] < 0) * np.pi, road_heading)
     assert turned.max() < 0.5
-    assert np.median(turned) < 1e-4
+    assert turned[slanted < 1e-6].max(initial=0.0) < (1e-3 if has_cubics(network) else 1e-4)
     kinds = network.lanes.lane_type[lane].tolist()
     assert kinds == [row[10] for row in rows]
 
@@ -104,8 +106,10 @@ def test_lane_polygons_contain_their_centre_lines(network_of, map_name):
     checked = 0
     for lane in range(0, len(lanes), max(1, len(lanes) // 60)):
         start, end = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+        if network.lane_width(lane, np.linspace(start, end, 50)).min() < 0.3:
+            start, end = 0.6 * start + 0.4 * end, 0.4 * start + 0.6 * end
         s = np.linspace(start, end, 50)
-        if end - start < 0.5 or network.lane_width(lane, s).min() < 0.3:
+        if end - start < 0.3 or network.lane_width(lane, s).min() < 0.3:
             continue
         ring = network.lane_polygon(lane, start, end)
         polygon = shapely.Polygon(ring)
@@ -147,13 +151,13 @@ def test_lane_polygon_follows_the_widened_borders(
     s = np.linspace(low, high, 60)
     _, outer = network.lane_offsets(lane, s)
     direction = network.lanes.direction[lane]
-    # The inner border is the left one in right-hand traffic; outwards means towards the other side of the road.
+    # The inner border is the left one in right-hand traffic.
     inner = network.road_point("r", s, direction * left_m)
     outer = network.road_point("r", s, outer - direction * right_m)
     outline = shapely.LinearRing(ring) if high > low else shapely.LineString(ring)
     for border in (inner, outer):
         distance = shapely.distance(outline, shapely.points(border.x_m, border.y_m))
-        assert distance.max() <= 1.05 * tolerance + 1e-6
+        assert distance.max() <= tolerance + 1e-6
 
 
 def test_polygon_of_a_straight_lane_has_four_corners(load, text):

@@ -75,7 +75,7 @@ def test_a_bad_number_is_refused_with_road_element_and_line(load, text, attribut
         ("<line/>", "<cubic/>", "shape is cubic"),
         ("<line/>", '<arc curvature="1e9"/>', "turns by"),
         ("<line/>", "<arc/>", "'curvature' is missing"),
-        ('length="100"', 'length="-1"', "positive length"),
+        ('length="100"', 'length="-1"', "expected 0 to"),
         ('id="r"', "", "'id' is missing"),
         ('id="1"', 'id="one"', "expected an integer"),
         ('id="1"', 'id="-2"', "wrong sign"),
@@ -186,7 +186,8 @@ def test_gaps_and_short_curves_are_noted(load, text):
     plan = (
         '<geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry>'
         '<geometry s="50" x="51" y="0" hdg="0" length="50">'
-        '<paramPoly3 pRange="normalized" aU="0" bU="40" cU="0" dU="0" aV="0" bV="0" cV="0" dV="0"/></geometry>'
+        '<paramPoly3 pRange="normalized" aU="0" bU="40" cU="0" dU="0" aV="0" bV="0" cV="0" dV="0"/>'
+        "</geometry>"
     )
     messages = [warning.message for warning in load(text.road(plan)).warnings]
     assert len(messages) == 2

@@ -1,4 +1,5 @@
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def network_from(pieces, superelevation, elevation, width_m):
     roll_rad=st.floats(-0.2, 0.2),
 )
 def test_st_to_xy_and_back_is_the_identity(curvatures, where, roll_rad):
-    shapes = [Spiral(a, b) for a, b in zip(curvatures, curvatures[1:], strict=False)]
+    shapes = [Spiral(a, b) for a, b in pairwise(curvatures)]
     banked = np.array([[0.0, roll_rad, 0.0, 0.0, 0.0]])
     sloping = np.array([[0.0, 1.0, 0.05, 0.0, 0.0]])
     # 20 m pieces turn by less than a radian each, so that no part of the road comes near another.

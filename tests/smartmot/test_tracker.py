@@ -213,13 +213,18 @@ def test_irregular_frame_times() -> None:
     assert tracks.age_s[0] == pytest.approx(stamps[-1] - stamps[0])
 
 
-@pytest.mark.parametrize("stamp", [1.0, 0.5, np.nan])
+@pytest.mark.parametrize("stamp", [1.0, 0.5, np.nan, np.inf])
 def test_time_must_advance(stamp: float) -> None:
     tracker = Tracker()
     tracker.update(_frame(1.0, [[0, 0]]))
     with pytest.raises(TimeOrderError, match=rf"frame at {stamp!r} s is not newer .* 1\.0 s"):
         tracker.update(_frame(stamp, [[0, 0]]))
     assert tracker.update(_frame(1.05, [[0, 0]])).track_id.tolist() == [1]
+
+
+def test_the_first_stamp_must_be_a_number() -> None:
+    with pytest.raises(TimeOrderError, match="finite"):
+        Tracker().update(Detections.empty(np.nan))
 
 
 def test_empty_frames() -> None:
