@@ -1,18 +1,54 @@
-"""Defects of a map that only its geometry shows."""
+"""Defects of a map that only show once its geometry is evaluated."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from opendrive.curves import CUBIC, CurveTable
-from opendrive.errors import MapWarning
+from opendrive.errors import MapContentError, MapWarning
 from opendrive.model import Road
+from opendrive.road_geometry import NetworkGeometry
 
 GAP_M = 0.05
 """Two pieces of a reference line that are further apart are reported."""
 
 LENGTH_ERROR_M = 0.01
 """A curve that is shorter than the file says by more than this is reported."""
+
+
+MAX_T_M = 1000.0
+"""A lane that lies further from its reference line is refused."""
+
+MAX_ROLL_RAD = 0.5 * np.pi
+"""A road that is rolled further is refused."""
+
+_SAMPLES = np.linspace(0.0, 1.0, 5)
+
+
+def refuse_impossible_lanes(geometry: NetworkGeometry) -> None:
+    """Check that lanes and superelevation stay within what a road can be, at five places along every lane.
+
+    Raises:
+        MapContentError: a lane is too far from its road, or the road stands on its edge.
+    """
+    lanes = geometry.lanes
+    lane = np.repeat(np.arange(len(lanes)), len(_SAMPLES))
+    low_m, high_m = lanes.s_start_m[lane], lanes.s_end_m[lane]
+    s_m = low_m + np.tile(_SAMPLES, len(lanes)) * (high_m - low_m)
+    t_m = lanes.offsets_and_slopes(lane, s_m)[1]
+    roll_rad = geometry.superelevation.value(lanes.road[lane], s_m)
+    for value, limit, what, records in (
+        (t_m, MAX_T_M, "lies {:.3g} m from the reference line", "width, border and laneOffset"),
+        (roll_rad, MAX_ROLL_RAD, "is rolled by {:.3g} rad", "superelevation"),
+    ):
+        wrong = np.flatnonzero(np.abs(value) > limit)
+        if wrong.size:
+            k = int(wrong[0])
+            key = lanes.key[lane[k]]
+            raise MapContentError(
+                f"road {key.road_id!r}, lane {key.lane_id} of section {key.section}: {what.format(value[k])} "
+                f"at s = {s_m[k]:.6g} m, expected within {limit:.4g}; check its {records}"
+            )
 
 
 def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWarning]:

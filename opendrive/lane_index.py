@@ -50,7 +50,7 @@ class NearestLanes(NamedTuple):
         lane: (N,) index of the lane.
         s_m: (N,) road s of the foot on the lane's road, within the lane.
         t_m: (N,) t of the point.
-        distance_m: (N,) distance to the lane, 0 inside it.
+        distance_m: (N,) distance to the lane, 0 inside it; beside the lane it is measured along t.
     """
 
     found: BoolArray
@@ -104,7 +104,6 @@ class LaneIndex:
         lane, low, high = geometry.knots(every_lane)
         lane, low, high = geometry.refine(lane, low, high, _NO_MARGINS, TOLERANCE_M)
         start = geometry.border_points(lane, low)
-        # The limit from inside: the next section may begin with another lane offset.
         end = geometry.border_points(lane, high)
         ring = np.stack([start[0], end[0], end[1], start[1], start[0]], axis=1)
         cells = np.asarray(shapely.polygons(ring), dtype=np.object_)

@@ -30,11 +30,12 @@ class LaneTable:
         lane_type: (L,) OpenDRIVE type names.
         s_start_m: (L,) road s where the lane starts.
         s_end_m: (L,) road s where it ends.
-        direction: (L,) int8, +1 if traffic runs along s, -1 if against; honours left-hand traffic.
+        direction: (L,) int8, +1 if traffic runs along s, -1 if against; honours left-hand traffic
+            and lanes whose direction is reversed.
         junction_id: (L,) junction of the lane's road, or None.
         road: (L,) index of the road.
         side: (L,) int8, +1 left of the centre lane, -1 right of it.
-        inner: (L,) index of the next lane towards the centre, -1 for the innermost (see `has_inner`).
+        inner: (L,) index of the next lane towards the centre, -1 for the innermost.
         is_border: (L,) whether `profile` is the outer border's t instead of a width.
         profiles: width or border of lane i is profile i, over road s.
         lane_offset: offset of the centre lane; profile r belongs to road r.
@@ -77,7 +78,8 @@ class LaneTable:
                 for side, lanes in ((1, left), (-1, right)):
                     inner = -1
                     for lane in lanes:
-                        rows.append((starts[k], ends[k], -side * keep_right, r, side, inner))
+                        turned = -1 if lane.direction == "reversed" else 1
+                        rows.append((starts[k], ends[k], -side * keep_right * turned, r, side, inner))
                         inner = len(key)
                         key.append(LaneKey(road.id, k, lane.id))
                         junction.append(road.junction_id)

@@ -172,6 +172,7 @@ class Lane:
         height: (K, 3) rows ``s, inner, outer``: height of the lane's borders above the road.
         road_marks: marks on the outer border, by s.
         speeds: speed limits, by s.
+        direction: ``standard``, ``reversed`` or ``both`` (since 1.8).
     """
 
     id: int
@@ -184,6 +185,7 @@ class Lane:
     height: FloatArray
     road_marks: tuple[RoadMark, ...]
     speeds: tuple[LaneSpeed, ...]
+    direction: str = "standard"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

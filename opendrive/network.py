@@ -3,14 +3,15 @@
 from collections.abc import Collection, Mapping
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from opendrive.arrays import FloatArray, finite, points_xy, wrapped
-from opendrive.checks import curve_warnings
-from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
+from opendrive.checks import curve_warnings, refuse_impossible_lanes
+from opendrive.errors import LaneNotFoundError, MapContentError, MapWarning, PositionError, RoadNotFoundError
 from opendrive.lane_graph import LaneGraph, Side, may_cross, neighbour_key
 from opendrive.lane_index import LaneHits, LaneIndex, NearestLanes
 from opendrive.lanes import LaneKey, LaneTable
@@ -21,7 +22,7 @@ from opendrive.road_geometry import NetworkGeometry, RoadGeometry, SurfacePoints
 
 
 class RoadNetwork:
-    """A road network made from an OpenDRIVE map.
+    """A road network made from an OpenDRIVE map; `load_map` makes one from a file.
 
     Lanes are numbered 0 .. L-1 over the whole network (`lanes`); the centre lanes are not counted. Positions
     are in the map frame: OpenDRIVE's inertial frame, right-handed, x east, y north, z up, metres; headings in
@@ -34,7 +35,7 @@ class RoadNetwork:
         self._model = model
         self._records = tuple(model.roads.values())
         self._geometry = NetworkGeometry.collect(self._records)
-        self._road_index = {road.id: r for r, road in enumerate(self._records)}
+        refuse_impossible_lanes(self._geometry)
 
     def __reduce__(self) -> tuple[type["RoadNetwork"], tuple[MapModel]]:
         """Pickle the map alone; derived tables are made anew where it is loaded."""
@@ -193,7 +194,8 @@ class RoadNetwork:
     ) -> FloatArray:
         """Return the outline of a stretch of a lane.
 
-        The outline follows the curve of the road and the change of width within `tolerance_m`.
+        The outline follows the curve of the road and the change of width within `tolerance_m`. Margins that
+        reach beyond the centre of a tight bend make it cross itself, as the border moved there does.
 
         Args:
             lane: index of the lane.
@@ -415,4 +417,8 @@ def load_map(path: str | PathLike[str]) -> RoadNetwork:
         MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
         MapContentError: a required element or attribute is missing, or has an impossible value.
     """
-    return RoadNetwork(read_map(path))
+    model = read_map(path)
+    try:
+        return RoadNetwork(model)
+    except MapContentError as error:
+        raise MapContentError(f"{Path(path)}: {error}") from None

@@ -283,6 +283,8 @@ class _Reader:
         if lanes is None:
             raise self.error(element, "<lanes> is missing; a road needs at least one lane section")
         left, right = self.crossfall(lateral)
+        if lateral is not None and lateral.find("shape") is not None:
+            self.warn(lateral, "shape is read but not applied: heights are those of a flat cross section")
         signals = element.find("signals")
         junction = element.get("junction", "-1")
         return Road(
@@ -377,25 +379,23 @@ class _Reader:
         child = next((child for child in element if child.tag != "userData"), None)
         shape: Shape
         turn_rad = 0.0
-        match None if child is None else child.tag:
+        if child is None:
+            raise self.error(element, "has no shape; expected line, arc, spiral, poly3 or paramPoly3")
+        match child.tag:
             case "line":
                 return Line()
             case "arc":
-                assert child is not None
                 shape = Arc(self.number(child, "curvature"))
                 turn_rad = abs(shape.curvature_per_m) * length_m
             case "spiral":
-                assert child is not None
                 start = self.number(child, "curvStart")
                 end = self.number(child, "curvEnd")
                 shape = Spiral(start, end)
                 turn_rad = max(abs(start), abs(end)) * length_m
             case "poly3":
-                assert child is not None
                 a, b, c, d = (self.number(child, name) for name in "abcd")
                 shape = Poly3((a, b, c, d))
             case "paramPoly3":
-                assert child is not None
                 u = tuple(self.number(child, name + "U") for name in "abcd")
                 v = tuple(self.number(child, name + "V") for name in "abcd")
                 # Before 1.4 the attribute did not exist; the range was [0, 1].
@@ -409,7 +409,7 @@ class _Reader:
                 )
             case other:
                 raise self.error(
-                    element, f"shape is {other}, expected line, arc, spiral, poly3 or paramPoly3"
+                    element, f"has the shape <{other}>, expected line, arc, spiral, poly3 or paramPoly3"
                 )
         if turn_rad > MAX_TURN_RAD:
             raise self.error(
@@ -477,6 +477,7 @@ class _Reader:
                 LaneSpeed(self.number(child, "sOffset", 0.0), self.speed_mps(child))
                 for child in element.iterfind("speed")
             ),
+            direction=element.get("direction", "standard"),
         )
 
     def road_marks(self, lane: Element) -> tuple[RoadMark, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from scenarios.brakes import BrakeConfig
@@ -75,26 +76,65 @@ class Weather:
     Args:
         name: how the command line calls it.
         friction: tyre-road friction coefficient.
-        range_factor: sensor range as a share of that in clear weather.
+        attenuation_db_per_km: of near-infrared light on its way through the precipitation.
         source: where the numbers come from.
     """
 
     name: str
     friction: float
-    range_factor: float
+    attenuation_db_per_km: float
     source: str
+
+    def range_m(self, clear_m: float) -> float:
+        """Range at which a lidar's echo is as strong as at its range in clear air.
+
+        The echo of an extended target falls with 1/r^2 and twice with the attenuation on the way.
+        """
+        low, high = 0.0, clear_m
+        for _ in range(60):
+            middle = (low + high) / 2
+            loss_db = 20 * math.log10(middle / clear_m) + 2 * self.attenuation_db_per_km * middle / 1000
+            low, high = (middle, high) if loss_db < 0 else (low, middle)
+        return high
 
 
 DRY_FRICTION = 0.9
 """Peak braking coefficient of a Euro NCAP test track (protocol, track requirements: at least 0.9)."""
 
+
+def rain_attenuation_db_per_km(rain_mm_per_h: float) -> float:
+    """ITU-R P.1814 (free-space optical links), rain, coefficients measured in Japan."""
+    return 1.58 * rain_mm_per_h**0.63
+
+
+def dry_snow_attenuation_db_per_km(snow_mm_per_h: float, wavelength_nm: float = 905.0) -> float:
+    """ITU-R P.1814, dry snow; the rate is that of the melted water."""
+    return (5.42e-5 * wavelength_nm + 5.4958776) * snow_mm_per_h**1.38
+
+
 WEATHER = {
     w.name: w
     for w in (
-        Weather("dry", DRY_FRICTION, 1.0, "Euro NCAP track requirement, PBC >= 0.9"),
-        Weather("wet", 0.65, 1.0, "Bosch Automotive Handbook: 0.2 mm of water, 50 km/h, new tyre; clear air"),
-        Weather("rain", 0.55, 0.75, "Bosch Automotive Handbook: 1 mm of water, 50 km/h, new tyre"),
-        Weather("snow", 0.22, 0.5, "Noon 1994: packed snow 0.20 to 0.25"),
+        Weather("dry", DRY_FRICTION, 0.0, "friction: Euro NCAP track requirement, PBC >= 0.9"),
+        Weather(
+            "wet",
+            0.65,
+            0.0,
+            "friction: Bosch Automotive Handbook, 0.2 mm of water at 50 km/h, new tyre; clear air",
+        ),
+        Weather(
+            "rain",
+            0.55,
+            rain_attenuation_db_per_km(25.0),
+            "friction: Bosch Automotive Handbook, 1 mm of water at 50 km/h, new tyre; "
+            "range: ITU-R P.1814 at 25 mm/h",
+        ),
+        Weather(
+            "snow",
+            0.22,
+            dry_snow_attenuation_db_per_km(3.0),
+            "friction: Noon 1994, snow 0.20 to 0.25; range: ITU-R P.1814, dry snow at 3 mm/h",
+        ),
     )
 }
 
@@ -107,7 +147,7 @@ def preset_in_weather(preset: Preset, weather: Weather) -> Preset:
     brakes = replace(
         preset.brakes, max_decel_mps2=preset.brakes.max_decel_mps2 * weather.friction / DRY_FRICTION
     )
-    sensor = replace(preset.sensor, range_m=preset.sensor.range_m * weather.range_factor)
+    sensor = replace(preset.sensor, range_m=weather.range_m(preset.sensor.range_m))
     return replace(preset, brakes=brakes, sensor=sensor)
 
 

@@ -26,6 +26,8 @@ class SensorConfig:
         min_visible: share of the object's width, as seen from the sensor, that must not be occluded.
         latency_s: age of the detections when they reach the tracker.
         rate_hz: frames per second (paper: 20 Hz).
+        phase_s: time of the first frame. At 20 Hz and 60 km/h the ego drives 0.8 m between frames, so the
+            phase moves the flag and the impact speed.
     """
 
     range_m: float = 70.0
@@ -36,12 +38,13 @@ class SensorConfig:
     min_visible: float = 0.3
     latency_s: float = 0.0
     rate_hz: float = 20.0
+    phase_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.range_m <= 0 or self.rate_hz <= 0 or not 0 < self.fov_rad <= 2 * np.pi:
             raise ScenarioError("sensor: range and rate must be positive, the field of view in (0, 2 pi]")
-        if min(self.position_sigma_m, self.yaw_sigma_rad, self.latency_s) < 0:
-            raise ScenarioError("sensor: noise and latency must not be negative")
+        if min(self.position_sigma_m, self.yaw_sigma_rad, self.latency_s, self.phase_s) < 0:
+            raise ScenarioError("sensor: noise, latency and phase must not be negative")
         if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
             raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
 

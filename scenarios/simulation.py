@@ -111,13 +111,15 @@ class Simulation:
     def run(self) -> Outcome:
         """Run to the end."""
         steps_per_frame = max(1, round(1.0 / (self._sensor.config.rate_hz * STEP_S)))
+        first = round(self._sensor.config.phase_s / STEP_S)
         contact: tuple[float, int] | None = None
         for step in range(round(self._rule.time_limit_s / STEP_S)):
             now = step * STEP_S
-            if step % steps_per_frame == 0:
+            frame, between = divmod(step - first, steps_per_frame)
+            if frame >= 0 and between == 0:
                 if self._over(now):
                     break
-                self._frame(now, step // steps_per_frame)
+                self._frame(now, frame)
             self._fire_trigger(now)
             contact = self._contact(now)
             if contact is not None:

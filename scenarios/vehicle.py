@@ -28,6 +28,9 @@ class RouteLane(AbstractLane):  # type: ignore[misc]
         self.forbidden = False
         self.priority = 0
         self.speed_limit = None
+        delta = np.diff(route.center_m, axis=0)
+        self._heading = np.unwrap(np.arctan2(delta[:, 1], delta[:, 0]))
+        self._middle = (route.station_m[:-1] + route.station_m[1:]) / 2
 
     def position(self, longitudinal: float, lateral: float) -> Any:
         """(2,) point at a station and an offset to the left, metres."""
@@ -35,10 +38,7 @@ class RouteLane(AbstractLane):  # type: ignore[misc]
 
     def heading_at(self, longitudinal: float) -> float:
         """Heading of the route at a station, radians; interpolated between its samples."""
-        station = self.route.station_m
-        delta = np.diff(self.route.center_m, axis=0)
-        heading = np.unwrap(np.arctan2(delta[:, 1], delta[:, 0]))
-        return float(np.interp(longitudinal, (station[:-1] + station[1:]) / 2, heading))
+        return float(np.interp(longitudinal, self._middle, self._heading))
 
     def width_at(self, longitudinal: float) -> float:
         """Width, metres."""

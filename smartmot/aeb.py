@@ -4,8 +4,10 @@ Rules of the paper (section III, figure 4; conditions of the authors' code):
 
 - `forecasted_pedestrian` opens the unexpected behaviour: the forecast of a moving VRU enters the ego's way.
 - `predicted_collision`: forecast boxes overlap, and the nearest object that counts is nearer than the
-  braking distance or than 12 m. The ego stops and holds.
+  braking distance or than 12 m. The ego brakes until it stands, and holds.
 - `free_lane`, `end_unexpected`: nothing on the ego's way and nobody about to enter it, for 3 frames (0.15 s).
+  After an emergency brake only at standstill: the area that is looked at shrinks with the speed, and an
+  object that is no longer in it has not gone away.
 """
 
 from __future__ import annotations
@@ -66,6 +68,7 @@ class Situation:
         braking_distance_m: at the ego's present speed.
         vru_entering: the forecast of a moving VRU enters the ego's way.
         way_occupied: an object is on the ego's way.
+        standing: the ego stands still.
     """
 
     stamp_s: float
@@ -74,6 +77,7 @@ class Situation:
     braking_distance_m: float
     vru_entering: bool
     way_occupied: bool
+    standing: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +120,8 @@ def decide(
         state = replace(state, emergency=True)
     if not state.unexpected:
         return state, BrakeCommand(False), tuple(events)
-    if now.vru_entering or now.way_occupied or flag:
+    braking = state.emergency and not now.standing
+    if braking or now.vru_entering or now.way_occupied or flag:
         return replace(state, clear_since_s=None), BrakeCommand(state.emergency), tuple(events)
     since = now.stamp_s if state.clear_since_s is None else state.clear_since_s
     if now.stamp_s - since < config.clear_s - 1e-9:

@@ -15,6 +15,9 @@ from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_ex
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
 from smartmot.types import BoolArray, Boxes, Detections, EgoState, Forecast, Threats, Tracks
 
+STANDING_MPS = 0.1
+"""Below this the ego counts as standing still."""
+
 
 @dataclass(frozen=True, slots=True)
 class PipelineConfig:
@@ -168,6 +171,7 @@ class Pipeline:
             nearest_m=float(np.maximum(ahead[relevant], 0.0).min(initial=np.inf)),
             braking_distance_m=braking_distance,
             vru_entering=bool(entering.any()),
+            standing=ego.speed_mps < STANDING_MPS,
             way_occupied=bool((on_way & (near | is_vulnerable(tracks.category))).any()),
         )
 

@@ -72,19 +72,20 @@ def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStri
         s = s[::-1]
     x, y, _, heading = network.center_line(lane, s)
     width = network.lane_width(lane, s)
-    turned = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(np.unwrap(heading))))))
-    widened = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(width)))))
-    moved = np.abs(s - s[0])
-    # one bucket number per sample; a sample starts a new chord when any measure enters its next bucket
-    bucket = np.maximum.reduce(
-        [
-            np.floor(turned / MAX_TURN_RAD),
-            np.floor(widened / MAX_WIDTH_CHANGE_M),
-            np.floor(moved / MAX_STEP_M),
-        ]
+    vru_left = _vru_reach(network, lane, s, "left", vru_margin_m)
+    vru_right = _vru_reach(network, lane, s, "right", vru_margin_m)
+    turned = _travelled(np.unwrap(heading))
+    widened = _travelled(width) + _travelled(vru_left) + _travelled(vru_right)
+    # buckets entered so far; a sample starts a new chord when any measure enters its next bucket
+    bucket = (
+        np.floor(turned / MAX_TURN_RAD)
+        + np.floor(widened / MAX_WIDTH_CHANGE_M)
+        + np.floor(np.abs(s - s[0]) / MAX_STEP_M)
     )
-    keep = np.concatenate(([True], np.diff(bucket) > 0))
+    entered = np.diff(bucket)
+    keep = np.concatenate(([True], entered > 0))
     keep[-1] = True
+    keep[:-1] |= entered > 1  # a sudden change must not be spread over the chord before it
     s, width = s[keep], width[keep]
     center = np.column_stack((x[keep], y[keep]))
     station = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(center, axis=0).T))))
@@ -94,9 +95,14 @@ def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStri
         center_m=center,
         station_m=station,
         half_width_m=width / 2,
-        vru_left_m=_vru_reach(network, lane, s, "left", vru_margin_m),
-        vru_right_m=_vru_reach(network, lane, s, "right", vru_margin_m),
+        vru_left_m=vru_left[keep],
+        vru_right_m=vru_right[keep],
     )
+
+
+def _travelled(values: FloatArray) -> FloatArray:
+    """(P,) sum of the absolute changes up to each sample."""
+    return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(values)))))
 
 
 def _vru_reach(network: RoadNetwork, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
@@ -142,6 +148,10 @@ class StripSet:
         unit = delta / np.maximum(self._length, 1e-12)[:, None]
         self._ux, self._uy = unit[:, 0], unit[:, 1]
         self._x, self._y = start[:, 0], start[:, 1]
+        # at a joint on the outside of a bend the normals leave a wedge; half the turn there covers it
+        turn = [_half_turns(p.center_m) for p in parts]
+        self._wedge_start = np.concatenate([t[:-1] for t in turn] or [empty])
+        self._wedge_end = np.concatenate([t[1:] for t in turn] or [empty])
         self._station = np.concatenate([p.station_m[:-1] for p in parts] or [empty])
         self._half, self._half_slope = self._ends([p.half_width_m for p in parts])
         self._left, self._left_slope = self._ends([p.vru_left_m for p in parts])
@@ -167,17 +177,25 @@ class StripSet:
         dy = points_m[:, 1, None] - self._y
         u = dx * self._ux + dy * self._uy
         lateral = self._ux * dy - self._uy * dx
-        # at a joint on the outside of a bend the normals leave a wedge; half the largest turn covers it
-        slack = np.abs(lateral) * (0.5 * MAX_TURN_RAD) + 1e-9
-        beside = (u >= -slack) & (u <= self._length + slack)
+        aside = np.abs(lateral)
+        beside = (u >= -aside * self._wedge_start - 1e-9) & (u - self._length <= aside * self._wedge_end + 1e-9)
         half = self._half + u * self._half_slope
-        in_lane = beside & (np.abs(lateral) <= half)
+        in_lane = beside & (aside <= half)
         in_margin = (
             beside
             & (lateral <= half + self._left + u * self._left_slope)
             & (-lateral <= half + self._right + u * self._right_slope)
         )
         return self._station + u, in_lane, in_margin
+
+
+def _half_turns(center_m: FloatArray) -> FloatArray:
+    """(P,) tangent of half the turn at each sample; the ends turn like the samples next to them."""
+    course = np.arctan2(*np.diff(center_m, axis=0).T[::-1])
+    turn = np.diff(course)
+    turn = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
+    half = np.tan(0.5 * np.minimum(turn, 1.0))
+    return np.concatenate((half[:1], half, half[-1:])) if len(half) else np.zeros(len(center_m))
 
 
 def ring(strip: LaneStrip, from_m: float, to_m: float, *, vru: bool = False) -> FloatArray:

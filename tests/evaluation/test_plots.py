@@ -114,7 +114,7 @@ def braking_log(v_test_kmh: float, v_impact_kmh: float = 0.0) -> tuple[pd.DataFr
 
 def with_events(log: pd.DataFrame, events: list[tuple[float, str, str]]) -> pd.DataFrame:
     rows = [{"time_s": t, "kind": "event", "category": layer, "label": name} for t, layer, name in events]
-    return frame([*log.to_dict("records"), *rows])  # type: ignore[list-item]
+    return frame([*log.to_dict("records"), *rows])
 
 
 def paper_events(forecast_s: float, collision_s: float, end_s: float | None) -> list[tuple[float, str, str]]:
@@ -207,7 +207,7 @@ def scene_log() -> pd.DataFrame:
         put("detection", ahead, -5.0, label="dropped", category="pedestrian", **person)
     for horizon in (0.5, 1.0, 1.5, 2.0):
         put("ego_forecast", horizon * 40 / 3.6, 0.0, horizon_s=horizon)
-    return frame([*log.to_dict("records"), *rows])  # type: ignore[list-item]
+    return frame([*log.to_dict("records"), *rows])
 
 
 def scene_areas() -> list[tuple[str, Any]]:
@@ -222,6 +222,11 @@ def scene_areas() -> list[tuple[str, Any]]:
 
 def by_gid(figure: Figure, gid: str) -> list[Any]:
     return figure.findobj(lambda artist: artist.get_gid() == gid)
+
+
+def points_of(axes: Any, gid: str) -> list[Any]:
+    """(P, 2) points of each line of that name."""
+    return [np.asarray(line.get_xydata(), dtype=float) for line in axes.lines if line.get_gid() == gid]
 
 
 def texts_of(figure: Figure) -> list[str]:
@@ -383,22 +388,16 @@ def test_speed_curves_one_panel_per_strategy_and_curve_per_speed() -> None:
 def test_speed_curves_end_at_the_impact_speed_with_a_circle() -> None:
     runs, logs = sweep()
     rectangular, by_map = plots.speed_curves(runs, logs).axes
-    ends = {}
-    for axes in (rectangular, by_map):
-        curves = [line for line in axes.lines if line.get_gid() == "curve"]
-        ends[axes] = [(float(line.get_xdata()[-1]), float(line.get_ydata()[-1])) for line in curves]  # type: ignore[index]
-    assert ends[rectangular] == [(0.0, v) for v in (0.0, 0.0, 0.0, 0.0, 23.0, 44.3)]
-    assert ends[by_map] == [(0.0, 0.0)] * 6
-    circles = [line for line in rectangular.lines if line.get_gid() == "contact"]
-    assert [float(line.get_ydata()[0]) for line in circles] == [23.0, 44.3]  # type: ignore[index]
-    assert [line for line in by_map.lines if line.get_gid() == "contact"] == []
+    ends = [[tuple(curve[-1]) for curve in points_of(axes, "curve")] for axes in (rectangular, by_map)]
+    assert ends == [[(0.0, v) for v in (0.0, 0.0, 0.0, 0.0, 23.0, 44.3)], [(0.0, 0.0)] * 6]
+    assert [tuple(circle[0]) for circle in points_of(rectangular, "contact")] == [(0.0, 23.0), (0.0, 44.3)]
+    assert points_of(by_map, "contact") == []
 
 
 def test_speed_curves_mark_the_flag() -> None:
     runs, logs = sweep()
     axes = plots.speed_curves(runs, logs).axes[1]
-    crosses = [line for line in axes.lines if line.get_gid() == "flag"]
-    marks = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in crosses]  # type: ignore[index]
+    marks = [cross[0] for cross in points_of(axes, "flag")]
     expected = [(-speed / 3.6 / BRAKES_MPS2, speed) for speed in SPEEDS_KMH]
     assert np.allclose(marks, expected)
 
@@ -430,7 +429,7 @@ def test_speed_curves_of_three_strategies_in_two_weathers_stand_in_two_lines() -
     titles = [axes.get_title() for axes in figure.axes]
     assert titles[0] == "(a) rectangular, clear"
     assert titles[5] == "(f) all, rain"
-    assert figure.axes[0].get_subplotspec().get_gridspec().get_geometry() == (2, 3)  # type: ignore[union-attr]
+    assert figure.axes[0].get_subplotspec().get_gridspec().get_geometry() == (2, 3)
     assert overlapping_texts(figure) == []
 
 

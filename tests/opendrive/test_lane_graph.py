@@ -205,6 +205,29 @@ def test_the_shorter_of_two_ways_is_taken(load, text):
     assert network.lanes.junction_id[network.successors(start)[0]] == "J"
 
 
+def test_connections_without_lane_links_join_equal_ids(load, text):
+    width = text.record("width", 3.0)
+    lanes = text.section(left=text.lane(1, width), right=text.lane(-1, width) + text.lane(-2, width))
+    network = load(
+        text.road(road_id="in", sections=lanes, link='<successor elementType="junction" elementId="J"/>'),
+        text.road(road_id="inside", junction="J", sections=text.section(right=text.lane(-1, width))),
+        '<junction id="J">'
+        '<connection incomingRoad="in" connectingRoad="inside" contactPoint="start"/></junction>',
+    )
+    first, second = (network.lane_index_of(LaneKey("in", 0, i)) for i in (-1, -2))
+    assert keyed(network, network.successors(first)) == {("inside", 0, -1)}
+    assert network.successors(second) == ()
+
+
+def test_direct_junction(network_of):
+    """Three lanes of road 1 go on as two lanes of road 2 and one of road 3."""
+    network = network_of("esut_direct_junction_simple")
+    ways = {-1: {("2", 0, -1)}, -2: {("2", 0, -2)}, -3: {("3", 0, -1)}, -4: set()}
+    for lane_id, expected in ways.items():
+        lane = network.lane_index_of(LaneKey("1", 0, lane_id))
+        assert keyed(network, network.successors(lane)) == expected
+
+
 MARK = '<roadMark sOffset="{}" type="solid" {}/>'
 
 

@@ -1,3 +1,7 @@
+import dataclasses
+import pickle
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -257,9 +261,44 @@ def test_positions_off_a_lane_are_refused(load, text):
 
 def test_loading_is_quick(shared):
     """A guard against accidents: an order of magnitude above what it takes."""
-    import time
-
     start = time.perf_counter()
     network = load_map(shared / "maps" / "Town04.xodr")
     network.locate([[0.0, 0.0]])
     assert time.perf_counter() - start < 5.0
+
+
+def test_a_network_survives_pickling(network_of):
+    network = network_of("esmini_fabriksgatan")
+    copied = pickle.loads(pickle.dumps(network))
+    assert copied.lanes.key == network.lanes.key
+    np.testing.assert_array_equal(copied.center_line(3, 5.0), network.center_line(3, 5.0))
+    assert repr(copied) == "<RoadNetwork '': 16 roads, 44 lanes>"
+
+
+def test_nothing_can_be_changed(load, text):
+    network = load(text.road())
+    with pytest.raises(ValueError, match="read-only"):
+        network.lanes.direction[0] = 1
+    with pytest.raises(TypeError):
+        network.model.roads["x"] = None
+    with pytest.raises(TypeError):
+        network.roads["x"] = None
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        network.model.roads["r"].name = "other"
+
+
+def test_a_map_with_centre_lanes_only(load, text):
+    network = load(text.road(sections=text.section()))
+    assert len(network.lanes) == 0
+    assert network.bounds == (0.0, 0.0, 0.0, 0.0)
+    assert network.locate([[10.0, 5.0]]).lane.size == 0
+    assert not network.nearest_lane([[10.0, 5.0]]).found.any()
+    s, t = network.road_coordinates("r", [[10.0, 5.0]])
+    assert (float(s[0]), float(t[0])) == pytest.approx((0.0, 0.0))
+
+
+def test_reversed_lanes_run_the_other_way(load, text):
+    lane = text.lane(-1, text.record("width", 3.0)).replace("<lane ", '<lane direction="reversed" ')
+    network = load(text.road(sections=text.section(right=lane)))
+    assert network.lanes.direction.tolist() == [-1]
+    assert float(network.center_line(0, 1.0)[3]) == pytest.approx(0.3 - np.pi)

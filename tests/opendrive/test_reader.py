@@ -1,5 +1,8 @@
+import copy
+
 import numpy as np
 import pytest
+from lxml import etree
 
 from opendrive import MapContentError, MapReadError, OpenDriveError, load_map, read_map
 from opendrive.model import ParamPoly3, Spiral
@@ -71,8 +74,8 @@ def test_a_bad_number_is_refused_with_road_element_and_line(load, text, attribut
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("<line/>", "", "shape is None"),
-        ("<line/>", "<cubic/>", "shape is cubic"),
+        ("<line/>", "", "has no shape"),
+        ("<line/>", "<cubic/>", "has the shape <cubic>"),
         ("<line/>", '<arc curvature="1e9"/>', "turns by"),
         ("<line/>", "<arc/>", "'curvature' is missing"),
         ('length="100"', 'length="-1"', "expected 0 to"),
@@ -97,6 +100,59 @@ def test_missing_parts_are_refused(load, text):
         load(text.road(sections=""))
     with pytest.raises(MapContentError, match="no <road>"):
         load("")
+
+
+def test_impossible_lanes_are_refused(load, text):
+    width = text.record("width", 3.0, 1e5)
+    with pytest.raises(
+        MapContentError, match=r"map\.xodr: road 'r', lane -1 of section 0: lies .* check its width"
+    ):
+        load(text.road(sections=text.section(right=text.lane(-1, width))))
+    rolled = f"<lateralProfile>{text.record('superelevation', 2.0)}</lateralProfile>"
+    with pytest.raises(MapContentError, match="is rolled by 2 rad at s = 0 m"):
+        load(text.road(extra=rolled))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_damaged_maps_load_or_are_refused(shared, tmp_path, seed):
+    """Wrong values and missing or repeated elements never lead to any other error."""
+    rng = np.random.default_rng(seed)
+    names = (
+        "esmini_fabriksgatan",
+        "esut_lane_offset_intersection",
+        "esmini_parking_demo",
+        "esmini_soderleden",
+    )
+    source = (shared / "maps" / f"{names[seed % 4]}.xodr").read_bytes()
+    values = ["0", "-1", "1e9", "-1e9", "1e-300", "nan", "", "x", "1e5", "3", "-3", "start", "end"]
+    loaded, refused = 0, []
+    for _ in range(12):
+        root = etree.fromstring(source)
+        elements = list(root.iter(etree.Element))
+        for element in rng.choice(np.array(elements, dtype=object), size=2):
+            parent = element.getparent()
+            change = rng.random()
+            if change < 0.7 and element.attrib:
+                element.set(rng.choice(list(element.attrib)), rng.choice(values))
+            elif parent is not None and change < 0.9:
+                parent.remove(element)
+            elif parent is not None:
+                parent.append(copy.deepcopy(element))
+        file = tmp_path / "damaged.xodr"
+        file.write_bytes(etree.tostring(root))
+        try:
+            network = load_map(file)
+            x_min, y_min, x_max, y_max = network.bounds
+            points = rng.uniform((x_min, y_min), (x_max, y_max), (20, 2))
+            near = network.nearest_lane(points)
+            assert np.isfinite(near.distance_m).all()
+            assert np.isfinite(network.locate(points).margin_m).all()
+            assert all(isinstance(warning.message, str) for warning in network.warnings)
+            loaded += 1
+        except MapReadError as error:
+            refused.append(str(error))
+    assert loaded + len(refused) == 12
+    assert all("damaged.xodr" in message for message in refused)
 
 
 def test_ids_must_be_unique(load, text):

@@ -1,4 +1,6 @@
+from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,17 +25,19 @@ def _squares(*centers: tuple[float, float], size: float = 0.5) -> Boxes:
 
 
 def _match(tracks: Boxes, detections: Boxes, reach: float) -> dict[int, int]:
+    return _match_all(tracks, detections, np.full(len(tracks), reach))
+
+
+def _match_all(tracks: Boxes, detections: Boxes, reach: FloatArray) -> dict[int, int]:
     codes = [np.full(len(b), CODE["pedestrian"]) for b in (tracks, detections)]
-    found = associate(
-        tracks, codes[0], detections, codes[1], np.full(len(tracks), reach), OverlapThenDistance()
-    )
+    found = associate(tracks, codes[0], detections, codes[1], reach, OverlapThenDistance())
     return dict(zip(found.track.tolist(), found.detection.tolist(), strict=True))
 
 
 def _best_total(affinity: FloatArray) -> float:
     a = affinity if affinity.shape[0] <= affinity.shape[1] else affinity.T
     rows = range(len(a))
-    return max(sum(a[i, p[i]] for i in rows) for p in permutations(range(a.shape[1]), len(a)))
+    return max(float(sum(a[i, p[i]] for i in rows)) for p in permutations(range(a.shape[1]), len(a)))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 5), (5, 2), (4, 4), (6, 5)])
@@ -66,6 +70,22 @@ def test_distance_matches_never_cost_overlap(seed: int) -> None:
     found = assign(with_fallback)
     assert iou[found.track, found.detection].sum() > _best_total(iou) - 0.001
     assert len(found.track) >= np.count_nonzero(iou[assign(iou).track, assign(iou).detection])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_overlaps_left_out_for_uncontested_pairs_change_no_match(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    m, n = rng.integers(1, 12, 2)
+    extent = float(rng.choice([2.0, 6.0, 20.0]))
+    tracks = _squares(*rng.uniform(0, extent, (m, 2)).tolist(), size=0.8)
+    detections = _squares(*rng.uniform(0, extent, (n, 2)).tolist(), size=0.8)
+    reach = rng.uniform(0, 2, m)
+    offset = tracks.center_m[:, None] - detections.center_m
+    near = np.maximum(1.0 - np.hypot(offset[..., 0], offset[..., 1]) / reach[:, None], 0.0)
+    iou = iou_matrix(tracks, detections)
+    complete = assign(np.where(iou >= 0.001, iou, near * 0.001 / (min(m, n) + 1)))
+    found = _match_all(tracks, detections, reach)
+    assert found == dict(zip(complete.track.tolist(), complete.detection.tolist(), strict=True))
 
 
 def test_overlap_is_preferred_to_a_nearer_chain() -> None:
@@ -124,5 +144,6 @@ def test_gate_by_hand() -> None:
     ("name", "value"), [("iou_threshold", 0.0), ("iou_threshold", 1.5), ("gate_probability", 1.0)]
 )
 def test_rejects_impossible_limits(name: str, value: float) -> None:
+    change: dict[str, Any] = {name: value}
     with pytest.raises(ConfigError, match=f"AssociationConfig.{name}"):
-        AssociationConfig(**{name: value})  # type: ignore[arg-type]
+        replace(AssociationConfig(), **change)

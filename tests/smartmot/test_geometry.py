@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -33,7 +35,7 @@ def _random(rng: np.random.Generator, *shape: int) -> Rectangles:
     return rng.uniform(-4, 4, (*shape, 2)), rng.uniform(0.05, 6, (*shape, 2)), rng.uniform(-7, 7, shape)
 
 
-def _polygon(center: FloatArray, size: FloatArray, yaw: FloatArray) -> object:
+def _polygon(center: FloatArray, size: FloatArray, yaw: FloatArray) -> Any:
     return shapely.polygons(corners(center, size, yaw))
 
 
@@ -79,7 +81,7 @@ def test_area_iou_and_gap_equal_shapely(a: tuple[float, ...], b: tuple[float, ..
     polygon_a, polygon_b = _polygon(*first), _polygon(*second)
     common = shapely.intersection(polygon_a, polygon_b).area
     assert intersection_area(*first, *second) == pytest.approx(common, abs=1e-9)
-    union = polygon_a.area + polygon_b.area - common  # type: ignore[attr-defined]
+    union = polygon_a.area + polygon_b.area - common
     assert iou_pairs(*first, *second) == pytest.approx(common / union, abs=1e-6)
     gap = signed_gap(*first, *second)
     assert max(float(gap), 0.0) == pytest.approx(shapely.distance(polygon_a, polygon_b), abs=1e-9)

@@ -70,7 +70,8 @@ def test_per_category() -> None:
 
 
 def _one(course: float, speed: float, rate: float, times: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    return ctrv_positions(*(np.array([v]) for v in (2.0, -1.0, course, speed, rate)), np.array(times))
+    start = np.array([2.0]), np.array([-1.0])
+    return ctrv_positions(*start, np.array([course]), np.array([speed]), np.array([rate]), np.array(times))
 
 
 def test_ctrv_by_hand() -> None:
@@ -105,9 +106,9 @@ def test_ctrv_is_smooth_through_straight_motion(rate: float) -> None:
 
 @pytest.mark.parametrize(("m", "t"), [(0, 4), (1, 1), (5, 3)])
 def test_ctrv_shapes(m: int, t: int) -> None:
-    arguments = np.random.default_rng(0).normal(size=(5, m))
-    position, course = ctrv_positions(*arguments, np.linspace(0, 3, t))
+    x, y, yaw, speed, rate = np.random.default_rng(0).normal(size=(5, m))
+    position, course = ctrv_positions(x, y, yaw, speed, rate, np.linspace(0, 3, t))
     assert position.shape == (m, t, 2)
     assert course.shape == (m, t)
-    own_times, _ = ctrv_positions(*arguments, np.broadcast_to(np.linspace(0, 3, t), (m, t)))
+    own_times, _ = ctrv_positions(x, y, yaw, speed, rate, np.broadcast_to(np.linspace(0, 3, t), (m, t)))
     np.testing.assert_array_equal(own_times, position)

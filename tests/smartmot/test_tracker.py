@@ -7,7 +7,7 @@ from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.lifecycle import LifecycleConfig
 from smartmot.motion_models import PerCategory
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
-from smartmot.types import Boxes, Detections, FloatArray, StrArray, Tracks
+from smartmot.types import BoolArray, Boxes, Detections, FloatArray, StrArray, Tracks
 
 WALK_MPS = 5.0 / 3.6
 SIZES = {"car": (4.4, 1.8), "pedestrian": (0.5, 0.5), "cyclist": (1.8, 0.6), "unknown": (1.0, 1.0)}
@@ -106,6 +106,19 @@ def test_turning_car_has_its_turn_rate() -> None:
         tracks = tracker.update(_frame(0.05 * k, center, "car", yaw=yaw))
     assert tracks.yaw_rate_radps[0] == pytest.approx(rate, abs=0.01)
     assert np.hypot(*tracks.velocity_mps[0]) == pytest.approx(speed, rel=0.02)
+
+
+def test_velocity_follows_hard_braking() -> None:
+    tracker, x, speed, worst = Tracker(), 0.0, 15.0, 0.0
+    for k in range(70):
+        tracks = tracker.update(_frame(0.05 * k, [[x, 0]], "car"))
+        if k > 25:
+            worst = max(worst, abs(speed - tracks.velocity_mps[0, 0]))
+        brake = 8.0 if k >= 30 and speed > 0.0 else 0.0
+        x += 0.05 * speed - 0.5 * brake * 0.05**2
+        speed = max(0.0, speed - brake * 0.05)
+    assert worst < 1.5
+    assert not tracks.dynamic[0]
 
 
 def test_flipped_headings_do_not_turn_the_track() -> None:
@@ -240,9 +253,9 @@ def test_low_scores_are_dropped() -> None:
     np.testing.assert_allclose(tracks.boxes.center_m[:, 0], [9, 18])
 
 
-def _ahead(center_m: FloatArray, category: StrArray) -> FloatArray:
+def _ahead(center_m: FloatArray, category: StrArray) -> BoolArray:
     assert len(center_m) == len(category)
-    inside: FloatArray = center_m[:, 0] > 0.0
+    inside: BoolArray = center_m[:, 0] > 0.0
     return inside
 
 
@@ -344,6 +357,19 @@ def test_state_rejects_arrays_of_different_length() -> None:
 def test_rejects_impossible_settings(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"TrackerConfig.{name}: allowed"):
         TrackerConfig(**{name: value})  # type: ignore[arg-type]
+
+
+def test_lidar_preset_bridges_misses_and_waits_for_a_second_detection() -> None:
+    rng, tracker = np.random.default_rng(7), Tracker(TrackerConfig.lidar())
+    centers = np.array([[0.0, 0.0], [9.0, 0.0]])
+    for k in range(60):
+        if k % 10 < 5:
+            frame = _frame(0.1 * k, centers + np.array([0.14 * k, 0.0]) + rng.normal(0, 0.1, (2, 2)))
+        else:
+            frame = Detections.empty(0.1 * k)
+        tracks = tracker.update(frame)
+        assert tracks.track_id.tolist() == [1, 2]
+        assert tracks.confirmed.all() == (k > 0)
 
 
 def test_paper_thresholds() -> None:
