@@ -76,6 +76,10 @@ def cpna(
     map_file: MapFile = None,
     at: At = None,
     impact_point: Impact = None,
+    phase_ms: Annotated[
+        float,
+        typer.Option(min=0, max=50, help="Time of the first sensor frame, ms; shifts all frames of a run."),
+    ] = 0.0,
     adversaries: Annotated[
         str, typer.Option(help="none, or static: parked cars and standing people.")
     ] = "none",
@@ -100,6 +104,7 @@ def cpna(
         impact_point_percent=impact_point,
         adversaries=adversaries,
         seed=seed,
+        phase_s=phase_ms / 1000,
     )
     _run(suite, writable_folder(out), pictures, quiet)
 
@@ -132,12 +137,11 @@ def _run(suite, out: Path, pictures: bool, quiet: bool) -> None:  # type: ignore
             progress.update(task, description="drawing")
             logs = results.read_logs(out, runs)
             save_pictures(out, runs, logs, site, done=lambda: progress.advance(task))
-    published = PUBLISHED if suite.preset == "paper" and suite.impact_point_percent is None else None
-    table = results.comparison_table(runs, published)
+    table = results.comparison_table(runs, PUBLISHED if runner.is_published(suite) else None)
+    results.write_table(out, table)
     console.print(results.rich_table(table, f"{rows[0].scenario}, preset {suite.preset}"))
-    console.print(
-        f"{len(rows)} runs in {out}: runs.csv, runs.json, logs/" + (", pictures" if pictures else "")
-    )
+    drawn = ", pictures" if pictures else ""
+    console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{drawn}")
 
 
 @app.command()

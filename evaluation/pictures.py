@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,17 +97,17 @@ def _plain_metadata(suffix: str) -> dict[str, str | None]:
     return stamps[suffix]
 
 
-def _row_to_show(runs: pd.DataFrame, shown: str | None) -> pd.Series[Any]:
+def _row_to_show(runs: pd.DataFrame, shown: str | None) -> dict[Hashable, Any]:
     if shown is not None:
         match = runs[runs["log"] == shown]
         if match.empty:
             raise ArgumentError(f"--run: no run {shown!r}; the folder has: {', '.join(runs['log'])}")
-        return match.iloc[0, :]
+        return match.to_dict("records")[0]
     last = runs[runs["strategy"] == runs["strategy"].iloc[-1]]
     flagged = last[last["flag_time_s"].notna()]
     # 50 km/h is the usual speed in town; otherwise the fastest flagged run
     town = flagged[flagged["v_test_kmh"] == 50]
-    return (town if len(town) else flagged if len(flagged) else last).iloc[-1]
+    return (town if len(town) else flagged if len(flagged) else last).to_dict("records")[-1]
 
 
 def _ego_at(log: pd.DataFrame, time_s: float) -> EgoState:

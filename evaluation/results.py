@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 RUNS_CSV = "runs.csv"
 RUNS_JSON = "runs.json"
+TABLE_MD = "table.md"
 LOGS_FOLDER = "logs"
 
 LOG_COLUMNS = (
@@ -53,7 +54,7 @@ Published = Mapping[float, tuple[float, float | None]]
 """Published impact speed in km/h and score, if there is one, of one strategy by test speed in km/h."""
 
 _LOG_TEXT = frozenset({"kind", "category", "label"})
-_CONDITIONS = ("scenario", "preset", "adversaries")
+_CONDITIONS = ("scenario", "preset", "adversaries", "weather")
 _EMPTY = "–"
 
 
@@ -259,8 +260,8 @@ def varying_conditions(runs: pd.DataFrame, names: Sequence[str] = _CONDITIONS) -
 def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | None = None) -> Table:
     """Impact speed and score of each strategy, per test speed.
 
-    Runs that differ in weather and seed only are averaged. Scenario, preset and adversaries become
-    columns where they differ.
+    Runs that differ in the seed only are averaged. Scenario, preset, adversaries and weather become columns
+    where they differ; over several weather conditions the final score is the mean (paper, section IV).
 
     Args:
         runs: table of runs, as from `read_runs`.
@@ -297,6 +298,13 @@ def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | No
             rows.append((*lead, f"{speed:g}", *(text for cell in cells for text in cell)))
         cells = [_total_cells(group, strategy, speeds, reference.get(strategy)) for strategy in strategies]
         totals.append((*lead, "total", *(text for cell in cells for text in cell)))
+    if "weather" in conditions:
+        rest = [name for name in conditions if name != "weather"]
+        for values, group in runs.groupby(rest, sort=True) if rest else [((), runs)]:
+            speeds = sorted({float(speed) for speed in group["v_test_kmh"]})
+            cells = [_total_cells(group, name, speeds, reference.get(name)) for name in strategies]
+            lead = [*map(str, values), "mean", "total"]
+            totals.append((*lead, *(text for cell in cells for text in cell)))
     if runs["false_stop"].any():
         totals.append(_false_stop_line(runs, strategies, len(conditions), reference))
     repeats = int(runs.groupby([*conditions, "strategy", "v_test_kmh"]).size().max())
@@ -336,6 +344,15 @@ def markdown_table(table: Table) -> str:
     lines += [tuple(f"**{text}**" if text else "" for text in row) for row in table.totals]
     text = "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
     return f"{text}\n{table.caption}\n" if table.caption else text
+
+
+def write_table(directory: Path, table: Table) -> None:
+    """Write the comparison as `table.md` beside `runs.csv`.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    _write_bytes(directory / TABLE_MD, markdown_table(table).encode())
 
 
 def _select(group: pd.DataFrame, strategy: str, speed: float) -> pd.DataFrame:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from opendrive import RoadNetwork, load_map
 from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy, site_at
 from scenarios.errors import ScenarioError
 from scenarios.map_builder import SHIPPED_MAPS, shipped_map
-from scenarios.presets import Weather, named_preset, named_weather, preset_in_weather
+from scenarios.presets import Preset, named_preset, named_weather, preset_in_weather
 from scenarios.simulation import Outcome
 from smartmot.regulatory import regulatory_elements
 from smartmot.route import route_ahead
@@ -52,6 +52,7 @@ class CpnaSuite:
         impact_point_percent: see `CpnaTest`.
         adversaries: see `CpnaTest`.
         seed: of the sensor noise; the same for every strategy.
+        phase_s: time of the first sensor frame.
     """
 
     speeds_kmh: tuple[float, ...]
@@ -63,6 +64,7 @@ class CpnaSuite:
     impact_point_percent: float | None = None
     adversaries: str = "none"
     seed: int = 0
+    phase_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.speeds_kmh or not self.strategies or not self.weather:
@@ -73,6 +75,11 @@ class CpnaSuite:
             named_weather(weather)
         for speed in self.speeds_kmh:
             self.test(speed)
+
+    def preset_in(self, weather: str) -> Preset:
+        """The preset as it is in one weather."""
+        preset = preset_in_weather(named_preset(self.preset), named_weather(weather))
+        return replace(preset, sensor=replace(preset.sensor, phase_s=self.phase_s))
 
     def test(self, speed_kmh: float) -> CpnaTest:
         """The test at one speed."""
@@ -181,6 +188,16 @@ def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> l
     return lines
 
 
+def is_published(suite: CpnaSuite) -> bool:
+    """Whether the paper printed results for these conditions."""
+    return (
+        suite.preset == "paper"
+        and suite.impact_point_percent is None
+        and suite.adversaries == "none"
+        and suite.weather == ("dry",)
+    )
+
+
 def count(suite: CpnaSuite) -> int:
     """How many runs a suite has."""
     return len(suite.speeds_kmh) * len(suite.strategies) * len(suite.weather)
@@ -200,16 +217,15 @@ def run_suite(suite: CpnaSuite, site: Site | None = None) -> Iterator[RunRecord]
     if site is None:
         site = load_site(suite)
     for name in suite.weather:
-        weather = named_weather(name)
-        preset = preset_in_weather(named_preset(suite.preset), weather)
+        preset = suite.preset_in(name)
         for strategy_name in suite.strategies:
             strategy = make_strategy(strategy_name, preset, site)
             for speed in suite.speeds_kmh:
                 outcome = build(suite.test(speed), site, preset, strategy).run()
-                yield _record(suite, weather, strategy_name, speed, outcome)
+                yield _record(suite, name, strategy_name, speed, outcome)
 
 
-def _record(suite: CpnaSuite, weather: Weather, strategy: str, speed: float, outcome: Outcome) -> RunRecord:
+def _record(suite: CpnaSuite, weather: str, strategy: str, speed: float, outcome: Outcome) -> RunRecord:
     test = suite.test(speed)
     impact = outcome.impact_speed_mps * 3.6
     collided = outcome.contact_time_s is not None
@@ -217,7 +233,7 @@ def _record(suite: CpnaSuite, weather: Weather, strategy: str, speed: float, out
         scenario=test.name,
         strategy=strategy,
         preset=suite.preset,
-        weather=weather.name,
+        weather=weather,
         adversaries=suite.adversaries,
         seed=suite.seed,
         v_test_kmh=speed,
@@ -233,7 +249,7 @@ def _record(suite: CpnaSuite, weather: Weather, strategy: str, speed: float, out
         # a request before the pedestrian has started can only be meant for nobody
         false_stop=outcome.flag_time_s is not None
         and (outcome.trigger_time_s is None or outcome.flag_time_s < outcome.trigger_time_s),
-        log=f"{test.name}_{strategy}_{weather.name}_{suite.adversaries}_{speed:g}kmh_seed{suite.seed}",
+        log=f"{test.name}_{strategy}_{weather}_{suite.adversaries}_{speed:g}kmh_seed{suite.seed}",
     )
     return RunRecord(row, outcome, outcome.log.table())
 
@@ -241,9 +257,6 @@ def _record(suite: CpnaSuite, weather: Weather, strategy: str, speed: float, out
 def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
     """Everything that determines the results of a suite, as plain values."""
     key = site.network.lanes.key[site.route.lanes[0]]
-    presets = {
-        name: preset_in_weather(named_preset(suite.preset), named_weather(name)) for name in suite.weather
-    }
     return {
         "suite": {
             "speeds_kmh": list(suite.speeds_kmh),
@@ -255,6 +268,7 @@ def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
             "impact_point_percent": suite.impact_point_percent,
             "adversaries": suite.adversaries,
             "seed": suite.seed,
+            "phase_s": suite.phase_s,
         },
         "site": {
             "first_lane": list(key),
@@ -262,7 +276,7 @@ def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
             "line_m": site.line_m,
             "line_xy_m": list(site.route.pose(site.line_m)[:2]),
         },
-        "presets": presets,
+        "presets": {name: suite.preset_in(name) for name in suite.weather},
     }
 
 
@@ -285,6 +299,7 @@ def read_suite(directory: Path) -> CpnaSuite:
             impact_point_percent=values["impact_point_percent"],
             adversaries=values["adversaries"],
             seed=values["seed"],
+            phase_s=values["phase_s"],
         )
     except OSError as error:
         raise ResultsError(

@@ -1,4 +1,4 @@
-"""Reference lines: line, arc, spiral, poly3 and paramPoly3 (ASAM OpenDRIVE 1.8, clause 9).
+"""Reference lines: line, arc, spiral, poly3 and paramPoly3 (ASAM OpenDRIVE 1.8, chapter "Geometry").
 
 All pieces of all roads sit in one table. A query is a road index and an s per point; it is answered with a
 pose and a curvature per point. s is arc length for every shape: a cubic's parameter is found from it, not

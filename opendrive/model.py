@@ -19,7 +19,7 @@ TrafficRule: TypeAlias = Literal["RHT", "LHT"]
 
 @dataclass(frozen=True, slots=True)
 class GeoOffset:
-    """Offset between the map frame and the georeferenced frame (clause 8.5); never applied to positions."""
+    """Offset between the map frame and the georeferenced frame (chapter "Header"); never applied to positions."""
 
     x_m: float
     y_m: float
@@ -29,7 +29,7 @@ class GeoOffset:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """File header (clause 8)."""
+    """File header (chapter "Header")."""
 
     rev_major: int
     rev_minor: int
@@ -47,19 +47,19 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Straight reference line (clause 9.3)."""
+    """Straight reference line (chapter "Geometry")."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """Reference line of constant curvature (clause 9.5); positive bends left."""
+    """Reference line of constant curvature (chapter "Geometry"); positive bends left."""
 
     curvature_per_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class Spiral:
-    """Clothoid: the curvature changes linearly with s (clause 9.4)."""
+    """Clothoid: the curvature changes linearly with s (chapter "Geometry")."""
 
     curvature_start_per_m: float
     curvature_end_per_m: float
@@ -74,7 +74,7 @@ class Poly3:
 
 @dataclass(frozen=True, slots=True)
 class ParamPoly3:
-    """Cubics u(p), v(p) in the local frame (clause 9.6); s is the arc length, p is not.
+    """Cubics u(p), v(p) in the local frame (chapter "Geometry"); s is the arc length, p is not.
 
     Attributes:
         u: coefficients a, b, c, d of u(p).
@@ -92,7 +92,7 @@ Shape: TypeAlias = Line | Arc | Spiral | Poly3 | ParamPoly3
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """One piece of the reference line (clause 9): its start pose in the map frame, its length and shape."""
+    """One piece of the reference line (chapter "Geometry"): its start pose in the map frame, its length and shape."""
 
     s_m: float
     x_m: float
@@ -104,7 +104,7 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True)
 class RoadLink:
-    """What a road's start or end is connected to (clause 10.3)."""
+    """What a road's start or end is connected to (chapter "Roads")."""
 
     element_type: str
     element_id: str
@@ -113,7 +113,7 @@ class RoadLink:
 
 @dataclass(frozen=True, slots=True)
 class RoadType:
-    """Road type from `s_m` on (clause 10.4), with its speed limit.
+    """Road type from `s_m` on (chapter "Roads"), with its speed limit.
 
     Attributes:
         s_m: where it starts.
@@ -130,7 +130,7 @@ class RoadType:
 
 @dataclass(frozen=True, slots=True)
 class RoadMark:
-    """Road mark on the outer border of a lane, or on the centre line (clause 11.9).
+    """Road mark on the outer border of a lane, or on the centre line (chapter "Lanes").
 
     Attributes:
         s_offset_m: start, from the start of the lane section.
@@ -151,7 +151,7 @@ class RoadMark:
 
 @dataclass(frozen=True, slots=True)
 class LaneSpeed:
-    """Speed limit of a lane from `s_offset_m` on (clause 11.8.3); `speed_mps` is None for ``no limit``."""
+    """Speed limit of a lane from `s_offset_m` on (chapter "Lanes"); `speed_mps` is None for ``no limit``."""
 
     s_offset_m: float
     speed_mps: float | None
@@ -159,7 +159,7 @@ class LaneSpeed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lane:
-    """One lane of a lane section (clause 11).
+    """One lane of a lane section (chapter "Lanes").
 
     Attributes:
         id: positive left of the centre lane, negative right of it, 0 for the centre lane.
@@ -190,7 +190,7 @@ class Lane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaneSection:
-    """Lanes from `s_m` to the next section (clause 11.4), from the leftmost to the rightmost."""
+    """Lanes from `s_m` to the next section (chapter "Lanes"), from the leftmost to the rightmost."""
 
     s_m: float
     single_side: bool
@@ -199,7 +199,7 @@ class LaneSection:
 
 @dataclass(frozen=True, slots=True)
 class LaneRange:
-    """Lanes, by id, that a signal or object applies to (clause 14.2); both ends included."""
+    """Lanes, by id, that a signal or object applies to (chapter "Signals"); both ends included."""
 
     from_lane: int
     to_lane: int
@@ -207,7 +207,7 @@ class LaneRange:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Traffic sign or light (clause 14).
+    """Traffic sign or light (chapter "Signals").
 
     Attributes:
         id: unique id.
@@ -250,7 +250,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class SignalReference:
-    """Reuse on this road of a signal placed on another one (clause 14.6)."""
+    """Reuse on this road of a signal placed on another one (chapter "Signals")."""
 
     signal_id: str
     s_m: float
@@ -261,7 +261,7 @@ class SignalReference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Outline of an object (clause 13.4).
+    """Outline of an object (chapter "Objects").
 
     Attributes:
         in_road_frame: corners are ``s, t, dz`` if true, else ``u, v, z`` in the object's own frame.
@@ -276,7 +276,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadObject:
-    """Object beside or on the road (clause 13): crosswalk, pole, parking space and so on.
+    """Object beside or on the road (chapter "Objects"): crosswalk, pole, parking space and so on.
 
     Sizes are None when absent. `heading_rad` is relative to the road's heading.
     """
@@ -300,7 +300,7 @@ class RoadObject:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One way through a junction (clause 12.4).
+    """One way through a junction (chapter "Junctions").
 
     Attributes:
         id: unique within the junction.
@@ -319,7 +319,7 @@ class Connection:
 
 @dataclass(frozen=True, slots=True)
 class Junction:
-    """Junction (clause 12); `type` is ``default``, ``direct``, ``virtual`` or ``crossing``."""
+    """Junction (chapter "Junctions"); `type` is ``default``, ``direct``, ``virtual`` or ``crossing``."""
 
     id: str
     name: str
@@ -329,7 +329,7 @@ class Junction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Road:
-    """One road (clause 10).
+    """One road (chapter "Roads").
 
     Attributes:
         id: unique id.

@@ -137,7 +137,7 @@ class RoadNetwork:
         )
 
     def _height(self, lane: int, s_m: FloatArray) -> FloatArray:
-        """Return the height of the middle of a lane above the road (clause 11.8.4).
+        """Return the height of the middle of a lane above the road (chapter "Lanes").
 
         Between two records the height changes linearly, as maps with ramped kerbs expect.
         """
@@ -236,7 +236,7 @@ class RoadNetwork:
     def speed_limit(self, lane: int, s_m: float) -> float | None:
         """Return the speed limit of a lane at `s_m`, m/s, or None.
 
-        A limit of the lane prevails over that of the road type (clause 11.8.3).
+        A limit of the lane prevails over that of the road type (chapter "Lanes").
 
         Raises:
             LaneNotFoundError: no such lane.
@@ -333,7 +333,7 @@ class RoadNetwork:
         return self._neighbour(lane, "right")
 
     def lane_change(self, lane: int, s_m: float, side: Side) -> bool:
-        """Return whether the road mark at `s_m` allows changing to the neighbour on a side (clause 11.9).
+        """Return whether the road mark at `s_m` allows changing to the neighbour on a side (chapter "Lanes").
 
         A mark without the attribute laneChange allows it, and so does a border without mark; false if there
         is no neighbour. Type and direction of the neighbour are not looked at.

@@ -124,7 +124,7 @@ def object_polygon(road: RoadGeometry, item: RoadObject) -> FloatArray:
     """Return the outline of an object as (P, 2) corners in the map frame.
 
     The first outline is taken; without one, the rectangle of length and width, or the circle of the radius.
-    The result is empty if the object has no extent (ASAM OpenDRIVE 1.8, clause 13).
+    The result is empty if the object has no extent (ASAM OpenDRIVE 1.8, chapter "Objects").
     """
     outline = item.outlines[0].corners if item.outlines else np.empty((0, 3))
     if item.outlines and item.outlines[0].in_road_frame:

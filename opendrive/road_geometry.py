@@ -89,7 +89,7 @@ class NetworkGeometry:
         """Return points of the road surface.
 
         The t axis is the reference line's normal, rolled by the superelevation about the reference line with
-        its grade (clause 10.6.2). Crossfall lowers the surface on both sides.
+        its grade (chapter "Roads"). Crossfall lowers the surface on both sides.
 
         Args:
             road: (N,) road indices.

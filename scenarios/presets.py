@@ -104,12 +104,12 @@ DRY_FRICTION = 0.9
 
 def rain_attenuation_db_per_km(rain_mm_per_h: float) -> float:
     """ITU-R P.1814 (free-space optical links), rain, coefficients measured in Japan."""
-    return 1.58 * rain_mm_per_h**0.63
+    return float(1.58 * rain_mm_per_h**0.63)
 
 
 def dry_snow_attenuation_db_per_km(snow_mm_per_h: float, wavelength_nm: float = 905.0) -> float:
     """ITU-R P.1814, dry snow; the rate is that of the melted water."""
-    return (5.42e-5 * wavelength_nm + 5.4958776) * snow_mm_per_h**1.38
+    return float((5.42e-5 * wavelength_nm + 5.4958776) * snow_mm_per_h**1.38)
 
 
 WEATHER = {

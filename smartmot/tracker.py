@@ -109,19 +109,6 @@ class TrackerConfig:
             outlier_speed_mps=PerCategory(*[15.0] * len(CATEGORIES)),
         )
 
-    @classmethod
-    def lidar(cls) -> TrackerConfig:
-        """For a real lidar detector at 10 Hz, which misses objects, invents some and has coarser boxes.
-
-        A track is confirmed by its second detection and survives 1.5 s of misses; position noise 0.15 m,
-        heading noise 0.2 rad. Chosen among a few round values on seven KITTI tracking sequences with
-        PointRCNN detections.
-        """
-        return cls(
-            filter=BevFilterConfig(position_sigma_m=0.15, yaw_sigma_rad=0.2),
-            lifecycle=LifecycleConfig(confirm_s=0.1, max_age_s=1.5),
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerState:

@@ -359,19 +359,6 @@ def test_rejects_impossible_settings(name: str, value: float) -> None:
         TrackerConfig(**{name: value})  # type: ignore[arg-type]
 
 
-def test_lidar_preset_bridges_misses_and_waits_for_a_second_detection() -> None:
-    rng, tracker = np.random.default_rng(7), Tracker(TrackerConfig.lidar())
-    centers = np.array([[0.0, 0.0], [9.0, 0.0]])
-    for k in range(60):
-        if k % 10 < 5:
-            frame = _frame(0.1 * k, centers + np.array([0.14 * k, 0.0]) + rng.normal(0, 0.1, (2, 2)))
-        else:
-            frame = Detections.empty(0.1 * k)
-        tracks = tracker.update(frame)
-        assert tracks.track_id.tolist() == [1, 2]
-        assert tracks.confirmed.all() == (k > 0)
-
-
 def test_paper_thresholds() -> None:
     assert TrackerConfig.paper().dynamic_speed_mps == 0.5
     assert TrackerConfig.paper(with_map=False).dynamic_speed_mps == 1.0
