@@ -102,12 +102,16 @@ def _row_to_show(runs: pd.DataFrame, shown: str | None) -> dict[Hashable, Any]:
         match = runs[runs["log"] == shown]
         if match.empty:
             raise ArgumentError(f"--run: no run {shown!r}; the folder has: {', '.join(runs['log'])}")
-        return match.to_dict("records")[0]
+        row: dict[Hashable, Any] = match.to_dict("records")[0]
+        return row
     last = runs[runs["strategy"] == runs["strategy"].iloc[-1]]
     flagged = last[last["flag_time_s"].notna()]
     # 50 km/h is the usual speed in town; otherwise the fastest flagged run
     town = flagged[flagged["v_test_kmh"] == 50]
-    return (town if len(town) else flagged if len(flagged) else last).to_dict("records")[-1]
+    rows: list[dict[Hashable, Any]] = (town if len(town) else flagged if len(flagged) else last).to_dict(
+        "records"
+    )
+    return rows[-1]
 
 
 def _ego_at(log: pd.DataFrame, time_s: float) -> EgoState:

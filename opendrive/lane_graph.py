@@ -1,7 +1,8 @@
 """Which lane leads to which, in travel direction; neighbours, lane changes and routes.
 
 A link of the file says that two lane ends touch. Together with the lanes' directions this makes the directed
-graph: a lane leads to another if its exit touches the other's entry (ASAM OpenDRIVE 1.8, chapters "Roads" and "Lanes" and "Junctions").
+graph: a lane leads to another if its exit touches the other's entry (ASAM OpenDRIVE 1.8,
+chapters "Roads", "Lanes" and "Junctions").
 """
 
 import heapq
@@ -179,7 +180,7 @@ class _Builder:
 def _same_ids(
     incoming: Road, end: ContactPoint, connecting: Road, connection: Connection
 ) -> tuple[tuple[int, int], ...]:
-    """Return the links of a connection that lists none: lanes of equal id belong together (chapter "Junctions")."""
+    """Return the links of a connection that lists none: lanes of equal id belong together."""
     before = incoming.sections[0 if end == "start" else -1]
     after = connecting.sections[0 if connection.contact_point == "start" else -1]
     common = {lane.id for lane in before.lanes} & {lane.id for lane in after.lanes} - {0}

@@ -19,7 +19,7 @@ TrafficRule: TypeAlias = Literal["RHT", "LHT"]
 
 @dataclass(frozen=True, slots=True)
 class GeoOffset:
-    """Offset between the map frame and the georeferenced frame (chapter "Header"); never applied to positions."""
+    """Offset between the map frame and the georeferenced frame; never applied to positions."""
 
     x_m: float
     y_m: float
@@ -92,7 +92,7 @@ Shape: TypeAlias = Line | Arc | Spiral | Poly3 | ParamPoly3
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """One piece of the reference line (chapter "Geometry"): its start pose in the map frame, its length and shape."""
+    """One piece of the reference line: its start pose in the map frame, its length and shape."""
 
     s_m: float
     x_m: float

@@ -1,8 +1,7 @@
 """Piecewise cubics, many at once.
 
-Width, border, lane offset, elevation and superelevation are all of this kind (ASAM OpenDRIVE 1.8, clause
-7.4). All profiles of a network sit in one table, so that a query over any mix of profiles is one array
-operation.
+Width, border, lane offset, elevation and superelevation are all of this kind (ASAM OpenDRIVE 1.8).
+All profiles of a network sit in one table, so that a query over any mix of profiles is one array operation.
 """
 
 from collections.abc import Sequence

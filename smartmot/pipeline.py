@@ -162,8 +162,9 @@ class Pipeline:
         entering = np.zeros(len(tracks), dtype=np.bool_)
         walking = np.flatnonzero(tracks.dynamic & is_vulnerable(tracks.category) & (ahead > 0.0) & ~on_way)
         if len(walking):
-            # every fifth forecast time is enough: half a second of walking is less than a lane's width
-            path = forecast.center_m[walking][:, ::5]
+            # twice a second is enough: half a second of walking is less than a lane's width
+            every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
+            path = forecast.center_m[walking][:, ::every]
             entering[walking] = area.on_lane(path.reshape(-1, 2)).reshape(len(walking), -1).any(axis=1)
         return Situation(
             stamp_s=ego.stamp_s,

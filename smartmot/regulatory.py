@@ -51,22 +51,25 @@ def regulatory_elements(
         ahead_m: how far to look.
     """
     found: list[RegulatoryElement] = []
+    seen: set[tuple[str, str, str, float]] = set()  # where two sections of a road meet, both contain the place
     for strip, entry in zip(route.strips, route.entry_m, strict=True):
         if entry > station_m + ahead_m or entry + strip.length_m < station_m:
             continue
         key = network.lanes.key[strip.lane]
         low, high = sorted((float(strip.s_m[0]), float(strip.s_m[-1])))
         facing = "+" if network.lanes.direction[strip.lane] > 0 else "-"
-        here: list[tuple[str, float, float | None]] = [
-            (SIGNAL_KINDS[signal.type], signal.s_m, signal.value)
+        here: list[tuple[str, str, float, float | None]] = [
+            (SIGNAL_KINDS[signal.type], signal.id, signal.s_m, signal.value)
             for signal in network.signals_of(key.road_id)
             if signal.type in SIGNAL_KINDS
             and signal.orientation in (facing, "none")
             and signal.applies_to(key.lane_id)
         ]
-        here += [("crosswalk", c.s_m, None) for c in network.crosswalks if c.road_id == key.road_id]
-        for kind, s_m, value in here:
+        here += [("crosswalk", c.id, c.s_m, None) for c in network.crosswalks if c.road_id == key.road_id]
+        for kind, name, s_m, value in here:
+            place = (key.road_id, kind, name, s_m)
             distance = float(entry) + strip.station_at(s_m) - station_m
-            if low <= s_m <= high and 0.0 <= distance <= ahead_m:
+            if low <= s_m <= high and 0.0 <= distance <= ahead_m and place not in seen:
+                seen.add(place)
                 found.append(RegulatoryElement(kind, distance, key.road_id, s_m, value))
     return tuple(sorted(found, key=lambda e: e.distance_m))

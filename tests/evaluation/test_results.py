@@ -322,8 +322,18 @@ def test_comparison_takes_published_speeds_without_a_score() -> None:
     assert table.totals == (("total", "", "2.00/2", "score 2", ""),)
 
 
-def test_comparison_averages_weather_and_seeds() -> None:
+def test_comparison_shows_each_weather_and_scores_their_mean() -> None:
     table = comparison_table(runs_of(HIT, replace(HIT, weather="rain", v_impact_kmh=30.0, score=1.0)))
+    assert table.rows == (("dry", "50", "23.00", "0.00"), ("rain", "50", "30.00", "1.00"))
+    assert table.totals == (
+        ("dry", "total", "", "0.00/2"),
+        ("rain", "total", "", "1.00/2"),
+        ("mean", "total", "", "0.50/2"),
+    )
+
+
+def test_comparison_averages_seeds() -> None:
+    table = comparison_table(runs_of(HIT, replace(HIT, seed=1, v_impact_kmh=30.0, score=1.0)))
     assert table.rows == (("50", "26.50", "0.50"),)
     assert table.totals == (("total", "", "0.50/2"),)
     assert table.caption == "Means over up to 2 runs per speed and strategy."
