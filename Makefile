@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: run test check bench clean
+.PHONY: run test check bench reports clean
 
 # The main job: the pedestrian test at 10, 20, ... 60 km/h with every strategy, scored and drawn.
 run: $(VENV)/.run
@@ -36,3 +36,11 @@ $(VENV)/.run: requirements/run.txt pyproject.toml
 $(VENV)/.dev: requirements/dev.txt $(VENV)/.run
 	$(PIP) --requirement requirements/dev.txt
 	touch $@
+
+# The reference results in reports/, made again.
+reports: $(VENV)/.run
+	for preset in paper physical; do \
+		$(VENV)/bin/smartmot-eval cpna --speeds 10..80 --preset $$preset --out reports/$$preset || exit 1; done
+	$(VENV)/bin/smartmot-eval cpna --speeds 30..50 --adversaries static --out reports/static
+	$(VENV)/bin/smartmot-eval cpna --preset physical --weather dry,wet,rain,snow --out reports/weather
+	$(VENV)/bin/python -m benchmarks.paper_mechanisms > reports/mechanisms.txt

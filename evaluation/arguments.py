@@ -59,6 +59,17 @@ def parse_names(text: str, allowed: Sequence[str], option: str) -> tuple[str, ..
     return tuple(dict.fromkeys(names))
 
 
+def parse_name(text: str, allowed: Sequence[str], option: str) -> str:
+    """A single name.
+
+    Raises:
+        ArgumentError: it is not allowed.
+    """
+    if text.strip() not in allowed:
+        raise ArgumentError(f"{option}: unknown {text.strip()!r}; use one of: {', '.join(allowed)}")
+    return text.strip()
+
+
 def parse_place(text: str) -> tuple[str, int, float]:
     """`ROAD,LANE,S`: id of the road, id of the lane, road coordinate in metres.
 

@@ -89,7 +89,7 @@ def cpna(
     quiet: Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
-    from evaluation.arguments import parse_names, parse_place, parse_speeds, writable_folder
+    from evaluation.arguments import parse_name, parse_names, parse_place, parse_speeds, writable_folder
     from evaluation.runner import CpnaSuite, Place
     from scenarios.cpna import STRATEGIES
     from scenarios.presets import PRESETS, WEATHER
@@ -97,7 +97,7 @@ def cpna(
     suite = CpnaSuite(
         speeds_kmh=parse_speeds(speeds),
         strategies=parse_names(strategy, STRATEGIES, "--strategy"),
-        preset=parse_names(preset, tuple(PRESETS), "--preset")[0],
+        preset=parse_name(preset, tuple(PRESETS), "--preset"),
         weather=parse_names(weather, tuple(WEATHER), "--weather"),
         map_name=str(map_file) if map_file else DEFAULT_MAP,
         place=Place(*parse_place(at)) if at else None,
@@ -156,10 +156,10 @@ def plot(
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
     from evaluation import results, runner
-    from evaluation.arguments import parse_names
+    from evaluation.arguments import parse_name
     from evaluation.pictures import save_pictures
 
-    form = parse_names(form, ("png", "svg", "pdf"), "--format")[0]
+    form = parse_name(form, ("png", "svg", "pdf"), "--format")
     runs = results.read_runs(directory)
     site = runner.load_site(runner.read_suite(directory))
     written = save_pictures(directory, runs, results.read_logs(directory, runs), site, shown=run, suffix=form)
@@ -175,7 +175,7 @@ def map_command(
     ],
     at: At = None,
     strategy: Annotated[str, typer.Option(help="Monitored area to draw: rectangular, map or all.")] = "map",
-    speed: Annotated[float, typer.Option(help="Ego speed for the monitored area, km/h.")] = 50.0,
+    speed: Annotated[float, typer.Option(min=0, help="Ego speed for the monitored area, km/h.")] = 50.0,
     preset: PresetName = "physical",
     png: Annotated[
         Optional[Path],  # noqa: UP045
@@ -184,12 +184,12 @@ def map_command(
 ) -> None:
     """Describe a map, and draw it with the monitored area at a pose."""
     from evaluation import runner
-    from evaluation.arguments import parse_names, parse_place
+    from evaluation.arguments import parse_name, parse_place
     from scenarios.cpna import STRATEGIES
     from scenarios.presets import PRESETS
 
-    strategy = parse_names(strategy, STRATEGIES, "--strategy")[0]
-    preset = parse_names(preset, tuple(PRESETS), "--preset")[0]
+    strategy = parse_name(strategy, STRATEGIES, "--strategy")
+    preset = parse_name(preset, tuple(PRESETS), "--preset")
     place = runner.Place(*parse_place(at)) if at else None
     network = runner.load_named_map(file)
     site = runner.pose_site(network, place) if place else None
@@ -204,20 +204,17 @@ def map_command(
 
 def main() -> None:
     """Entry point: run the command; one line and status 2 for a mistake of the user."""
-    from evaluation.errors import ArgumentError
-    from opendrive import OpenDriveError
-    from scenarios.errors import ScenarioError
-    from smartmot.errors import SmartMotError
-
     try:
         app()
-    except (ArgumentError, ScenarioError, SmartMotError, OpenDriveError) as error:
-        typer.echo(f"smartmot-eval: {error}", err=True)
-        sys.exit(2)
-    except Exception as error:
+    except ValueError as error:
+        # the named errors derive from ValueError; their packages are loaded only now, when one was raised
+        from evaluation.errors import ArgumentError
         from evaluation.results import ResultsError
+        from opendrive import OpenDriveError
+        from scenarios.errors import ScenarioError
+        from smartmot.errors import SmartMotError
 
-        if isinstance(error, ResultsError):
+        if isinstance(error, (ArgumentError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)):
             typer.echo(f"smartmot-eval: {error}", err=True)
             sys.exit(2)
         raise

@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 
 DPI = 200
 
+_STAMPS: dict[str, dict[str, str | None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+"""Formats, and the metadata in them that would differ from one run to the next."""
+
 
 def save_pictures(
     directory: Path,
@@ -51,7 +58,7 @@ def save_pictures(
 
     def save(figure: Figure, name: str) -> None:
         path = directory / f"{name}.{suffix}"
-        figure.savefig(path, dpi=DPI, metadata=_plain_metadata(suffix))
+        _write(figure, path, "the folder of results")
         written.append(path)
         done()
 
@@ -72,7 +79,11 @@ def save_pictures(
 def save_map(
     network: RoadNetwork, path: Path, site: Site | None, strategy: str, speed_kmh: float, preset_name: str
 ) -> None:
-    """Draw a map, and at a place the monitored area there."""
+    """Draw a map, and at a place the monitored area there.
+
+    Raises:
+        ArgumentError: the file cannot be written, or its ending is not that of a picture.
+    """
     from evaluation.plots import map_picture
 
     if site is None:
@@ -84,17 +95,22 @@ def save_map(
         figure = map_picture(
             network, areas, (x, y, yaw), f"{network.name or 'map'}: {strategy} area at {speed_kmh:g} km/h"
         )
-    figure.savefig(path, dpi=DPI)
+    _write(figure, path, "--png")
 
 
-def _plain_metadata(suffix: str) -> dict[str, str | None]:
-    """No time stamps in the files, so that equal runs give equal bytes."""
-    stamps: dict[str, dict[str, str | None]] = {
-        "png": {"Software": None},
-        "svg": {"Date": None},
-        "pdf": {"CreationDate": None},
-    }
-    return stamps[suffix]
+def _write(figure: Figure, path: Path, where: str) -> None:
+    """Write a picture without time stamps and random names, so that equal runs give equal bytes."""
+    import matplotlib as mpl
+
+    ending = path.suffix.lower().removeprefix(".")
+    if ending not in _STAMPS:
+        raise ArgumentError(f"{where}: cannot draw {path.name!r}; the ending must be .png, .svg or .pdf")
+    try:
+        with mpl.rc_context({"svg.hashsalt": "smartmot"}):
+            figure.savefig(path, dpi=DPI, metadata=_STAMPS[ending])
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ArgumentError(f"{where}: cannot write {path}: {reason}; choose another place") from None
 
 
 def _row_to_show(runs: pd.DataFrame, shown: str | None) -> dict[Hashable, Any]:

@@ -102,7 +102,6 @@ class Simulation:
         self._trigger_in_m = trigger_station_m - ego.LENGTH / 2 - route.project(*ego.position)[0]
         self._top_mps = max((a.speed_mps for a in actors.actors), default=0.0)
         self._no_contact_before_s = 0.0
-        self._driven_m = 0.0
         self._trigger_time_s: float | None = None
         self._flag: tuple[float, float] | None = None
         self._stop: tuple[float, float] | None = None
@@ -126,7 +125,6 @@ class Simulation:
                 self._ego.advance(now, max(contact[0] - now, 1e-9))
                 self._log_truth(contact[0])
                 break
-            self._driven_m += self._ego.travel(now, STEP_S)[0]
             self._ego.advance(now, STEP_S)
             if self._stop is None and self._flag is not None and self._ego.speed <= 0.0:
                 self._stop = (now + STEP_S, self._gap_to_target(now + STEP_S))
@@ -155,6 +153,7 @@ class Simulation:
         """Measure, perceive what has arrived, and hand the decision to the vehicle."""
         boxes = self._log_truth(now)
         if self._pipeline is None or self._state is None:
+            self._ego.control(now, False, None)  # nobody brakes, but it keeps to its lane
             return
         odometry = self._ego.state(now)
         seen = self._sensor.observe(number, odometry, boxes, self._actors.category)
@@ -172,10 +171,11 @@ class Simulation:
         """Set off the actors at the instant at which the ego's front passes the trigger station."""
         if self._trigger_time_s is not None:
             return
-        left = self._trigger_in_m - self._driven_m
+        left, step = self._trigger_in_m, self._ego.travel(now, STEP_S)[0]
+        self._trigger_in_m -= step
         if left <= 1e-9:
             self._trigger_time_s = now
-        elif self._ego.travel(now, STEP_S)[0] > left:
+        elif step > left:
             low, high = 0.0, STEP_S
             while high - low > CONTACT_TOLERANCE_S:
                 middle = (low + high) / 2

@@ -6,6 +6,7 @@ kept (tracked), does it count as an object in the ego's route, and is it on the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -67,7 +68,7 @@ def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, Flo
     Returns:
         x_min, x_max, y_min, y_max: (N,) metres, ego frame (x ahead, y left).
     """
-    c, s = np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)
+    c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
     dx, dy = boxes.center_m[:, 0] - ego.x_m, boxes.center_m[:, 1] - ego.y_m
     x, y = c * dx + s * dy, c * dy - s * dx
     turn = boxes.yaw_rad - ego.yaw_rad

@@ -51,7 +51,9 @@ def regulatory_elements(
         ahead_m: how far to look.
     """
     found: list[RegulatoryElement] = []
-    seen: set[tuple[str, str, str, float]] = set()  # where two sections of a road meet, both contain the place
+    seen: set[tuple[str, str, str, float]] = (
+        set()
+    )  # where two sections of a road meet, both contain the place
     for strip, entry in zip(route.strips, route.entry_m, strict=True):
         if entry > station_m + ahead_m or entry + strip.length_m < station_m:
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -33,6 +33,18 @@ class Route:
     entry_m: FloatArray
     center_m: FloatArray
     station_m: FloatArray
+    _unit: FloatArray = field(init=False, repr=False)
+    _low_m: FloatArray = field(init=False, repr=False)
+    _high_m: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        # every frame projects points; the segments are made once
+        length = np.diff(self.station_m)
+        low, high = np.zeros_like(length), length.copy()
+        low[0], high[-1] = -np.inf, np.inf
+        object.__setattr__(self, "_unit", np.diff(self.center_m, axis=0) / length[:, None])
+        object.__setattr__(self, "_low_m", low)
+        object.__setattr__(self, "_high_m", high)
 
     @property
     def length_m(self) -> float:
@@ -49,14 +61,10 @@ class Route:
 
         Before the first and after the last sample the end segments are extended straight on.
         """
-        start, delta = self.center_m[:-1], np.diff(self.center_m, axis=0)
-        length = np.diff(self.station_m)
-        dx, dy = x_m - start[:, 0], y_m - start[:, 1]
-        ux, uy = delta[:, 0] / length, delta[:, 1] / length
+        dx, dy = x_m - self.center_m[:-1, 0], y_m - self.center_m[:-1, 1]
+        ux, uy = self._unit[:, 0], self._unit[:, 1]
         u = dx * ux + dy * uy
-        low, high = np.zeros_like(length), length.copy()
-        low[0], high[-1] = -np.inf, np.inf
-        on = np.clip(u, low, high)
+        on = np.minimum(np.maximum(u, self._low_m), self._high_m)
         lateral = ux * dy - uy * dx
         k = int(np.argmin((u - on) ** 2 + lateral**2))
         return float(self.station_m[k] + on[k]), float(lateral[k])
@@ -64,8 +72,7 @@ class Route:
     def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
         """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame."""
         k = int(np.clip(np.searchsorted(self.station_m, station_m) - 1, 0, len(self.station_m) - 2))
-        delta = self.center_m[k + 1] - self.center_m[k]
-        ux, uy = delta / np.hypot(*delta)
+        ux, uy = self._unit[k]
         u = station_m - self.station_m[k]
         x, y = self.center_m[k]
         return (

@@ -36,8 +36,7 @@ def _frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: 
         and value.dtype == dtype
         and not value.flags.writeable
         and value.base is None
-        and value.ndim == len(shape)
-        and all(n is None or n == m for n, m in zip(shape, value.shape, strict=True))
+        and value.shape == shape
     ):
         return value
     try:
@@ -46,8 +45,9 @@ def _frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: 
         raise ShapeError(f"{name}: expected numbers in shape {shape}, got {value!r}") from error
     if array.size == 0 and array.ndim != len(shape):
         array = array.reshape([0 if n is None else n for n in shape])
-    if array.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True))
     ):
         raise ShapeError(f"{name}: expected shape {shape}, got {array.shape}")
     array.flags.writeable = False

@@ -324,9 +324,9 @@ def test_comparison_takes_published_speeds_without_a_score() -> None:
 
 def test_comparison_shows_each_weather_and_scores_their_mean() -> None:
     table = comparison_table(runs_of(HIT, replace(HIT, weather="rain", v_impact_kmh=30.0, score=1.0)))
-    assert table.rows == (("dry", "50", "23.00", "0.00"), ("rain", "50", "30.00", "1.00"))
+    assert table.rows == (("clear", "50", "23.00", "0.00"), ("rain", "50", "30.00", "1.00"))
     assert table.totals == (
-        ("dry", "total", "", "0.00/2"),
+        ("clear", "total", "", "0.00/2"),
         ("rain", "total", "", "1.00/2"),
         ("mean", "total", "", "0.50/2"),
     )

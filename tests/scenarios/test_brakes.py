@@ -180,5 +180,7 @@ def test_impossible_brakes_are_refused(values: tuple[float, float, float]) -> No
 
 
 def test_less_friction_means_a_longer_way() -> None:
-    ways = [BrakeConfig(0.2, 0.4, 8.8 * mu / 0.9).travel(15.0, 0.0, 60.0)[0] for mu in (0.9, 0.65, 0.55, 0.22)]
+    ways = [
+        BrakeConfig(0.2, 0.4, 8.8 * mu / 0.9).travel(15.0, 0.0, 60.0)[0] for mu in (0.9, 0.65, 0.55, 0.22)
+    ]
     assert np.all(np.diff(ways) > 0)

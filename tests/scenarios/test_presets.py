@@ -50,7 +50,9 @@ def test_deceleration_scales_with_friction(name: str, weather: str) -> None:
 
 
 def test_the_worse_the_weather_the_less_deceleration() -> None:
-    order = [preset_in_weather(PHYSICAL, WEATHER[w]).brakes.max_decel_mps2 for w in ("dry", "wet", "rain", "snow")]
+    order = [
+        preset_in_weather(PHYSICAL, WEATHER[w]).brakes.max_decel_mps2 for w in ("dry", "wet", "rain", "snow")
+    ]
     assert order == sorted(order, reverse=True)
     # on a real car the deceleration is friction times gravity
     for weather, decel in zip(("dry", "wet", "rain", "snow"), order, strict=True):

@@ -43,7 +43,9 @@ def test_field_of_view_is_symmetric_about_the_heading() -> None:
 
 def test_ideal_sensor_reports_the_truth() -> None:
     truth = boxes((10.0, 3.0, 4.4, 1.8, 0.4), (20.0, -8.0, 0.6, 0.5, -2.0))
-    seen = Sensor(SensorConfig(position_sigma_m=0.0), 3).observe(7, EGO, truth, np.array(["car", "pedestrian"]))
+    seen = Sensor(SensorConfig(position_sigma_m=0.0), 3).observe(
+        7, EGO, truth, np.array(["car", "pedestrian"])
+    )
     assert np.array_equal(seen.boxes.center_m, truth.center_m)
     assert np.array_equal(seen.boxes.size_m, truth.size_m)
     assert seen.boxes.yaw_rad == pytest.approx(truth.yaw_rad)

@@ -9,7 +9,7 @@ from smartmot.errors import ConfigError
     [(40, 18.62), (50, 26.49), (60, 35.65), (70, 46.09), (80, 57.82), (90, 70.83), (100, 85.13)],
 )
 def test_published_table(kmh: float, metres: float) -> None:
-    assert BrakingDistance().at(kmh / 3.6) == pytest.approx(metres, abs=0.035)
+    assert BrakingDistance().at(kmh / 3.6) == pytest.approx(metres, rel=1e-3)
 
 
 def test_standing_and_reversing_need_next_to_nothing() -> None:

@@ -64,9 +64,7 @@ def test_intersection_from_every_arm(arm: str, lane_id: int, sign: str | None) -
 
 
 def test_a_sign_where_two_sections_meet_counts_once(tmp_path: Path) -> None:
-    lane = (
-        '<lane id="-1" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
-    )
+    lane = '<lane id="-1" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
     section = '<laneSection s="{}"><center><lane id="0" type="none"/></center><right>{}</right></laneSection>'
     file = tmp_path / "sections.xodr"
     file.write_text(
@@ -88,7 +86,7 @@ def test_a_sign_where_two_sections_meet_counts_once(tmp_path: Path) -> None:
     ]
 
 
-def test_campus_has_crosswalks_and_signs() -> None:
+def test_campus_has_crosswalks_and_traffic_lights() -> None:
     if not CAMPUS.is_file():
         pytest.skip(f"reference map is absent: {CAMPUS}")
     network = load_map(CAMPUS)
@@ -107,4 +105,4 @@ def test_campus_has_crosswalks_and_signs() -> None:
             x, y, _ = route.pose(element.distance_m)
             cx, cy, _, _ = network.center_line(lane, element.s_m)
             assert (x, y) == pytest.approx((float(cx), float(cy)), abs=0.05)
-    assert {"crosswalk", "stop", "give_way"} <= kinds
+    assert {"crosswalk", "traffic_light"} <= kinds

@@ -1,0 +1,140 @@
+"""Time of the default comparison (two strategies, six speeds), and what each stage takes of it.
+
+    python -m benchmarks.cpna
+
+The peer, measured in the same process, is highway-env: its own vehicle and IDM on a straight road, stepped as
+often and as long, without sensor, map, tracking or decision. The ratio says what perception and exact contact
+cost on top of a bare traffic simulation.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROUNDS = 5
+
+
+class Stages:
+    """Wall time per stage; time inside an inner stage is taken from the outer one."""
+
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._open: list[float] = []
+
+    def wrap(self, owner: Any, name: str, stage: str) -> None:
+        """Measure every call of `owner.name` as part of a stage."""
+        original: Callable[..., Any] = getattr(owner, name)
+
+        def measured(*args: Any, **kwargs: Any) -> Any:
+            self._open.append(0.0)
+            start = time.perf_counter()
+            try:
+                return original(*args, **kwargs)
+            finally:
+                spent = time.perf_counter() - start
+                self.seconds[stage] += spent - self._open.pop()
+                if self._open:
+                    self._open[-1] += spent
+
+        setattr(owner, name, measured)
+
+
+def suite() -> Any:
+    """The default of `smartmot-eval cpna`."""
+    from evaluation.runner import CpnaSuite
+
+    return CpnaSuite((10, 20, 30, 40, 50, 60), ("rectangular", "map"), "paper", ("dry",), "urban_street")
+
+
+def computing(directory: Path) -> tuple[float, float]:
+    """Seconds for loading and running, and simulated seconds."""
+    from evaluation import results, runner
+
+    start = time.perf_counter()
+    job = suite()
+    site = runner.load_site(job)
+    simulated = 0.0
+    rows = []
+    for record in runner.run_suite(job, site):
+        simulated += float(record.log["time_s"].max())
+        results.write_log(results.log_path(directory, record.row.log or ""), record.log)
+        rows.append(record.row)
+    results.write_runs(directory, rows, runner.suite_configuration(job, site))
+    return time.perf_counter() - start, simulated
+
+
+def peer(simulated_s: float) -> float:
+    """Seconds for highway-env alone to step one vehicle as long, at the same 10 ms."""
+    from highway_env.road.road import Road, RoadNetwork
+    from highway_env.vehicle.behavior import IDMVehicle
+
+    road = Road(RoadNetwork.straight_road_network(1, length=1000))
+    vehicle = IDMVehicle(road, [0.0, 0.0], speed=13.9, target_lane_index=("0", "1", 0), target_speed=13.9)
+    road.vehicles.append(vehicle)
+    start = time.perf_counter()
+    for step in range(round(simulated_s / 0.01)):
+        if step % 5 == 0:
+            road.act()
+        road.step(0.01)
+    return time.perf_counter() - start
+
+
+def stage_shares(directory: Path) -> dict[str, float]:
+    """Seconds per stage of one more run of the suite, with measuring switched on."""
+    from evaluation import results, runner
+    from scenarios.recording import RunLog
+    from scenarios.sensors import Sensor
+    from scenarios.simulation import Simulation
+    from smartmot import monitored_area, pipeline, tracker
+
+    stages = Stages()
+    stages.wrap(runner, "load_site", "map and place")
+    stages.wrap(runner, "make_strategy", "map and place")
+    stages.wrap(Simulation, "run", "world: ego, actors, contact")
+    stages.wrap(Sensor, "observe", "sensor")
+    stages.wrap(pipeline.Pipeline, "step", "forecast, threats, decision")
+    stages.wrap(tracker.Tracker, "step", "tracking")
+    for area in (monitored_area.MapArea, monitored_area.RectangularArea):
+        stages.wrap(area, "at", "monitored area")
+    for area in (monitored_area.MonitoredLanes, monitored_area._Rectangle):
+        for name in ("kept", "in_route", "on_lane"):
+            stages.wrap(area, name, "monitored area")
+    for name in ("frame", "perception", "table"):
+        stages.wrap(RunLog, name, "recording")
+    for name in ("write_log", "write_runs"):
+        stages.wrap(results, name, "files")
+    computing(directory)
+    return dict(stages.seconds)
+
+
+def main() -> int:
+    """Print medians, the ratio to the peer and the share of each stage."""
+    with tempfile.TemporaryDirectory() as scratch:
+        directory = Path(scratch)
+        computing(directory)  # warm up: imports, file cache
+        times, ratios = [], []
+        for _ in range(ROUNDS):
+            seconds, simulated = computing(directory)
+            times.append(seconds)
+            ratios.append(seconds / peer(simulated))
+        shares = stage_shares(directory)
+    print(f"12 runs, {simulated:.0f} s simulated, median of {ROUNDS}:")
+    print(f"  computing        {statistics.median(times):6.2f} s  ({min(times):.2f} .. {max(times):.2f})")
+    print(f"  x real time      {simulated / statistics.median(times):6.1f}")
+    print(f"  / highway-env    {statistics.median(ratios):6.2f}    (bare stepping, same run)")
+    total = sum(shares.values())
+    print("share of each stage (measured once more, with timers on):")
+    for stage, seconds in sorted(shares.items(), key=lambda item: -item[1]):
+        print(f"  {stage:<28}{100 * seconds / total:5.1f} %")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,341 @@
+"""CPNA: the paper's table, the Euro NCAP impact points, and where a test can take place."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opendrive import RoadNetwork, load_map
+from scenarios.actors import KMH
+from scenarios.cpna import (
+    ADULT_REFERENCE_M,
+    LEAD_S,
+    RUN_OUT_M,
+    CpnaTest,
+    Site,
+    approach_m,
+    build,
+    find_site,
+    kerb_m,
+    make_strategy,
+    near_side,
+    site_at,
+    straight_around,
+)
+from scenarios.errors import ScenarioError
+from scenarios.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.presets import PAPER, PHYSICAL, WEATHER, preset_in_weather
+from scenarios.simulation import Outcome, StopRule
+from smartmot.geometry import signed_gap
+from smartmot.types import Boxes
+
+PUBLIC_MAPS = Path(__file__).parents[3] / "shared" / "opendrive" / "maps"
+WALK_MPS = 5 * KMH
+EGO_LENGTH_M, EGO_WIDTH_M = 4.4, 1.8
+
+
+def street(name: str = "urban_street") -> RoadNetwork:
+    return load_map(shipped_map(name))
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return find_site(street(), 80.0)
+
+
+@pytest.fixture(scope="module")
+def left_hand_site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """The same street where traffic keeps left."""
+    text = shipped_map("urban_street").read_text()
+    count = text.count("<road ")
+    turned = text.replace('rule="RHT"', 'rule="LHT"')
+    assert turned.count('rule="LHT"') == count > 0
+    path = tmp_path_factory.mktemp("maps") / "left_hand.xodr"
+    path.write_text(turned)
+    return find_site(load_map(path), 60.0)
+
+
+# ---- the paper's table -------------------------------------------------------------------------------------
+
+PUBLISHED_IMPACT_KMH = {("rectangular", 50): 23.82, ("rectangular", 60): 44.23, ("map", 80): 39.78}
+TABLE_SPEEDS = {"rectangular": (10, 20, 30, 40, 50, 60), "map": (10, 20, 30, 40, 50, 60, 70, 80)}
+DECISIVE_SPEEDS = {"rectangular": (40, 50, 60), "map": (70, 80)}
+
+
+@pytest.fixture(scope="module")
+def paper_runs(site: Site) -> dict[tuple[str, int, int], float]:
+    """Impact speed in km/h by strategy, speed and seed; NaN without contact."""
+    found = {}
+    for strategy_name in ("rectangular", "map"):
+        strategy = make_strategy(strategy_name, PAPER, site)
+        for seed in range(5):
+            speeds = (TABLE_SPEEDS if seed == 0 else DECISIVE_SPEEDS)[strategy_name]
+            for speed in speeds:
+                # what follows a stop does not matter here
+                rule = StopRule(time_limit_s=6.5)
+                outcome = build(CpnaTest(speed, seed=seed), site, PAPER, strategy, rule).run()
+                hit = outcome.contact_time_s is not None
+                found[strategy_name, speed, seed] = outcome.impact_speed_mps / KMH if hit else math.nan
+    return found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rectangle_fails_as_published(paper_runs: dict[tuple[str, int, int], float], seed: int) -> None:
+    for (strategy, speed, run_seed), impact in paper_runs.items():
+        if strategy == "rectangular" and run_seed == seed:
+            if speed <= 40:
+                assert math.isnan(impact), f"contact at {speed} km/h"
+            else:
+                assert impact == pytest.approx(PUBLISHED_IMPACT_KMH[strategy, speed], abs=3.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_map_avoids_up_to_70_and_fails_at_80_as_published(
+    paper_runs: dict[tuple[str, int, int], float], seed: int
+) -> None:
+    for (strategy, speed, run_seed), impact in paper_runs.items():
+        if strategy == "map" and run_seed == seed:
+            if speed <= 70:
+                assert math.isnan(impact), f"contact at {speed} km/h"
+            else:
+                assert impact == pytest.approx(PUBLISHED_IMPACT_KMH[strategy, speed], abs=4.0)
+
+
+# ---- Euro NCAP impact points -------------------------------------------------------------------------------
+
+
+def at_contact(outcome: Outcome) -> tuple[float, float, float]:
+    """Where the H-point met the front, in % of the width from the right edge, from the log's ground truth.
+
+    Also the box's near face ahead of the front, metres, and the walking direction across (left positive).
+    """
+    table = outcome.log.table()
+    last = table["time_s"] == outcome.contact_time_s
+    ego = {k: float(table[k][last & (table["kind"] == "ego")][0]) for k in ("x_m", "y_m", "yaw_rad")}
+    person = {k: float(table[k][last & (table["label"] == "target")][0]) for k in ("x_m", "y_m", "yaw_rad")}
+    x = person["x_m"] + ADULT_REFERENCE_M * math.cos(person["yaw_rad"])
+    y = person["y_m"] + ADULT_REFERENCE_M * math.sin(person["yaw_rad"])
+    c, s = math.cos(ego["yaw_rad"]), math.sin(ego["yaw_rad"])
+    ahead = c * (x - ego["x_m"]) + s * (y - ego["y_m"])
+    left = -s * (x - ego["x_m"]) + c * (y - ego["y_m"])
+    across = math.sin(person["yaw_rad"] - ego["yaw_rad"])
+    return 100 * (left / EGO_WIDTH_M + 0.5), ahead - 0.25 - EGO_LENGTH_M / 2, across
+
+
+@pytest.mark.parametrize("speed_kmh", [10, 40, 60])
+@pytest.mark.parametrize("percent", [10, 25, 50, 75, 90])
+def test_reference_point_meets_the_front_at_the_impact_location(
+    site: Site, percent: float, speed_kmh: float
+) -> None:
+    outcome = build(CpnaTest(speed_kmh, percent), site, PHYSICAL, None).run()
+    assert outcome.contact_time_s is not None
+    share, gap, across = at_contact(outcome)
+    assert share == pytest.approx(percent, abs=1.0)
+    assert gap == pytest.approx(0.0, abs=1e-4)
+    assert across == pytest.approx(1.0)  # from the right to the left
+    # box centre starts 4 m beside, its reference 0.06 m behind; 1 m of run-up costs the time of another metre
+    walk = 4.0 + 0.06 + EGO_WIDTH_M * (percent / 100 - 0.5)
+    assert outcome.contact_time_s == pytest.approx(LEAD_S + (walk + 1.0) / WALK_MPS, abs=1e-3)
+
+
+@pytest.mark.parametrize("percent", [25, 50, 75])
+def test_impact_location_is_from_the_right_where_traffic_keeps_left(
+    left_hand_site: Site, percent: float
+) -> None:
+    assert left_hand_site.near_side == 1
+    outcome = build(CpnaTest(40, percent), left_hand_site, PHYSICAL, None).run()
+    share, gap, across = at_contact(outcome)
+    assert share == pytest.approx(percent, abs=1.0)
+    assert gap == pytest.approx(0.0, abs=1e-4)
+    assert across == pytest.approx(-1.0)  # from the left to the right
+
+
+def test_left_hand_traffic_gives_the_paper_test_mirrored(site: Site, left_hand_site: Site) -> None:
+    for speed in (30, 60):
+        one = build(CpnaTest(speed), site, PAPER, make_strategy("map", PAPER, site)).run()
+        strategy = make_strategy("map", PAPER, left_hand_site)
+        other = build(CpnaTest(speed), left_hand_site, PAPER, strategy).run()
+        assert one.contact_time_s is other.contact_time_s is None
+        assert other.flag_time_s == pytest.approx(one.flag_time_s, abs=0.11)
+
+
+def test_the_pedestrian_starts_four_metres_beside_the_lane_centre_and_walks_across(site: Site) -> None:
+    table = build(CpnaTest(30), site, PAPER, None).run().log.table()
+    rows = table["label"] == "target"
+    path = [site.route.project(*p) for p in zip(table["x_m"][rows], table["y_m"][rows], strict=True)]
+    station, offset = np.array(path).T
+    assert station == pytest.approx(site.line_m)
+    assert offset[0] == pytest.approx(-4.0)
+    assert (np.diff(offset) >= 0).all()
+    assert set(zip(table["length_m"][rows], table["width_m"][rows], strict=True)) == {(0.6, 0.5)}
+    walking = table["speed_mps"][rows][table["time_s"][rows] > LEAD_S + 0.05]
+    assert walking == pytest.approx(WALK_MPS)
+
+
+# ---- places ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHIPPED_MAPS)
+def test_every_shipped_map_has_a_place(name: str) -> None:
+    check_site(find_site(street(name), 60.0), 60.0)
+
+
+@pytest.mark.parametrize("name", ["Town01", "Town04", "CampusUAH_v1_7"])
+def test_public_maps_have_a_place(name: str) -> None:
+    path = PUBLIC_MAPS / f"{name}.xodr"
+    if not path.is_file():
+        pytest.skip(f"map {name}.xodr is not in ../shared/opendrive/maps")
+    found = find_site(load_map(path), 60.0)
+    check_site(found, 60.0)
+    outcome = build(CpnaTest(60.0), found, PAPER, None).run()
+    assert outcome.contact_time_s == pytest.approx(LEAD_S + 4.0 / WALK_MPS - 0.25 / (60 * KMH), abs=1e-3)
+
+
+def check_site(site: Site, speed_kmh: float) -> None:
+    """Driving lanes, straight as far as needed on the network's own centre line, room for the pedestrian."""
+    before, after = straight_around(site.route, site.line_m)
+    assert before >= approach_m(speed_kmh)
+    assert after >= RUN_OUT_M
+    assert all(site.network.lanes.lane_type[lane] == "driving" for lane in site.route.lanes)
+    stations = np.linspace(site.line_m - approach_m(speed_kmh) + 0.1, site.line_m + RUN_OUT_M - 0.1, 50)
+    yaw = np.unwrap([site.route.pose(float(s))[2] for s in stations])
+    assert np.abs(yaw - site.route.pose(site.line_m)[2]).max() <= np.radians(1.01)
+
+
+@pytest.mark.parametrize("s_m", [205.0, 240.0, 280.0])
+def test_a_bend_is_refused(s_m: float) -> None:
+    network = street("urban_bend")
+    with pytest.raises(ScenarioError, match=r"no straight stretch: .* 60 km/h needs 115 m"):
+        site_at(network, network.lane_index_of(("1", 0, -1)), s_m, 60.0)
+
+
+def test_the_end_of_the_road_is_refused() -> None:
+    network = street()
+    lane = network.lane_index_of(("1", 0, -1))
+    for s in (50.0, 590.0):
+        with pytest.raises(ScenarioError, match="no straight stretch"):
+            site_at(network, lane, s, 60.0)
+    site_at(network, lane, 300.0, 60.0)
+
+
+def test_a_sidewalk_is_refused() -> None:
+    network = street()
+    with pytest.raises(ScenarioError, match="is of type sidewalk; choose a driving lane"):
+        site_at(network, network.lane_index_of(("1", 0, -2)), 300.0, 60.0)
+
+
+def test_a_map_without_a_straight_stretch_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "short.xodr"
+    text = shipped_map("urban_street").read_text()
+    path.write_text(text.replace('"600"', '"80"'))
+    network = load_map(path)
+    assert network.lanes.s_end_m.max() < 100
+    with pytest.raises(ScenarioError, match=r"no straight stretch of 115 m for 60 km/h .* --at ROAD,LANE,S"):
+        find_site(network, 60.0)
+
+
+def test_both_directions_of_a_street_have_their_near_side_right() -> None:
+    network = street()
+    for lane_id in (-1, 1):
+        lane = network.lane_index_of(("1", 0, lane_id))
+        assert near_side(network, lane) == -1
+        outer = network.lane_index_of(("1", 0, 2 * lane_id))
+        x, y = (float(v[0]) for v in network.center_line(outer, [300.0])[:2])
+        assert site_at(network, lane, 300.0, 30.0).route.project(x, y)[1] < 0
+
+
+def test_distance_to_the_kerb_counts_every_lane_of_the_carriageway() -> None:
+    network = street("urban_street_parking")
+    lane = network.lane_index_of(("1", 0, -1))
+    x, y, _, yaw = (float(v[0]) for v in network.center_line(lane, [300.0]))
+    for side in (-1, 1):
+        distance, sidewalk = kerb_m(network, lane, 300.0, side)
+        assert sidewalk
+        for beyond, kinds in ((-0.05, {"driving", "parking"}), (0.05, {"sidewalk"})):
+            across = side * (distance + beyond)
+            hits = network.locate([[x - across * math.sin(yaw), y + across * math.cos(yaw)]])
+            assert set(network.lanes.lane_type[hits.lane].tolist()) <= kinds
+
+
+def test_too_little_road_for_the_run_in_is_refused(site: Site) -> None:
+    near = Site(site.network, site.route, 40.0, -1)
+    with pytest.raises(ScenarioError, match=r"80 km/h needs .* of road .* offers 40 m"):
+        build(CpnaTest(80.0), near, PAPER, None)
+
+
+# ---- bystanders, weather, names ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["urban_street", "urban_street_parking", "urban_intersection"])
+def test_bystanders_stand_off_the_lane_and_not_in_each_other(name: str) -> None:
+    place = find_site(street(name), 60.0)
+    table = build(CpnaTest(60.0, adversaries="static"), place, PAPER, None).run().log.table()
+    rows = (table["label"] == "adversary") & (table["time_s"] == 0.0)
+    assert set(table["category"][rows].tolist()) == {"car", "pedestrian"}
+    boxes = Boxes(
+        np.column_stack((table["x_m"], table["y_m"]))[rows],
+        np.column_stack((table["length_m"], table["width_m"]))[rows],
+        table["yaw_rad"][rows],
+    )
+    offset = np.array([place.route.project(*p)[1] for p in boxes.center_m])
+    lane_half_m = 1.75
+    assert (np.abs(offset) - boxes.size_m[:, 1] / 2 > lane_half_m).all()
+    assert (offset < 0).any()
+    assert (offset > 0).any()
+    for i in range(len(boxes)):
+        for j in range(i):
+            one, other = ((b.center_m, b.size_m, b.yaw_rad) for b in (boxes[[i]], boxes[[j]]))
+            assert signed_gap(*one, *other).item() > 0.0
+
+
+def test_bystanders_do_not_change_the_contact(site: Site) -> None:
+    plain, full = (build(CpnaTest(50, adversaries=a), site, PAPER, None).run() for a in ("none", "static"))
+    assert full.contact_time_s == plain.contact_time_s
+    assert full.contact_actor == 0
+
+
+@pytest.mark.parametrize("weather", ["wet", "snow"])
+def test_weather_reduces_the_deceleration_of_the_run(site: Site, weather: str) -> None:
+    preset = preset_in_weather(PHYSICAL, WEATHER[weather])
+    outcome = build(CpnaTest(60.0), site, preset, make_strategy("map", preset, site)).run()
+    table = outcome.log.table()
+    hardest = -np.nanmin(table["accel_mps2"][table["kind"] == "ego"])
+    assert hardest == pytest.approx(8.8 * WEATHER[weather].friction / 0.9, rel=1e-6)
+
+
+def test_worse_friction_means_a_harder_impact(site: Site) -> None:
+    impacts = []
+    for name in ("dry", "snow"):
+        preset = preset_in_weather(PHYSICAL, WEATHER[name])
+        impacts.append(
+            build(CpnaTest(60.0), site, preset, make_strategy("map", preset, site)).run().impact_speed_mps
+        )
+    assert impacts[0] < impacts[1]
+
+
+def test_names() -> None:
+    assert CpnaTest(50.0).name == "CPNA"
+    assert CpnaTest(50.0, 25.0).name == "CPNA-25"
+
+
+def test_unknown_strategy_is_refused(site: Site) -> None:
+    with pytest.raises(ScenarioError, match="unknown strategy 'circle'; use one of: rectangular, map, all"):
+        make_strategy("circle", PAPER, site)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"speed_kmh": 0.0}, "test speed"),
+        ({"speed_kmh": -10.0}, "test speed"),
+        ({"speed_kmh": 140.5}, "test speed"),
+        ({"speed_kmh": math.nan}, "test speed"),
+        ({"speed_kmh": 50.0, "impact_point_percent": 101.0}, "impact point"),
+        ({"speed_kmh": 50.0, "impact_point_percent": -1.0}, "impact point"),
+        ({"speed_kmh": 50.0, "adversaries": "moving"}, "unknown adversaries 'moving'; use one of: none, static"),
+    ],
+)
+def test_impossible_tests_are_refused(values: dict[str, float], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        CpnaTest(**values)
