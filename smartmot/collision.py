@@ -10,6 +10,8 @@ from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, Thr
 
 IOU_THRESHOLD = 0.01
 """Paper, section V."""
+_ROUNDING_IOU = 1e-9
+"""Boxes that are apart may show a common area of rounding size; a threshold of 0 must not count it."""
 
 
 def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_THRESHOLD) -> FloatArray:
@@ -32,17 +34,14 @@ def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_
     hit = np.zeros(close.shape, dtype=np.bool_)
     row, column = np.nonzero(close)
     if len(row):
-        hit[row, column] = (
-            iou_pairs(
-                ego.center_m[0, column],
-                np.broadcast_to(ego.size_m[0], (len(column), 2)),
-                ego.yaw_rad[0, column],
-                others.center_m[row, column],
-                others.size_m[row],
-                others.yaw_rad[row, column],
-            )
-            > iou_threshold
-        )
+        hit[row, column] = iou_pairs(
+            ego.center_m[0, column],
+            np.broadcast_to(ego.size_m[0], (len(column), 2)),
+            ego.yaw_rad[0, column],
+            others.center_m[row, column],
+            others.size_m[row],
+            others.yaw_rad[row, column],
+        ) > max(iou_threshold, _ROUNDING_IOU)
     first = np.argmax(hit, axis=1)
     return np.where(hit.any(axis=1), ego.time_s[first], np.inf)
 

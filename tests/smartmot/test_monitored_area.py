@@ -170,7 +170,7 @@ def _roles(*route: tuple[str, int]) -> dict[str, set[str]]:
 
 def test_roles_driving_straight_on_from_the_west() -> None:
     assert _roles(("1", -1), ("13", -1), ("3", -1)) == {
-        "current": {"1", "13", "3"},
+        "current": {"1", "13"},  # 30 m ahead end inside the junction of 24 m
         "split": {"12", "14"},
         "merge": {"23", "43"},
         # both crossing directions, the left turn from the south and the oncoming left turn
@@ -236,7 +236,8 @@ def motorway(tmp_path: Path) -> Callable[..., MapArea]:
             '<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="300" junction="-1"><planView>'
             '<geometry s="0" x="0" y="0" hdg="0" length="300"><line/></geometry></planView><lanes>'
             f'<laneSection s="0"><left>{"".join(lane(k) for k in (3, 2, 1))}</left><center>{lane(0)}</center>'
-            f"<right>{''.join(lane(k) for k in (-1, -2, -3))}</right></laneSection></lanes></road></OpenDRIVE>",
+            f"<right>{''.join(lane(k) for k in (-1, -2, -3))}</right></laneSection></lanes></road>"
+            "</OpenDRIVE>",
             encoding="utf-8",
         )
         network = load_map(file)

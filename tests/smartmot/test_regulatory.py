@@ -72,7 +72,8 @@ def test_a_sign_where_two_sections_meet_counts_once(tmp_path: Path) -> None:
         '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry></planView><lanes>'
         + section.format(0, lane.format('<successor id="-1"/>'))
         + section.format(40, lane.format('<predecessor id="-1"/>'))
-        + '</lanes><signals><signal id="7" s="40" t="-4" orientation="+" dynamic="no" type="206" subtype="-1"/>'
+        + "</lanes><signals>"
+        '<signal id="7" s="40" t="-4" orientation="+" dynamic="no" type="206" subtype="-1"/>'
         '<signal id="8" s="40" t="-4" orientation="none" dynamic="no" type="274" value="30" subtype="-1"/>'
         '<signal id="9" s="40" t="-4" orientation="-" dynamic="no" type="205" subtype="-1"/>'
         "</signals></road></OpenDRIVE>",

@@ -157,7 +157,7 @@ def test_stations_and_borders_by_hand() -> None:
 
 
 def test_width_of_a_parking_bay_is_followed(tmp_path: Path) -> None:
-    """A bay opens from nothing to 2 m between s = 45 and 48 m; 1 m before it the margin starts at the kerb."""
+    """A bay opens from nothing to 2 m between s = 45 and 48 m; before it the margin starts at the kerb."""
     lane = '<lane id="{}" type="{}" level="false">{}</lane>'
     width = '<width sOffset="{}" a="{}" b="{}" c="0" d="0"/>'.format
     bay = width(0, 0, 0) + width(45, 0, 2 / 3) + width(48, 2, 0)

@@ -1,0 +1,290 @@
+"""The command as users run it: files it writes, and one line for every mistake."""
+
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from evaluation.cli import main
+from evaluation.results import read_log
+from scenarios.map_builder import shipped_map
+
+ISSUE_COLUMNS = [
+    *("scenario", "strategy", "preset", "weather", "adversaries", "seed", "v_test_kmh", "v_impact_kmh"),
+    *("collided", "score", "score_max", "flag_time_s", "flag_distance_m", "stop_gap_m"),
+]
+PICTURES = {"speed_curves.png", "temporal_diagram.png", "birdseye.png"}
+GOOD_RUN = ["cpna", "--speeds", "50", "--strategy", "rectangular,map"]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a call of the command came to."""
+
+    status: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Answer]
+
+
+def call(*arguments: object) -> int:
+    """Run the command in this process; its exit status."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["smartmot-eval", *map(str, arguments)])
+        try:
+            main()
+        except SystemExit as stop:
+            return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture
+def command(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
+    """Call the command in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def answer(*arguments: object) -> Answer:
+        capfd.readouterr()
+        status = call(*arguments)
+        return Answer(status, *capfd.readouterr())
+
+    return answer
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A good run: one speed, two strategies."""
+    folder = tmp_path_factory.mktemp("good") / "results"
+    assert call(*GOOD_RUN, "--out", folder, "--quiet") == 0
+    return folder
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "runs.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# ---- a good run --------------------------------------------------------------------------------------------
+
+
+def test_table_of_runs_has_the_columns_asked_for(results: Path) -> None:
+    rows = rows_of(results)
+    assert list(rows[0])[: len(ISSUE_COLUMNS)] == ISSUE_COLUMNS
+    assert [(r["strategy"], r["collided"], r["score"], r["score_max"]) for r in rows] == [
+        ("rectangular", "true", "2.0", "2.0"),
+        ("map", "false", "2.0", "2.0"),
+    ]
+    assert float(rows[0]["v_impact_kmh"]) == pytest.approx(23.82, abs=3.0)
+    assert float(rows[1]["v_impact_kmh"]) == 0.0
+    assert rows[0]["stop_gap_m"] == ""
+    assert float(rows[1]["stop_gap_m"]) > 0.0
+    assert {r["scenario"] for r in rows} == {"CPNA"}
+
+
+def test_configuration_and_logs_and_pictures_are_there(results: Path) -> None:
+    assert json.loads((results / "runs.json").read_text())["configuration"]["suite"]["speeds_kmh"] == [50.0]
+    for row in rows_of(results):
+        log = read_log(results / "logs" / f"{row['log']}.parquet")
+        assert {"ego", "actor", "detection", "track"} <= set(log["kind"])
+    assert {p.name for p in results.glob("*.png")} == PICTURES
+    for picture in PICTURES:
+        assert (results / picture).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_run_twice_gives_the_same_bytes(results: Path, tmp_path: Path) -> None:
+    """The second run is a process of its own, as the first was one of this session."""
+    run = subprocess.run(
+        [sys.executable, "-c", "from evaluation.cli import main; main()", *GOOD_RUN, "--out", tmp_path / "again"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    for expected in ("rectangular", "published", "23.82", "2 runs in"):
+        assert expected in run.stdout
+    files = sorted(p.relative_to(results) for p in results.rglob("*") if p.suffix != "" and p.is_file())
+    assert {p.suffix for p in files} >= {".csv", ".json", ".parquet", ".png"}
+    assert files == sorted(p.relative_to(tmp_path / "again") for p in (tmp_path / "again").rglob("*.*"))
+    for file in files:
+        if file.parent == Path() and file.name in PICTURES | {"runs.csv", "runs.json", "table.md"} or file.parent.name:
+            assert (results / file).read_bytes() == (tmp_path / "again" / file).read_bytes(), file
+
+
+def test_quiet_prints_nothing_and_no_pictures_draws_none(command: Command, tmp_path: Path) -> None:
+    answer = command("cpna", "--speeds", "20", "--strategy", "map", "-q", "--no-pictures", "--out", "here", "--seed", 4)
+    assert answer == Answer(0, "", "")
+    assert not list(tmp_path.rglob("*.png"))
+    (row,) = rows_of(tmp_path / "here")
+    assert (row["seed"], row["v_test_kmh"], row["collided"]) == ("4", "20.0", "false")
+
+
+def test_conditions_reach_the_rows(command: Command, tmp_path: Path) -> None:
+    answer = command(
+        *("cpna", "--speeds", "20", "--strategy", "map", "--no-pictures", "--preset", "physical"),
+        *("--weather", "dry,snow", "--impact-point", "25", "--adversaries", "static", "--at", "1,1,300"),
+        *("--map", shipped_map("urban_street"), "--out", "here"),
+    )
+    assert answer.status == 0, answer.err
+    rows = rows_of(tmp_path / "here")
+    assert [(r["scenario"], r["preset"], r["weather"], r["adversaries"]) for r in rows] == [
+        ("CPNA-25", "physical", "dry", "static"),
+        ("CPNA-25", "physical", "snow", "static"),
+    ]
+    assert "published" not in answer.out
+
+
+# ---- plot and map ------------------------------------------------------------------------------------------
+
+
+def test_plot_draws_again_without_running(command: Command, results: Path) -> None:
+    before = {name: (results / name).read_bytes() for name in PICTURES}
+    answer = command("plot", results)
+    assert (answer.status, answer.err) == (0, "")
+    assert {Path(line).name for line in answer.out.split()} == PICTURES
+    assert {name: (results / name).read_bytes() for name in PICTURES} == before
+
+
+def test_plot_shows_the_run_asked_for_in_the_format_asked_for(command: Command, results: Path) -> None:
+    log = rows_of(results)[0]["log"]
+    for _ in range(2):
+        assert command("plot", results, "--run", log, "--format", "svg", "--quiet") == Answer(0, "", "")
+    text = (results / "temporal_diagram.svg").read_text()
+    assert "<svg" in text
+    assert {p.stem for p in results.glob("*.svg")} == {Path(p).stem for p in PICTURES}
+    for file in results.glob("*.svg"):
+        file.unlink()
+
+
+def test_map_describes_and_draws(command: Command, tmp_path: Path) -> None:
+    described = command("map", shipped_map("urban_intersection"))
+    assert described.status == 0
+    assert described.out.startswith("map: urban_intersection, ")
+    assert "driving" in described.out
+    for ending in ("png", "svg", "pdf"):
+        for name in ("one", "two"):
+            path = tmp_path / f"{name}.{ending}"
+            answer = command("map", "urban_bend", "--at", "1,-1,250", "--strategy", "map", "--png", path)
+            assert (answer.status, answer.err) == (0, "")
+            assert f"picture: {path}" in answer.out
+        assert (tmp_path / f"one.{ending}").read_bytes() == (tmp_path / f"two.{ending}").read_bytes()
+
+
+def test_map_tells_what_the_law_says_ahead(command: Command) -> None:
+    answer = command("map", "urban_street", "--at", "1,-1,500")
+    assert answer.status == 0
+    assert "crosswalk in " in answer.out
+
+
+# ---- help --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["cpna", "plot", "map"])
+def test_help_of_every_command_has_examples(command: Command, name: str) -> None:
+    answer = command(name, "--help")
+    assert answer.status == 0
+    assert f"smartmot-eval {name} " in answer.out.split("Examples")[-1]
+    assert "Examples" in answer.out
+
+
+def test_help_lists_the_commands_and_no_arguments_give_help(command: Command) -> None:
+    for arguments in (["--help"], ["-h"]):
+        answer = command(*arguments)
+        assert answer.status == 0
+        assert all(name in answer.out for name in ("cpna", "plot", "map"))
+    bare = command()
+    assert "Usage" in bare.out + bare.err
+
+
+# ---- mistakes ----------------------------------------------------------------------------------------------
+
+MISTAKES = {
+    "missing map": (["cpna", "--map", "nope.xodr"], "nope.xodr: cannot be opened"),
+    "broken map": (["cpna", "--map", "broken.xodr"], "broken.xodr: not well-formed XML"),
+    "another format": (["cpna", "--map", "other.xml"], "other.xml"),
+    "empty map file": (["cpna", "--map", "empty.xodr"], "empty.xodr"),
+    "directory as map": (["cpna", "--map", "folder"], "folder: cannot be opened"),
+    "bend": (["cpna", "--map", "urban_bend", "--at", "1,-1,250"], "no straight stretch"),
+    "sidewalk": (["cpna", "--at", "1,-2,300"], "is of type sidewalk; choose a driving lane"),
+    "too fast for the map": (["cpna", "--map", "urban_intersection", "--speeds", "140"], "no straight stretch"),
+    "speed zero": (["cpna", "--speeds", "0"], "--speeds: '0' must be positive"),
+    "speed as text": (["cpna", "--speeds", "fast"], "--speeds: 'fast' is not a number"),
+    "speed beyond the limit": (["cpna", "--speeds", "150"], "test speed must lie in (0, 140] km/h, got 150"),
+    "strategy": (["cpna", "--strategy", "circle"], "--strategy: unknown 'circle'; use one or more of: rectangular"),
+    "preset": (["cpna", "--preset", "ideal"], "--preset: unknown 'ideal'; use one of: paper, physical"),
+    "two presets": (["cpna", "--preset", "paper,physical"], "--preset: unknown 'paper,physical'"),
+    "weather": (["cpna", "--weather", "hail"], "--weather: unknown 'hail'; use one or more of: dry"),
+    "adversaries": (["cpna", "--adversaries", "moving"], "unknown adversaries 'moving'; use one of: none, static"),
+    "impact point": (["cpna", "--impact-point", "150"], "impact point must lie in 0..100 %, got 150"),
+    "file as folder": (["cpna", "--out", "broken.xodr"], "--out: cannot write to folder broken.xodr"),
+    "folder in a file": (["cpna", "--out", "broken.xodr/x"], "--out: cannot write to folder broken.xodr/x"),
+    "place with two parts": (["cpna", "--at", "1,-1"], "--at: expected ROAD,LANE,S such as 1,-1,250.0; got '1,-1'"),
+    "place as text": (["cpna", "--at", "a,b,c"], "--at: expected ROAD,LANE,S"),
+    "no such road": (["cpna", "--at", "99,-1,250"], "the map has no road '99'; it has 1 roads: 1"),
+    "no such lane": (["cpna", "--at", "1,-9,250"], "road 1 has no lane -9 at s = 250 m"),
+    "s beyond the road": (["cpna", "--at", "1,-1,6000"], "road 1 has no lane -1 at s = 6000 m"),
+    "plot of nothing": (["plot", "nowhere"], "nowhere: no such folder"),
+    "plot of an empty folder": (["plot", "folder"], "folder"),
+    "map missing": (["map", "nope.xodr"], "nope.xodr: cannot be opened"),
+    "map strategy": (["map", "urban_street", "--strategy", "x"], "--strategy: unknown 'x'; use one of: rectangular"),
+    "map road": (["map", "urban_street", "--at", "5,-1,10"], "the map has no road '5'"),
+    "picture in no folder": (["map", "urban_street", "--png", "no/a.png"], "--png: cannot write no/a.png"),
+    "picture of no format": (["map", "urban_street", "--png", "a.bmp"], "the ending must be .png, .svg or .pdf"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_line_and_status_two(command: Command, tmp_path: Path, name: str) -> None:
+    (tmp_path / "broken.xodr").write_text("<OpenDRIVE><header")
+    (tmp_path / "other.xml").write_text("<html/>")
+    (tmp_path / "empty.xodr").touch()
+    (tmp_path / "folder").mkdir()
+    arguments, message = MISTAKES[name]
+    if arguments[0] == "cpna" and "--out" not in arguments:
+        arguments = [*arguments, "--out", "out"]
+    answer = command(*arguments)
+    assert answer.status == 2, answer
+    assert answer.err.startswith("smartmot-eval: ")
+    assert answer.err.count("\n") == 1
+    assert message in answer.err
+    assert "Traceback" not in answer.out + answer.err
+
+
+@pytest.mark.parametrize(("option", "value"), [("--run", "nope"), ("--format", "bmp")])
+def test_mistakes_of_plot(command: Command, results: Path, option: str, value: str) -> None:
+    answer = command("plot", results, option, value)
+    assert answer.status == 2
+    assert answer.err.startswith(f"smartmot-eval: {option}: ")
+    assert answer.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["cpna", "--seed", "-1"], ["cpna", "--seed", "x"], ["cpna", "--impact-point", "left"], ["cpna", "--nonsense"],
+        ["drive"], ["map"], ["plot"], ["map", "urban_street", "--speed", "-5"],
+    ],
+)  # fmt: skip
+def test_what_the_option_parser_refuses_ends_with_status_two(command: Command, arguments: list[str]) -> None:
+    answer = command(*arguments)
+    assert answer.status == 2
+    assert answer.err
+    assert "Traceback" not in answer.out + answer.err
+
+
+def test_a_mistake_in_a_process_of_its_own() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", "from evaluation.cli import main; main()", "cpna", "--speeds", "0"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith("smartmot-eval: --speeds:")
+    assert run.stderr.count("\n") == 1

@@ -1,0 +1,206 @@
+"""Suites: what is run, on which place, and what a row of results says about it."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluation.results import ResultsError, write_runs
+from evaluation.runner import (
+    CpnaSuite,
+    Place,
+    RunRecord,
+    count,
+    describe_map,
+    is_published,
+    lane_at,
+    load_named_map,
+    load_site,
+    pose_site,
+    read_suite,
+    run_suite,
+    suite_configuration,
+)
+from scenarios.cpna import Site
+from scenarios.errors import ScenarioError
+
+PAPER_TABLE = CpnaSuite((10.0, 20.0, 30.0, 40.0, 50.0, 60.0), ("rectangular", "map"), "paper", ("dry",), "urban_street")
+ROUND_TRIPS = [
+    PAPER_TABLE,
+    CpnaSuite(
+        (30.0, 33.3), ("all",), "physical", ("rain", "dry"), "urban_street", Place("1", -1, 300.0), 25.0, "static", 9, 0.02
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return load_site(PAPER_TABLE)
+
+
+@pytest.fixture(scope="module")
+def paper_records(site: Site) -> list[RunRecord]:
+    return list(run_suite(PAPER_TABLE, site))
+
+
+def of(records: list[RunRecord], strategy: str) -> list[RunRecord]:
+    return [r for r in records if r.row.strategy == strategy]
+
+
+def test_runs_come_by_strategy_then_speed(paper_records: list[RunRecord]) -> None:
+    order = [(r.row.strategy, r.row.v_test_kmh) for r in paper_records]
+    assert order == [(s, v) for s in PAPER_TABLE.strategies for v in PAPER_TABLE.speeds_kmh]
+    assert len(order) == count(PAPER_TABLE)
+
+
+@pytest.mark.parametrize(("strategy", "total"), [("rectangular", 9.0), ("map", 10.0)])
+def test_paper_preset_scores_what_the_paper_scored(
+    paper_records: list[RunRecord], strategy: str, total: float
+) -> None:
+    assert sum(r.row.score or 0.0 for r in of(paper_records, strategy)) == total
+    assert sum(r.row.score_max or 0.0 for r in of(paper_records, strategy)) == 10.0
+
+
+def test_rows_agree_with_outcomes(paper_records: list[RunRecord]) -> None:
+    for record in paper_records:
+        row, outcome = record.row, record.outcome
+        assert row.collided == (outcome.contact_time_s is not None)
+        assert row.v_impact_kmh == pytest.approx(3.6 * outcome.impact_speed_mps)
+        assert row.t0_s == (outcome.contact_time_s if row.collided else outcome.stop_time_s)
+        assert (row.stop_gap_m is None) == row.collided
+        assert row.collided or (row.v_impact_kmh == 0.0 and row.stop_gap_m is not None and row.stop_gap_m > 0)
+        assert not row.false_stop
+        assert row.log is not None
+        assert f"{row.v_test_kmh:g}kmh" in row.log
+    assert len({r.row.log for r in paper_records}) == len(paper_records)
+
+
+def test_log_of_a_row_shows_the_stop(paper_records: list[RunRecord]) -> None:
+    record = of(paper_records, "map")[-1]
+    ego = record.log["kind"] == "ego"
+    time, speed = record.log["time_s"][ego], record.log["speed_mps"][ego]
+    assert record.row.t0_s is not None
+    assert speed[0] * 3.6 == pytest.approx(60.0)
+    assert speed[np.searchsorted(time, record.row.t0_s)] == 0.0
+    assert (speed[time < record.row.t0_s - 0.05] > 0.0).all()
+
+
+def test_bystanders_and_weather_reach_the_row(site: Site) -> None:
+    suite = CpnaSuite((30.0,), ("map",), "physical", ("wet",), "urban_street", None, 75.0, "static", 3)
+    (record,) = run_suite(suite, site)
+    row = record.row
+    assert (row.scenario, row.preset, row.weather, row.adversaries, row.seed) == (
+        "CPNA-75", "physical", "wet", "static", 3,
+    )  # fmt: skip
+    assert (record.log["label"] == "adversary").any()
+
+
+def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
+    monkeypatch: pytest.MonkeyPatch, site: Site
+) -> None:
+    from smartmot import pipeline
+    from smartmot.aeb import BrakeCommand
+
+    decide = pipeline.decide
+    monkeypatch.setattr(pipeline, "decide", lambda *a: (decide(*a)[0], BrakeCommand(True), ()))
+    (record,) = run_suite(CpnaSuite((30.0,), ("map",), "paper", ("dry",), "urban_street"), site)
+    assert record.row.false_stop
+    assert record.row.flag_time_s == 0.0
+    assert not record.row.collided
+
+
+@pytest.mark.parametrize("suite", ROUND_TRIPS)
+def test_configuration_is_read_back(tmp_path: Path, suite: CpnaSuite) -> None:
+    write_runs(tmp_path, [], suite_configuration(suite, load_site(suite)))
+    assert read_suite(tmp_path) == suite
+
+
+def test_configuration_names_the_place_and_the_conditions(site: Site, tmp_path: Path) -> None:
+    write_runs(tmp_path, [], suite_configuration(PAPER_TABLE, site))
+    written = json.loads((tmp_path / "runs.json").read_text())["configuration"]
+    assert written["site"]["line_m"] == site.line_m
+    assert written["presets"]["dry"]["brakes"]["max_decel_mps2"] == 14.5
+
+
+@pytest.mark.parametrize("content", [None, "", "{}", "[]", '{"configuration": 3}', '{"configuration": {"suite": {}}}'])
+def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "runs.json").write_text(content)
+    with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
+        read_suite(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"speeds_kmh": ()}, "nothing to run"),
+        ({"strategies": ()}, "nothing to run"),
+        ({"weather": ()}, "nothing to run"),
+        ({"preset": "x"}, "unknown preset"),
+        ({"weather": ("hail",)}, "unknown weather"),
+        ({"speeds_kmh": (30.0, 500.0)}, "test speed"),
+        ({"impact_point_percent": -5.0}, "impact point"),
+        ({"adversaries": "x"}, "unknown adversaries"),
+    ],
+)
+def test_wrong_suites_are_refused_before_the_first_run(changes: dict[str, object], message: str) -> None:
+    values = {
+        "speeds_kmh": (30.0,), "strategies": ("map",), "preset": "paper", "weather": ("dry",), "map_name": "urban_street",
+    }  # fmt: skip
+    with pytest.raises(ScenarioError, match=message):
+        CpnaSuite(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_published_numbers_belong_to_the_conditions_of_the_paper() -> None:
+    assert is_published(PAPER_TABLE)
+    for changes in (
+        {"preset": "physical"}, {"weather": ("wet",)}, {"impact_point_percent": 50.0}, {"adversaries": "static"},
+    ):  # fmt: skip
+        values = {name: getattr(PAPER_TABLE, name) for name in CpnaSuite.__slots__}
+        assert not is_published(CpnaSuite(**{**values, **changes}))
+
+
+def test_a_place_is_found_by_road_lane_and_s() -> None:
+    network = load_named_map("urban_street")
+    assert tuple(network.lanes.key[lane_at(network, Place("1", 1, 10.0))]) == ("1", 0, 1)
+    site = load_site(CpnaSuite((30.0,), ("map",), "paper", ("dry",), "urban_street", Place("1", 1, 300.0)))
+    x, y = (float(v[0]) for v in network.center_line(lane_at(network, Place("1", 1, 300.0)), [300.0])[:2])
+    assert site.route.pose(site.line_m)[:2] == pytest.approx((x, y))
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        (Place("9", -1, 10.0), r"the map has no road '9'; it has 1 roads: 1"),
+        (Place("1", -7, 10.0), r"road 1 has no lane -7 at s = 10 m; it has: .*driving, s 0\.\.600"),
+        (Place("1", -1, 601.0), r"no lane -1 at s = 601 m"),
+        (Place("1", -1, -1.0), r"no lane -1 at s = -1 m"),
+    ],
+)
+def test_a_wrong_place_is_answered_with_what_there_is(place: Place, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        lane_at(load_named_map("urban_street"), place)
+
+
+def test_a_pose_to_look_at_need_not_be_straight() -> None:
+    network = load_named_map("urban_bend")
+    site = pose_site(network, Place("1", -1, 250.0))
+    x, y = (float(v[0]) for v in network.center_line(lane_at(network, Place("1", -1, 250.0)), [250.0])[:2])
+    assert math.dist(site.route.pose(site.line_m)[:2], (x, y)) < 0.05
+    with pytest.raises(ScenarioError, match="sidewalk; choose a driving lane"):
+        pose_site(network, Place("1", -2, 250.0))
+
+
+def test_a_map_is_described_with_its_law_ahead() -> None:
+    network = load_named_map("urban_intersection")
+    assert "4 roads" in describe_map(network, None, 50.0)[0] or "roads" in describe_map(network, None, 50.0)[0]
+    road = network.lanes.key[0].road_id
+    lane = next(
+        i for i, key in enumerate(network.lanes.key) if network.lanes.lane_type[i] == "driving" and key.road_id == road
+    )
+    key = network.lanes.key[lane]
+    middle = float((network.lanes.s_start_m[lane] + network.lanes.s_end_m[lane]) / 2)
+    lines = describe_map(network, pose_site(network, Place(key.road_id, key.lane_id, middle)), 50.0)
+    assert any(line.startswith("route: ") for line in lines)

@@ -1,0 +1,62 @@
+"""Equations 1 to 4 and table I of the SmartMOT paper."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evaluation.scoring import PAPER_SCORE_MAX, PUBLISHED, paper_score, paper_score_max
+
+SPEEDS = tuple(PAPER_SCORE_MAX)
+
+
+def test_points_to_be_won_are_those_of_table_one() -> None:
+    assert [paper_score_max(v) for v in (10, 20, 30, 40, 50, 60)] == [1, 1, 2, 3, 2, 1]
+    assert sum(PAPER_SCORE_MAX.values()) == 10
+
+
+@pytest.mark.parametrize("v_test", SPEEDS)
+def test_no_contact_wins_every_point(v_test: float) -> None:
+    assert paper_score(v_test, 0.0) == PAPER_SCORE_MAX[v_test]
+
+
+@pytest.mark.parametrize(
+    ("v_test", "v_impact", "points"),
+    [
+        (10.0, 5.0, 0.5),
+        (20.0, 15.0, 0.25),
+        (30.0, 10.0, 4 / 3),
+        (40.0, 20.0, 1.5),
+        (40.0, 40.0, 0.0),
+        (50.0, 30.0, 2.0),  # a reduction of exactly 20 km/h is enough
+        (50.0, 30.01, 0.0),
+        (50.0, 23.82, 2.0),
+        (60.0, 40.0, 1.0),
+        (60.0, 40.01, 0.0),
+        (60.0, 44.23, 0.0),
+    ],
+)
+def test_scores_computed_by_hand(v_test: float, v_impact: float, points: float) -> None:
+    assert paper_score(v_test, v_impact) == pytest.approx(points)
+
+
+@given(st.sampled_from(SPEEDS), st.floats(0, 1), st.floats(0, 1))
+def test_a_faster_impact_never_wins_more(v_test: float, a: float, b: float) -> None:
+    slow, fast = sorted((a * v_test, b * v_test))
+    low, high = paper_score(v_test, fast), paper_score(v_test, slow)
+    assert low is not None
+    assert high is not None
+    assert 0.0 <= low <= high <= PAPER_SCORE_MAX[v_test]
+
+
+@pytest.mark.parametrize("v_test", [5.0, 25.0, 70.0, 80.0])
+def test_no_points_at_other_speeds(v_test: float) -> None:
+    assert paper_score_max(v_test) is None
+    assert paper_score(v_test, 0.0) is None
+
+
+@pytest.mark.parametrize(("strategy", "total"), [("rectangular", 9.0), ("map", 10.0)])
+def test_published_impact_speeds_give_the_published_scores(strategy: str, total: float) -> None:
+    printed = {v: PUBLISHED[strategy][v] for v in SPEEDS}
+    for v_test, (v_impact, points) in printed.items():
+        assert paper_score(v_test, v_impact) == points
+    assert sum(points for _, points in printed.values() if points is not None) == total

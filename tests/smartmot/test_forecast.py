@@ -1,0 +1,145 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from smartmot.errors import ConfigError
+from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
+from smartmot.types import Boxes, EgoState, FloatArray, Tracks
+
+TIMES = forecast_times(3.0, 0.1)
+
+
+def _tracks(
+    velocity: FloatArray | list[list[float]],
+    yaw_rate: FloatArray | list[float] | None = None,
+    *,
+    center: FloatArray | None = None,
+    yaw: FloatArray | list[float] | None = None,
+    dynamic: bool | list[bool] = True,
+    stamp_s: float = 0.0,
+) -> Tracks:
+    velocity = np.array(velocity, dtype=float).reshape(-1, 2)
+    m = len(velocity)
+    course = np.arctan2(velocity[:, 1], velocity[:, 0]) if yaw is None else np.array(yaw, dtype=float)
+    return Tracks(
+        stamp_s=stamp_s,
+        track_id=np.arange(1, m + 1),
+        boxes=Boxes(np.zeros((m, 2)) if center is None else center, np.full((m, 2), 0.5), course),
+        category=np.full(m, "pedestrian"),
+        score=np.ones(m),
+        mean=np.zeros((m, 9)),
+        covariance=np.zeros((m, 9, 9)),
+        velocity_mps=velocity,
+        yaw_rate_radps=np.zeros(m) if yaw_rate is None else np.array(yaw_rate, dtype=float),
+        age_s=np.ones(m),
+        coasted_s=np.zeros(m),
+        confirmed=np.ones(m, dtype=bool),
+        dynamic=np.broadcast_to(dynamic, m),
+    )
+
+
+def _unicycle(x: float, y: float, yaw: float, speed: float, rate: float, times: FloatArray) -> FloatArray:
+    """(T, 3) poses of x' = v cos(yaw), y' = v sin(yaw), yaw' = rate, integrated numerically."""
+
+    def slope(_: float, state: FloatArray) -> list[float]:
+        return [speed * np.cos(state[2]), speed * np.sin(state[2]), rate]
+
+    solved = solve_ivp(slope, (0.0, times[-1]), [x, y, yaw], t_eval=times, rtol=1e-10, atol=1e-10)
+    return np.asarray(solved.y.T)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    yaw=st.floats(-np.pi, np.pi),
+    speed=st.floats(0.01, 40.0),
+    rate=st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-9, -1e-7, 1e-4])),
+)
+def test_ctrv_against_the_integrated_unicycle(yaw: float, speed: float, rate: float) -> None:
+    truth = _unicycle(4.0, -9.0, yaw, speed, rate, TIMES)
+    ego = forecast_ego(EgoState(0.0, 4.0, -9.0, yaw, speed, yaw_rate_radps=rate), TIMES)
+    np.testing.assert_allclose(ego.center_m[0], truth[:, :2], atol=1e-6)
+    np.testing.assert_allclose(ego.yaw_rad[0], truth[:, 2], atol=1e-9)
+    velocity = [[speed * np.cos(yaw), speed * np.sin(yaw)]]
+    tracks = _tracks(velocity, [rate], center=np.array([[4.0, -9.0]]))
+    track = forecast_tracks(tracks, TIMES, ForecastConfig())
+    np.testing.assert_allclose(track.center_m[0], truth[:, :2], atol=1e-6)
+
+
+def test_turn_rate_towards_zero_becomes_the_straight_line() -> None:
+    rates = np.array([0.0, 1e-15, 1e-12, 1e-9, 1e-6])
+    forecast = forecast_tracks(_tracks(np.tile([10.0, 0.0], (5, 1)), rates), TIMES, ForecastConfig())
+    assert np.isfinite(forecast.center_m).all()
+    np.testing.assert_allclose(forecast.center_m[0, :, 0], 10.0 * TIMES)
+    np.testing.assert_allclose(forecast.center_m[:, :, 1], 0.5 * 10.0 * rates[:, None] * TIMES**2, atol=1e-9)
+
+
+def test_full_circle_by_hand() -> None:
+    """2 m/s at 1 rad/s: a circle of 2 m radius about (0, 2)."""
+    times = np.array([0.0, np.pi / 2, np.pi, 2 * np.pi])
+    forecast = forecast_tracks(_tracks([[2.0, 0.0]], [1.0]), times, ForecastConfig())
+    np.testing.assert_allclose(forecast.center_m[0], [[0, 0], [2, 2], [0, 4], [0, 0]], atol=1e-12)
+    np.testing.assert_allclose(forecast.yaw_rad[0], times)
+
+
+def test_static_tracks_stay_whatever_their_estimate_says() -> None:
+    center = np.array([[1.0, 2.0], [1.0, 2.0]])
+    tracks = _tracks([[0.4, 0.1], [0.4, 0.1]], [0.7, 0.7], center=center, dynamic=[False, True])
+    forecast = forecast_tracks(tracks, TIMES, ForecastConfig(), 0.3)
+    np.testing.assert_array_equal(forecast.center_m[0], np.tile([1.0, 2.0], (len(TIMES), 1)))
+    np.testing.assert_array_equal(forecast.yaw_rad[0], np.full(len(TIMES), tracks.boxes.yaw_rad[0]))
+    assert np.hypot(*(forecast.center_m[1, -1] - (1.0, 2.0))) > 0.5
+
+
+def test_box_heading_may_differ_from_the_course() -> None:
+    """A car that reverses keeps its heading and moves along its velocity."""
+    forecast = forecast_tracks(_tracks([[-2.0, 0.0]], yaw=[0.0]), TIMES, ForecastConfig())
+    np.testing.assert_allclose(forecast.center_m[0, -1], [-6.0, 0.0], atol=1e-9)
+    np.testing.assert_array_equal(forecast.yaw_rad[0], 0.0)
+
+
+def test_latency_is_caught_up() -> None:
+    """An estimate that is 0.2 s old is moved on by 0.2 s on its own curve."""
+    tracks = _tracks([[3.0, 4.0]], [0.5], stamp_s=1.0)
+    late = forecast_tracks(tracks, TIMES, ForecastConfig(), 0.2)
+    prompt = forecast_tracks(tracks, TIMES + 0.2, ForecastConfig())
+    np.testing.assert_allclose(late.center_m, prompt.center_m)
+    np.testing.assert_allclose(late.yaw_rad, prompt.yaw_rad)
+    np.testing.assert_array_equal(late.time_s, TIMES)
+
+
+def test_turn_rate_is_limited() -> None:
+    config = ForecastConfig(max_yaw_rate_radps=0.5)
+    wild, limit = (forecast_tracks(_tracks([[2.0, 0.0]], [w]), TIMES, config) for w in (-9.0, -0.5))
+    np.testing.assert_allclose(wild.center_m, limit.center_m)
+
+
+@pytest.mark.parametrize(
+    ("horizon", "step", "count", "last"), [(3.0, 0.1, 31, 3.0), (3.05, 0.1, 32, 3.1), (0.3, 0.1, 4, 0.3)]
+)
+def test_times_start_now_and_reach_the_horizon(horizon: float, step: float, count: int, last: float) -> None:
+    times = forecast_times(horizon, step)
+    assert len(times) == count
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(last)
+    np.testing.assert_allclose(np.diff(times), step)
+
+
+def test_no_tracks() -> None:
+    forecast = forecast_tracks(_tracks(np.zeros((0, 2))), TIMES, ForecastConfig())
+    assert forecast.center_m.shape == (0, 31, 2)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"step_s": 0.0},
+        {"step_s": 3.5},
+        {"min_horizon_s": 7.0},
+        {"max_yaw_rate_radps": -0.1},
+    ],
+)
+def test_impossible_settings_are_refused(settings: dict[str, float]) -> None:
+    with pytest.raises(ConfigError):
+        ForecastConfig(**settings)
