@@ -28,6 +28,14 @@ CPNA_EXAMPLES = """
 `smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`
 """
 
+PLOT_EXAMPLES = """
+**Examples**
+
+`smartmot-eval plot results`
+
+`smartmot-eval plot results --run CPNA_map_dry_none_60kmh_seed0 --format svg`
+"""
+
 MAP_EXAMPLES = """
 **Examples**
 
@@ -144,7 +152,7 @@ def _run(suite, out: Path, pictures: bool, quiet: bool) -> None:  # type: ignore
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{drawn}")
 
 
-@app.command()
+@app.command(epilog=PLOT_EXAMPLES)
 def plot(
     directory: Annotated[Path, typer.Argument(help="Folder that `cpna --out` wrote.", metavar="DIR")],
     run: Annotated[

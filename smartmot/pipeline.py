@@ -134,7 +134,9 @@ class Pipeline:
         ego_forecast = forecast_ego(ego, time)
         now = Boxes(forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
         in_route = area.in_route(now, tracks.category) & tracks.confirmed
-        counts = np.where(tracks.dynamic, area.within_reach(now), in_route) & tracks.confirmed
+        # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
+        standing = in_route & (tracks.age_s > 0.0)
+        counts = np.where(tracks.dynamic, area.within_reach(now), standing) & tracks.confirmed
         ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
         found = threats(tracks, ttc, counts, now, ego)
         situation = self._situation(area, tracks, forecast, now, in_route, found, ego)

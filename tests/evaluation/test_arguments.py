@@ -58,7 +58,19 @@ def test_lists_are_sorted_and_each_speed_comes_once(values: list[int]) -> None:
     "text",
     [
         *("", " ", ",", "30,", "abc", "10..", "..60", "10..abc", "10..60:", "10..60:x", "10:5", "10..20..30"),
-        *("0", "-10", "0..60", "60..10", "10..60:0", "10..60:-5", "nan", "inf", "10..inf", "10..60:nan", "1e999"),
+        *(
+            "0",
+            "-10",
+            "0..60",
+            "60..10",
+            "10..60:0",
+            "10..60:-5",
+            "nan",
+            "inf",
+            "10..inf",
+            "10..60:nan",
+            "1e999",
+        ),
         *("10...60", "10 60", "10;60", "10-60", "1..140:0.001"),
     ],
 )
@@ -73,8 +85,9 @@ def test_wrong_speeds_are_named_with_the_right_form(text: str) -> None:
 def test_any_text_gives_speeds_or_one_clear_error(text: str) -> None:
     try:
         speeds = parse_speeds(text)
-    except ArgumentError as error:
-        assert str(error).startswith("--speeds: ")
+    except ArgumentError:
+        with pytest.raises(ArgumentError, match=r"^--speeds: "):
+            parse_speeds(text)
     else:
         assert speeds
         assert all(0 < v < float("inf") for v in speeds)
@@ -88,7 +101,9 @@ def test_names(text: str, names: tuple[str, ...]) -> None:
     assert parse_names(text, ("map", "all"), "--strategy") == names
 
 
-@pytest.mark.parametrize(("text", "message"), [("mapp", "unknown 'mapp'"), ("map,x", "unknown 'x'"), ("", "nothing")])
+@pytest.mark.parametrize(
+    ("text", "message"), [("mapp", "unknown 'mapp'"), ("map,x", "unknown 'x'"), ("", "nothing")]
+)
 def test_wrong_names_are_answered_with_the_right_ones(text: str, message: str) -> None:
     with pytest.raises(ArgumentError, match=f"--strategy: {message}.*: map, all$"):
         parse_names(text, ("map", "all"), "--strategy")
@@ -108,9 +123,11 @@ def test_places(text: str, place: tuple[str, int, float]) -> None:
     assert parse_place(text) == place
 
 
-@pytest.mark.parametrize("text", ["", "1", "1,-1", "1,-1,2,3", "1,x,2", "1,-1,x", "1,1.5,2", "1,-1,nan", "1,-1,inf"])
+@pytest.mark.parametrize(
+    "text", ["", "1", "1,-1", "1,-1,2,3", "1,x,2", "1,-1,x", "1,1.5,2", "1,-1,nan", "1,-1,inf"]
+)
 def test_wrong_places_are_answered_with_an_example(text: str) -> None:
-    with pytest.raises(ArgumentError, match="--at: expected ROAD,LANE,S such as 1,-1,250.0; got "):
+    with pytest.raises(ArgumentError, match=r"--at: expected ROAD,LANE,S such as 1,-1,250\.0; got "):
         parse_place(text)
 
 

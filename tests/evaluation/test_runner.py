@@ -26,11 +26,22 @@ from evaluation.runner import (
 from scenarios.cpna import Site
 from scenarios.errors import ScenarioError
 
-PAPER_TABLE = CpnaSuite((10.0, 20.0, 30.0, 40.0, 50.0, 60.0), ("rectangular", "map"), "paper", ("dry",), "urban_street")
+PAPER_TABLE = CpnaSuite(
+    (10.0, 20.0, 30.0, 40.0, 50.0, 60.0), ("rectangular", "map"), "paper", ("dry",), "urban_street"
+)
 ROUND_TRIPS = [
     PAPER_TABLE,
     CpnaSuite(
-        (30.0, 33.3), ("all",), "physical", ("rain", "dry"), "urban_street", Place("1", -1, 300.0), 25.0, "static", 9, 0.02
+        (30.0, 33.3),
+        ("all",),
+        "physical",
+        ("rain", "dry"),
+        "urban_street",
+        Place("1", -1, 300.0),
+        25.0,
+        "static",
+        9,
+        0.02,
     ),
 ]
 
@@ -61,6 +72,16 @@ def test_paper_preset_scores_what_the_paper_scored(
 ) -> None:
     assert sum(r.row.score or 0.0 for r in of(paper_records, strategy)) == total
     assert sum(r.row.score_max or 0.0 for r in of(paper_records, strategy)) == 10.0
+
+
+def test_paper_preset_hits_as_fast_as_the_paper_did(paper_records: list[RunRecord]) -> None:
+    impacts = {
+        (r.row.strategy, r.row.v_test_kmh): r.row.v_impact_kmh for r in paper_records if r.row.collided
+    }
+    assert impacts == {
+        ("rectangular", 50.0): pytest.approx(23.82, abs=3.0),
+        ("rectangular", 60.0): pytest.approx(44.23, abs=3.0),
+    }
 
 
 def test_rows_agree_with_outcomes(paper_records: list[RunRecord]) -> None:
@@ -124,7 +145,9 @@ def test_configuration_names_the_place_and_the_conditions(site: Site, tmp_path: 
     assert written["presets"]["dry"]["brakes"]["max_decel_mps2"] == 14.5
 
 
-@pytest.mark.parametrize("content", [None, "", "{}", "[]", '{"configuration": 3}', '{"configuration": {"suite": {}}}'])
+@pytest.mark.parametrize(
+    "content", [None, "", "{}", "[]", '{"configuration": 3}', '{"configuration": {"suite": {}}}']
+)
 def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "runs.json").write_text(content)
@@ -147,7 +170,8 @@ def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | 
 )
 def test_wrong_suites_are_refused_before_the_first_run(changes: dict[str, object], message: str) -> None:
     values = {
-        "speeds_kmh": (30.0,), "strategies": ("map",), "preset": "paper", "weather": ("dry",), "map_name": "urban_street",
+        "speeds_kmh": (30.0,), "strategies": ("map",), "preset": "paper", "weather": ("dry",),
+        "map_name": "urban_street",
     }  # fmt: skip
     with pytest.raises(ScenarioError, match=message):
         CpnaSuite(**{**values, **changes})  # type: ignore[arg-type]
@@ -156,8 +180,11 @@ def test_wrong_suites_are_refused_before_the_first_run(changes: dict[str, object
 def test_published_numbers_belong_to_the_conditions_of_the_paper() -> None:
     assert is_published(PAPER_TABLE)
     for changes in (
-        {"preset": "physical"}, {"weather": ("wet",)}, {"impact_point_percent": 50.0}, {"adversaries": "static"},
-    ):  # fmt: skip
+        {"preset": "physical"},
+        {"weather": ("wet",)},
+        {"impact_point_percent": 50.0},
+        {"adversaries": "static"},
+    ):
         values = {name: getattr(PAPER_TABLE, name) for name in CpnaSuite.__slots__}
         assert not is_published(CpnaSuite(**{**values, **changes}))
 
@@ -193,14 +220,27 @@ def test_a_pose_to_look_at_need_not_be_straight() -> None:
         pose_site(network, Place("1", -2, 250.0))
 
 
-def test_a_map_is_described_with_its_law_ahead() -> None:
+def test_a_map_is_described() -> None:
+    lines = describe_map(load_named_map("urban_intersection"), None, 50.0)
+    assert lines == [
+        "map: urban_intersection, 16 roads, 32 lanes: 20 driving, 12 sidewalk",
+        "crosswalks: 4, warnings: 0",
+    ]
+
+
+@pytest.mark.parametrize(("road", "kind"), [("1", "traffic_light"), ("2", "stop"), ("4", "give_way")])
+def test_the_law_ahead_is_told_with_its_distance(road: str, kind: str) -> None:
+    """The stop line is 7 m before the end of the 200 m long arm."""
     network = load_named_map("urban_intersection")
-    assert "4 roads" in describe_map(network, None, 50.0)[0] or "roads" in describe_map(network, None, 50.0)[0]
-    road = network.lanes.key[0].road_id
-    lane = next(
-        i for i, key in enumerate(network.lanes.key) if network.lanes.lane_type[i] == "driving" and key.road_id == road
-    )
-    key = network.lanes.key[lane]
-    middle = float((network.lanes.s_start_m[lane] + network.lanes.s_end_m[lane]) / 2)
-    lines = describe_map(network, pose_site(network, Place(key.road_id, key.lane_id, middle)), 50.0)
-    assert any(line.startswith("route: ") for line in lines)
+    entering = 1 if road == "4" else -1
+    s_m = 100.0
+    lines = describe_map(network, pose_site(network, Place(road, entering, s_m)), 50.0)
+    assert f"  {kind} in 93.0 m (road {road})" in lines
+    assert any(line.startswith("  crosswalk in ") for line in lines)
+    assert any(line.startswith("  speed_limit 50 in ") for line in lines)
+
+
+def test_nothing_to_obey_is_told_too() -> None:
+    network = load_named_map("urban_intersection")
+    lines = describe_map(network, pose_site(network, Place("1", 1, 100.0)), 50.0)
+    assert lines[-1] == "  no regulatory element within 200 m"

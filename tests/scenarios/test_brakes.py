@@ -175,7 +175,7 @@ def test_impact_speeds_of_the_fact_sheet(enters_at_ttc_s: float, impact_kmh: dic
 
 @pytest.mark.parametrize("values", [(-0.1, 0.4, 9.0), (0.2, -0.4, 9.0), (0.2, 0.4, 0.0), (0.2, 0.4, -9.0)])
 def test_impossible_brakes_are_refused(values: tuple[float, float, float]) -> None:
-    with pytest.raises(ScenarioError, match="brakes: .* got"):
+    with pytest.raises(ScenarioError, match=r"brakes: .* got"):
         BrakeConfig(*values)
 
 

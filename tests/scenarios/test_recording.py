@@ -76,10 +76,25 @@ def test_ground_truth_has_every_actor_in_every_frame(table: Table) -> None:
     assert len(ids) > 5
 
 
-def test_detections_are_kept_or_dropped(table: Table) -> None:
-    labels, counts = np.unique(of_kind(table, "detection")["label"], return_counts=True)
-    assert labels.tolist() == ["dropped", "kept"]
-    assert counts.min() > 0
+def test_detections_are_kept_or_dropped(outcome: Outcome, table: Table) -> None:
+    """In the frame of the flag: the target is kept, who stands 2.2 m over the kerb is dropped."""
+    actors, seen = of_kind(table, "actor"), of_kind(table, "detection")
+    now = [np.abs(kind["time_s"] - outcome.flag_time_s) < 1e-9 for kind in (actors, seen)]
+    assert set(seen["label"].tolist()) == {"kept", "dropped"}
+
+    def label_at(x_m: float, y_m: float) -> str:
+        distance = np.hypot(seen["x_m"] - x_m, seen["y_m"] - y_m)
+        distance[~now[1]] = np.inf
+        assert distance.min() < 0.3  # noise
+        return str(seen["label"][distance.argmin()])
+
+    places = np.column_stack((actors["x_m"], actors["y_m"]))
+    (target,) = places[now[0] & (actors["label"] == "target")]
+    assert label_at(*target) == "kept"
+    # the lane centre of this street is 1.75 m from its middle, the kerb 3.5 m
+    beyond = now[0] & (actors["label"] == "adversary") & (np.abs(np.abs(places[:, 1]) - 5.7) < 0.01)
+    assert beyond.any()
+    assert {label_at(*place) for place in places[beyond]} == {"dropped"}
 
 
 def test_forecast_times_are_half_seconds_ahead(table: Table) -> None:

@@ -135,7 +135,7 @@ def test_detection_probability_is_a_frequency() -> None:
 
 def test_noise_follows_from_seed_and_frame_alone() -> None:
     scene = people((10.0, 2.0), (15.0, -3.0), (30.0, -1.0))
-    here, there = EGO, EgoState(0.0, 1.0, 0.3, 0.1, 2.0)
+    here, there = EGO, EgoState(0.0, 1.2345678, 0.3, 0.1, 2.0)
 
     def noise(seed: int, frame: int, ego: EgoState) -> FloatArray:
         return Sensor(SensorConfig(), seed).observe(frame, ego, *scene).boxes.center_m

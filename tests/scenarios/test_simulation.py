@@ -33,14 +33,15 @@ class BrakesAt(Pipeline):
         super().__init__(EverythingArea(), PipelineConfig())
         self.time_s = time_s
         self.given: list[tuple[float, Detections]] = []
+        blind = Pipeline.step(self, self.initial(), Detections.empty(0.0), EgoState(0.0, 0.0, 0.0, 0.0, 0.0))
+        self._nothing = dataclasses.replace(blind[1], events=(), lead=None)
 
     def step(
         self, state: PipelineState, detections: Detections, ego: EgoState
     ) -> tuple[PipelineState, FrameResult]:
         self.given.append((ego.stamp_s, detections))
-        state, result = super().step(state, Detections.empty(ego.stamp_s), ego)
         command = BrakeCommand(ego.stamp_s >= self.time_s - 1e-9)
-        return state, dataclasses.replace(result, command=command, lead=None)
+        return state, dataclasses.replace(self._nothing, command=command)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +111,7 @@ def test_ideal_brake_hits_at_the_speed_of_the_energy_equation(
 
 def _run_with(site: Site, preset: Preset, speed_kmh: float, pipeline: Pipeline) -> Outcome:
     """The paper's test, with another decision."""
-    built = build(CpnaTest(speed_kmh), site, preset, EverythingArea())
+    built = build(CpnaTest(speed_kmh), site, preset, EverythingArea(), StopRule(time_limit_s=9.0))
     built._pipeline = pipeline
     return built.run()
 
@@ -183,6 +184,15 @@ def test_frames_come_at_the_rate_of_the_sensor(site: Site) -> None:
         sensor = dataclasses.replace(PHYSICAL.sensor, rate_hz=rate)
         simulation(site, 50, [car_at(site, 180.0)], blind, sensor=sensor, rule=StopRule(1.0)).run()
         assert np.diff([t for t, _ in blind.given]) == pytest.approx(1 / rate)
+
+
+@pytest.mark.parametrize("phase_s", [0.01, 0.03, 0.05])
+def test_phase_shifts_every_frame(site: Site, phase_s: float) -> None:
+    blind = BrakesAt(math.inf)
+    sensor = dataclasses.replace(PHYSICAL.sensor, phase_s=phase_s)
+    simulation(site, 50, [car_at(site, 180.0)], blind, sensor=sensor, rule=StopRule(1.0)).run()
+    times = np.array([t for t, _ in blind.given])
+    assert times == pytest.approx(phase_s + FRAME_S * np.arange(len(times)))
 
 
 def test_time_limit_and_passing_end_a_run(site: Site) -> None:

@@ -62,7 +62,7 @@ DANGER = {"collision": True, "nearest_m": 15.0}
         (BRAKING, _now(entering=True), BRAKING, []),
         (BRAKING, _now(occupied=True), BRAKING, []),
         (BRAKING, _now(), AebState(True, True, True, 1.0), []),
-        # while it still moves the brake stays on, whatever can be seen; without a brake the speed is no matter
+        # while it still moves the brake stays on, whatever can be seen; without one speed is no matter
         (BRAKING, _now(standing=False), BRAKING, []),
         (AebState(True, True, True, 0.5), _now(standing=False), BRAKING, []),
         (WATCHING, _now(standing=False), AebState(True, True, False, 1.0), []),
