@@ -36,7 +36,7 @@ def parse_speeds(text: str) -> tuple[float, ...]:
             raise ArgumentError(
                 f"--speeds: {part.strip()!r} must be positive and rise from low to high; {form}"
             )
-        if (high - low) / step > MAX_SPEEDS:
+        if len(speeds) + (high - low) / step + 1 > MAX_SPEEDS + 1e-9:
             raise ArgumentError(
                 f"--speeds: {part.strip()!r} gives over {MAX_SPEEDS} speeds; use a larger step"
             )

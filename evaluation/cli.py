@@ -86,7 +86,9 @@ def cpna(
     impact_point: Impact = None,
     phase_ms: Annotated[
         float,
-        typer.Option(min=0, max=50, help="Time of the first sensor frame, ms; shifts all frames of a run."),
+        typer.Option(
+            min=0, max=50, help="Time of the first sensor frame, steps of 10 ms; shifts all frames."
+        ),
     ] = 0.0,
     adversaries: Annotated[
         str, typer.Option(help="none, or static: parked cars and standing people.")
@@ -108,7 +110,7 @@ def cpna(
         preset=parse_name(preset, tuple(PRESETS), "--preset"),
         weather=parse_names(weather, tuple(WEATHER), "--weather"),
         map_name=str(map_file) if map_file else DEFAULT_MAP,
-        place=Place(*parse_place(at)) if at else None,
+        place=Place(*parse_place(at)) if at is not None else None,
         impact_point_percent=impact_point,
         adversaries=adversaries,
         seed=seed,
@@ -198,7 +200,7 @@ def map_command(
 
     strategy = parse_name(strategy, STRATEGIES, "--strategy")
     preset = parse_name(preset, tuple(PRESETS), "--preset")
-    place = runner.Place(*parse_place(at)) if at else None
+    place = runner.Place(*parse_place(at)) if at is not None else None
     network = runner.load_named_map(file)
     site = runner.pose_site(network, place) if place else None
     for line in runner.describe_map(network, site, speed):
@@ -213,16 +215,29 @@ def map_command(
 def main() -> None:
     """Entry point: run the command; one line and status 2 for a mistake of the user."""
     try:
-        app()
-    except ValueError as error:
-        # the named errors derive from ValueError; their packages are loaded only now, when one was raised
-        from evaluation.errors import ArgumentError
-        from evaluation.results import ResultsError
-        from opendrive import OpenDriveError
-        from scenarios.errors import ScenarioError
-        from smartmot.errors import SmartMotError
+        sys.exit(app(standalone_mode=False))
+    except Exception as error:
+        message = _message_for_user(error)
+        if message is None:
+            raise
+        typer.echo(message, err=True)
+        sys.exit(2)
 
-        if isinstance(error, (ArgumentError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)):
-            typer.echo(f"smartmot-eval: {error}", err=True)
-            sys.exit(2)
-        raise
+
+def _message_for_user(error: Exception) -> str | None:
+    """What to print for a mistake of the user; None for anything else."""
+    if hasattr(error, "format_message"):
+        # an error of the option parser, whose classes have moved between typer's versions; without a
+        # command its message is the help
+        text = str(error.format_message())
+        return text if "Usage:" in text else f"smartmot-eval: {text}"
+    # the named errors derive from ValueError; their packages are loaded only now, when one was raised
+    from evaluation.errors import ArgumentError
+    from evaluation.results import ResultsError
+    from opendrive import OpenDriveError
+    from scenarios.errors import ScenarioError
+    from smartmot.errors import SmartMotError
+
+    if isinstance(error, (ArgumentError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)):
+        return f"smartmot-eval: {error}"
+    return None

@@ -249,7 +249,7 @@ def _record(suite: CpnaSuite, weather: str, strategy: str, speed: float, outcome
         # a request before the pedestrian has started can only be meant for nobody
         false_stop=outcome.flag_time_s is not None
         and (outcome.trigger_time_s is None or outcome.flag_time_s < outcome.trigger_time_s),
-        log=f"{test.name}_{strategy}_{weather}_{suite.adversaries}_{speed:g}kmh_seed{suite.seed}",
+        log=f"{test.name}_{strategy}_{weather}_{suite.adversaries}_{speed:.10g}kmh_seed{suite.seed}",
     )
     return RunRecord(row, outcome, outcome.log.table())
 

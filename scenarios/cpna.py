@@ -164,7 +164,7 @@ def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
             except ScenarioError:
                 continue
     raise ScenarioError(
-        f"no straight stretch of {needed:.0f} m for {max_speed_kmh:g} km/h in map "
+        f"no straight stretch of {needed:.0f} m for {max_speed_kmh:g} km/h among the longest lanes of map "
         f"{network.name or '(unnamed)'}; use lower speeds, another map, or --at ROAD,LANE,S"
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.actors import Actors
+from scenarios.errors import ScenarioError
 from scenarios.recording import RunLog
 from scenarios.sensors import Sensor
 from scenarios.vehicle import EgoVehicle
@@ -109,8 +110,10 @@ class Simulation:
 
     def run(self) -> Outcome:
         """Run to the end."""
-        steps_per_frame = max(1, round(1.0 / (self._sensor.config.rate_hz * STEP_S)))
-        first = round(self._sensor.config.phase_s / STEP_S)
+        config = self._sensor.config
+        steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
+        first = _steps(config.phase_s, "frame phase")
+        _steps(config.latency_s, "latency")
         contact: tuple[float, int] | None = None
         for step in range(round(self._rule.time_limit_s / STEP_S)):
             now = step * STEP_S
@@ -118,7 +121,8 @@ class Simulation:
             if frame >= 0 and between == 0:
                 if self._over(now):
                     break
-                self._frame(now, frame)
+                self._measure(now, frame)
+            self._decide(now)
             self._fire_trigger(now)
             contact = self._contact(now)
             if contact is not None:
@@ -149,17 +153,23 @@ class Simulation:
         self._log.frame(self._ego.state(time_s), boxes, self._actors.motion(since)[1])
         return boxes
 
-    def _frame(self, now: float, number: int) -> None:
-        """Measure, perceive what has arrived, and hand the decision to the vehicle."""
+    def _measure(self, now: float, number: int) -> None:
+        """Take one sensor frame; perception gets it after the sensor's latency."""
         boxes = self._log_truth(now)
-        if self._pipeline is None or self._state is None:
+        if self._pipeline is None:
             self._ego.control(now, False, None)  # nobody brakes, but it keeps to its lane
             return
-        odometry = self._ego.state(now)
-        seen = self._sensor.observe(number, odometry, boxes, self._actors.category)
+        seen = self._sensor.observe(number, self._ego.state(now), boxes, self._actors.category)
         self._waiting.append((now + self._sensor.config.latency_s, seen))
-        while self._waiting and self._waiting[0][0] <= now + 1e-9:
-            self._state, result = self._pipeline.step(self._state, self._waiting.popleft()[1], odometry)
+
+    def _decide(self, now: float) -> None:
+        """Perceive what has arrived, and hand the decision to the vehicle."""
+        while self._pipeline and self._state and self._waiting and self._waiting[0][0] <= now + 1e-9:
+            detections = self._waiting.popleft()[1]
+            if detections.stamp_s < now:
+                self._log_truth(now)  # so that every logged decision stands beside the truth of its time
+            odometry = self._ego.state(now)
+            self._state, result = self._pipeline.step(self._state, detections, odometry)
             self._log.perception(odometry, result)
             self._ego.control(now, result.command.emergency, result.lead)
             if result.command.emergency and self._flag is None:
@@ -225,3 +235,18 @@ class Simulation:
         target = self._actors.boxes(self._since(time_s))[[self._target]]
         ahead = float(ego_extent(target, self._ego.state(time_s))[0][0])
         return ahead < -self._rule.after_pass_m
+
+
+def _steps(time_s: float, name: str) -> int:
+    """A time as a whole number of world steps.
+
+    Raises:
+        ScenarioError: it is none.
+    """
+    steps = round(time_s / STEP_S)
+    if abs(steps * STEP_S - time_s) > 1e-9:
+        raise ScenarioError(
+            f"sensor: the {name} must be a multiple of the world's step of {STEP_S * 1000:g} ms, "
+            f"got {time_s * 1000:g} ms"
+        )
+    return steps

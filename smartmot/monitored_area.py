@@ -20,18 +20,28 @@ from smartmot.route import Route
 from smartmot.strips import LaneStrip, StripSet, lane_strip, ring
 from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray
 
+PATH_CLEARANCE_M = 0.3
+"""Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
+_OUTLINE = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
+
 
 class MonitoredArea(Protocol):
-    """The area at one moment."""
+    """The area at one moment.
 
-    def kept(self, center_m: FloatArray, category: StrArray) -> BoolArray:
-        """(N,) which objects, given by their (N, 2) centres in the map frame, are tracked at all."""
+    VRUs are placed by their centres, since margins widen the area for them; all others by their outlines.
+    """
+
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) which objects are tracked at all."""
 
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) which objects count as being in the ego's route; VRUs also beside it, in the margin."""
 
+    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) which objects stand or move in the ego's way now: VRUs on its lane, others on its path."""
+
     def on_lane(self, center_m: FloatArray) -> BoolArray:
-        """(N,) which points, (N, 2) map frame, lie on the ego's way itself, without any margin."""
+        """(N,) which points, (N, 2) map frame, lie on the ego's lane ahead, without any margin."""
 
     def within_reach(self, boxes: Boxes) -> BoolArray:
         """(N,) which objects are near enough in front of the ego to count at all."""
@@ -60,6 +70,15 @@ def is_vulnerable(category: StrArray) -> BoolArray:
 def _any(mask: BoolArray) -> BoolArray:
     """(N,) whether any segment holds, from (N, S)."""
     return np.asarray(mask.any(axis=1), dtype=np.bool_)
+
+
+def outline_points(boxes: Boxes) -> FloatArray:
+    """(N * 9, 2) centre, corners and edge middles of boxes, map frame, one box after the other."""
+    half = boxes.size_m[:, None, :] / 2 * _OUTLINE
+    c, s = np.cos(boxes.yaw_rad)[:, None], np.sin(boxes.yaw_rad)[:, None]
+    x = boxes.center_m[:, 0, None] + c * half[..., 0] - s * half[..., 1]
+    y = boxes.center_m[:, 1, None] + s * half[..., 0] + c * half[..., 1]
+    return np.stack((x, y), axis=-1).reshape(-1, 2)
 
 
 def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -112,8 +131,11 @@ class _Rectangle:
     length_m: float
     half_width_m: float
 
-    def kept(self, center_m: FloatArray, category: StrArray) -> BoolArray:
-        return np.ones(len(center_m), dtype=np.bool_)
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        return np.ones(len(boxes), dtype=np.bool_)
+
+    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        return self.in_route(boxes, category) & self.on_lane(boxes.center_m)
 
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         x_min, x_max, y_min, y_max = ego_extent(boxes, self.ego)
@@ -169,8 +191,11 @@ class _Everything:
     ego: EgoState
     path_half_width_m: float
 
-    def kept(self, center_m: FloatArray, category: StrArray) -> BoolArray:
-        return np.ones(len(center_m), dtype=np.bool_)
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        return np.ones(len(boxes), dtype=np.bool_)
+
+    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        return self.in_route(boxes, category) & self.on_lane(boxes.center_m)
 
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         return self.within_reach(boxes)
@@ -266,19 +291,39 @@ class MonitoredLanes:
     route_high_m: FloatArray
     reach_m: float | None
 
-    def kept(self, center_m: FloatArray, category: StrArray) -> BoolArray:
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects in a monitored lane; VRUs also in the margins."""
-        station, in_lane, in_margin = self.strips.place(center_m)
-        span = (station >= self.low_m) & (station <= self.high_m)
-        vru = is_vulnerable(category)[:, None]
-        return _any(span & np.where(vru, in_margin, in_lane))
+        return self._inside(boxes, category, self.low_m, self.high_m)
 
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects on the route ahead and within reach; VRUs also in its margins."""
-        station, in_lane, in_margin = self.strips.place(boxes.center_m)
-        span = (station >= self.route_low_m) & (station <= self.route_high_m)
-        vru = is_vulnerable(category)[:, None]
-        return _any(span & np.where(vru, in_margin, in_lane)) & self.within_reach(boxes)
+        inside = self._inside(boxes, category, self.route_low_m, self.route_high_m)
+        return inside & self.within_reach(boxes)
+
+    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) VRUs on the route's lane, others on the ego's path along it, ahead and within reach."""
+        found = self.on_lane(boxes.center_m)
+        wide = np.flatnonzero(~is_vulnerable(category))
+        if len(wide):
+            points = outline_points(boxes[wide])
+            station, near = self.strips.near_center(points, self.ego.width_m / 2 + PATH_CLEARANCE_M)
+            near &= (station >= self.route_low_m) & (station <= self.route_high_m)
+            found[wide] = _any(near).reshape(len(wide), -1).any(axis=1)
+        return found & self.within_reach(boxes)
+
+    def _inside(self, boxes: Boxes, category: StrArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
+        """(N,) whether VRUs' centres lie in lanes or margins, or other outlines meet a lane, in a span."""
+        vru = is_vulnerable(category)
+        found = np.zeros(len(boxes), dtype=np.bool_)
+        if vru.any():
+            station, _, in_margin = self.strips.place(boxes.center_m[vru])
+            found[vru] = _any(in_margin & (station >= low_m) & (station <= high_m))
+        if not vru.all():
+            others = boxes[~vru]
+            station, in_lane, _ = self.strips.place(outline_points(others))
+            hit = _any(in_lane & (station >= low_m) & (station <= high_m))
+            found[~vru] = hit.reshape(len(others), -1).any(axis=1)
+        return found
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""

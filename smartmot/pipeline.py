@@ -120,7 +120,7 @@ class Pipeline:
         """
         config = self.config
         area = self.strategy.at(ego)
-        kept = area.kept(detections.boxes.center_m, detections.category)
+        kept = area.kept(detections.boxes, detections.category)
         monitored = area.kept if config.filter_tracks else None
         tracker_state, tracks = self._tracker.step(state.tracker, detections[kept], monitored)
         horizon = horizon_s(
@@ -139,9 +139,10 @@ class Pipeline:
         counts = np.where(tracks.dynamic, area.within_reach(now), standing) & tracks.confirmed
         ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
         found = threats(tracks, ttc, counts, now, ego)
-        situation = self._situation(area, tracks, forecast, now, in_route, found, ego)
+        on_way = area.on_way(now, tracks.category) & tracks.confirmed & (tracks.age_s > 0.0)
+        situation = self._situation(area, tracks, forecast, now, in_route, on_way, found, ego)
         aeb, command, events = decide(state.aeb, situation, config.aeb)
-        lead = _lead(area, tracks, now, in_route, found, ego)
+        lead = _lead(tracks, now, on_way, found, ego)
         result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
         return PipelineState(tracker_state, aeb), result
 
@@ -152,6 +153,7 @@ class Pipeline:
         forecast: Forecast,
         now: Boxes,
         in_route: BoolArray,
+        on_way: BoolArray,
         found: Threats,
         ego: EgoState,
     ) -> Situation:
@@ -160,7 +162,6 @@ class Pipeline:
         ahead = ego_extent(now, ego)[0]
         braking_distance = self.config.braking_distance.at(ego.speed_mps)
         near = ahead < max(braking_distance, self.config.aeb.near_m)
-        on_way = in_route & area.on_lane(now.center_m)
         entering = np.zeros(len(tracks), dtype=np.bool_)
         walking = np.flatnonzero(tracks.dynamic & is_vulnerable(tracks.category) & (ahead > 0.0) & ~on_way)
         if len(walking):
@@ -179,9 +180,7 @@ class Pipeline:
         )
 
 
-def _lead(
-    area: MonitoredArea, tracks: Tracks, now: Boxes, in_route: BoolArray, found: Threats, ego: EgoState
-) -> LeadObject | None:
+def _lead(tracks: Tracks, now: Boxes, on_way: BoolArray, found: Threats, ego: EgoState) -> LeadObject | None:
     """Nearest object on the route ahead, for adapting the speed.
 
     VRUs on a collision course are the emergency decision's; a vehicle ahead is followed even then.
@@ -189,7 +188,7 @@ def _lead(
     threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
     vru_threat = is_vulnerable(tracks.category) & threatening
     front = ego_extent(now, ego)[0] - ego.length_m / 2
-    candidates = np.flatnonzero(in_route & area.on_lane(now.center_m) & ~vru_threat & (front > 0))
+    candidates = np.flatnonzero(on_way & ~vru_threat & (front > 0))
     if len(candidates) == 0:
         return None
     k = int(candidates[np.argmin(front[candidates])])

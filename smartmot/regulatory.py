@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-from opendrive import RoadNetwork
+from opendrive import RoadNetwork, RoadSignal
 from smartmot.route import Route
 
 SIGNAL_KINDS = {
@@ -17,7 +18,12 @@ SIGNAL_KINDS = {
     "1000009": "traffic_light",
     "1000010": "traffic_light",
     "1000011": "traffic_light",
+    # a crosswalk given as a signal instead of an object
+    "1000003": "crosswalk",
+    "293": "crosswalk",
 }
+NAMED_KINDS = (("Sign_Stop", "stop"), ("Sign_Yield", "give_way"), ("Sign_SpeedLimit", "speed_limit"))
+"""Beginnings of the names that RoadRunner gives to signs whose type it leaves open (-1)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +35,8 @@ class RegulatoryElement:
         distance_m: from the ego's centre along the route.
         road_id: the road that carries it.
         s_m: its road coordinate.
-        value: number on the sign (speed limits: as the file gives it), None when there is none.
+        value: number on the sign in the file's unit (speed limits: from the sign's name where the file gives
+            no value), None when there is none.
     """
 
     kind: str
@@ -37,6 +44,20 @@ class RegulatoryElement:
     road_id: str
     s_m: float
     value: float | None
+
+
+def _kind(signal: RoadSignal) -> str | None:
+    if signal.type in SIGNAL_KINDS:
+        return SIGNAL_KINDS[signal.type]
+    return next((kind for start, kind in NAMED_KINDS if signal.name.startswith(start)), None)
+
+
+def _value(signal: RoadSignal) -> float | None:
+    """The limit on a speed sign: its value, else the number in its name."""
+    if signal.value is not None and signal.value > 0:
+        return signal.value
+    number = re.search(r"_(\d+)", signal.name)
+    return float(number[1]) if number else None
 
 
 def regulatory_elements(
@@ -51,9 +72,8 @@ def regulatory_elements(
         ahead_m: how far to look.
     """
     found: list[RegulatoryElement] = []
-    seen: set[tuple[str, str, str, float]] = (
-        set()
-    )  # where two sections of a road meet, both contain the place
+    # where two sections of a road meet, both contain the place
+    seen: set[tuple[str, str, str, float]] = set()
     for strip, entry in zip(route.strips, route.entry_m, strict=True):
         if entry > station_m + ahead_m or entry + strip.length_m < station_m:
             continue
@@ -61,9 +81,9 @@ def regulatory_elements(
         low, high = sorted((float(strip.s_m[0]), float(strip.s_m[-1])))
         facing = "+" if network.lanes.direction[strip.lane] > 0 else "-"
         here: list[tuple[str, str, float, float | None]] = [
-            (SIGNAL_KINDS[signal.type], signal.id, signal.s_m, signal.value)
+            (kind, signal.id, signal.s_m, _value(signal) if kind == "speed_limit" else None)
             for signal in network.signals_of(key.road_id)
-            if signal.type in SIGNAL_KINDS
+            if (kind := _kind(signal)) is not None
             and signal.orientation in (facing, "none")
             and signal.applies_to(key.lane_id)
         ]

@@ -179,21 +179,38 @@ class StripSet:
             (N, S) station along the segment's strip; (N, S) whether the point lies between the lane's
             borders there; (N, S) the same with the VRU margins added.
         """
-        dx = points_m[:, 0, None] - self._x
-        dy = points_m[:, 1, None] - self._y
-        u = dx * self._ux + dy * self._uy
-        lateral = self._ux * dy - self._uy * dx
-        aside = np.abs(lateral)
-        before, beyond = -u - aside * self._wedge_start, u - self._length - aside * self._wedge_end
-        beside = np.maximum(before, beyond) <= 1e-9
+        u, lateral, beside = self._project(points_m)
         half = self._half + u * self._half_slope
-        in_lane = beside & (aside <= half)
+        in_lane = beside & (np.abs(lateral) <= half)
         in_margin = (
             beside
             & (lateral <= half + self._left + u * self._left_slope)
             & (-lateral <= half + self._right + u * self._right_slope)
         )
         return self._station + u, in_lane, in_margin
+
+    def near_center(self, points_m: FloatArray, distance_m: float) -> tuple[FloatArray, BoolArray]:
+        """Which points lie within a distance of the strips' centre lines.
+
+        Args:
+            points_m: (N, 2) map frame.
+            distance_m: to either side.
+
+        Returns:
+            (N, S) station along the segment's strip; (N, S) whether the point is that near there.
+        """
+        u, lateral, beside = self._project(points_m)
+        return self._station + u, beside & (np.abs(lateral) <= distance_m)
+
+    def _project(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """(N, S) distance along each segment, offset to its left, and whether the point is beside it."""
+        dx = points_m[:, 0, None] - self._x
+        dy = points_m[:, 1, None] - self._y
+        u = dx * self._ux + dy * self._uy
+        lateral = self._ux * dy - self._uy * dx
+        aside = np.abs(lateral)
+        before, beyond = -u - aside * self._wedge_start, u - self._length - aside * self._wedge_end
+        return u, lateral, np.maximum(before, beyond) <= 1e-9
 
 
 def _half_turns(center_m: FloatArray) -> FloatArray:

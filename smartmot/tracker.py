@@ -42,13 +42,12 @@ from smartmot.motion_models import (
     ConstantVelocity,
     MotionModel,
     PerCategory,
-    Y,
     check_range,
 )
 from smartmot.types import CATEGORIES, BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray, Tracks
 
-Monitored = Callable[[FloatArray, StrArray], BoolArray]
-"""Which objects are monitored: (M, 2) centres in the map frame and (M,) categories to (M,) flags."""
+Monitored = Callable[[Boxes, StrArray], BoolArray]
+"""Which objects are monitored: M boxes in the map frame and (M,) categories to (M,) flags."""
 
 _NAMES = np.array(CATEGORIES)
 _CODES = {name: code for code, name in enumerate(CATEGORIES)}
@@ -337,7 +336,7 @@ class Tracker:
         inside_s = np.full(len(tracks), now_s)
         if monitored is not None:
             inside = np.asarray(
-                monitored(tracks.mean[:, : Y + 1], _NAMES[tracks.category_code]), dtype=np.bool_
+                monitored(boxes_of(tracks.mean), _NAMES[tracks.category_code]), dtype=np.bool_
             )
             if inside.shape != inside_s.shape:
                 raise ShapeError(f"monitored: expected {inside_s.shape} flags, got {inside.shape}")

@@ -21,7 +21,7 @@ from smartmot.monitored_area import (
     is_vulnerable,
 )
 from smartmot.route import route_ahead, route_from_lanes
-from smartmot.types import CATEGORIES, Boxes, EgoState
+from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"
 TOWN04 = Path(__file__).parents[3] / "shared" / "opendrive" / "maps" / "Town04.xodr"
@@ -45,9 +45,14 @@ def _ego(x: float, speed: float, y: float = -1.75, yaw: float = 0.0, yaw_rate: f
     return EgoState(0.0, x, y, yaw, speed, yaw_rate_radps=yaw_rate)
 
 
+def _dots(center_m: FloatArray) -> Boxes:
+    """Boxes so small that outline and centre are the same."""
+    return Boxes(center_m, np.full((len(center_m), 2), 1e-6), np.zeros(len(center_m)))
+
+
 def _kept(area: MonitoredLanes, category: str, *points: tuple[float, float]) -> list[bool]:
     center = np.array(points, dtype=float)
-    return area.kept(center, np.full(len(center), category)).tolist()
+    return area.kept(_dots(center), np.full(len(center), category)).tolist()
 
 
 def _boxes(category: str, *points: tuple[float, float]) -> tuple[Boxes, np.ndarray]:
@@ -108,7 +113,7 @@ def test_in_route_is_ahead_only_and_on_lane_has_no_margin() -> None:
     )
     assert area.in_route(boxes, category).tolist() == [True, True, False, False, True]
     assert area.on_lane(boxes.center_m).tolist() == [True, False, False, False, True]
-    assert area.kept(boxes.center_m, category).tolist() == [True, True, False, True, True]
+    assert area.kept(boxes, category).tolist() == [True, True, False, True, True]
 
 
 def test_reach_is_measured_from_the_egos_centre_to_the_near_side() -> None:
@@ -117,7 +122,7 @@ def test_reach_is_measured_from_the_egos_centre_to_the_near_side() -> None:
     assert area.within_reach(boxes).tolist() == [True, False, True, False]
     assert area.in_route(boxes, category).tolist() == [True, False, False, False]
     # what is beyond the reach still is tracked
-    assert area.kept(boxes.center_m, category).all()
+    assert area.kept(boxes, category).all()
 
 
 def test_in_route_follows_the_lane_not_the_heading() -> None:
@@ -141,7 +146,7 @@ def test_area_follows_the_bend_where_a_rectangle_misses() -> None:
     target = np.array([[px, py]])
     car = Boxes(target, np.array([[4.4, 1.8]]), np.array([heading]))
     area = MapArea(network, route, MapAreaConfig()).at(ego)
-    assert area.kept(target, np.array(["car"])).all()
+    assert area.kept(_dots(target), np.array(["car"])).all()
     assert area.in_route(car, np.array(["car"])).all()
     assert area.on_lane(target).all()
     long = RectangularConfig(max_length_m=100.0, min_length_m=100.0)
@@ -150,7 +155,7 @@ def test_area_follows_the_bend_where_a_rectangle_misses() -> None:
         assert not rectangle.in_route(car, np.array(["car"])).any()
     # and the other way round: straight on lies the verge, which is no lane
     ahead = np.array([[x + 40 * np.cos(yaw), y + 40 * np.sin(yaw)]])
-    assert not area.kept(ahead, np.array(["pedestrian"])).any()
+    assert not area.kept(_dots(ahead), np.array(["pedestrian"])).any()
 
 
 # --- lanes of a junction ------------------------------------------------------------------------------
@@ -342,7 +347,7 @@ def test_outlines_contain_what_is_kept() -> None:
     for category, roles in (("car", {"vru_margin"}), ("pedestrian", set())):
         drawn = shapely.union_all([shapely.Polygon(ring).buffer(0) for r, ring in outlines if r not in roles])
         sure = shapely.distance(drawn.boundary, shapely.points(points)) > 0.1
-        kept = area.kept(points, np.full(len(points), category))
+        kept = area.kept(_dots(points), np.full(len(points), category))
         np.testing.assert_array_equal(kept[sure], shapely.contains_xy(drawn, points)[sure])
 
 
@@ -374,7 +379,7 @@ def test_rectangle_counts_boxes_that_touch_it_and_keeps_all() -> None:
     expected = [True, False, True, False, True, True, False]
     assert rectangle.in_route(boxes, category).tolist() == expected
     assert rectangle.within_reach(boxes).tolist() == expected
-    assert rectangle.kept(boxes.center_m, category).all()
+    assert rectangle.kept(boxes, category).all()
 
 
 def test_rectangle_turns_with_the_ego() -> None:
@@ -393,7 +398,7 @@ def test_rectangle_turns_with_the_ego() -> None:
 def test_everything_keeps_all_and_counts_what_is_ahead() -> None:
     area = EverythingArea().at(_ego(0.0, 10.0, y=0.0))
     boxes, category = _boxes("car", (5, 40), (-2.1, 0), (-2.3, 0), (500, 1.7), (500, 1.8))
-    assert area.kept(boxes.center_m, category).all()
+    assert area.kept(boxes, category).all()
     assert area.in_route(boxes, category).tolist() == [True, True, False, True, True]
     assert area.within_reach(boxes).tolist() == [True, True, False, True, True]
     assert area.on_lane(boxes.center_m).tolist() == [False, False, False, True, False]
@@ -425,7 +430,7 @@ def test_no_objects(strategy: str) -> None:
     }[strategy]
     assert area.name == strategy
     here, none = area.at(_ego(300.0, 10.0)), np.zeros(0, dtype=np.str_)
-    assert here.kept(np.zeros((0, 2)), none).shape == (0,)
+    assert here.kept(Boxes.empty(), none).shape == (0,)
     assert here.in_route(Boxes.empty(), none).shape == (0,)
     assert here.on_lane(np.zeros((0, 2))).shape == (0,)
     assert here.within_reach(Boxes.empty()).shape == (0,)

@@ -356,20 +356,40 @@ def test_a_car_on_a_collision_course_still_leads() -> None:
     assert result.lead.track_id == 1
 
 
+def test_a_truck_that_reaches_into_the_path_from_outside_the_lane_is_braked_for() -> None:
+    """Its centre is 0.37 m beyond the kerb, its side 0.1 m inside the ego's outline of 1.8 m."""
+    side = LANE_Y - 0.9 + 0.1
+    truck = ("truck", (150.0, side - 1.25), (0.0, 0.0))
+    assert truck[1][1] < KERB_Y
+    results = _drive([truck], 50 / 3.6, 3.0)
+    assert any(result.kept.all() for result in results)
+    assert _flagged(results)
+
+
+def test_a_truck_beside_the_path_but_over_the_lane_border_is_passed() -> None:
+    """Its side reaches 0.3 m into the lane and leaves 0.55 m beside the ego."""
+    truck = ("truck", (150.0, KERB_Y + 0.3 - 1.25), (0.0, 0.0))
+    results = _drive([truck], 50 / 3.6, 5.0)
+    assert any(result.kept.all() for result in results)
+    assert not _flagged(results)
+    assert all(result.lead is None for result in results)
+
+
 # --- settings -----------------------------------------------------------------------------------------
 
 
 def _swerve(filter_tracks: bool) -> FrameResult:
-    """A car moves aside at 4 m/s and stops dead 1 cm inside the lane: the estimate overshoots."""
+    """A car moves aside at 4 m/s and stops dead, its side 1 cm inside the lane: the estimate overshoots."""
     tracker = TrackerConfig(lifecycle=LifecycleConfig(max_age_s=0.0))
     pipeline = Pipeline(_map_area(), PipelineConfig(tracker=tracker, filter_tracks=filter_tracks))
     state = pipeline.initial()
+    gone = KERB_Y - SIZES["car"][1] / 2
     for k in range(42):
-        y = max(LANE_Y - 4.0 * FRAME_S * k, KERB_Y + 0.01)
+        y = max(LANE_Y - 4.0 * FRAME_S * k, gone + 0.01)
         detections = _detections(k * FRAME_S, [("car", (120.0, y), (0.0, 0.0))])
         state, result = pipeline.step(state, detections, EgoState(k * FRAME_S, 100.0, LANE_Y, 0.0, 0.0))
         assert result.kept.all()
-        if result.tracks.boxes.center_m[:, 1].min(initial=0.0) < KERB_Y or not len(result.tracks):
+        if result.tracks.boxes.center_m[:, 1].min(initial=0.0) < gone or not len(result.tracks):
             break
     else:
         pytest.fail("the estimate never left the lane")

@@ -253,9 +253,9 @@ def test_low_scores_are_dropped() -> None:
     np.testing.assert_allclose(tracks.boxes.center_m[:, 0], [9, 18])
 
 
-def _ahead(center_m: FloatArray, category: StrArray) -> BoolArray:
-    assert len(center_m) == len(category)
-    inside: BoolArray = center_m[:, 0] > 0.0
+def _ahead(boxes: Boxes, category: StrArray) -> BoolArray:
+    assert len(boxes) == len(category)
+    inside: BoolArray = boxes.center_m[:, 0] > 0.0
     return inside
 
 

@@ -1,0 +1,200 @@
+"""Speed over the time to stop or contact, a curve per run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation.plots.log_rows import TIME_TOLERANCE_S, of_kind
+from evaluation.plots.style import (
+    BLACK,
+    BLUE,
+    FONT_PT,
+    GREEN,
+    MPS_TO_KMH,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SMALL_PT,
+    VERMILLION,
+    WINE,
+    LineStyle,
+    new_figure,
+    set_style,
+    set_title,
+)
+from evaluation.results import ResultsError, ordered_strategies, varying_conditions
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPEED_COLOURS = (BLUE, VERMILLION, ORANGE, PURPLE, GREEN, SKY, WINE, BLACK)
+"""Colours of the test speeds 10, 20, ... 80 km/h; speeds between them are dashed."""
+
+_PANEL_CONDITIONS = ("scenario", "preset", "weather", "adversaries")
+_ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
+
+
+def speed_style(v_test_kmh: float) -> tuple[str, LineStyle]:
+    """Colour and line style that stand for a test speed in every picture."""
+    tens = int(v_test_kmh // 10)
+    return SPEED_COLOURS[(tens - 1) % len(SPEED_COLOURS)], "-" if v_test_kmh % 10 == 0 else "--"
+
+
+def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure:
+    """Speed over the time to stop or contact, a panel per strategy, a curve per test speed.
+
+    A cross marks the request of the emergency brake, an open circle a contact. Runs that differ in
+    scenario, preset, weather or adversaries get panels of their own; seeds share one.
+
+    Args:
+        runs: table of runs, as from `results.read_runs`.
+        logs: log of each run by the name in column `log`; runs without log or T0 are left out.
+
+    Raises:
+        ResultsError: there are no runs.
+    """
+    if runs.empty:
+        raise ResultsError("speed curves: the table of runs is empty; run at least one test")
+    panels = _panels(runs)
+    strategies = len(ordered_strategies(runs))
+    columns = min(strategies if strategies in (2, 3) else 2, len(panels))
+    lines = math.ceil(len(panels) / columns)
+    height_in = 0.9 + 2.15 * lines
+    figure = new_figure(height_in)
+    grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    figure.subplots_adjust(
+        left=0.105,
+        right=0.98,
+        bottom=0.42 / height_in,
+        top=1.0 - 0.62 / height_in,
+        wspace=0.14,
+        hspace=0.2,
+    )
+    drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
+    flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
+    earliest = min(-1.5, float(flags.min()) - 0.3) if len(flags) else -1.5
+    top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
+    for number, (axes, (name, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
+        letter = chr(ord("a") + number) if number < 26 else str(number + 1)
+        set_title(axes, f"({letter}) {name}", room=30)
+        _set_scales(axes, earliest, top)
+        for row in rows[rows.index.isin(drawn.index)].sort_values("v_test_kmh").to_dict("records"):
+            _draw_speed_curve(axes, row, logs[row["log"]], earliest)
+        _note_undrawn(axes, rows[rows["t0_s"].isna()])
+    for axes in grid.flat[len(panels) :]:
+        axes.set_axis_off()
+    for axes in grid[-1]:
+        axes.set_xlabel("Time to T0 (s)", fontsize=FONT_PT)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("Vehicle speed (km/h)", fontsize=FONT_PT)
+    _add_legend(figure, sorted({float(speed) for speed in runs["v_test_kmh"]}))
+    return figure
+
+
+def _panels(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Runs of each panel with its name: strategies within each set of conditions."""
+    conditions = varying_conditions(runs, _PANEL_CONDITIONS)
+    groups = runs.groupby(conditions, sort=True) if conditions else [((), runs)]
+    panels = []
+    for values, group in groups:
+        words = [
+            _ADVERSARY_WORDS.get(str(value), str(value)) if condition == "adversaries" else str(value)
+            for condition, value in zip(conditions, values, strict=True)
+        ]
+        panels += [
+            (", ".join([strategy, *words]), group[group["strategy"] == strategy])
+            for strategy in ordered_strategies(group)
+        ]
+    return panels
+
+
+def _set_scales(axes: Axes, earliest_s: float, top_kmh: float) -> None:
+    """Limits, ticks and grid of a panel."""
+    from matplotlib.ticker import FuncFormatter, MultipleLocator
+
+    set_style(axes)
+    axes.set_xlim(earliest_s, 0.0)
+    axes.xaxis.set_major_locator(MultipleLocator(0.5))
+    axes.xaxis.set_major_formatter(FuncFormatter(_short_number))
+    axes.xaxis.set_minor_locator(MultipleLocator(0.25))
+    axes.yaxis.set_major_locator(MultipleLocator(10.0))
+    axes.set_ylim(0.0, top_kmh)
+
+
+def _short_number(value: float, _position: object) -> str:
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float) -> None:
+    colour, style = speed_style(float(run["v_test_kmh"]))
+    ego = of_kind(log, "ego").sort_values("time_s")
+    time = ego["time_s"].to_numpy(float) - float(run["t0_s"])
+    speed = ego["speed_mps"].to_numpy(float) * MPS_TO_KMH
+    before = time < -TIME_TOLERANCE_S
+    final = float(run["v_impact_kmh"]) if run["collided"] else 0.0
+    time, speed = np.append(time[before], 0.0), np.append(speed[before], final)
+    # One row before the left edge is kept, so that the curve begins at it.
+    first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
+    axes.plot(time[first:], speed[first:], color=colour, linestyle=style, linewidth=1.3, gid="curve")
+    if not math.isnan(run["flag_time_s"]):
+        flag = float(run["flag_time_s"]) - float(run["t0_s"])
+        axes.plot(
+            [flag],
+            [float(np.interp(flag, time, speed))],
+            marker="x",
+            markersize=6.0,
+            markeredgewidth=1.8,
+            color=colour,
+            gid="flag",
+            clip_on=False,
+        )
+    if run["collided"]:
+        axes.plot(
+            [0.0],
+            [final],
+            marker="o",
+            markersize=6.0,
+            markerfacecolor="white",
+            markeredgewidth=1.4,
+            color=colour,
+            gid="contact",
+            clip_on=False,
+            zorder=5,
+        )
+
+
+def _note_undrawn(axes: Axes, runs: pd.DataFrame) -> None:
+    """Names the test speeds that end in neither stop nor contact, which have no T0."""
+    speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
+    if speeds:
+        text = "no stop or contact:\n" + ", ".join(f"{speed:g}" for speed in speeds) + " km/h"
+        axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
+
+
+def _add_legend(figure: Figure, speeds_kmh: Sequence[float]) -> None:
+    """Legend above the panels: test speeds and marks."""
+    from matplotlib.lines import Line2D
+
+    handles = []
+    for speed in speeds_kmh:
+        colour, style = speed_style(speed)
+        handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=f"{speed:g} km/h"))
+    mark: dict[str, Any] = {"color": "#333333", "linestyle": "none", "markersize": 6.0}
+    handles.append(Line2D([], [], marker="x", markeredgewidth=1.8, label="collision flag", **mark))
+    handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="contact", **mark))
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        ncols=min(math.ceil(len(handles) / 2), 5),
+        fontsize=SMALL_PT,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.6,
+        borderaxespad=0.2,
+    )

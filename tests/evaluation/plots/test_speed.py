@@ -1,0 +1,102 @@
+"""Speed curves: panels, curves, flags and contacts."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluation.plots import speed_curves, speed_style
+from evaluation.results import ResultsError
+
+
+def test_curves_one_panel_per_strategy_and_curve_per_speed(look: Any, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    figure = speed_curves(runs, logs)
+    first, second = figure.axes
+    assert [first.get_title(), second.get_title()] == ["(a) rectangular", "(b) map"]
+    assert len(look.by_gid(figure, "curve")) == 2 * len(sweep.speeds_kmh)
+    assert first.get_ylim() == second.get_ylim()
+    assert first.get_xlabel() == "Time to T0 (s)"
+    assert first.get_ylabel() == "Vehicle speed (km/h)"
+    assert look.overlapping_texts(figure) == []
+    legend = look.legend(figure)
+    assert legend == [*(f"{speed:g} km/h" for speed in sweep.speeds_kmh), "collision flag", "contact"]
+
+
+def test_curves_end_at_the_impact_speed_with_a_circle(look: Any, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    rectangular, by_map = speed_curves(runs, logs).axes
+    ends = [[tuple(curve[-1]) for curve in look.points_of(axes, "curve")] for axes in (rectangular, by_map)]
+    assert ends == [[(0.0, v) for v in (0.0, 0.0, 0.0, 0.0, 23.0, 44.3)], [(0.0, 0.0)] * 6]
+    circles = [tuple(circle[0]) for circle in look.points_of(rectangular, "contact")]
+    assert circles == [(0.0, 23.0), (0.0, 44.3)]
+    assert look.points_of(by_map, "contact") == []
+
+
+def test_curves_mark_the_flag(look: Any, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    axes = speed_curves(runs, logs).axes[1]
+    marks = [cross[0] for cross in look.points_of(axes, "flag")]
+    expected = [(-speed / 3.6 / sweep.brakes_mps2, speed) for speed in sweep.speeds_kmh]
+    assert np.allclose(marks, expected)
+
+
+def test_curves_reach_back_before_the_earliest_flag(sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    assert speed_curves(runs, logs).axes[0].get_xlim() == (-1.5, 0.0)
+    early = runs.assign(flag_time_s=runs["t0_s"] - 2.0)
+    assert speed_curves(early, logs).axes[0].get_xlim() == pytest.approx((-2.3, 0.0))
+
+
+def test_curves_of_runs_with_others_get_their_own_panels(sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    both = pd.concat([runs, runs.assign(adversaries="static")], ignore_index=True)
+    titles = [axes.get_title() for axes in speed_curves(both, logs).axes]
+    assert titles == [
+        "(a) rectangular, alone",
+        "(b) map, alone",
+        "(c) rectangular, with others",
+        "(d) map, with others",
+    ]
+
+
+def test_curves_of_three_strategies_in_two_weathers_stand_in_two_lines(look: Any, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    everywhere = runs[runs["strategy"] == "map"].assign(strategy="all")
+    dry = pd.concat([runs, everywhere], ignore_index=True)
+    figure = speed_curves(pd.concat([dry, dry.assign(weather="rain")], ignore_index=True), logs)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[0] == "(a) rectangular, clear"
+    assert titles[5] == "(f) all, rain"
+    assert figure.axes[0].get_subplotspec().get_gridspec().get_geometry() == (2, 3)
+    assert look.overlapping_texts(figure) == []
+
+
+def test_no_runs_say_so(sweep: Any) -> None:
+    with pytest.raises(ResultsError, match="table of runs is empty"):
+        speed_curves(sweep.runs.iloc[:0], {})
+
+
+def test_curves_name_runs_without_t0(look: Any, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    runs.loc[runs["v_test_kmh"] == 60.0, ["t0_s", "flag_time_s"]] = np.nan
+    figure = speed_curves(runs, logs)
+    assert len(look.by_gid(figure, "curve")) == 10
+    assert any(text.startswith("no stop or contact") and "60 km/h" in text for text in look.texts(figure))
+
+
+def test_a_speed_keeps_its_colour() -> None:
+    styles = [speed_style(speed) for speed in (10, 20, 30, 40, 50, 60, 70, 80)]
+    assert len({colour for colour, _ in styles}) == 8
+    assert speed_style(15)[0] == speed_style(10)[0]
+    assert speed_style(15)[1] != speed_style(10)[1]
+
+
+def test_figures_are_saved(tmp_path: Path, sweep: Any) -> None:
+    runs, logs = sweep.runs, sweep.logs
+    figure = speed_curves(runs, logs)
+    figure.savefig(tmp_path / "curves.png")
+    figure.savefig(tmp_path / "curves.pdf")
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
