@@ -59,6 +59,8 @@ def threats(
         ego: ego state.
     """
     chosen = np.flatnonzero(counts & np.isfinite(time_to_collision_s))
+    if len(chosen) == 0:
+        return Threats(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     chosen = chosen[np.argsort(time_to_collision_s[chosen], kind="stable")]
     gap = np.maximum(ego_extent(boxes_now[chosen], ego)[0] - ego.length_m / 2, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -298,7 +298,7 @@ class MonitoredLanes:
     def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects on the route ahead and within reach; VRUs also in its margins."""
         inside = self._inside(boxes, category, self.route_low_m, self.route_high_m)
-        return inside & self.within_reach(boxes)
+        return inside & self.within_reach(boxes) if inside.any() else inside
 
     def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) VRUs on the route's lane, others on the ego's path along it, ahead and within reach."""
@@ -309,7 +309,7 @@ class MonitoredLanes:
             station, near = self.strips.near_center(points, self.ego.width_m / 2 + PATH_CLEARANCE_M)
             near &= (station >= self.route_low_m) & (station <= self.route_high_m)
             found[wide] = _any(near).reshape(len(wide), -1).any(axis=1)
-        return found & self.within_reach(boxes)
+        return found & self.within_reach(boxes) if found.any() else found
 
     def _inside(self, boxes: Boxes, category: StrArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
         """(N,) whether VRUs' centres lie in lanes or margins, or other outlines meet a lane, in a span."""

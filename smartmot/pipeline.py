@@ -137,7 +137,9 @@ class Pipeline:
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
         standing = in_route & (tracks.age_s > 0.0)
         counts = np.where(tracks.dynamic, area.within_reach(now), standing) & tracks.confirmed
-        ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
+        ttc = np.full(len(tracks), np.inf)
+        if counts.any():
+            ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
         found = threats(tracks, ttc, counts, now, ego)
         on_way = area.on_way(now, tracks.category) & tracks.confirmed & (tracks.age_s > 0.0)
         situation = self._situation(area, tracks, forecast, now, in_route, on_way, found, ego)
@@ -187,6 +189,8 @@ def _lead(tracks: Tracks, now: Boxes, on_way: BoolArray, found: Threats, ego: Eg
     """
     threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
     vru_threat = is_vulnerable(tracks.category) & threatening
+    if not (on_way & ~vru_threat).any():
+        return None
     front = ego_extent(now, ego)[0] - ego.length_m / 2
     candidates = np.flatnonzero(on_way & ~vru_threat & (front > 0))
     if len(candidates) == 0:
