@@ -97,4 +97,9 @@ class Actors:
 
     def boxes(self, since_s: float | None) -> Boxes:
         """N boxes, map frame."""
-        return Boxes(self.centers(since_s), self.size_m, self.yaw_rad)
+        return self.state(since_s)[0]
+
+    def state(self, since_s: float | None) -> tuple[Boxes, FloatArray]:
+        """N boxes, map frame, and (N,) speeds."""
+        distance, speed = self.motion(since_s)
+        return Boxes(self._start + self._direction * distance[:, None], self.size_m, self.yaw_rad), speed

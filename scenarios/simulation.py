@@ -148,9 +148,8 @@ class Simulation:
         return None if self._trigger_time_s is None else time_s - self._trigger_time_s
 
     def _log_truth(self, time_s: float) -> Boxes:
-        since = self._since(time_s)
-        boxes = self._actors.boxes(since)
-        self._log.frame(self._ego.state(time_s), boxes, self._actors.motion(since)[1])
+        boxes, speed = self._actors.state(self._since(time_s))
+        self._log.frame(self._ego.state(time_s), boxes, speed)
         return boxes
 
     def _measure(self, now: float, number: int) -> None:
@@ -232,9 +231,8 @@ class Simulation:
         """Whether the run is finished."""
         if self._resumed_s is not None:
             return time_s >= self._resumed_s + self._rule.after_resume_s
-        target = self._actors.boxes(self._since(time_s))[[self._target]]
-        ahead = float(ego_extent(target, self._ego.state(time_s))[0][0])
-        return ahead < -self._rule.after_pass_m
+        to_target = self._actors.centers(self._since(time_s))[self._target] - self._ego.position
+        return float(to_target @ self._ego.direction) < -self._rule.after_pass_m
 
 
 def _steps(time_s: float, name: str) -> int:

@@ -52,19 +52,25 @@ def forecast_tracks(
         config: limits.
         delay_s: age of the tracks' estimate now (sensor latency); they are moved on by it first.
     """
-    speed = np.hypot(tracks.velocity_mps[:, 0], tracks.velocity_mps[:, 1])
-    course = np.where(
-        speed > 1e-6, np.arctan2(tracks.velocity_mps[:, 1], tracks.velocity_mps[:, 0]), tracks.boxes.yaw_rad
-    )
-    speed = np.where(tracks.dynamic, speed, 0.0)
-    limit = config.max_yaw_rate_radps
-    rate = np.where(tracks.dynamic, np.clip(tracks.yaw_rate_radps, -limit, limit), 0.0)
-    moved = time_s + delay_s
-    center, _ = ctrv_positions(
-        tracks.boxes.center_m[:, 0], tracks.boxes.center_m[:, 1], course, speed, rate, moved
-    )
-    yaw = tracks.boxes.yaw_rad[:, None] + rate[:, None] * moved
-    return Forecast(time_s, center, yaw, tracks.boxes.size_m, np.ones(yaw.shape, dtype=np.bool_))
+    shape = (len(tracks), len(time_s))
+    center = np.broadcast_to(tracks.boxes.center_m[:, None], (*shape, 2)).copy()
+    yaw = np.broadcast_to(tracks.boxes.yaw_rad[:, None], shape).copy()
+    moving = np.flatnonzero(tracks.dynamic)
+    if len(moving):
+        velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
+        limit = config.max_yaw_rate_radps
+        rate = np.clip(tracks.yaw_rate_radps[moving], -limit, limit)
+        moved = time_s + delay_s
+        center[moving], _ = ctrv_positions(
+            start[:, 0],
+            start[:, 1],
+            np.arctan2(velocity[:, 1], velocity[:, 0]),
+            np.hypot(velocity[:, 0], velocity[:, 1]),
+            rate,
+            moved,
+        )
+        yaw[moving] += rate[:, None] * moved
+    return Forecast(time_s, center, yaw, tracks.boxes.size_m, np.ones(shape, dtype=np.bool_))
 
 
 def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
