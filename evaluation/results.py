@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.recording import COLUMNS, TEXT_COLUMNS
+
 if TYPE_CHECKING:
     import pandas as pd
     import rich.table
@@ -30,21 +32,7 @@ RUNS_JSON = "runs.json"
 TABLE_MD = "table.md"
 LOGS_FOLDER = "logs"
 
-LOG_COLUMNS = (
-    "time_s",
-    "kind",
-    "id",
-    "category",
-    "label",
-    "x_m",
-    "y_m",
-    "yaw_rad",
-    "length_m",
-    "width_m",
-    "speed_mps",
-    "accel_mps2",
-    "horizon_s",
-)
+LOG_COLUMNS = COLUMNS
 """Columns of a run log, in the order in which they are written."""
 
 STRATEGY_ORDER = ("rectangular", "map", "all")
@@ -53,7 +41,7 @@ STRATEGY_ORDER = ("rectangular", "map", "all")
 Published = Mapping[float, tuple[float, float | None]]
 """Published impact speed in km/h and score, if there is one, of one strategy by test speed in km/h."""
 
-_LOG_TEXT = frozenset({"kind", "category", "label"})
+_LOG_TEXT = frozenset(TEXT_COLUMNS)
 _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
 _EMPTY = "–"
 

@@ -12,9 +12,6 @@ from smartmot.pipeline import FrameResult
 from smartmot.types import Boxes, EgoState, FloatArray
 
 TEXT_COLUMNS = ("kind", "category", "label")
-NUMBER_COLUMNS = (
-    "time_s", "id", "x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps", "accel_mps2", "horizon_s",
-)  # fmt: skip
 COLUMNS = (
     "time_s", "kind", "id", "category", "label", "x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps",
     "accel_mps2", "horizon_s",
