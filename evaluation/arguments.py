@@ -9,6 +9,9 @@ from pathlib import Path
 
 from evaluation.errors import ArgumentError
 
+DEFAULT_MAP = "urban_street"
+"""Shipped map that a test takes place on unless the user names another."""
+
 DEFAULT_SPEED_STEP_KMH = 10.0
 MAX_SPEEDS = 200
 

@@ -8,6 +8,8 @@ from typing import Annotated, Optional
 
 import typer
 
+from evaluation.arguments import DEFAULT_MAP
+
 app = typer.Typer(
     name="smartmot-eval",
     help="HD-map-aware tracking and automatic emergency braking, evaluated in closed loop.",
@@ -43,8 +45,6 @@ MAP_EXAMPLES = """
 
 `smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`
 """
-
-DEFAULT_MAP = "urban_street"
 
 Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
 Strategy = Annotated[
@@ -93,7 +93,7 @@ def cpna(
     adversaries: Annotated[
         str, typer.Option(help="none, or static: parked cars and standing people.")
     ] = "none",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the sensor noise.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for tables, logs and pictures.")] = Path("results"),
     pictures: Annotated[bool, typer.Option(help="Draw the pictures.")] = True,
     quiet: Quiet = False,
@@ -220,7 +220,8 @@ def main() -> None:
         message = _message_for_user(error)
         if message is None:
             raise
-        typer.echo(message, err=True)
+        if message:
+            typer.echo(message, err=True)
         sys.exit(2)
 
 
@@ -228,9 +229,9 @@ def _message_for_user(error: Exception) -> str | None:
     """What to print for a mistake of the user; None for anything else."""
     if hasattr(error, "format_message"):
         # an error of the option parser, whose classes have moved between typer's versions; without a
-        # command its message is the help
+        # command it has printed the help already, or its message is the help
         text = str(error.format_message())
-        return text if "Usage:" in text else f"smartmot-eval: {text}"
+        return text if not text or "Usage:" in text else f"smartmot-eval: {text}"
     # the named errors derive from ValueError; their packages are loaded only now, when one was raised
     from evaluation.errors import ArgumentError
     from evaluation.results import ResultsError

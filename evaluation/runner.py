@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.arguments import DEFAULT_MAP
 from evaluation.results import RUNS_JSON, ResultsError, RunRow
 from evaluation.scoring import paper_score, paper_score_max
 from opendrive import RoadNetwork, load_map
-from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy, site_at
+from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy, near_side, site_at
 from scenarios.errors import ScenarioError
 from scenarios.map_builder import SHIPPED_MAPS, shipped_map
 from scenarios.presets import Preset, named_preset, named_weather, preset_in_weather
@@ -163,7 +164,7 @@ def pose_site(network: RoadNetwork, place: Place) -> Site:
     station = float(route.entry_m[route.lanes.index(lane)]) + route.strips[
         route.lanes.index(lane)
     ].station_at(place.s_m)
-    return Site(network, route, station, -1)
+    return Site(network, route, station, near_side(network, lane))
 
 
 def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:
@@ -195,6 +196,8 @@ def is_published(suite: CpnaSuite) -> bool:
         and suite.impact_point_percent is None
         and suite.adversaries == "none"
         and suite.weather == ("dry",)
+        and suite.map_name == DEFAULT_MAP
+        and suite.place is None
     )
 
 

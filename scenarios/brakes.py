@@ -23,7 +23,7 @@ class BrakeConfig:
     max_decel_mps2: float
 
     def __post_init__(self) -> None:
-        if self.delay_s < 0 or self.build_up_s < 0 or self.max_decel_mps2 <= 0:
+        if not (self.delay_s >= 0 and self.build_up_s >= 0 and self.max_decel_mps2 > 0):
             raise ScenarioError(
                 "brakes: delay and build-up must not be negative and the deceleration must be positive; got "
                 f"{self.delay_s} s, {self.build_up_s} s, {self.max_decel_mps2} m/s2"

@@ -41,7 +41,6 @@ falls on the start: the phase of the frames is fixed and the same in every run."
 STRAIGHT_RAD = np.radians(1.0)
 RUN_OUT_M = 20.0
 STRATEGIES = ("rectangular", "map", "all")
-IMPACT_POINTS_PERCENT = (25, 50, 75)
 ADVERSARIES = ("none", "static")
 
 
@@ -153,7 +152,11 @@ def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
         if lanes.lane_type[i] == "driving" and lanes.junction_id[i] is None
     ]
     middle = (lanes.s_start_m + lanes.s_end_m) / 2
-    beside = [i for i in candidates if kerb_m(network, i, float(middle[i]), near_side(network, i))[1]]
+    beside = [
+        i
+        for i in candidates
+        if kerb_m(network, i, float(middle[i]), near_side(network, i), over_lanes=False)[1]
+    ]
     needed = approach_m(max_speed_kmh)
     for lane in (beside or candidates)[:60]:
         low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
@@ -169,7 +172,9 @@ def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
     )
 
 
-def kerb_m(network: RoadNetwork, lane: int, s_m: float, side: int) -> tuple[float, bool]:
+def kerb_m(
+    network: RoadNetwork, lane: int, s_m: float, side: int, *, over_lanes: bool = True
+) -> tuple[float, bool]:
     """Distance from a lane's centre over the carriageway to the kerb, and whether a sidewalk begins there.
 
     Args:
@@ -177,6 +182,7 @@ def kerb_m(network: RoadNetwork, lane: int, s_m: float, side: int) -> tuple[floa
         lane: index of the lane.
         s_m: road coordinate.
         side: +1 to the left of the lane's travel direction, -1 to the right.
+        over_lanes: go on over further driving lanes; else the search ends at the first.
     """
     along = int(network.lanes.direction[lane])
     here = np.array([s_m])
@@ -191,7 +197,7 @@ def kerb_m(network: RoadNetwork, lane: int, s_m: float, side: int) -> tuple[floa
         kind = str(network.lanes.lane_type[following])
         if kind in SIDEWALK_TYPES:
             return distance, True
-        if kind not in KERBSIDE_TYPES and kind != "driving":
+        if kind not in KERBSIDE_TYPES and not (over_lanes and kind == "driving"):
             return distance, False
         distance += float(network.lane_width(following, here)[0])
         current = following
@@ -262,7 +268,10 @@ def _adversaries(site: Site) -> list[Actor]:
         actors.append(Actor(category, "adversary", x, y, yaw + turn, *size))
 
     car, adult = (4.4, 1.8), (ADULT_LENGTH_M, ADULT_WIDTH_M)
-    for along in (-25.0, -12.0, 3.0, 12.0):
+    # where the far kerb is too near for a parked car (the innermost lane of a divided road) none stands there
+    half_lane = float(strip.half_width_m.max())
+    roomy = far >= half_lane + car[1] + 0.2
+    for along in (-25.0, -12.0, 3.0, 12.0) if roomy else ():
         put("car", along, -(far - car[1] / 2 - 0.1), car, np.pi)
     for along in (-18.0, 6.0, 14.0):
         put("pedestrian", along, near + 0.9, adult)

@@ -30,7 +30,7 @@ class AebConfig:
     clear_s: float = 0.15
 
     def __post_init__(self) -> None:
-        if self.near_m < 0 or self.clear_s < 0:
+        if not (self.near_m >= 0 and self.clear_s >= 0):
             raise ConfigError("aeb: near_m and clear_s must not be negative")
 
 

@@ -20,7 +20,7 @@ class BrakingDistance:
     constant_m: float = 0.04
 
     def __post_init__(self) -> None:
-        if min(self.per_kmh2_m, self.per_kmh_m, self.constant_m) < 0:
+        if not all(c >= 0 for c in (self.per_kmh2_m, self.per_kmh_m, self.constant_m)):
             raise ConfigError("braking distance: coefficients must not be negative")
 
     def at(self, speed_mps: float) -> float:

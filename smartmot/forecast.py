@@ -31,7 +31,7 @@ class ForecastConfig:
     def __post_init__(self) -> None:
         if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s:
             raise ConfigError("forecast: needs 0 < step_s <= min_horizon_s <= max_horizon_s")
-        if self.max_yaw_rate_radps < 0:
+        if not self.max_yaw_rate_radps >= 0:
             raise ConfigError("forecast: max_yaw_rate_radps must not be negative")
 
 

@@ -38,7 +38,11 @@ class MonitoredArea(Protocol):
         """(N,) which objects count as being in the ego's route; VRUs also beside it, in the margin."""
 
     def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        """(N,) which objects stand or move in the ego's way now: VRUs on its lane, others on its path."""
+        """(N,) which objects are in the ego's way now.
+
+        With a map: VRUs on its lane, others on its path. The baseline knows neither: whoever is in its
+        rectangle is in its way, also on the sidewalk.
+        """
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) which points, (N, 2) map frame, lie on the ego's lane ahead, without any margin."""
@@ -121,7 +125,7 @@ class RectangularConfig:
     def __post_init__(self) -> None:
         if not 0 < self.min_length_m <= self.max_length_m:
             raise ConfigError("rectangular area: needs 0 < min_length_m <= max_length_m")
-        if self.braking_factor <= 0 or self.half_width_m <= 0 or self.straight_radius_m <= 0:
+        if not (self.braking_factor > 0 and self.half_width_m > 0 and self.straight_radius_m > 0):
             raise ConfigError("rectangular area: factor, half width and radius must be positive")
 
 
@@ -252,11 +256,11 @@ class MapAreaConfig:
     reach_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.vru_margin_m < 0 or self.min_front_m <= 0 or self.front_time_s < 0:
+        if not (self.vru_margin_m >= 0 and self.min_front_m > 0 and self.front_time_s >= 0):
             raise ConfigError("map area: margin and time must not be negative, length must be positive")
         if not 0 <= self.back_fraction <= 1:
             raise ConfigError(f"map area: back_fraction must lie in [0, 1], got {self.back_fraction}")
-        if self.reach_m is not None and self.reach_m <= 0:
+        if self.reach_m is not None and not self.reach_m > 0:
             raise ConfigError(f"map area: reach_m must be positive, got {self.reach_m}")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from smartmot.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
 from smartmot.braking import BrakingDistance, horizon_s
 from smartmot.collision import IOU_THRESHOLD, collision_times, threats
-from smartmot.errors import ConfigError
+from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
 from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
@@ -117,8 +117,16 @@ class Pipeline:
             state: from `initial` or the step before.
             detections: what the sensor delivered; may be older than `ego` by the sensor's latency.
             ego: odometry now.
+
+        Raises:
+            TimeOrderError: the detections are newer than the ego's state, or not newer than those before.
         """
         config = self.config
+        if detections.stamp_s > ego.stamp_s + 1e-9:
+            raise TimeOrderError(
+                f"pipeline: detections of {detections.stamp_s:g} s are newer than the ego's state of "
+                f"{ego.stamp_s:g} s; give the odometry of now"
+            )
         area = self.strategy.at(ego)
         kept = area.kept(detections.boxes, detections.category)
         monitored = area.kept if config.filter_tracks else None
@@ -142,7 +150,7 @@ class Pipeline:
             ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
         found = threats(tracks, ttc, counts, now, ego)
         on_way = area.on_way(now, tracks.category) & tracks.confirmed & (tracks.age_s > 0.0)
-        situation = self._situation(area, tracks, forecast, now, in_route, on_way, found, ego)
+        situation = self._situation(area, tracks, forecast, now, on_way, found, ego)
         aeb, command, events = decide(state.aeb, situation, config.aeb)
         lead = _lead(tracks, now, on_way, found, ego)
         result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
@@ -154,13 +162,12 @@ class Pipeline:
         tracks: Tracks,
         forecast: Forecast,
         now: Boxes,
-        in_route: BoolArray,
         on_way: BoolArray,
         found: Threats,
         ego: EgoState,
     ) -> Situation:
         threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
-        relevant = in_route | threatening
+        relevant = on_way | threatening
         ahead = ego_extent(now, ego)[0]
         braking_distance = self.config.braking_distance.at(ego.speed_mps)
         near = ahead < max(braking_distance, self.config.aeb.near_m)

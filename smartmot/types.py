@@ -133,7 +133,10 @@ class Detections:
 
     def __post_init__(self) -> None:
         n = len(self.boxes)
-        _set(self, "score", _frozen(self.score, np.float64, (n,), "score"))
+        score = _frozen(self.score, np.float64, (n,), "score")
+        if not bool(((score >= 0.0) & (score <= 1.0)).all()):
+            raise ShapeError("detections: every score must lie in [0, 1]")
+        _set(self, "score", score)
         category = np.array(self.category, dtype=np.str_).reshape(-1)
         unknown = set(category.tolist()) - set(CATEGORIES)
         if len(category) != n or unknown:
@@ -249,7 +252,11 @@ class Forecast:
 
 @dataclass(frozen=True, slots=True)
 class EgoState:
-    """Odometry of the ego vehicle, map frame; the pose is that of the box centre."""
+    """Odometry of the ego vehicle, map frame; the pose is that of the box centre.
+
+    Raises:
+        ShapeError: a value is not finite, or the outline is not positive.
+    """
 
     stamp_s: float
     x_m: float
@@ -260,6 +267,13 @@ class EgoState:
     yaw_rate_radps: float = 0.0
     length_m: float = 4.4
     width_m: float = 1.8
+
+    def __post_init__(self) -> None:
+        total = self.stamp_s + self.x_m + self.y_m + self.yaw_rad + self.speed_mps
+        if not math.isfinite(total + self.accel_mps2 + self.yaw_rate_radps):
+            raise ShapeError(f"ego state: every value must be finite, got {self!r}")
+        if not (self.length_m > 0 and self.width_m > 0):
+            raise ShapeError(f"ego state: length and width must be positive, got {self!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

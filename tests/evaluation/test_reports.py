@@ -19,15 +19,18 @@ REPORTS = Path(__file__).parents[2] / "reports"
         ("paper", (60.0, 80.0), ("rectangular", "map")),
         ("static", (50.0,), ("rectangular",)),
         ("physical", (70.0,), ("rectangular", "map")),
+        ("weather", (30.0,), ("map",)),
     ],
 )
 def test_reports_do_not_drift(
     folder: str, speeds_kmh: tuple[float, ...], strategies: tuple[str, ...]
 ) -> None:
     whole = read_suite(REPORTS / folder)
+    weather = whole.weather[-1]
     with (REPORTS / folder / "runs.csv").open(newline="") as file:
-        kept = {(row["strategy"], float(row["v_test_kmh"])): row for row in csv.DictReader(file)}
-    part = replace(whole, speeds_kmh=speeds_kmh, strategies=strategies)
+        rows = [row for row in csv.DictReader(file) if row["weather"] == weather]
+    kept = {(row["strategy"], float(row["v_test_kmh"])): row for row in rows}
+    part = replace(whole, speeds_kmh=speeds_kmh, strategies=strategies, weather=(weather,))
     # the same place as for the whole suite, which its fastest run decides
     site = choose_site(load_named_map(whole.map_name), whole.place, max(whole.speeds_kmh))
     for record in run_suite(part, site):

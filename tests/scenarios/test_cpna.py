@@ -264,6 +264,21 @@ def test_bystanders_stand_off_the_lane_and_not_in_each_other(name: str) -> None:
             assert signed_gap(*one, *other).item() > 0.0
 
 
+@pytest.mark.parametrize("name", ["Town01", "Town03", "Town04", "CampusUAH_v1_7", "esmini_soderleden"])
+@pytest.mark.parametrize("strategy", ["rectangular", "map"])
+def test_nobody_is_braked_for_before_the_pedestrian_starts_on_public_maps(name: str, strategy: str) -> None:
+    file = PUBLIC_MAPS / f"{name}.xodr"
+    if not file.is_file():
+        pytest.skip(f"map {name}.xodr is not in ../shared/opendrive/maps")
+    place = find_site(load_map(file), 40.0)
+    area = make_strategy(strategy, PAPER, place)
+    outcome = build(CpnaTest(40.0, adversaries="static"), place, PAPER, area).run()
+    assert outcome.trigger_time_s is not None
+    assert outcome.flag_time_s is not None
+    assert outcome.flag_time_s > outcome.trigger_time_s
+    assert outcome.contact_time_s is None
+
+
 def test_bystanders_do_not_change_the_contact(site: Site) -> None:
     plain, full = (build(CpnaTest(50, adversaries=a), site, PAPER, None).run() for a in ("none", "static"))
     assert full.contact_time_s == plain.contact_time_s

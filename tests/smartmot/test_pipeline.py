@@ -150,10 +150,21 @@ def test_unsure_detections_start_no_tracks() -> None:
 
 def test_frames_must_come_in_order() -> None:
     pipeline = Pipeline(_map_area(), PipelineConfig())
-    ego = EgoState(0.0, 100.0, LANE_Y, 0.0, 10.0)
+    ego = EgoState(1.0, 100.0, LANE_Y, 0.0, 10.0)
     state, _ = pipeline.step(pipeline.initial(), Detections.empty(1.0), ego)
     with pytest.raises(TimeOrderError):
         pipeline.step(state, Detections.empty(1.0), ego)
+    with pytest.raises(TimeOrderError, match="newer than the ego's state"):
+        pipeline.step(state, Detections.empty(1.1), ego)
+
+
+def test_a_bystander_does_not_arm_the_brake_for_somebody_else() -> None:
+    """At 30 km/h a crossing pedestrian is braked for at the same moment, whoever stands on the sidewalk."""
+    crosser, speed = _crossing(30)
+    bystander = ("pedestrian", (crosser[1][0] - 8.0, KERB_Y - 0.9), (0.0, 0.0))
+    alone, watched = _drive([crosser], speed, 3.0), _drive([crosser, bystander], speed, 3.0)
+    assert _flagged(alone)
+    assert _flagged(alone)[0] == _flagged(watched)[0]
 
 
 def test_an_empty_road() -> None:
