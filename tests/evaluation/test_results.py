@@ -399,4 +399,4 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
         "import sys, evaluation.results, evaluation.plots\n"
         "assert not {'matplotlib', 'pandas', 'pyarrow', 'rich'} & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
