@@ -104,7 +104,7 @@ def stage_shares(directory: Path) -> dict[str, float]:
     for area in (monitored_area.MapArea, monitored_area.RectangularArea):
         stages.wrap(area, "at", "monitored area")
     for area in (monitored_area.MonitoredLanes, monitored_area._Rectangle):
-        for name in ("kept", "in_route", "on_way", "on_lane", "within_reach"):
+        for name in ("kept", "relevance", "on_lane"):
             stages.wrap(area, name, "monitored area")
     for name in ("frame", "perception", "table"):
         stages.wrap(RunLog, name, "recording")

@@ -168,7 +168,9 @@ def read_runs(directory: Path) -> pd.DataFrame:
     try:
         header = pd.read_csv(path, nrows=0)
         _require_columns(path, list(header.columns), RUN_COLUMNS)
-        return pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""])
+        return pd.read_csv(
+            path, dtype=dtypes, keep_default_na=False, na_values=[""], float_precision="round_trip"
+        )
     except ResultsError:
         raise
     except (OSError, ValueError) as error:

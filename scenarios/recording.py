@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,127 +10,158 @@ from numpy.typing import NDArray
 
 from scenarios.actors import Actors
 from smartmot.pipeline import FrameResult
-from smartmot.types import Boxes, EgoState, FloatArray
+from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast
 
 TEXT_COLUMNS = ("kind", "category", "label")
 COLUMNS = (
     "time_s", "kind", "id", "category", "label", "x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps",
     "accel_mps2", "horizon_s",
 )  # fmt: skip
-FORECAST_STRIDE = 5
+LOGGED = slice(5, None, 5)
 """Every fifth forecast box is logged: 0.5 s apart at the default step of 0.1 s."""
 
 
 class RunLog:
-    """Collects rows while a run goes on; `table()` gives them as columns."""
+    """Keeps what happens while a run goes on; `table()` turns it into rows, all frames of a kind at once."""
 
     def __init__(self, actors: Actors) -> None:
         self._actors = actors
-        self._labels = np.array([a.label for a in actors.actors], dtype=np.str_)
-        self._parts: list[tuple[int, dict[str, Any]]] = []
+        self._truth: list[tuple[int, EgoState, Boxes, FloatArray]] = []
+        self._frames: list[tuple[int, EgoState, FrameResult]] = []
 
-    def _add(self, count: int, **columns: Any) -> None:
-        if count:
-            self._parts.append((count, columns))
+    def _number(self) -> int:
+        """Position of the next entry; rows are in this order."""
+        return len(self._truth) + len(self._frames)
 
     def frame(self, ego: EgoState, boxes: Boxes, speed_mps: FloatArray) -> None:
         """Ground truth at one time."""
-        self._add(
-            1,
-            kind="ego",
-            time_s=ego.stamp_s,
-            x_m=ego.x_m,
-            y_m=ego.y_m,
-            yaw_rad=ego.yaw_rad,
-            length_m=ego.length_m,
-            width_m=ego.width_m,
-            speed_mps=ego.speed_mps,
-            accel_mps2=ego.accel_mps2,
-        )
-        self._add(
-            len(boxes),
-            kind="actor",
-            time_s=ego.stamp_s,
-            id=np.arange(len(boxes)),
-            category=self._actors.category,
-            label=self._labels,
-            speed_mps=speed_mps,
-            **_box_columns(boxes.center_m, boxes.size_m, boxes.yaw_rad),
-        )
+        self._truth.append((self._number(), ego, boxes, speed_mps))
 
     def perception(self, ego: EgoState, result: FrameResult) -> None:
         """What perception and decision made of one frame."""
-        stamp = ego.stamp_s
-        seen = result.detections
-        self._add(
-            len(seen),
-            kind="detection",
-            time_s=stamp,
-            category=seen.category,
-            label=np.where(result.kept, "kept", "dropped"),
-            **_box_columns(seen.boxes.center_m, seen.boxes.size_m, seen.boxes.yaw_rad),
-        )
-        tracks, boxes = result.tracks, result.tracks.boxes
-        threatening = (tracks.track_id[:, None] == result.threats.track_id).any(axis=1)
-        self._add(
-            len(tracks),
-            kind="track",
-            time_s=stamp,
-            id=tracks.track_id,
-            category=tracks.category,
-            label=np.where(threatening, "threat", np.where(tracks.dynamic, "dynamic", "static")),
-            speed_mps=np.hypot(tracks.velocity_mps[:, 0], tracks.velocity_mps[:, 1]),
-            **_box_columns(boxes.center_m, boxes.size_m, boxes.yaw_rad),
-        )
-        moving = np.flatnonzero(tracks.dynamic)
-        later = slice(FORECAST_STRIDE, None, FORECAST_STRIDE)
-        horizon = result.forecast.time_s[later]
-        for kind, forecast, rows in (
-            ("forecast", result.forecast, moving),
-            ("ego_forecast", result.ego_forecast, np.arange(1)),
-        ):
-            t = len(horizon)
-            own: dict[str, Any] = {}
-            if kind == "forecast":
-                own = {
-                    "id": np.repeat(tracks.track_id[rows], t),
-                    "category": np.repeat(tracks.category[rows], t),
-                }
-            self._add(
-                len(rows) * t,
-                kind=kind,
-                time_s=stamp,
-                horizon_s=np.tile(horizon, len(rows)),
-                **own,
-                **_box_columns(
-                    forecast.center_m[rows][:, later].reshape(-1, 2),
-                    np.repeat(forecast.size_m[rows], t, axis=0),
-                    forecast.yaw_rad[rows][:, later].reshape(-1),
-                ),
-            )
-        for event in result.events:
-            self._add(1, kind="event", time_s=event.stamp_s, category=event.layer, label=event.name)
+        self._frames.append((self._number(), ego, result))
 
     def table(self) -> dict[str, NDArray[Any]]:
         """Columns of equal length: text columns as str ('' where empty), the others as float64 (NaN)."""
-        counts = [count for count, _ in self._parts]
-        ends = np.cumsum(counts)
-        total = int(ends[-1]) if counts else 0
+        blocks = [b for b in (*self._truth_blocks(), *self._perception_blocks()) if len(b["order"])]
+        ends = np.cumsum([len(b["order"]) for b in blocks])
+        total = int(ends[-1]) if blocks else 0
         table: dict[str, NDArray[Any]] = {
             name: np.full(total, "", dtype="<U24") if name in TEXT_COLUMNS else np.full(total, np.nan)
             for name in COLUMNS
         }
-        for end, (count, columns) in zip(ends, self._parts, strict=True):
-            for name, value in columns.items():
-                table[name][end - count : end] = value
-        return table
+        order = np.zeros(total, dtype=np.int64)
+        for end, block in zip(ends.tolist(), blocks, strict=True):
+            rows = slice(end - len(block["order"]), end)
+            order[rows] = block.pop("order")
+            for name, value in block.items():
+                table[name][rows] = value
+        by_time = np.argsort(order, kind="stable")  # within one entry: in the order of the blocks
+        return {name: column[by_time] for name, column in table.items()}
+
+    def _truth_blocks(self) -> list[dict[str, Any]]:
+        if not self._truth:
+            return []
+        order = np.array([number for number, *_ in self._truth])
+        fields = ("stamp_s", "x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps", "accel_mps2")
+        ego = np.array([[getattr(ego, name) for name in fields] for _, ego, _, _ in self._truth]).T
+        n = len(self._actors)
+        actors = {
+            "order": np.repeat(order, n),
+            "kind": "actor",
+            "time_s": np.repeat(ego[0], n),
+            "id": np.tile(np.arange(n), len(order)),
+            "category": np.tile(self._actors.category, len(order)),
+            "label": np.tile(np.array([a.label for a in self._actors.actors], dtype=np.str_), len(order)),
+            "speed_mps": np.concatenate([speed for *_, speed in self._truth]),
+            **_box_columns([boxes for _, _, boxes, _ in self._truth]),
+        }
+        columns = dict(zip(("time_s", *fields[1:]), ego, strict=True))
+        return [{"order": order, "kind": "ego", **columns}, actors]
+
+    def _perception_blocks(self) -> list[dict[str, Any]]:
+        if not self._frames:
+            return []
+        order = np.array([number for number, *_ in self._frames])
+        time = np.array([ego.stamp_s for _, ego, _ in self._frames])
+        results = [result for *_, result in self._frames]
+
+        def rows(kind: str, counts: list[int]) -> dict[str, Any]:
+            return {"order": np.repeat(order, counts), "kind": kind, "time_s": np.repeat(time, counts)}
+
+        kept = np.concatenate([r.kept for r in results])
+        detections = rows("detection", [len(r.detections) for r in results]) | {
+            "category": np.concatenate([r.detections.category for r in results]),
+            "label": np.where(kept, "kept", "dropped"),
+            **_box_columns([r.detections.boxes for r in results]),
+        }
+        velocity = np.concatenate([r.tracks.velocity_mps for r in results])
+        dynamic = np.concatenate([r.tracks.dynamic for r in results])
+        threat = np.concatenate([np.isin(r.tracks.track_id, r.threats.track_id) for r in results])
+        track_id = np.concatenate([r.tracks.track_id for r in results])
+        category = np.concatenate([r.tracks.category for r in results])
+        counts = [len(r.tracks) for r in results]
+        boxes = _box_columns([r.tracks.boxes for r in results])
+        tracks = rows("track", counts) | {
+            "id": track_id,
+            "category": category,
+            "label": np.where(threat, "threat", np.where(dynamic, "dynamic", "static")),
+            "speed_mps": np.hypot(velocity[:, 0], velocity[:, 1]),
+            **boxes,
+        }
+        # forecasts: only those of moving tracks; every frame has a horizon of its own
+        horizons = [r.forecast.time_s[LOGGED] for r in results]
+        lengths = np.array([len(h) for h in horizons])
+        moving = np.flatnonzero(dynamic)
+        steps = np.repeat(lengths, counts)[moving]
+        per_frame = [int(r.tracks.dynamic.sum()) for r in results]
+        walked = [r for r, n in zip(results, per_frame, strict=True) if n]
+        forecasts = rows("forecast", [n * len(h) for n, h in zip(per_frame, horizons, strict=True)]) | {
+            "id": np.repeat(track_id[moving], steps),
+            "category": np.repeat(category[moving], steps),
+            "horizon_s": np.concatenate([np.tile(h, n) for h, n in zip(horizons, per_frame, strict=True)]),
+            "length_m": np.repeat(boxes["length_m"][moving], steps),
+            "width_m": np.repeat(boxes["width_m"][moving], steps),
+            **_path_columns([(r.forecast, r.tracks.dynamic) for r in walked]),
+        }
+        ego = np.array([(e.length_m, e.width_m) for _, e, _ in self._frames])
+        own = rows("ego_forecast", lengths.tolist()) | {
+            "horizon_s": np.concatenate(horizons),
+            "length_m": np.repeat(ego[:, 0], lengths),
+            "width_m": np.repeat(ego[:, 1], lengths),
+            **_path_columns([(r.ego_forecast, np.ones(1, dtype=np.bool_)) for r in results]),
+        }
+        events = [(number, event) for number, _, result in self._frames for event in result.events]
+        told = {
+            "order": np.array([number for number, _ in events], dtype=np.int64),
+            "kind": "event",
+            "time_s": np.array([event.stamp_s for _, event in events]),
+            "category": np.array([event.layer for _, event in events], dtype=np.str_),
+            "label": np.array([event.name for _, event in events], dtype=np.str_),
+        }
+        return [detections, tracks, forecasts, own, told]
 
 
-def _box_columns(center: FloatArray, size: FloatArray, yaw: FloatArray) -> dict[str, FloatArray]:
+def _box_columns(boxes: Sequence[Boxes]) -> dict[str, FloatArray]:
+    """Columns of boxes, one value after the other."""
+    center = np.concatenate([b.center_m for b in boxes])
+    size = np.concatenate([b.size_m for b in boxes])
     return {
         "x_m": center[:, 0],
         "y_m": center[:, 1],
         "length_m": size[:, 0],
         "width_m": size[:, 1],
-        "yaw_rad": yaw,
+        "yaw_rad": np.concatenate([b.yaw_rad for b in boxes]),
+    }
+
+
+def _path_columns(forecasts: Sequence[tuple[Forecast, BoolArray]]) -> dict[str, FloatArray]:
+    """Columns of the logged poses of chosen objects, object by object."""
+    center = [f.center_m[chosen, LOGGED].reshape(-1, 2) for f, chosen in forecasts]
+    yaw = [f.yaw_rad[chosen, LOGGED].reshape(-1) for f, chosen in forecasts]
+    points = np.concatenate(center) if center else np.zeros((0, 2))
+    return {
+        "x_m": points[:, 0],
+        "y_m": points[:, 1],
+        "yaw_rad": np.concatenate(yaw) if yaw else np.zeros(0),
     }

@@ -36,7 +36,7 @@ class StopRule:
     """
 
     time_limit_s: float = 30.0
-    after_resume_s: float = 2.5
+    after_resume_s: float = 1.5
     after_pass_m: float = 10.0
 
 

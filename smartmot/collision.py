@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smartmot.geometry import iou_pairs
-from smartmot.monitored_area import ego_extent
-from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, Threats, Tracks
+from smartmot.types import BoolArray, FloatArray, Forecast, Threats, Tracks
 
 IOU_THRESHOLD = 0.01
 """Paper, section V."""
@@ -47,22 +46,30 @@ def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_
 
 
 def threats(
-    tracks: Tracks, time_to_collision_s: FloatArray, counts: BoolArray, boxes_now: Boxes, ego: EgoState
+    tracks: Tracks,
+    time_to_collision_s: FloatArray,
+    threatening: BoolArray,
+    gap_m: FloatArray,
+    ego_speed_mps: float,
 ) -> Threats:
-    """The tracks that are on a collision course and count, nearest in time first.
+    """The tracks that are on a collision course, nearest in time first.
 
     Args:
         tracks: M tracks.
         time_to_collision_s: (M,) from `collision_times`.
-        counts: (M,) which tracks may count.
-        boxes_now: M boxes of the tracks at the ego's time.
-        ego: ego state.
+        threatening: (M,) which of them are on a collision course and count.
+        gap_m: (M,) distance along the ego's heading from its front to each box; below zero counts as zero.
+        ego_speed_mps: the ego's speed.
     """
-    chosen = np.flatnonzero(counts & np.isfinite(time_to_collision_s))
+    chosen = np.flatnonzero(threatening)
     if len(chosen) == 0:
-        return Threats(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+        return NO_THREATS
     chosen = chosen[np.argsort(time_to_collision_s[chosen], kind="stable")]
-    gap = np.maximum(ego_extent(boxes_now[chosen], ego)[0] - ego.length_m / 2, 0.0)
+    gap = np.maximum(gap_m[chosen], 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.where(gap > 0, ego.speed_mps**2 / (2 * gap), np.inf if ego.speed_mps > 0 else 0.0)
+        needed = np.where(gap > 0, ego_speed_mps**2 / (2 * gap), np.inf if ego_speed_mps > 0 else 0.0)
     return Threats(tracks.track_id[chosen], time_to_collision_s[chosen], gap, needed)
+
+
+NO_THREATS = Threats(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+"""Nobody on a collision course."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from smartmot.errors import ConfigError
 from smartmot.motion_models import ctrv_positions
-from smartmot.types import EgoState, FloatArray, Forecast, Tracks
+from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,8 @@ def forecast_tracks(
         delay_s: age of the tracks' estimate now (sensor latency); they are moved on by it first.
     """
     shape = (len(tracks), len(time_s))
-    center = np.broadcast_to(tracks.boxes.center_m[:, None], (*shape, 2)).copy()
-    yaw = np.broadcast_to(tracks.boxes.yaw_rad[:, None], shape).copy()
+    center, yaw = np.empty((*shape, 2)), np.empty(shape)
+    center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
     moving = np.flatnonzero(tracks.dynamic)
     if len(moving):
         velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
@@ -70,7 +70,7 @@ def forecast_tracks(
             moved,
         )
         yaw[moving] += rate[:, None] * moved
-    return Forecast(time_s, center, yaw, tracks.boxes.size_m, np.ones(shape, dtype=np.bool_))
+    return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, np.ones(shape, dtype=np.bool_))
 
 
 def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
@@ -83,10 +83,5 @@ def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
         np.array([ego.yaw_rate_radps]),
         time_s,
     )
-    return Forecast(
-        time_s,
-        center,
-        yaw,
-        np.array([[ego.length_m, ego.width_m]]),
-        np.ones(yaw.shape, dtype=np.bool_),
-    )
+    size = np.array([[ego.length_m, ego.width_m]])
+    return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_))

@@ -1,7 +1,7 @@
 """Which objects matter: the rectangle of the baseline, the lanes of the map, or everything.
 
-A strategy gives, for an ego state, an area that answers three questions about object boxes: is the object
-kept (tracked), does it count as an object in the ego's route, and is it on the lane itself.
+A strategy gives, for an ego state, an area that answers two questions about object boxes: is the object kept
+(tracked), and how does it relate to the ego's route.
 """
 
 from __future__ import annotations
@@ -25,6 +25,22 @@ PATH_CLEARANCE_M = 0.3
 _OUTLINE = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Relevance:
+    """How N objects relate to the ego's route now.
+
+    Args:
+        in_route: (N,) which count as being in the ego's route; VRUs also beside it, in the margin.
+        on_way: (N,) which are in the ego's way. With a map: VRUs on its lane, others on its path. The
+            baseline knows neither: whoever is in its rectangle is in its way, also on the sidewalk.
+        within_reach: (N,) which are near enough in front of the ego to count at all.
+    """
+
+    in_route: BoolArray
+    on_way: BoolArray
+    within_reach: BoolArray
+
+
 class MonitoredArea(Protocol):
     """The area at one moment.
 
@@ -34,21 +50,11 @@ class MonitoredArea(Protocol):
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) which objects are tracked at all."""
 
-    def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        """(N,) which objects count as being in the ego's route; VRUs also beside it, in the margin."""
-
-    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        """(N,) which objects are in the ego's way now.
-
-        With a map: VRUs on its lane, others on its path. The baseline knows neither: whoever is in its
-        rectangle is in its way, also on the sidewalk.
-        """
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
+        """How objects relate to the ego's route."""
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) which points, (N, 2) map frame, lie on the ego's lane ahead, without any margin."""
-
-    def within_reach(self, boxes: Boxes) -> BoolArray:
-        """(N,) which objects are near enough in front of the ego to count at all."""
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines to draw: (role, (P, 2) ring in the map frame)."""
@@ -85,15 +91,20 @@ def outline_points(boxes: Boxes) -> FloatArray:
     return np.stack((x, y), axis=-1).reshape(-1, 2)
 
 
+def ego_frame(points_m: FloatArray, ego: EgoState) -> tuple[FloatArray, FloatArray]:
+    """(N,) x ahead and (N,) y to the left of points, (N, 2) map frame, from the ego's centre, metres."""
+    c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
+    dx, dy = points_m[:, 0] - ego.x_m, points_m[:, 1] - ego.y_m
+    return c * dx + s * dy, c * dy - s * dx
+
+
 def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Extent of boxes along and across the ego's heading, from the ego's centre.
 
     Returns:
         x_min, x_max, y_min, y_max: (N,) metres, ego frame (x ahead, y left).
     """
-    c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
-    dx, dy = boxes.center_m[:, 0] - ego.x_m, boxes.center_m[:, 1] - ego.y_m
-    x, y = c * dx + s * dy, c * dy - s * dx
+    x, y = ego_frame(boxes.center_m, ego)
     turn = boxes.yaw_rad - ego.yaw_rad
     ct, st = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     half_x = 0.5 * (boxes.size_m[:, 0] * ct + boxes.size_m[:, 1] * st)
@@ -138,21 +149,16 @@ class _Rectangle:
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         return np.ones(len(boxes), dtype=np.bool_)
 
-    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        return self.in_route(boxes, category) & self.on_lane(boxes.center_m)
-
-    def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
         x_min, x_max, y_min, y_max = ego_extent(boxes, self.ego)
         inside = (x_min <= self.length_m) & (x_max >= 0.0)
         inside &= (y_min <= self.half_width_m) & (y_max >= -self.half_width_m)
-        return inside
+        return Relevance(inside, inside & self.on_lane(boxes.center_m), inside)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
-        points = Boxes(center_m, np.full((len(center_m), 2), 1e-6), np.zeros(len(center_m)))
-        return self.in_route(points, np.zeros(0, dtype=np.str_))
-
-    def within_reach(self, boxes: Boxes) -> BoolArray:
-        return self.in_route(boxes, np.zeros(0, dtype=np.str_))
+        x, y = ego_frame(center_m, self.ego)
+        inside: BoolArray = (x >= 0.0) & (x <= self.length_m) & (np.abs(y) <= self.half_width_m)
+        return inside
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         local = np.array(
@@ -198,21 +204,14 @@ class _Everything:
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         return np.ones(len(boxes), dtype=np.bool_)
 
-    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        return self.in_route(boxes, category) & self.on_lane(boxes.center_m)
-
-    def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        return self.within_reach(boxes)
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
+        ahead = ego_extent(boxes, self.ego)[1] >= 0.0
+        return Relevance(ahead, ahead & self.on_lane(boxes.center_m), ahead)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
-        c, s = np.cos(self.ego.yaw_rad), np.sin(self.ego.yaw_rad)
-        dx, dy = center_m[:, 0] - self.ego.x_m, center_m[:, 1] - self.ego.y_m
-        inside: BoolArray = (c * dx + s * dy >= 0.0) & (np.abs(c * dy - s * dx) <= self.path_half_width_m)
+        x, y = ego_frame(center_m, self.ego)
+        inside: BoolArray = (x >= 0.0) & (np.abs(y) <= self.path_half_width_m)
         return inside
-
-    def within_reach(self, boxes: Boxes) -> BoolArray:
-        ahead: BoolArray = ego_extent(boxes, self.ego)[1] >= 0.0
-        return ahead
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         return []
@@ -299,21 +298,27 @@ class MonitoredLanes:
         """(N,) objects in a monitored lane; VRUs also in the margins."""
         return self._inside(boxes, category, self.low_m, self.high_m)
 
-    def in_route(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        """(N,) objects on the route ahead and within reach; VRUs also in its margins."""
-        inside = self._inside(boxes, category, self.route_low_m, self.route_high_m)
-        return inside & self.within_reach(boxes) if inside.any() else inside
-
-    def on_way(self, boxes: Boxes, category: StrArray) -> BoolArray:
-        """(N,) VRUs on the route's lane, others on the ego's path along it, ahead and within reach."""
-        found = self.on_lane(boxes.center_m)
-        wide = np.flatnonzero(~is_vulnerable(category))
-        if len(wide):
-            points = outline_points(boxes[wide])
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
+        """Objects on the route ahead and within reach: in the lane, in its margins, on the ego's path."""
+        x_min, x_max, _, _ = ego_extent(boxes, self.ego)
+        within_reach = x_max >= 0.0  # not wholly behind the ego's centre
+        if self.reach_m is not None:
+            within_reach &= x_min <= self.reach_m
+        in_route, on_way = np.zeros(len(boxes), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
+        vru = is_vulnerable(category)
+        walkers, others = np.flatnonzero(within_reach & vru), np.flatnonzero(within_reach & ~vru)
+        if len(walkers):
+            station, in_lane, in_margin = self.strips.place(boxes.center_m[walkers])
+            ahead = (station >= self.route_low_m) & (station <= self.route_high_m)
+            in_route[walkers], on_way[walkers] = _any(in_margin & ahead), _any(in_lane & ahead)
+        if len(others):
+            points = outline_points(boxes[others])
+            station, in_lane, _ = self.strips.place(points)
+            ahead = (station >= self.route_low_m) & (station <= self.route_high_m)
+            in_route[others] = _any(in_lane & ahead).reshape(len(others), -1).any(axis=1)
             station, near = self.strips.near_center(points, self.ego.width_m / 2 + PATH_CLEARANCE_M)
-            near &= (station >= self.route_low_m) & (station <= self.route_high_m)
-            found[wide] = _any(near).reshape(len(wide), -1).any(axis=1)
-        return found & self.within_reach(boxes) if found.any() else found
+            on_way[others] = _any(near & ahead).reshape(len(others), -1).any(axis=1)
+        return Relevance(in_route, on_way, within_reach)
 
     def _inside(self, boxes: Boxes, category: StrArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
         """(N,) whether VRUs' centres lie in lanes or margins, or other outlines meet a lane, in a span."""
@@ -334,12 +339,6 @@ class MonitoredLanes:
         station, in_lane, _ = self.strips.place(center_m)
         span = (station >= self.route_low_m) & (station <= self.route_high_m)
         return _any(span & in_lane)
-
-    def within_reach(self, boxes: Boxes) -> BoolArray:
-        """(N,) objects that are not wholly behind the ego's centre and not beyond the reach."""
-        x_min, x_max, _, _ = ego_extent(boxes, self.ego)
-        near: BoolArray = x_max >= 0.0
-        return near if self.reach_m is None else near & (x_min <= self.reach_m)
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines: the VRU margins first, the lanes over them."""

@@ -13,7 +13,17 @@ from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
 from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
-from smartmot.types import BoolArray, Boxes, Detections, EgoState, Forecast, Threats, Tracks
+from smartmot.types import (
+    BoolArray,
+    Boxes,
+    Detections,
+    EgoState,
+    FloatArray,
+    Forecast,
+    Threats,
+    Tracks,
+    unchecked,
+)
 
 STANDING_MPS = 0.1
 """Below this the ego counts as standing still."""
@@ -92,6 +102,26 @@ class FrameResult:
     events: tuple[Event, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    """What the decision knows of M tracks.
+
+    Args:
+        tracks, forecast: of the frame.
+        ahead_m: (M,) distance along the ego's heading from its centre to each box; negative behind it.
+        on_way: (M,) known to be in the ego's way.
+        threatening: (M,) on a collision course, and counting.
+        vulnerable: (M,) vulnerable road users.
+    """
+
+    tracks: Tracks
+    forecast: Forecast
+    ahead_m: FloatArray
+    on_way: BoolArray
+    threatening: BoolArray
+    vulnerable: BoolArray
+
+
 class Pipeline:
     """Perception and decision around one monitored-area strategy.
 
@@ -140,69 +170,65 @@ class Pipeline:
         time = forecast_times(horizon, config.forecast.step_s)
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
         ego_forecast = forecast_ego(ego, time)
-        now = Boxes(forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
-        in_route = area.in_route(now, tracks.category) & tracks.confirmed
+        now = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
+        relevance = area.relevance(now, tracks.category)
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
-        standing = in_route & (tracks.age_s > 0.0)
-        counts = np.where(tracks.dynamic, area.within_reach(now), standing) & tracks.confirmed
+        known = tracks.confirmed & (tracks.age_s > 0.0)
+        counts = np.where(
+            tracks.dynamic, relevance.within_reach & tracks.confirmed, relevance.in_route & known
+        )
         ttc = np.full(len(tracks), np.inf)
         if counts.any():
             ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
-        found = threats(tracks, ttc, counts, now, ego)
-        on_way = area.on_way(now, tracks.category) & tracks.confirmed & (tracks.age_s > 0.0)
-        situation = self._situation(area, tracks, forecast, now, on_way, found, ego)
+        scene = _Scene(
+            tracks=tracks,
+            forecast=forecast,
+            ahead_m=ego_extent(now, ego)[0],
+            on_way=relevance.on_way & known,
+            threatening=counts & np.isfinite(ttc),
+            vulnerable=is_vulnerable(tracks.category),
+        )
+        found = threats(tracks, ttc, scene.threatening, scene.ahead_m - ego.length_m / 2, ego.speed_mps)
+        situation = self._situation(area, scene, ego)
         aeb, command, events = decide(state.aeb, situation, config.aeb)
-        lead = _lead(tracks, now, on_way, found, ego)
+        lead = _lead(scene, ego)
         result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
         return PipelineState(tracker_state, aeb), result
 
-    def _situation(
-        self,
-        area: MonitoredArea,
-        tracks: Tracks,
-        forecast: Forecast,
-        now: Boxes,
-        on_way: BoolArray,
-        found: Threats,
-        ego: EgoState,
-    ) -> Situation:
-        threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
-        relevant = on_way | threatening
-        ahead = ego_extent(now, ego)[0]
+    def _situation(self, area: MonitoredArea, scene: _Scene, ego: EgoState) -> Situation:
+        ahead, on_way = scene.ahead_m, scene.on_way
+        relevant = on_way | scene.threatening
         braking_distance = self.config.braking_distance.at(ego.speed_mps)
         near = ahead < max(braking_distance, self.config.aeb.near_m)
-        entering = np.zeros(len(tracks), dtype=np.bool_)
-        walking = np.flatnonzero(tracks.dynamic & is_vulnerable(tracks.category) & (ahead > 0.0) & ~on_way)
+        entering = False
+        walking = np.flatnonzero(scene.tracks.dynamic & scene.vulnerable & (ahead > 0.0) & ~on_way)
         if len(walking):
             # twice a second is enough: half a second of walking is less than a lane's width
             every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
-            path = forecast.center_m[walking][:, ::every]
-            entering[walking] = area.on_lane(path.reshape(-1, 2)).reshape(len(walking), -1).any(axis=1)
+            path = scene.forecast.center_m[walking][:, ::every]
+            entering = bool(area.on_lane(path.reshape(-1, 2)).any())
         return Situation(
             stamp_s=ego.stamp_s,
-            collision_predicted=len(found) > 0,
+            collision_predicted=bool(scene.threatening.any()),
             nearest_m=float(np.maximum(ahead[relevant], 0.0).min(initial=np.inf)),
             braking_distance_m=braking_distance,
-            vru_entering=bool(entering.any()),
+            vru_entering=entering,
             standing=ego.speed_mps < STANDING_MPS,
-            way_occupied=bool((on_way & (near | is_vulnerable(tracks.category))).any()),
+            way_occupied=bool((on_way & (near | scene.vulnerable)).any()),
         )
 
 
-def _lead(tracks: Tracks, now: Boxes, on_way: BoolArray, found: Threats, ego: EgoState) -> LeadObject | None:
+def _lead(scene: _Scene, ego: EgoState) -> LeadObject | None:
     """Nearest object on the route ahead, for adapting the speed.
 
     VRUs on a collision course are the emergency decision's; a vehicle ahead is followed even then.
     """
-    threatening = (tracks.track_id[:, None] == found.track_id).any(axis=1)
-    vru_threat = is_vulnerable(tracks.category) & threatening
-    if not (on_way & ~vru_threat).any():
-        return None
-    front = ego_extent(now, ego)[0] - ego.length_m / 2
-    candidates = np.flatnonzero(on_way & ~vru_threat & (front > 0))
+    gap = scene.ahead_m - ego.length_m / 2
+    candidates = np.flatnonzero(scene.on_way & ~(scene.vulnerable & scene.threatening) & (gap > 0))
     if len(candidates) == 0:
         return None
-    k = int(candidates[np.argmin(front[candidates])])
+    k = int(candidates[np.argmin(gap[candidates])])
+    tracks = scene.tracks
     vx, vy = tracks.velocity_mps[k] if tracks.dynamic[k] else (0.0, 0.0)
     along = float(vx * np.cos(ego.yaw_rad) + vy * np.sin(ego.yaw_rad))
-    return LeadObject(int(tracks.track_id[k]), float(front[k]), along)
+    return LeadObject(int(tracks.track_id[k]), float(gap[k]), along)

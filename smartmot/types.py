@@ -71,6 +71,20 @@ def _subset(whole: T, index: Any, names: tuple[str, ...]) -> T:
     return part
 
 
+def unchecked(cls: type[T], *values: object) -> T:
+    """A frozen value made of arrays that this package has just computed and that nobody else holds.
+
+    Construction checks and copies what a user brings; inside a frame that would be done dozens of times to
+    arrays whose kind and shape are known.
+    """
+    made = object.__new__(cls)
+    for name, value in zip(cls.__slots__, values, strict=True):  # type: ignore[attr-defined]
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        _set(made, name, value)
+    return made
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
     """Oriented rectangles on the ground, map frame.

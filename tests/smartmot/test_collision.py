@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from smartmot.collision import IOU_THRESHOLD, collision_times, threats
 from smartmot.geometry import corners
+from smartmot.monitored_area import ego_extent
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, Tracks
 
 CAR = (4.4, 1.8)
@@ -171,8 +172,9 @@ def test_threats_are_ordered_and_measured_by_hand() -> None:
     center = np.array([[20.0, 0.0], [12.2, 3.0], [30.0, 0.0], [5.0, 0.0], [4.0, 0.5]])
     boxes = Boxes(center, np.tile(CAR, (5, 1)), np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0]))
     ttc = np.array([2.0, 1.0, np.inf, 0.5, 3.0])
-    counts = np.array([True, True, True, False, True])
-    found = threats(_tracks(boxes), ttc, counts, boxes, EgoState(0.0, 0.0, 0.0, 0.0, 10.0))
+    counts = np.array([True, True, False, False, True])
+    gap = ego_extent(boxes, EgoState(0.0, 0.0, 0.0, 0.0, 10.0))[0] - 2.2
+    found = threats(_tracks(boxes), ttc, counts, gap, 10.0)
     assert found.track_id.tolist() == [11, 10, 14]
     np.testing.assert_array_equal(found.time_to_collision_s, [1.0, 2.0, 3.0])
     np.testing.assert_allclose(found.gap_m, [9.1, 15.6, 0.0])
@@ -181,20 +183,16 @@ def test_threats_are_ordered_and_measured_by_hand() -> None:
 
 def test_a_standing_ego_needs_no_deceleration() -> None:
     boxes = Boxes(np.array([[4.0, 0.0], [9.0, 0.0]]), np.tile(CAR, (2, 1)), np.zeros(2))
-    ego = EgoState(0.0, 0.0, 0.0, 0.0, 0.0)
-    found = threats(_tracks(boxes), np.zeros(2), np.ones(2, dtype=bool), boxes, ego)
+    found = threats(_tracks(boxes), np.zeros(2), np.ones(2, dtype=bool), np.array([-0.2, 4.8]), 0.0)
     assert found.required_decel_mps2.tolist() == [0.0, 0.0]
 
 
 def test_gap_is_seen_along_the_egos_heading() -> None:
     boxes = Boxes(np.array([[3.0, 17.0]]), np.array([PERSON]), np.zeros(1))
     ego = EgoState(0.0, 3.0, 5.0, np.pi / 2, 5.0)
-    found = threats(_tracks(boxes), np.array([1.0]), np.array([True]), boxes, ego)
-    assert found.gap_m[0] == pytest.approx(12.0 - 0.25 - 2.2)
+    assert ego_extent(boxes, ego)[0][0] == pytest.approx(12.0 - 0.25)
 
 
 def test_no_threats() -> None:
-    found = threats(
-        _tracks(Boxes.empty()), np.zeros(0), np.zeros(0, dtype=bool), Boxes.empty(), EgoState(0, 0, 0, 0, 1)
-    )
+    found = threats(_tracks(Boxes.empty()), np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0), 1.0)
     assert len(found) == 0

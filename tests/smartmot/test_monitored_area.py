@@ -111,7 +111,7 @@ def test_in_route_is_ahead_only_and_on_lane_has_no_margin() -> None:
     boxes, category = _boxes(
         "pedestrian", (310, -1.75), (310, -4.5), (310, -5.31), (299, -1.75), (329, -1.75)
     )
-    assert area.in_route(boxes, category).tolist() == [True, True, False, False, True]
+    assert area.relevance(boxes, category).in_route.tolist() == [True, True, False, False, True]
     assert area.on_lane(boxes.center_m).tolist() == [True, False, False, False, True]
     assert area.kept(boxes, category).tolist() == [True, True, False, True, True]
 
@@ -119,8 +119,8 @@ def test_in_route_is_ahead_only_and_on_lane_has_no_margin() -> None:
 def test_reach_is_measured_from_the_egos_centre_to_the_near_side() -> None:
     area = _street(reach_m=22.2).at(_ego(300.0, 10.0))
     boxes, category = _boxes("pedestrian", (322.44, -1.75), (322.46, -1.75), (299.76, -1.75), (299.74, -1.75))
-    assert area.within_reach(boxes).tolist() == [True, False, True, False]
-    assert area.in_route(boxes, category).tolist() == [True, False, False, False]
+    assert area.relevance(boxes, category).within_reach.tolist() == [True, False, True, False]
+    assert area.relevance(boxes, category).in_route.tolist() == [True, False, False, False]
     # what is beyond the reach still is tracked
     assert area.kept(boxes, category).all()
 
@@ -147,12 +147,12 @@ def test_area_follows_the_bend_where_a_rectangle_misses() -> None:
     car = Boxes(target, np.array([[4.4, 1.8]]), np.array([heading]))
     area = MapArea(network, route, MapAreaConfig()).at(ego)
     assert area.kept(_dots(target), np.array(["car"])).all()
-    assert area.in_route(car, np.array(["car"])).all()
+    assert area.relevance(car, np.array(["car"])).in_route.all()
     assert area.on_lane(target).all()
     long = RectangularConfig(max_length_m=100.0, min_length_m=100.0)
     for config in (RectangularConfig(), long):
         rectangle = RectangularArea(config, BrakingDistance()).at(ego)
-        assert not rectangle.in_route(car, np.array(["car"])).any()
+        assert not rectangle.relevance(car, np.array(["car"])).in_route.any()
     # and the other way round: straight on lies the verge, which is no lane
     ahead = np.array([[x + 40 * np.cos(yaw), y + 40 * np.sin(yaw)]])
     assert not area.kept(_dots(ahead), np.array(["pedestrian"])).any()
@@ -212,7 +212,7 @@ def test_junction_lanes_count_as_a_whole_and_only_while_ahead() -> None:
     # tracked, but never an object in the route
     area = strategy.at(EgoState(0.0, *path.pose(190.0), 5.0))
     boxes, category = _boxes("car", from_south)
-    assert not area.in_route(boxes, category).any()
+    assert not area.relevance(boxes, category).in_route.any()
 
 
 # --- neighbours ---------------------------------------------------------------------------------------
@@ -307,7 +307,7 @@ def test_vehicles_in_a_permitted_neighbour_are_kept_but_not_in_the_route(
     left, right = (165.0, -1.75), (165.0, -8.75)
     assert _kept(here, "car", left, right, (165.0, 1.75)) == [True, False, False]
     boxes, category = _boxes("car", left, (165.0, -5.25))
-    assert here.in_route(boxes, category).tolist() == [False, True]
+    assert here.relevance(boxes, category).in_route.tolist() == [False, True]
     # along the neighbour the same stretch counts: 30 m in front, 15 m behind
     stretch = [(179.9, -1.75), (180.1, -1.75), (135.1, -1.75), (134.9, -1.75)]
     assert _kept(here, "car", *stretch) == [True, False, True, False]
@@ -377,8 +377,8 @@ def test_rectangle_counts_boxes_that_touch_it_and_keeps_all() -> None:
     points = [(12.24, 0), (12.26, 0), (5, 2.84), (5, 2.86), (5, -2.84), (-0.24, 0), (-0.26, 0)]
     boxes, category = _boxes("pedestrian", *points)
     expected = [True, False, True, False, True, True, False]
-    assert rectangle.in_route(boxes, category).tolist() == expected
-    assert rectangle.within_reach(boxes).tolist() == expected
+    assert rectangle.relevance(boxes, category).in_route.tolist() == expected
+    assert rectangle.relevance(boxes, category).within_reach.tolist() == expected
     assert rectangle.kept(boxes, category).all()
 
 
@@ -399,8 +399,8 @@ def test_everything_keeps_all_and_counts_what_is_ahead() -> None:
     area = EverythingArea().at(_ego(0.0, 10.0, y=0.0))
     boxes, category = _boxes("car", (5, 40), (-2.1, 0), (-2.3, 0), (500, 1.7), (500, 1.8))
     assert area.kept(boxes, category).all()
-    assert area.in_route(boxes, category).tolist() == [True, True, False, True, True]
-    assert area.within_reach(boxes).tolist() == [True, True, False, True, True]
+    assert area.relevance(boxes, category).in_route.tolist() == [True, True, False, True, True]
+    assert area.relevance(boxes, category).within_reach.tolist() == [True, True, False, True, True]
     assert area.on_lane(boxes.center_m).tolist() == [False, False, False, True, False]
     assert area.polygons() == []
 
@@ -431,9 +431,9 @@ def test_no_objects(strategy: str) -> None:
     assert area.name == strategy
     here, none = area.at(_ego(300.0, 10.0)), np.zeros(0, dtype=np.str_)
     assert here.kept(Boxes.empty(), none).shape == (0,)
-    assert here.in_route(Boxes.empty(), none).shape == (0,)
+    assert here.relevance(Boxes.empty(), none).in_route.shape == (0,)
     assert here.on_lane(np.zeros((0, 2))).shape == (0,)
-    assert here.within_reach(Boxes.empty()).shape == (0,)
+    assert here.relevance(Boxes.empty(), none).within_reach.shape == (0,)
 
 
 @pytest.mark.parametrize(
