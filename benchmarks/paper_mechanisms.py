@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from evaluation.scoring import PUBLISHED
+from evaluation.protocols.paper import PUBLISHED
 from opendrive import load_map
 from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy
 from scenarios.map_builder import shipped_map

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.arguments import DEFAULT_MAP
+from evaluation.protocols.paper import paper_score, paper_score_max
 from evaluation.results import RUNS_JSON, ResultsError, RunRow
-from evaluation.scoring import paper_score, paper_score_max
 from opendrive import RoadNetwork, load_map
 from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy, near_side, site_at
 from scenarios.errors import ScenarioError

@@ -24,6 +24,9 @@ SIDEWALK_WIDTH_M = 2.5
 SPEED_LIMIT_KMH = 50
 
 STREET_LENGTH_M = 600.0
+EURO_NCAP_LENGTH_M = 1500.0
+EURO_NCAP_LANE_Y_M = -14.0
+"""Where the vehicle under test drives on the 28 m wide unmarked roads of Vector's Euro NCAP scenarios."""
 BEND_STRAIGHT_M = 200.0
 BEND_SPIRAL_M = 30.0
 BEND_RADIUS_M = 60.0
@@ -51,6 +54,9 @@ class _Pose:
     x_m: float
     y_m: float
     yaw_rad: float
+
+
+_ORIGIN = _Pose(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,9 +365,11 @@ def _furniture(road: etree._Element, length_m: float, kerb_m: float) -> None:
         _signal(signals, f"{number}2", _CROSSING, before_crosswalk_m, side, kerb_m)
 
 
-def _single_street(name: str, lanes: _Lanes, pieces: Sequence[_Piece]) -> etree._Element:
-    """One road from the origin, eastwards at first."""
-    start = end = _Pose(0.0, 0.0, 0.0)
+def _single_street(
+    name: str, lanes: _Lanes, pieces: Sequence[_Piece], start: _Pose = _ORIGIN
+) -> etree._Element:
+    """One road, eastwards at first."""
+    end = start
     for piece in pieces:
         end = _end(end, piece)
     root = _document(name, [(start.x_m, start.y_m), (end.x_m, end.y_m)], _half_width_m(lanes))
@@ -378,6 +386,12 @@ def _urban_street() -> etree._Element:
 
 def _urban_street_parking() -> etree._Element:
     return _single_street("urban_street_parking", _STREET_WITH_PARKING, [_Piece(STREET_LENGTH_M)])
+
+
+def _euro_ncap_street() -> etree._Element:
+    """Laid over the unmarked Euro NCAP road: its right lane is where the vehicle under test drives."""
+    start = _Pose(0.0, EURO_NCAP_LANE_Y_M + DRIVING_WIDTH_M / 2, 0.0)
+    return _single_street("euro_ncap_street", _STREET_WITH_PARKING, [_Piece(EURO_NCAP_LENGTH_M)], start)
 
 
 def _urban_bend() -> etree._Element:
@@ -469,6 +483,7 @@ _BUILDERS: dict[str, Callable[[], etree._Element]] = {
     "urban_street": _urban_street,
     "urban_street_parking": _urban_street_parking,
     "urban_bend": _urban_bend,
+    "euro_ncap_street": _euro_ncap_street,
     "urban_intersection": _urban_intersection,
 }
 

@@ -130,7 +130,7 @@ def test_speed_limit_is_50_everywhere(networks: dict[str, RoadNetwork], name: st
 
 @pytest.mark.parametrize("name", SHIPPED_MAPS)
 def test_crosswalks_are_rectangles_from_kerb_to_kerb(networks: dict[str, RoadNetwork], name: str) -> None:
-    width_m = 11.0 if name == "urban_street_parking" else 7.0
+    width_m = 11.0 if name in ("urban_street_parking", "euro_ncap_street") else 7.0
     assert len(networks[name].crosswalks) == (4 if name == "urban_intersection" else 1)
     for crosswalk in networks[name].crosswalks:
         assert crosswalk.polygon.shape == (4, 2)
@@ -182,6 +182,22 @@ def test_borders_of_the_straight_street(
             assert left == pytest.approx(np.array([[x, side * inner_m] for x in (0.0, 300.0, 600.0)]))
             assert right == pytest.approx(np.array([[x, side * outer_m] for x in (0.0, 300.0, 600.0)]))
             inner_m = outer_m
+
+
+def test_euro_ncap_street_has_its_lane_where_the_vehicle_under_test_drives(
+    networks: dict[str, RoadNetwork],
+) -> None:
+    """The unmarked road of the Euro NCAP scenarios: a 28 m lane right of y = 0, its centre at y = -14."""
+    network = networks["euro_ncap_street"]
+    lane = network.lane_index_of(("1", 0, -1))
+    x, y, _, heading = network.center_line(lane, [0.0, 750.0, 1500.0])
+    assert x == pytest.approx([0.0, 750.0, 1500.0])
+    assert y == pytest.approx([-14.0] * 3)
+    assert heading == pytest.approx([0.0] * 3)
+    # kerb, 2 m of parking, 2.5 m of sidewalk: where a pedestrian who starts 4 m from the centre line stands
+    for y_m, kind in ((-16.0, "parking"), (-18.0, "sidewalk"), (-10.0, "driving"), (-6.0, "sidewalk")):
+        (hit,) = network.locate([[700.0, y_m]]).lane.tolist()
+        assert network.lanes.lane_type[hit] == kind
 
 
 @pytest.mark.parametrize("name", ["urban_street", "urban_street_parking", "urban_bend"])

@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.scoring import PAPER_SCORE_MAX, PUBLISHED, paper_score, paper_score_max
+from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.grid import Cell, Measurement
+from evaluation.protocols.paper import (
+    PAPER_SCORE_MAX,
+    PUBLISHED,
+    PaperProtocol,
+    paper_score,
+    paper_score_max,
+)
 
 SPEEDS = tuple(PAPER_SCORE_MAX)
 
@@ -60,3 +68,35 @@ def test_published_impact_speeds_give_the_published_scores(strategy: str, total:
     for v_test, (v_impact, points) in printed.items():
         assert paper_score(v_test, v_impact) == points
     assert sum(points for _, points in printed.values() if points is not None) == total
+
+
+def test_the_final_score_is_the_mean_over_the_weather() -> None:
+    protocol = PaperProtocol(("dry", "rain"))
+    runs = {cell: Measurement(0.0) for cell in protocol.cells()}
+    runs[Cell("CPNA", 40.0, condition="rain")] = Measurement(20.0)  # 1.5 of 3
+    runs[Cell("CPNA", 60.0, condition="rain")] = Measurement(41.0)  # 0 of 1
+    assessment = protocol.assess(runs)
+    assert [(t.name, t.won, t.most) for t in assessment.totals] == [
+        ("dry", 10.0, 10.0),
+        ("rain", 7.5, 10.0),
+        ("mean", 8.75, 10.0),
+    ]
+    marks = {cell: score.mark.letter for cell, score in assessment.block("CPNA").scores.items()}
+    assert marks[Cell("CPNA", 40.0, condition="rain")] == "P"
+    assert marks[Cell("CPNA", 60.0, condition="rain")] == "N"
+    assert marks[Cell("CPNA", 60.0, condition="dry")] == "A"
+
+
+def test_published_speeds_through_the_protocol() -> None:
+    for strategy, total in (("rectangular", 9.0), ("map", 10.0)):
+        runs = {cell: Measurement(PUBLISHED[strategy][cell.speed_kmh][0]) for cell in PaperProtocol().cells()}
+        assert PaperProtocol().assess(runs).total("mean").won == total
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(ProtocolError, match="weather"):
+        PaperProtocol(())
+    with pytest.raises(ProtocolError, match="has no cell CPNA AEB at 70 km/h"):
+        PaperProtocol().assess({Cell("CPNA", 70.0, condition="dry"): Measurement(0.0)})
+    with pytest.raises(ProtocolError, match="faster than the test"):
+        PaperProtocol().assess({Cell("CPNA", 10.0, condition="dry"): Measurement(11.0)})

@@ -1,0 +1,188 @@
+"""What scoring gives, whatever the protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol as Interface
+
+from evaluation.protocols.bands import round_half_up
+from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.grid import Block, Cell, Measurement
+from evaluation.protocols.marks import Mark
+
+
+@dataclass(frozen=True, slots=True)
+class CellScore:
+    """One cell's outcome.
+
+    Args:
+        mark: its colour and letter.
+        text: number shown in the cell.
+        measurement: None where the cell was not run.
+    """
+
+    mark: Mark
+    text: str
+    measurement: Measurement | None
+
+
+@dataclass(frozen=True, slots=True)
+class Total:
+    """Points won and to be won.
+
+    Args:
+        name: what is added up.
+        won: points.
+        most: points to be won.
+        unit: of the numbers.
+        before_gate: points before a failed requirement took them; None where none did.
+    """
+
+    name: str
+    won: float
+    most: float
+    unit: str = "points"
+    before_gate: float | None = None
+
+    def __str__(self) -> str:
+        lost = "" if not self.before_gate else f" (else {_number(self.before_gate)})"
+        return f"{self.name} {_number(self.won)} of {_number(self.most)}{lost}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockScore:
+    """A scored matrix.
+
+    Args:
+        block: its cells.
+        scores: outcome of every cell.
+        totals: points per layer.
+    """
+
+    block: Block
+    scores: Mapping[Cell, CellScore]
+    totals: tuple[Total, ...]
+
+    @property
+    def cells_run(self) -> int:
+        """How many cells have a measurement."""
+        return sum(score.measurement is not None for score in self.scores.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """A requirement without which nothing counts.
+
+    Args:
+        name: what is required, with its clause.
+        passed: None where nothing was run that could tell.
+    """
+
+    name: str
+    passed: bool | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assessment:
+    """Runs scored by a protocol.
+
+    Args:
+        title: protocol and edition.
+        blocks: the matrices.
+        totals: per scenario, family and overall.
+        gates: requirements.
+        notes: what the numbers leave out, and why.
+        unit: of the number in each cell.
+    """
+
+    title: str
+    blocks: tuple[BlockScore, ...]
+    totals: tuple[Total, ...]
+    gates: tuple[Gate, ...]
+    notes: tuple[str, ...]
+    unit: str = "impact speed in km/h"
+
+    def total(self, name: str) -> Total:
+        """Total of a scenario or family by its name.
+
+        Raises:
+            ProtocolError: there is none.
+        """
+        for total in self.totals:
+            if total.name == name:
+                return total
+        names = ", ".join(total.name for total in self.totals)
+        raise ProtocolError(f"no total {name!r}; there are: {names or 'none'}")
+
+    def block(self, name: str) -> BlockScore:
+        """Scored matrix by its name.
+
+        Raises:
+            ProtocolError: there is none.
+        """
+        for block in self.blocks:
+            if block.block.name == name:
+                return block
+        raise ProtocolError(f"no matrix {name!r}; there are: {', '.join(b.block.name for b in self.blocks)}")
+
+
+class Protocol(Interface):
+    """A set of rules that scores runs."""
+
+    @property
+    def title(self) -> str:
+        """Name and edition."""
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What no source gives, and what is therefore not scored."""
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """All matrices."""
+
+    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Cells of the grid, of one scenario or all."""
+
+    def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
+        """Score finished runs."""
+
+
+def select_cells(blocks: Iterable[Block], scenario: str | None) -> tuple[Cell, ...]:
+    """Cells of all matrices, or of one scenario by its own or its matrix's name.
+
+    Raises:
+        ProtocolError: there is no such scenario.
+    """
+    every = [(block, cell) for block in blocks for cell in block.cells]
+    if scenario is None:
+        return tuple(cell for _, cell in every)
+    chosen = tuple(cell for block, cell in every if scenario in (block.scenario, block.name, cell.scenario))
+    if not chosen:
+        names = sorted({block.scenario for block, _ in every})
+        raise ProtocolError(f"no scenario {scenario!r}; use one of: {', '.join(names)}")
+    return chosen
+
+
+def require_known(results: Mapping[Cell, Measurement], cells: Iterable[Cell], title: str) -> None:
+    """Refuse results for cells that the grid does not have.
+
+    Raises:
+        ProtocolError: there is such a result.
+    """
+    strange = set(results) - set(cells)
+    if strange:
+        first = min(strange, key=str)
+        raise ProtocolError(
+            f"{title} has no cell {first}; take the cells from the protocol's grid ({len(strange)} unknown)"
+        )
+
+
+def impact_text(measurement: Measurement) -> str:
+    """Impact speed as shown in a cell: 0 without contact, else one decimal."""
+    return "0" if measurement.impact_speed_kmh == 0 else f"{measurement.impact_speed_kmh:.1f}"
+
+
+def _number(value: float) -> str:
+    return f"{round_half_up(value, 4):.4f}".rstrip("0").rstrip(".")

@@ -1,0 +1,184 @@
+"""Euro NCAP 2023: the grid that was driven, and what came out. No points: their tables are in no source.
+
+Sources: Vector's OpenSCENARIO files of the VRU test protocol v4.5.1 and the car-to-car test protocol v4.3.1
+(both February 2024) for scenarios, speeds and impact locations; for night in CPNA, CPFA, CPNCO and CPLA a
+quotation of the VRU test protocol v4.5.1, and MathWorks' table of CPNCO (10 to 60 km/h, day and night).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from evaluation.protocols.assessment import (
+    Assessment,
+    BlockScore,
+    CellScore,
+    Total,
+    impact_text,
+    require_known,
+    select_cells,
+)
+from evaluation.protocols.grid import Block, Cell, Function, Lighting, Measurement, Row
+from evaluation.protocols.marks import AVOIDED, CONTACT, NOT_RUN
+
+UNKNOWN = (
+    "Points per test speed, their limits and colours (assessment protocols v10.0.3 and v11) are in no "
+    "source: no points are given, only which collisions were avoided and how fast the others were.",
+    "The warning time that the FCW tests require is in no source; they show the impact speed.",
+    "Testing above 40 km/h stops where the speed is reduced by less than 15 km/h (quoted from the test "
+    "protocol); here every speed is run.",
+    "CBDA (dooring) and lane support are not part of the grid.",
+)
+
+_ROW, _COLUMN, _OVERLAP = "VUT (km/h)", "impact location (%)", "overlap (%)"
+
+
+@dataclass(frozen=True, slots=True)
+class EuroNcap2023:
+    """The grid of 2023.
+
+    Args:
+        night: whether the pedestrian tests at night belong to it; the OpenSCENARIO files have day only.
+    """
+
+    night: bool = False
+
+    @property
+    def title(self) -> str:
+        """Name and editions."""
+        return "Euro NCAP 2023, VRU v4.5.1 and car-to-car v4.3.1, outcomes without points"
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What is left out."""
+        return UNKNOWN
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The matrices."""
+        return (*_vru(self.night), *_car())
+
+    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Cells of the grid, of one scenario or all.
+
+        Raises:
+            ProtocolError: there is no such scenario.
+        """
+        return select_cells(self.blocks, scenario)
+
+    def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
+        """Which collisions were avoided.
+
+        Raises:
+            ProtocolError: a result belongs to no cell.
+        """
+        blocks = self.blocks
+        require_known(results, self.cells(), self.title)
+        done = []
+        counts: dict[str, list[int]] = {}
+        for block in blocks:
+            run = [cell for cell in block.cells if cell in results]
+            avoided = sum(results[cell].impact_speed_kmh == 0.0 for cell in run)
+            scores = {cell: _score(results.get(cell)) for cell in block.cells}
+            done.append(BlockScore(block, scores, (Total("avoided", avoided, len(run), "cells run"),)))
+            for name in (block.scenario, "all"):
+                line = counts.setdefault(name, [0, 0])
+                line[0] += avoided
+                line[1] += len(run)
+        ordered = sorted(counts.items(), key=lambda item: item[0] == "all")
+        totals = tuple(Total(name, avoided, run, "cells avoided") for name, (avoided, run) in ordered)
+        return Assessment(self.title, tuple(done), totals, (), UNKNOWN)
+
+
+def _score(measured: Measurement | None) -> CellScore:
+    if measured is None:
+        return CellScore(NOT_RUN, "", None)
+    return CellScore(
+        AVOIDED if measured.impact_speed_kmh == 0.0 else CONTACT, impact_text(measured), measured
+    )
+
+
+def _steps(first: int, last: int) -> tuple[float, ...]:
+    return tuple(float(v) for v in range(first, last + 1, 5))
+
+
+def _matrix(
+    name: str,
+    speeds: Iterable[float],
+    percent: Sequence[float | None],
+    target: float | None = None,
+    lighting: Lighting = Lighting.DAY,
+    function: Function = Function.AEB,
+    scenario: str | None = None,
+    header: str = _COLUMN,
+) -> Block:
+    rows = tuple(
+        Row(
+            f"{v:g}",
+            tuple(Cell(scenario or name, v, p, target, lighting, function) for p in percent),
+        )
+        for v in speeds
+    )
+    columns = tuple("" if p is None else f"{p:g}" for p in percent)
+    return Block(name, scenario or name, _ROW, header, columns, rows)
+
+
+def _vru(night: bool) -> Iterable[Block]:
+    crossing, warned = _steps(10, 60), _steps(50, 80)
+    for lighting in Lighting if night else (Lighting.DAY,):
+        for name, percent, target in (
+            ("CPNA", (75.0, 25.0), 5.0),
+            ("CPFA", (50.0,), 8.0),
+            ("CPNCO", (50.0,), 5.0),
+        ):
+            yield _matrix(f"{name} {lighting}", crossing, percent, target, lighting, scenario=name)
+        yield _matrix(f"CPLA {lighting}", _steps(20, 60), (50.0,), 5.0, lighting, scenario="CPLA")
+        yield _matrix(f"CPLA FCW {lighting}", warned, (25.0,), 5.0, lighting, Function.FCW, scenario="CPLA")
+    for name, speeds in (
+        ("CPTAfs", (10.0, 15.0, 20.0)),
+        ("CPTAfo", (10.0, 15.0, 20.0)),
+        ("CPTAns", (10.0,)),
+        ("CPTAno", (10.0,)),
+    ):
+        yield _matrix(name, speeds, (50.0,), 5.0, scenario=name)
+    yield _matrix("CPRA_Cm", (4.0, 8.0), (50.0,), 5.0)
+    yield _matrix("CPRA_Cs", (4.0, 8.0), (75.0, 50.0, 25.0), 0.0)
+    for name, target in (("CBNA", 15.0), ("CBNAO", 10.0), ("CBFA", 20.0)):
+        yield _matrix(name, crossing, (50.0,), target)
+    yield _matrix("CBLA", _steps(25, 60), (50.0,), 15.0)
+    yield _matrix("CBLA FCW", warned, (25.0,), 20.0, function=Function.FCW, scenario="CBLA")
+    yield _turning("CMFtap")
+
+
+def _car() -> Iterable[Block]:
+    overlap = (-50.0, -75.0, 100.0, 75.0, 50.0)
+    yield _matrix("CCRs", _steps(10, 50), overlap, 0.0, header=_OVERLAP)
+    yield _matrix(
+        "CCRs FCW", _steps(55, 80), overlap, 0.0, function=Function.FCW, scenario="CCRs", header=_OVERLAP
+    )
+    yield _matrix("CCRm", _steps(30, 80), overlap, 20.0, header=_OVERLAP)
+    gaps, decelerations = (12, 40), (2, 6)
+    rows = tuple(
+        Row(
+            f"gap {gap} m",
+            tuple(
+                Cell("CCRb", 50.0, 100.0, 50.0, condition=f"gap {gap} m, {decel} m/s2")
+                for decel in decelerations
+            ),
+        )
+        for gap in gaps
+    )
+    columns = tuple(f"{decel}" for decel in decelerations)
+    yield Block("CCRb", "CCRb", "at 50 km/h", "target's deceleration (m/s2)", columns, rows)
+    yield _turning("CCFtap")
+    for name in ("CCFhos", "CCFhol"):
+        yield _matrix(name, (50.0, 70.0), (None,), header="")
+
+
+def _turning(name: str) -> Block:
+    targets = (30.0, 45.0, 60.0)
+    rows = tuple(
+        Row(f"{v:g}", tuple(Cell(name, v, None, target) for target in targets)) for v in (10.0, 15.0, 20.0)
+    )
+    return Block(name, name, _ROW, "target speed (km/h)", tuple(f"{t:g}" for t in targets), rows)

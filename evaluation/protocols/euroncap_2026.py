@@ -1,0 +1,368 @@
+"""Euro NCAP 2026, Crash Avoidance - Frontal Collisions: colours, points, gates and totals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from evaluation.protocols.assessment import (
+    Assessment,
+    BlockScore,
+    CellScore,
+    Gate,
+    Total,
+    impact_text,
+    require_known,
+    select_cells,
+)
+from evaluation.protocols.bands import (
+    NEWEST,
+    WEIGHT,
+    Colour,
+    Version,
+    avoidance_colour,
+    impact_colour,
+    mitigation_colour,
+    round_half_up,
+    warning_colour,
+    within_tolerance,
+)
+from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
+from evaluation.protocols.grid import Block, Cell, Function, Layer, Lighting, Measurement, layer_cells
+from evaluation.protocols.marks import MARKS, NOT_RUN
+from evaluation.protocols.robustness import (
+    CONDITIONS,
+    LAYERS,
+    Bar,
+    failed_everywhere,
+    robustness_cells,
+)
+from evaluation.protocols.verification import Verification
+
+UNKNOWN = (
+    "Lane Departure and Low Speed Collisions are other parts of the rating and are not scored here.",
+    "CCFhos, CCFhol: the limits of the speed reduction (figure 5-2) are from Euro NCAP's calculator only.",
+    "CBTAfs & CBTAns: standard at 100 and 0 %, extended at 75 % follows the calculator; a reading of v1.1 "
+    "has 75 % as standard.",
+    "Robustness layers that are no numbers (driver input, type, appearance, weather, darkness, glare, "
+    "clutter, obstruction) cannot be claimed from runs and win nothing.",
+    "v1.1: to which side the limits widened by the tolerance belong is in no source; they belong where "
+    "v1.1's own limits do.",
+    "That the AEB is on by default, and the dossier for large speed reductions, no run can show.",
+)
+
+_GATE_SPEED_KMH = 10.0
+_GATE_IMPACT_PERCENT = 75.0
+_SLOW_PEDESTRIAN_KMH = 3.0
+_SLOW_TEST_KMH = 20.0
+_REAR_AVOIDED_UP_TO_KMH = 20.0
+_HALF = 0.5
+_EXTENDED_STEPS = (1.0, 0.75, 0.5)
+_ROUNDING = 6  # decimals at which a score is compared with a step, as the calculator does
+
+
+@dataclass(frozen=True, slots=True)
+class EuroNcap2026:
+    """The protocol.
+
+    Args:
+        version: edition; 1.1 and 1.2 differ where an impact speed lies on the limit of two colours.
+        choice: what is declared in the rows that may be FCW or AEB.
+    """
+
+    version: Version = NEWEST
+    choice: Function = Function.FCW
+
+    @property
+    def title(self) -> str:
+        """Name and edition."""
+        return f"Euro NCAP 2026, Crash Avoidance, Frontal Collisions v{self.version}"
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What is not scored, or from one source only."""
+        return UNKNOWN
+
+    @property
+    def scored_blocks(self) -> tuple[ScoredBlock, ...]:
+        """The matrices with points and criteria."""
+        return blocks(self.choice)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The matrices."""
+        return tuple(scored.block for scored in self.scored_blocks)
+
+    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Standard and extended cells, of one scenario or all.
+
+        Raises:
+            ProtocolError: there is no such scenario.
+        """
+        return select_cells(self.blocks, scenario)
+
+    def robustness_cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Standard cells under the robustness conditions that are numbers.
+
+        Raises:
+            ProtocolError: there is no such scenario.
+        """
+        chosen = set(self.cells(scenario))
+        return tuple(
+            cell
+            for block in self.blocks
+            for cell in robustness_cells(
+                block.scenario, [c for c in layer_cells(block, Layer.STANDARD) if c in chosen]
+            )
+        )
+
+    def requirement_cells(self) -> tuple[Cell, ...]:
+        """Runs for the general requirements only: CPNA-75 with a pedestrian of 3 km/h, day and night."""
+        return tuple(
+            Cell(
+                "CPNA",
+                _SLOW_TEST_KMH,
+                _GATE_IMPACT_PERCENT,
+                _SLOW_PEDESTRIAN_KMH,
+                lighting,
+                condition="general requirement",
+            )
+            for lighting in Lighting
+        )
+
+    def colour(self, block: ScoredBlock, cell: Cell, measured: Measurement) -> Colour:
+        """Colour of a measured cell.
+
+        Raises:
+            ProtocolError: the cell needs a speed reduction and has none, or the speed has no bands.
+        """
+        criterion = block.criterion_of(cell)
+        impact = round_half_up(measured.impact_speed_kmh)
+        if criterion is Criterion.IMPACT_SPEED:
+            return impact_colour(cell.speed_kmh, impact, self.version)
+        if criterion is Criterion.AVOIDANCE:
+            return avoidance_colour(impact)
+        if criterion is Criterion.WARNING:
+            ttc = measured.warning_ttc_s
+            return warning_colour(None if ttc is None else round_half_up(ttc))
+        if measured.speed_reduction_kmh is None:
+            raise ProtocolError(f"{cell}: is judged by the speed reduction; give it with the measurement")
+        return mitigation_colour(round_half_up(measured.speed_reduction_kmh))
+
+    def assess(
+        self,
+        results: Mapping[Cell, Measurement],
+        verification: Mapping[str, Verification] | None = None,
+    ) -> Assessment:
+        """Score finished runs.
+
+        Cells that were not run win nothing and are counted as missing.
+
+        Args:
+            results: measurements of cells of the grid, of robustness cells and of the requirement cells.
+            verification: per matrix name, how many drawn cells confirmed the colours; None: every colour was
+                measured and stands.
+
+        Returns:
+            Points per matrix, scenario, category and family; all of them zero if a gate is failed.
+
+        Raises:
+            ProtocolError: a result belongs to no cell, or lacks what its criterion needs.
+        """
+        scored = self.scored_blocks
+        known = (*self.cells(), *self.robustness_cells(), *self.requirement_cells())
+        require_known(results, known, self.title)
+        checked = verification or {}
+        strange = set(checked) - {block.block.name for block in scored}
+        if strange:
+            raise ProtocolError(f"verification of {min(strange)!r}: there is no such matrix in {self.title}")
+        colours = {
+            cell: self.colour(block, cell, results[cell])
+            for block in scored
+            for cell in block.block.cells
+            if cell in results
+        }
+        held = self._robustness(scored, results, colours)
+        gates = self._gates(results, colours)
+        open_gates = all(gate.passed is not False for gate in gates)
+        done = []
+        points: list[tuple[ScoredBlock, float]] = []
+        for block in scored:
+            totals = _block_totals(block, colours, checked.get(block.block.name), held)
+            points.append((block, sum(total.won for total in totals)))
+            scores = {
+                cell: CellScore(
+                    MARKS[colours[cell]] if cell in colours else NOT_RUN,
+                    _text(block.criterion_of(cell), results.get(cell)),
+                    results.get(cell),
+                )
+                for cell in block.block.cells
+            }
+            done.append(BlockScore(block.block, scores, totals if open_gates else _shut(totals)))
+        sums = _sums(points)
+        return Assessment(
+            self.title,
+            tuple(done),
+            sums if open_gates else _shut(sums),
+            gates,
+            (*_missing(done), *UNKNOWN),
+            "relative impact speed in km/h; FCW: time to collision at the warning; head-on: speed reduction",
+        )
+
+    def _gates(self, results: Mapping[Cell, Measurement], colours: Mapping[Cell, Colour]) -> tuple[Gate, ...]:
+        """General requirements (v1.1, and the calculator): without them all of Frontal Collisions is 0."""
+        gates = []
+        for lighting in Lighting:
+            first = [
+                colour is Colour.GREEN
+                for cell, colour in colours.items()
+                if (cell.scenario, cell.speed_kmh, cell.impact_percent, cell.lighting)
+                == ("CPNA", _GATE_SPEED_KMH, _GATE_IMPACT_PERCENT, lighting)
+            ]
+            gates.append(Gate(f"CPNA-75 at 10 km/h is green by {lighting}", _all(first)))
+        for cell in self.requirement_cells():
+            slowed = [results[cell].impact_speed_kmh < cell.speed_kmh] if cell in results else []
+            name = f"CPNA-75 at 20 km/h slows down for a pedestrian of 3 km/h by {cell.lighting}"
+            gates.append(Gate(name, _all(slowed)))
+        rear = [cell for cell in self.cells("CCRs") if _is_gate_of_rear(cell)]
+        green = [colours[cell] is Colour.GREEN for cell in rear if cell in colours]
+        whole = all(green) if green and (not all(green) or len(green) == len(rear)) else None
+        gates.append(Gate("CCRs avoids every standard collision up to 20 km/h", whole))
+        return tuple(gates)
+
+    def _robustness(
+        self,
+        scored: Iterable[ScoredBlock],
+        results: Mapping[Cell, Measurement],
+        colours: Mapping[Cell, Colour],
+    ) -> dict[str, int]:
+        """How many layers hold in each scenario, of those that were run."""
+        outcomes: dict[str, dict[str, bool]] = {}
+        partner: dict[str, str] = {}
+        for block in scored:
+            scenario = block.block.scenario
+            partner[scenario] = block.partner
+            layers = outcomes.setdefault(scenario, {})
+            for base in layer_cells(block.block, Layer.STANDARD):
+                for condition, cell in zip(
+                    CONDITIONS.get(scenario, ()), robustness_cells(scenario, [base]), strict=True
+                ):
+                    if cell in results:
+                        holds = self._holds(block, base, cell, condition.bar, results, colours)
+                        layers[condition.layer] = layers.get(condition.layer, True) and holds
+        failed = failed_everywhere(outcomes, partner)
+        return {scenario: len(set(layers) - failed[scenario]) for scenario, layers in outcomes.items()}
+
+    def _holds(
+        self,
+        block: ScoredBlock,
+        base: Cell,
+        cell: Cell,
+        bar: Bar,
+        results: Mapping[Cell, Measurement],
+        colours: Mapping[Cell, Colour],
+    ) -> bool:
+        reached = self.colour(block, cell, results[cell])
+        if bar is Bar.NOT_RED:
+            return reached is not Colour.RED
+        if base not in colours:
+            raise ProtocolError(f"{cell}: is compared with the same cell without the condition; run that too")
+        if WEIGHT[reached] >= WEIGHT[colours[base]]:
+            return True
+        impact = round_half_up(results[cell].impact_speed_kmh)
+        return block.criterion_of(base) is Criterion.IMPACT_SPEED and within_tolerance(
+            base.speed_kmh, colours[base], impact, self.version
+        )
+
+
+def _block_totals(
+    block: ScoredBlock,
+    colours: Mapping[Cell, Colour],
+    verification: Verification | None,
+    held: Mapping[str, int],
+) -> tuple[Total, ...]:
+    """Points of a matrix per layer (section 5.2 and 5.3)."""
+    points = block.points
+    kept = {layer: verification.share(layer) if verification else 1.0 for layer in Layer}
+    standard = layer_cells(block.block, Layer.STANDARD)
+    extended = layer_cells(block.block, Layer.EXTENDED)
+    share = sum(WEIGHT[colours[c]] for c in standard if c in colours) / len(standard)
+    won = share * points.standard * kept[Layer.STANDARD]
+    not_red = sum(colours.get(c, Colour.RED) is not Colour.RED for c in extended) / len(extended)
+    reached = extended_share(not_red) * points.extended * kept[Layer.EXTENDED]
+    totals = [
+        Total("standard", won, points.standard),
+        Total("extended", reached, points.extended),
+    ]
+    if points.robustness:
+        scenario = block.block.scenario
+        counts = round(won, _ROUNDING) >= round(_HALF * points.standard, _ROUNDING)
+        robust = points.robustness * held.get(scenario, 0) / LAYERS[scenario] if counts else 0.0
+        totals.append(Total("robustness", robust, points.robustness))
+    return tuple(totals)
+
+
+def _shut(totals: Iterable[Total]) -> tuple[Total, ...]:
+    """The totals after a failed requirement."""
+    return tuple(Total(t.name, 0.0, t.most, t.unit, t.won) for t in totals)
+
+
+def extended_share(not_red: float) -> float:
+    """Share of the extended points for a share of cells that are not red: 0, then 50, 75, 100 %."""
+    for step in _EXTENDED_STEPS:
+        if round(not_red, _ROUNDING) >= step:
+            return step
+    return 0.0
+
+
+def _sums(points: Iterable[tuple[ScoredBlock, float]]) -> tuple[Total, ...]:
+    """Totals by scenario, then by category and family, then of all."""
+    sums: dict[str, list[float]] = {}
+
+    def add(name: str, won: float, most: float) -> None:
+        line = sums.setdefault(name, [0.0, 0.0])
+        line[0] += won
+        line[1] += most
+
+    listed = list(points)
+    for name_of in (
+        lambda block: block.block.scenario,
+        lambda block: f"{block.subelement} / {block.category}",
+        lambda block: str(block.subelement),
+        lambda block: "Frontal Collisions",
+    ):
+        for block, won in listed:
+            most = block.points.standard + block.points.extended + block.points.robustness
+            add(name_of(block), won, most)
+    return tuple(Total(name, won, most) for name, (won, most) in sums.items())
+
+
+def _missing(done: Iterable[BlockScore]) -> tuple[str, ...]:
+    lines = [
+        f"{score.block.name}: {score.cells_run} of {len(score.block.cells)} cells run"
+        for score in done
+        if 0 < score.cells_run < len(score.block.cells)
+    ]
+    silent = [score.block.name for score in done if not score.cells_run]
+    if silent:
+        lines.append(f"not run, counted as no points: {', '.join(silent)}")
+    return tuple(lines)
+
+
+def _text(criterion: Criterion, measured: Measurement | None) -> str:
+    if measured is None:
+        return ""
+    if criterion is Criterion.WARNING:
+        return "none" if measured.warning_ttc_s is None else f"{measured.warning_ttc_s:.1f} s"
+    if criterion is Criterion.REDUCTION and measured.speed_reduction_kmh is not None:
+        return f"{measured.speed_reduction_kmh:.1f}"
+    return impact_text(measured)
+
+
+def _is_gate_of_rear(cell: Cell) -> bool:
+    return cell.layer is Layer.STANDARD and cell.speed_kmh <= _REAR_AVOIDED_UP_TO_KMH
+
+
+def _all(passed: list[bool]) -> bool | None:
+    return all(passed) if passed else None

@@ -1,0 +1,163 @@
+"""Scores of the SmartMOT paper (section IV, equations 1 to 4) and the results it published."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from evaluation.protocols.assessment import (
+    Assessment,
+    BlockScore,
+    CellScore,
+    Total,
+    impact_text,
+    require_known,
+    select_cells,
+)
+from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.grid import Block, Cell, Measurement, Row
+from evaluation.protocols.marks import ALL_POINTS, NO_POINTS, NOT_RUN, SOME_POINTS
+
+PAPER_SCORE_MAX = {10.0: 1.0, 20.0: 1.0, 30.0: 2.0, 40.0: 3.0, 50.0: 2.0, 60.0: 1.0}
+"""Points to be won at each test speed in km/h (table I, column score_max); none at other speeds."""
+
+PROPORTIONAL_UP_TO_KMH = 40.0
+REQUIRED_REDUCTION_KMH = 20.0
+
+PUBLISHED: dict[str, dict[float, tuple[float, float | None]]] = {
+    # table I: test speed -> (impact speed km/h, score)
+    "rectangular": {
+        10.0: (0.0, 1.0),
+        20.0: (0.0, 1.0),
+        30.0: (0.0, 2.0),
+        40.0: (0.0, 3.0),
+        50.0: (23.82, 2.0),
+        60.0: (44.23, 0.0),
+    },
+    "map": {
+        10.0: (0.0, 1.0),
+        20.0: (0.0, 1.0),
+        30.0: (0.0, 2.0),
+        40.0: (0.0, 3.0),
+        50.0: (0.0, 2.0),
+        60.0: (0.0, 1.0),
+        # section V and figure 5b; beyond the table, without a score
+        70.0: (0.0, None),
+        80.0: (39.78, None),
+    },
+}
+"""What the paper printed, by strategy. Shown beside results, never used in a computation."""
+
+
+def paper_score_max(v_test_kmh: float) -> float | None:
+    """Points to be won at a test speed; None where the paper gives none."""
+    return PAPER_SCORE_MAX.get(v_test_kmh)
+
+
+def paper_score(v_test_kmh: float, v_impact_kmh: float) -> float | None:
+    """Points of one test.
+
+    Up to 40 km/h the share of the speed that was taken off before contact (equations 1 and 2); above, all or
+    nothing for taking off 20 km/h (equations 3 and 4).
+
+    Args:
+        v_test_kmh: test speed.
+        v_impact_kmh: speed at contact; 0 without contact.
+
+    Returns:
+        Points; None where the paper gives none for the speed.
+    """
+    most = paper_score_max(v_test_kmh)
+    if most is None:
+        return None
+    if v_test_kmh <= PROPORTIONAL_UP_TO_KMH:
+        return (v_test_kmh - v_impact_kmh) / v_test_kmh * most
+    return most if v_impact_kmh <= v_test_kmh - REQUIRED_REDUCTION_KMH else 0.0
+
+
+UNKNOWN = (
+    "The paper gives no points above 60 km/h, and no impact location: the runs decide where it is hit.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PaperProtocol:
+    """The paper's points: CPNA at 10 to 60 km/h, and their mean over the weather.
+
+    Args:
+        weather: names of the weather conditions that were run.
+
+    Raises:
+        ProtocolError: there is no weather.
+    """
+
+    weather: tuple[str, ...] = ("dry",)
+
+    def __post_init__(self) -> None:
+        if not self.weather or len(set(self.weather)) < len(self.weather):
+            raise ProtocolError(f"weather {self.weather!r}: give at least one name, each once")
+
+    @property
+    def title(self) -> str:
+        """Name."""
+        return "SmartMOT paper, equations 1 to 4"
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What the paper leaves open."""
+        return UNKNOWN
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """One matrix, speed x weather."""
+        rows = tuple(
+            Row(f"{speed:g}", tuple(Cell("CPNA", speed, condition=name) for name in self.weather))
+            for speed in PAPER_SCORE_MAX
+        )
+        return (Block("CPNA", "CPNA", "VUT (km/h)", "weather", self.weather, rows),)
+
+    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Cells of the grid.
+
+        Raises:
+            ProtocolError: the scenario is not CPNA.
+        """
+        return select_cells(self.blocks, scenario)
+
+    def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
+        """Points per weather, and their mean.
+
+        Raises:
+            ProtocolError: a result belongs to no cell, or is faster than its test.
+        """
+        (block,) = self.blocks
+        require_known(results, block.cells, self.title)
+        points = {cell: _points(cell, measured) for cell, measured in results.items()}
+        most = sum(PAPER_SCORE_MAX.values())
+        totals = tuple(
+            Total(name, sum(won for cell, won in points.items() if cell.condition == name), most)
+            for name in self.weather
+        )
+        scores = {cell: _score(cell, points.get(cell), results.get(cell)) for cell in block.cells}
+        mean = Total("mean", sum(total.won for total in totals) / len(totals), most)
+        missing = len(block.cells) - len(points)
+        notes = (f"{missing} cells not run, counted as no points",) if missing else ()
+        return Assessment(
+            self.title, (BlockScore(block, scores, totals),), (*totals, mean), (), (*notes, *UNKNOWN)
+        )
+
+
+def _points(cell: Cell, measured: Measurement) -> float:
+    if measured.impact_speed_kmh > cell.speed_kmh:
+        raise ProtocolError(f"{cell}: impact at {measured.impact_speed_kmh:g} km/h is faster than the test")
+    points = paper_score(cell.speed_kmh, measured.impact_speed_kmh)
+    assert points is not None  # every row is a speed with points
+    return points
+
+
+def _score(cell: Cell, points: float | None, measured: Measurement | None) -> CellScore:
+    if points is None or measured is None:
+        return CellScore(NOT_RUN, "", None)
+    most = PAPER_SCORE_MAX[cell.speed_kmh]
+    mark = ALL_POINTS if points == most else SOME_POINTS if points > 0 else NO_POINTS
+    return CellScore(mark, impact_text(measured), measured)
