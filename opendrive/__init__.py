@@ -16,13 +16,16 @@ from opendrive.errors import (
     PositionError,
     RoadNotFoundError,
     RouteNotFoundError,
+    WarningKind,
 )
 from opendrive.lane_index import LaneHits, NearestLanes
 from opendrive.lanes import LaneKey, LaneTable
-from opendrive.network import RoadNetwork, load_map
+from opendrive.loading import load_map
+from opendrive.network import RoadNetwork
 from opendrive.objects import Crosswalk, RoadSignal
 from opendrive.reader import read_map
 from opendrive.road_geometry import RoadGeometry, SurfacePoints
+from opendrive.writer import write_map
 
 __all__ = [
     "Crosswalk",
@@ -42,6 +45,8 @@ __all__ = [
     "RoadSignal",
     "RouteNotFoundError",
     "SurfacePoints",
+    "WarningKind",
     "load_map",
     "read_map",
+    "write_map",
 ]

@@ -4,16 +4,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from opendrive.arrays import FloatArray, wrapped
 from opendrive.curves import CUBIC, CurveTable
-from opendrive.errors import MapContentError, MapWarning
+from opendrive.errors import MapContentError, MapWarning, WarningKind
 from opendrive.model import Road
 from opendrive.road_geometry import NetworkGeometry
 
 GAP_M = 0.05
 """Two pieces of a reference line that are further apart are reported."""
 
+HEADING_GAP_RAD = 0.02
+"""A greater kink in a reference line is reported."""
+
 LENGTH_ERROR_M = 0.01
-"""A curve that is shorter than the file says by more than this is reported."""
+"""A curve whose length differs from what the file says by more than this is reported."""
+
+NEGATIVE_WIDTH_M = 1e-3
+"""Widths down to this much below 0 pass: cubics that end at 0 are rounded in files."""
 
 
 MAX_T_M = 1000.0
@@ -52,21 +59,113 @@ def refuse_impossible_lanes(geometry: NetworkGeometry) -> None:
 
 
 def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWarning]:
-    """Yield gaps in reference lines, and cubic curves that end before their stated length."""
+    """Yield what is wrong with reference lines and widths of lanes."""
     ends = curves.evaluate_pieces(np.arange(len(curves.road)), curves.start_m + curves.length_m)
     same_road = curves.road[1:] == curves.road[:-1]
     gap_m = np.hypot(ends.x_m[:-1] - curves.x_m[1:], ends.y_m[:-1] - curves.y_m[1:])
-    for k in np.flatnonzero(same_road & (gap_m > GAP_M)).tolist():
-        message = (
-            f"gap of {gap_m[k]:.3g} m before the piece at s = {curves.start_m[k + 1]:.6g} m; left as it is"
-        )
-        yield MapWarning(roads[int(curves.road[k])].id, "planView/geometry", message)
+    turn_rad = wrapped(_start_heading(curves)[1:] - ends.heading_rad[:-1])
+    apart_m = curves.start_m[1:] - (curves.start_m + curves.length_m)[:-1]
+    last = np.append(~same_road, True)
+    excess_m = curves.start_m + curves.length_m - np.array([road.length_m for road in roads])[curves.road]
     cubic = np.flatnonzero(curves.kind == CUBIC)
-    short_m = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
-    for k, missing_m in zip(cubic.tolist(), short_m.tolist(), strict=True):
-        if missing_m > LENGTH_ERROR_M:
-            message = (
-                f"the curve at s = {curves.start_m[k]:.6g} m is {missing_m:.3g} m shorter than its "
-                "length says; held at its end"
-            )
-            yield MapWarning(roads[int(curves.road[k])].id, "planView/geometry", message)
+    short_m = np.zeros(len(curves.road))
+    short_m[cubic] = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
+    next_m = np.append(curves.start_m[1:], 0.0)
+
+    for piece in np.flatnonzero(same_road & (gap_m > GAP_M)).tolist():
+        message = f"gap of {gap_m[piece]:.3g} m before the piece at s = {next_m[piece]:.6g} m; left as it is"
+        yield _at(roads, curves, piece, message, WarningKind.GAP, next_m[piece])
+    for piece in np.flatnonzero(same_road & (np.abs(turn_rad) > HEADING_GAP_RAD)).tolist():
+        message = f"turn by {turn_rad[piece]:.3g} rad on the spot at s = {next_m[piece]:.6g} m; left as it is"
+        yield _at(roads, curves, piece, message, WarningKind.HEADING_GAP, next_m[piece])
+    for piece in np.flatnonzero(same_road & (np.abs(apart_m) > GAP_M)).tolist():
+        message = (
+            f"the piece at s = {curves.start_m[piece]:.6g} m ends {apart_m[piece]:+.3g} m before the next "
+            "one starts; the s of the next holds"
+        )
+        yield _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
+    for piece in np.flatnonzero(np.abs(short_m) > LENGTH_ERROR_M).tolist():
+        message = (
+            f"the curve at s = {curves.start_m[piece]:.6g} m is {abs(short_m[piece]):.3g} m "
+            + ("shorter than its length says; held at its end" if short_m[piece] > 0.0 else
+               "longer than its length says; cut off there")
+        )  # fmt: skip
+        yield _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
+    for piece in np.flatnonzero(last & (np.abs(excess_m) > GAP_M)).tolist():
+        message = f"the line ends {excess_m[piece]:+.3g} m past the road's length; the road's length holds"
+        yield _at(roads, curves, piece, message, WarningKind.ROAD_LENGTH, curves.start_m[piece])
+    yield from _width_warnings(roads)
+
+
+def _start_heading(curves: CurveTable) -> FloatArray:
+    """Return the heading at the start of each piece; a cubic may start at an angle to its own frame."""
+    return curves.evaluate_pieces(np.arange(len(curves.road)), curves.start_m).heading_rad
+
+
+def _at(
+    roads: Sequence[Road], curves: CurveTable, piece: int, message: str, kind: WarningKind, s_m: float
+) -> MapWarning:
+    return MapWarning(roads[int(curves.road[piece])].id, "planView/geometry", message, kind, float(s_m))
+
+
+def _width_warnings(roads: Sequence[Road]) -> Iterator[MapWarning]:
+    """Yield lanes whose width is negative somewhere."""
+    where: list[tuple[Road, float, int]] = []
+    rows: list[FloatArray] = []
+    ends: list[float] = []
+    for road in roads:
+        starts = [section.s_m for section in road.sections]
+        for section, end in zip(road.sections, [*starts[1:], road.length_m], strict=True):
+            for lane in section.lanes:
+                if len(lane.width) and lane.id:
+                    where += [(road, section.s_m, lane.id)] * len(lane.width)
+                    rows.append(lane.width)
+                    ends += [*lane.width[1:, 0].tolist(), end - section.s_m]
+    if not rows:
+        return
+    start, a, b, c, d = np.concatenate(rows).T
+    span = np.maximum(np.array(ends) - start, 0.0)
+    # The least value of a cubic is at an end or where its slope is 0: the two roots, in a form without
+    # cancellation.
+    root = np.sqrt(np.maximum(c**2 - 3.0 * b * d, 0.0))
+    q = -(c + np.where(c < 0.0, -root, root))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        at = np.nan_to_num(np.stack([np.zeros_like(a), span, q / (3.0 * d), b / q]), posinf=0.0, neginf=0.0)
+    at = np.clip(at, 0.0, span)
+    least_m = (a + at * (b + at * (c + at * d))).min(axis=0)
+    for row in np.flatnonzero(least_m < -NEGATIVE_WIDTH_M).tolist():
+        road, s_m, lane_id = where[row]
+        message = (
+            f"lane {lane_id} of the section at s = {s_m:.6g} m is {-least_m[row]:.3g} m below 0 wide; its "
+            "borders cross"
+        )
+        yield MapWarning(road.id, "lane/width", message, WarningKind.NEGATIVE_WIDTH, float(s_m + start[row]))
+
+
+def refuse_warnings(warnings: Sequence[MapWarning]) -> None:
+    """Refuse a map that has any defect.
+
+    Raises:
+        MapContentError: there is a warning; the first one and their number are named.
+    """
+    if warnings:
+        first = warnings[0]
+        more = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
+        where = f"road {first.road_id!r}, " if first.road_id else ""
+        raise MapContentError(
+            f"{where}<{first.element}>: {first.kind}: {first.message}{more}; load without strict to tolerate"
+        )
+
+
+def warning_table(warnings: Sequence[MapWarning]) -> list[str]:
+    """Return the lines of a table of warnings, with their number at the end."""
+    rows = [("kind", "road", "s", "element", "what")] if warnings else []
+    rows += [
+        (w.kind.value, w.road_id or "-", "-" if w.s_m is None else f"{w.s_m:.2f}", w.element, w.message)
+        for w in warnings
+    ]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
+    lines = [
+        "  ".join([*(cell.ljust(n) for cell, n in zip(row, widths, strict=False)), row[4]]) for row in rows
+    ]
+    return [*lines, f"{len(warnings)} defects"]

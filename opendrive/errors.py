@@ -5,6 +5,7 @@ Every error derives from `OpenDriveError`, which is a `ValueError`. Its message 
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 
 class OpenDriveError(ValueError):
@@ -35,6 +36,30 @@ class RouteNotFoundError(OpenDriveError):
     """No chain of successors leads from one lane to the other."""
 
 
+class WarningKind(StrEnum):
+    """Kinds of defects that are tolerated; `docs/opendrive.md` says how each is read."""
+
+    ARC_WITHOUT_CURVATURE = "arc without curvature"
+    CONSTANT_SPIRAL = "constant spiral"
+    CURVE_LENGTH = "curve length"
+    DUPLICATE_ID = "duplicate id"
+    GAP = "gap"
+    HEADING_GAP = "heading gap"
+    IGNORED = "ignored"
+    LANE_IDS = "lane ids"
+    LATE_RECORD = "late record"
+    LEFT_OUT = "left out"
+    LINK = "link"
+    NEGATIVE_WIDTH = "negative width"
+    NO_WIDTH = "no width"
+    ORDER = "order"
+    ROAD_LENGTH = "road length"
+    UNKNOWN_ELEMENT = "unknown element"
+    UNKNOWN_LANE_TYPE = "unknown lane type"
+    UNKNOWN_VALUE = "unknown value"
+    WIDTH_AND_BORDER = "width and border"
+
+
 @dataclass(frozen=True, slots=True)
 class MapWarning:
     """A defect of the map that is tolerated.
@@ -43,8 +68,12 @@ class MapWarning:
         road_id: road (or junction) where the defect is; empty for the file as a whole.
         element: element of the file, such as ``planView/geometry``.
         message: what is wrong and how it was read.
+        kind: what kind of defect it is.
+        s_m: where on the road it is; None where that has no meaning.
     """
 
     road_id: str
     element: str
     message: str
+    kind: WarningKind = WarningKind.LINK
+    s_m: float | None = None

@@ -1,27 +1,28 @@
 """Which lanes contain a point, and which lane is nearest, for many points at once.
 
-Every lane is cut into stretches short enough for quadrilaterals to follow its borders. A tree over them
-yields the candidates; each candidate is then decided exactly, by projecting the point to (s, t) and comparing
-t with the borders.
+Roads are cut into cells with a box around each. A tree over the boxes yields the candidates; each candidate
+is then decided exactly, by projecting the point to (s, t) and comparing t with the borders of all lanes
+there.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.road_cells import RoadCells
 from opendrive.road_geometry import NetworkGeometry
-
-TOLERANCE_M = 0.05
-"""How far a quadrilateral may depart from the lane's border; candidates are taken twice as wide."""
 
 _BORDER_M = 1e-9
 _FOOT_M = 1e-6
-_NO_MARGINS = np.zeros(2)
+_BOX_M = 1e-3
+_BLOCK = 16384
+_BORDER_STEPS = 4
+_FAR_M = 500.0
 
 
 class LaneHits(NamedTuple):
@@ -50,7 +51,7 @@ class NearestLanes(NamedTuple):
         lane: (N,) index of the lane.
         s_m: (N,) road s of the foot on the lane's road, within the lane.
         t_m: (N,) t of the point.
-        distance_m: (N,) distance to the lane, 0 inside it; beside the lane it is measured along t.
+        distance_m: (N,) distance to the lane in plan, 0 inside it.
     """
 
     found: BoolArray
@@ -61,14 +62,87 @@ class NearestLanes(NamedTuple):
 
 
 class _Feet(NamedTuple):
-    """Points projected onto stretches of lanes."""
+    """Points on the reference lines of cells: K pairs of point and cell."""
 
+    point: IntArray
+    cell: IntArray
     s_m: FloatArray
     t_m: FloatArray
-    margin_m: FloatArray
-    centre_m: FloatArray
-    distance_m: FloatArray
     left_over_m: FloatArray
+
+    def chosen(self, mask: BoolArray) -> "_Feet":
+        """Return the pairs where `mask` is true."""
+        rows = np.flatnonzero(mask)
+        return _Feet._make(column[rows] for column in self)
+
+
+class _Offers(NamedTuple):
+    """Lanes beside the feet: pairs of foot and lane, with its row in the border table and its borders."""
+
+    foot: IntArray
+    lane: IntArray
+    row: IntArray
+    inner_m: FloatArray
+    outer_m: FloatArray
+    margin_m: FloatArray
+
+    def chosen(self, mask: BoolArray) -> "_Offers":
+        """Return the pairs where `mask` is true."""
+        rows = np.flatnonzero(mask)
+        return _Offers._make(column[rows] for column in self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CellTree:
+    """The cells that have lanes of some types.
+
+    Attributes:
+        lane_wanted: (L,) the lanes of these types.
+        cell: (C',) their cells.
+        frame: (C', 4) x, y, cos and sin of the heading of the frames of the boxes around these lanes.
+        box: (C', 4) least and greatest u, least and greatest v of the boxes.
+        tree: tree over the boxes.
+        samples: tree over points within these lanes, one or more in each.
+    """
+
+    lane_wanted: BoolArray
+    cell: IntArray
+    frame: FloatArray
+    box: FloatArray
+    tree: shapely.STRtree
+    samples: cKDTree
+
+    def candidates(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return pairs of point and row whose box holds the point."""
+        point, row = self.tree.query(shapely.points(xy_m))
+        beside_u, beside_v = self._beside(xy_m[point], row)
+        inside = np.flatnonzero((beside_u <= 0.0) & (beside_v <= 0.0))
+        return point[inside], row[inside]
+
+    def within(
+        self, xy_m: FloatArray, reach_m: FloatArray
+    ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+        """Yield pairs of point and row whose box is within reach, and their distance, block by block."""
+        for start in range(0, len(xy_m), _BLOCK):
+            xy, reach = xy_m[start : start + _BLOCK], reach_m[start : start + _BLOCK]
+            # A square around the point is the quicker question, but far off the map too many boxes meet it.
+            if reach.max() > _FAR_M:
+                point, row = self.tree.query(shapely.points(xy), predicate="dwithin", distance=reach)
+            else:
+                x, y = xy.T
+                point, row = self.tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
+            beside_u, beside_v = self._beside(xy[point], row)
+            distance = np.hypot(np.maximum(beside_u, 0.0), np.maximum(beside_v, 0.0))
+            near = np.flatnonzero(distance <= reach[point])
+            yield start + point[near], row[near], distance[near]
+
+    def _beside(self, xy_m: FloatArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far points lie outside boxes along u and along v; negative if between the sides."""
+        x, y, cos, sin = self.frame[row].T
+        u_low, u_high, v_low, v_high = self.box[row].T
+        dx, dy = xy_m[:, 0] - x, xy_m[:, 1] - y
+        u, v = cos * dx + sin * dy, cos * dy - sin * dx
+        return np.maximum(u_low - u, u - u_high), np.maximum(v_low - v, v - v_high)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,67 +151,61 @@ class LaneIndex:
 
     Attributes:
         geometry: geometry of the network.
-        lane: (Q,) lane of each stretch.
-        low_m: (Q,) road s where it starts.
-        high_m: (Q,) road s where it ends.
-        start_xy: (Q, 2) middle of the lane at `low_m`, map frame.
-        end_xy: (Q, 2) middle of the lane at `high_m`, map frame.
-        cells: (Q,) the stretches' quadrilaterals.
-        tree: tree over `cells`.
-        trees: trees over the cells of some lane types, made when asked for: cells and tree.
+        cells: cells of its roads.
+        overhang_m: (C, 2) how far beyond a cell's start and end a point can lie between two pieces of a
+            kinked reference line.
+        trees: cells of some lane types, made when asked for; those of all lanes have no key.
     """
 
     geometry: NetworkGeometry
-    lane: IntArray
-    low_m: FloatArray
-    high_m: FloatArray
-    start_xy: FloatArray
-    end_xy: FloatArray
-    cells: NDArray[np.object_]
-    tree: shapely.STRtree
-    trees: dict[frozenset[str], tuple[IntArray, shapely.STRtree]] = field(default_factory=dict, repr=False)
+    cells: RoadCells
+    overhang_m: FloatArray
+    trees: dict[frozenset[str] | None, _CellTree] = field(default_factory=dict, repr=False)
 
     @classmethod
     def build(cls, geometry: NetworkGeometry) -> "LaneIndex":
-        """Cut the lanes into stretches and index them."""
-        every_lane = np.arange(len(geometry.lanes), dtype=np.int64)
-        lane, low, high = geometry.knots(every_lane)
-        lane, low, high = geometry.refine(lane, low, high, _NO_MARGINS, TOLERANCE_M)
-        start = geometry.border_points(lane, low)
-        end = geometry.border_points(lane, high)
-        ring = np.stack([start[0], end[0], end[1], start[1], start[0]], axis=1)
-        cells = np.asarray(shapely.polygons(ring), dtype=np.object_)
-        return cls(
-            geometry, lane, low, high, start.mean(axis=0), end.mean(axis=0), cells, shapely.STRtree(cells)
-        )
+        """Cut the roads into cells; trees are made when first needed."""
+        cells = RoadCells.cut(geometry.curves, geometry.parts)
+        low_m, high_m = _extremes(geometry, np.ones(len(geometry.lanes), dtype=np.bool_))
+        return cls(geometry, cells, cells.overhang(low_m[cells.stretch], high_m[cells.stretch]) + _FOOT_M)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
         """Least and greatest x and y of all lanes: xmin, ymin, xmax, ymax."""
-        if not len(self.cells):
+        tree = self._tree(None)
+        if not tree.cell.size:
             return (0.0, 0.0, 0.0, 0.0)
-        x_min, y_min, x_max, y_max = shapely.total_bounds(self.cells).tolist()
+        x_min, y_min, x_max, y_max = shapely.total_bounds(tree.tree.geometries).tolist()
         return (x_min, y_min, x_max, y_max)
 
     def containing(self, xy_m: FloatArray) -> LaneHits:
         """Return every lane that contains each point (N, 2); borders belong to the lane."""
-        point, cell = self._near(xy_m)
-        feet = self._project(xy_m[point], cell)
-        lane, lanes = self.lane[cell], self.geometry.lanes
-        inside = feet.margin_m >= -_BORDER_M
-        inexact = np.flatnonzero(inside & (np.abs(feet.left_over_m) > _FOOT_M))
-        inside[inexact] = self.geometry.in_wedge(
-            lanes.road[lane[inexact]], xy_m[point[inexact]], feet.s_m[inexact]
-        )
-        point, lane = point[inside], lane[inside]
-        s, t, margin = feet.s_m[inside], feet.t_m[inside], feet.margin_m[inside]
-        # The same lane can be found from two stretches that meet at the point: keep the better foot.
-        order = np.lexsort((-margin, np.abs(feet.left_over_m[inside]), lane, point))
-        point, lane = point[order], lane[order]
-        s, t, margin = s[order], t[order], margin[order]
-        first = np.ones(point.size, dtype=np.bool_)
-        first[1:] = (point[1:] != point[:-1]) | (lane[1:] != lane[:-1])
-        return LaneHits(point[first], lane[first], s[first], t[first], np.maximum(margin[first], 0.0))
+        tree = self._tree(None)
+        point, row = tree.candidates(xy_m)
+        feet = self._feet(xy_m, point, tree.cell[row])
+        before, after = self.overhang_m[feet.cell].T
+        feet = feet.chosen((feet.left_over_m >= -before) & (feet.left_over_m <= after))
+        offers = self._offers(feet, tree.lane_wanted)
+        offers = offers.chosen(offers.margin_m >= -_BORDER_M)
+        left_over = np.abs(feet.left_over_m[offers.foot])
+        inexact = np.flatnonzero(left_over > _FOOT_M)
+        if inexact.size:
+            foot = offers.foot[inexact]
+            inside = np.ones(offers.foot.size, dtype=np.bool_)
+            inside[inexact] = self.geometry.in_wedge(
+                self.cells.road[feet.cell[foot]], xy_m[feet.point[foot]], feet.s_m[foot]
+            )
+            offers, left_over = offers.chosen(inside), left_over[inside]
+        name = feet.point[offers.foot] * len(self.geometry.lanes) + offers.lane
+        order = np.argsort(name, kind="stable")
+        again = name[order[1:]] == name[order[:-1]]
+        if again.any():
+            # The same lane can be found from two cells that meet at the point: the better foot is kept.
+            order = np.lexsort((-offers.margin_m, left_over, name))
+            order = order[np.append(True, ~again)]
+        foot, lane = offers.foot[order], offers.lane[order]
+        margin = np.maximum(offers.margin_m[order], 0.0)
+        return LaneHits(feet.point[foot], lane, feet.s_m[foot], feet.t_m[foot], margin)
 
     def nearest(self, xy_m: FloatArray, lane_types: Collection[str]) -> NearestLanes:
         """Return the nearest lane of the given types for each point (N, 2).
@@ -148,53 +216,185 @@ class LaneIndex:
         result = NearestLanes(
             np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(n), np.zeros(n)
         )
-        chosen, tree = self._cells_of(frozenset(lane_types))
-        if not chosen.size or not n:
+        tree = self._tree(frozenset(lane_types))
+        if not tree.cell.size or not n:
             return result
-        points = shapely.points(xy_m)
-        (near_point, _), distance = tree.query_nearest(points, all_matches=False, return_distance=True)
-        reach = np.zeros(n)
-        reach[near_point] = distance
-        point, cell = tree.query(points, predicate="dwithin", distance=reach + 2.0 * TOLERANCE_M)
-        cell = chosen[cell]
-        feet = self._project(xy_m[point], cell)
-        order = np.lexsort((feet.centre_m, feet.distance_m, point))
-        first = order[np.unique(point[order], return_index=True)[1]]
-        rows = point[first]
-        result.found[rows] = True
-        result.lane[rows] = self.lane[cell[first]]
-        result.s_m[rows] = feet.s_m[first]
-        result.t_m[rows] = feet.t_m[first]
-        result.distance_m[rows] = feet.distance_m[first]
+        # The boxes that hold a point settle it if it lies in a lane. For the others everything counts that is
+        # as near as the nearest sample.
+        self._settle(result, xy_m, *tree.candidates(xy_m), tree)
+        outside = np.flatnonzero(~result.found | (result.distance_m > 0.0))
+        if outside.size:
+            reach, _ = tree.samples.query(xy_m[outside])
+            reach = np.where(result.found[outside], np.minimum(reach, result.distance_m[outside]), reach)
+            # Far points last, so that few blocks have any.
+            order = np.argsort(reach, kind="stable")
+            outside, reach = outside[order], reach[order]
+            for k, row, distance in tree.within(xy_m[outside], reach + _BOX_M):
+                point = outside[k]
+                # The lanes in the nearest box tell how far the others have to be looked at.
+                first = _least(distance, k)
+                self._settle(result, xy_m, point[first], row[first], tree)
+                near = np.flatnonzero(distance <= np.minimum(reach[k], result.distance_m[point]) + _BOX_M)
+                self._settle(result, xy_m, point[near], row[near], tree, follow_borders=True)
         return result
 
-    def _cells_of(self, lane_types: frozenset[str]) -> tuple[IntArray, shapely.STRtree]:
-        """Return the cells of lanes of the given types, and a tree over them."""
+    def _settle(
+        self,
+        result: NearestLanes,
+        xy_m: FloatArray,
+        point: IntArray,
+        row: IntArray,
+        tree: _CellTree,
+        follow_borders: bool = False,
+    ) -> None:
+        """Enter the nearest of the lanes that rows of a tree offer to points.
+
+        Distances are measured along t, and are bounds, unless the borders are followed.
+        """
+        feet = self._feet(xy_m, point, tree.cell[row])
+        offers = self._offers(feet, tree.lane_wanted)
+        low, high = np.minimum(offers.inner_m, offers.outer_m), np.maximum(offers.inner_m, offers.outer_m)
+        t, left_over = feet.t_m[offers.foot], feet.left_over_m[offers.foot]
+        beside = np.clip(t, low, high)
+        distance = np.hypot(left_over, t - beside)
+        distance[(offers.margin_m >= -_BORDER_M) & (np.abs(left_over) <= _FOOT_M)] = 0.0
+        if self.geometry.is_banked:
+            outside = np.flatnonzero(distance)
+            foot = offers.foot[outside]
+            surface = self.geometry.surface(self.cells.road[feet.cell[foot]], feet.s_m[foot], beside[outside])
+            at = xy_m[feet.point[foot]]
+            distance[outside] = np.hypot(at[:, 0] - surface.x_m, at[:, 1] - surface.y_m)
+        if not distance.size:
+            return
+        # The offers of a point lie together: the trees answer point by point.
+        if follow_borders:
+            self._follow_borders(xy_m, feet, offers, beside, distance)
+        point = feet.point[offers.foot]
+        behind = distance > _per_group(np.minimum, distance, point)
+        first = _least(np.where(behind, np.inf, np.abs(t - 0.5 * (low + high))), point)
+        rows, foot = point[first], offers.foot[first]
+        result.found[rows] = True
+        result.lane[rows] = offers.lane[first]
+        result.s_m[rows] = feet.s_m[foot]
+        result.t_m[rows] = feet.t_m[foot]
+        result.distance_m[rows] = distance[first]
+
+    def _follow_borders(
+        self, xy_m: FloatArray, feet: _Feet, offers: _Offers, beside_m: FloatArray, distance_m: FloatArray
+    ) -> None:
+        """Lessen distances to lanes whose borders slant: their nearest point is not abreast of the foot."""
+        geometry, borders = self.geometry, self.geometry.lanes.borders
+        some = np.flatnonzero((distance_m > 0.0) & borders.is_slanted[offers.row])
+        if not some.size:
+            return
+        foot, row, lane = offers.foot[some], offers.row[some], offers.lane[some]
+        cell, x, y = feet.cell[foot], xy_m[feet.point[foot], 0], xy_m[feet.point[foot], 1]
+        low_m, high_m = self.cells.low_m[cell], self.cells.high_m[cell]
+        start_m = borders.low_m[self.cells.stretch[cell]]
+        inner_is_nearer = np.abs(beside_m - offers.inner_m)[some] < np.abs(beside_m - offers.outer_m)[some]
+        s = feet.s_m[foot]
+        for _ in range(_BORDER_STEPS):
+            t = np.where(inner_is_nearer, *borders.offsets(row, s - start_m))
+            slope = np.where(inner_is_nearer, *borders.slopes(row, s - start_m))
+            sections = geometry.cross_sections(geometry.lanes.road[lane], s)
+            border_x, border_y, _ = geometry.place(sections, t)
+            dx, dy = x - border_x, y - border_y
+            distance_m[some] = np.minimum(distance_m[some], np.hypot(dx, dy))
+            ahead = sections.cos * dx + sections.sin * dy
+            left = sections.cos * dy - sections.sin * dx
+            along = np.maximum(1.0 - sections.curvature_per_m * t, 1e-3)
+            s = np.clip(s + (ahead * along + left * slope) / (along**2 + slope**2), low_m, high_m)
+
+    def _feet(self, xy_m: FloatArray, point: IntArray, cell: IntArray) -> _Feet:
+        """Project points onto cells, K pairs."""
+        at = xy_m[point]
+        s, t, left_over = self.cells.project(at, cell)
+        if self.geometry.is_banked:
+            road = self.cells.road[cell]
+            some = np.flatnonzero(self.geometry.banked_roads[road])
+            low_m, high_m = self.cells.low_m[cell[some]], self.cells.high_m[cell[some]]
+            s[some], t[some], left_over[some] = self.geometry.project(
+                road[some], at[some], s[some], low_m, high_m
+            )
+        return _Feet(point, cell, s, t, left_over)
+
+    def _offers(self, feet: _Feet, lane_wanted: BoolArray) -> _Offers:
+        """Return the wanted lanes beside the feet."""
+        borders = self.geometry.lanes.borders
+        stretch = self.cells.stretch[feet.cell]
+        count = borders.lane_count[stretch]
+        lane = concatenated_ranges(borders.first_lane[stretch], count)
+        row = concatenated_ranges(borders.first_row[stretch], count)
+        foot = np.repeat(np.arange(len(stretch), dtype=np.int64), count)
+        if not lane_wanted.all():
+            wanted = np.flatnonzero(lane_wanted[lane])
+            lane, row, foot = lane[wanted], row[wanted], foot[wanted]
+        inner, outer = borders.offsets(row, (feet.s_m - borders.low_m[stretch])[foot])
+        t, side = feet.t_m[foot], self.geometry.lanes.side[lane]
+        return _Offers(foot, lane, row, inner, outer, np.minimum((t - inner) * side, (outer - t) * side))
+
+    def _tree(self, lane_types: frozenset[str] | None) -> _CellTree:
         if lane_types not in self.trees:
-            wanted = np.isin(self.geometry.lanes.lane_type, sorted(lane_types))
-            chosen = np.flatnonzero(wanted[self.lane])
-            self.trees[lane_types] = (chosen, shapely.STRtree(self.cells[chosen]))
+            self.trees[lane_types] = self._plant(lane_types)
         return self.trees[lane_types]
 
-    def _near(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return pairs of point and cell that are close enough to matter."""
-        point, cell = self.tree.query(shapely.points(xy_m), predicate="dwithin", distance=2.0 * TOLERANCE_M)
-        return point.astype(np.int64), cell.astype(np.int64)
+    def _plant(self, lane_types: frozenset[str] | None) -> _CellTree:
+        """Make the tree over the cells of the lanes of some types, or of all lanes."""
+        geometry, cells = self.geometry, self.cells
+        wanted = np.ones(len(geometry.lanes), dtype=np.bool_)
+        if lane_types is not None:
+            wanted = np.isin(geometry.lanes.lane_type, sorted(lane_types))
+        t_low, t_high = _extremes(geometry, wanted)
+        cell = np.flatnonzero(np.isfinite(t_low)[cells.stretch])
+        stretch = cells.stretch[cell]
+        slack = geometry.greatest_shear[cells.road[cell]] * np.maximum(-t_low[stretch], t_high[stretch])
+        box = cells.boxes(cell, t_low[stretch], t_high[stretch], slack)
+        frame = cells.frame[cell]
+        x, y, cos, sin = frame[:, :, None].transpose(1, 0, 2)
+        u, v = box[:, [0, 1, 1, 0]], box[:, [2, 2, 3, 3]]
+        corners = np.stack([x + cos * u - sin * v, y + sin * u + cos * v], axis=-1)
+        rings = np.concatenate([corners, corners[:, :1]], axis=1)
+        polygons = np.asarray(shapely.polygons(rings), dtype=np.object_)
+        return _CellTree(wanted, cell, frame, box, shapely.STRtree(polygons), self._samples(cell, wanted))
 
-    def _project(self, xy_m: FloatArray, cell: IntArray) -> _Feet:
-        """Project points (K, 2) onto the stretches `cell` (K,)."""
-        lane, low, high = self.lane[cell], self.low_m[cell], self.high_m[cell]
-        lanes = self.geometry.lanes
-        road = lanes.road[lane]
-        axis = self.end_xy[cell] - self.start_xy[cell]
-        squared = np.maximum((axis**2).sum(axis=1), 1e-18)
-        fraction = np.clip(((xy_m - self.start_xy[cell]) * axis).sum(axis=1) / squared, 0.0, 1.0)
-        s, t, left_over = self.geometry.project(road, xy_m, low + fraction * (high - low), low, high)
-        t_inner, t_outer, _, _ = lanes.offsets_and_slopes(lane, s)
-        side = lanes.side[lane]
-        margin = np.minimum((t - t_inner) * side, (t_outer - t) * side)
-        nearest_t = np.clip(t, np.minimum(t_inner, t_outer), np.maximum(t_inner, t_outer))
-        foot = self.geometry.surface(road, s, nearest_t)
-        distance = np.hypot(xy_m[:, 0] - foot.x_m, xy_m[:, 1] - foot.y_m)
-        distance[(margin >= -_BORDER_M) & (np.abs(left_over) <= _FOOT_M)] = 0.0
-        return _Feet(s, t, margin, np.abs(t - 0.5 * (t_inner + t_outer)), distance, left_over)
+    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> cKDTree:
+        """Return the middles of the wanted lanes half-way along the cells."""
+        cells, low_m, high_m = self.cells, self.cells.low_m[cell], self.cells.high_m[cell]
+        nothing = np.zeros(len(cell))
+        feet = _Feet(np.arange(len(cell)), cell, 0.5 * (low_m + high_m), nothing, nothing)
+        offers = self._offers(feet, lane_wanted)
+        middle = 0.5 * (offers.inner_m + offers.outer_m)
+        points = self.geometry.surface(cells.road[cell][offers.foot], feet.s_m[offers.foot], middle)
+        return cKDTree(np.stack([points.x_m, points.y_m], axis=1))
+
+
+def _per_group(reduction: np.ufunc, value: FloatArray, group: IntArray) -> FloatArray:
+    """Return the reduction of each group of equal neighbours, for each member."""
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    reduced: FloatArray = np.repeat(reduction.reduceat(value, first), np.diff(np.append(first, len(group))))
+    return reduced
+
+
+def _least(value: FloatArray, group: IntArray) -> IntArray:
+    """Return the index of the first least value of each group of equal neighbours."""
+    if not value.size:
+        return np.empty(0, dtype=np.int64)
+    least = np.flatnonzero(value == _per_group(np.minimum, value, group))
+    return least[np.flatnonzero(np.diff(group[least], prepend=-1))]
+
+
+def _extremes(geometry: NetworkGeometry, lane_wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest t of wanted lanes per stretch of the border table; infinite without any.
+
+    On banked roads the surface is drawn in towards the reference line, which is therefore included.
+    """
+    borders = geometry.lanes.borders
+    row = np.flatnonzero(lane_wanted[concatenated_ranges(borders.first_lane, borders.lane_count)])
+    stretch = np.repeat(np.arange(len(borders.low_m)), borders.lane_count)[row]
+    low, high = (bound[row] for bound in borders.extremes())
+    low_m, high_m = np.full(len(borders.low_m), np.inf), np.full(len(borders.low_m), -np.inf)
+    np.minimum.at(low_m, stretch, low)
+    np.maximum.at(high_m, stretch, high)
+    banked = geometry.banked_roads[borders.road] & np.isfinite(low_m)
+    low_m[banked], high_m[banked] = np.minimum(low_m[banked], 0.0), np.maximum(high_m[banked], 0.0)
+    return low_m, high_m

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, read_only
+from opendrive.arrays import BoolArray, FloatArray, IntArray, read_only
+from opendrive.lane_borders import BorderTable
 from opendrive.model import Lane, Road
 from opendrive.profiles import CubicTable
 
@@ -35,7 +36,8 @@ class LaneTable:
         junction_id: (L,) junction of the lane's road, or None.
         road: (L,) index of the road.
         side: (L,) int8, +1 left of the centre lane, -1 right of it.
-        inner: (L,) index of the next lane towards the centre, -1 for the innermost.
+        section: (L,) index of the lane section in the network; its lanes are numbered without gap.
+        rank: (L,) number of lanes between the lane and the centre lane.
         is_border: (L,) whether `profile` is the outer border's t instead of a width.
         profiles: width or border of lane i is profile i, over road s.
         lane_offset: offset of the centre lane; profile r belongs to road r.
@@ -51,7 +53,8 @@ class LaneTable:
     junction_id: tuple[str | None, ...]
     road: IntArray
     side: NDArray[np.int8]
-    inner: IntArray
+    section: IntArray
+    rank: IntArray
     is_border: BoolArray
     profiles: CubicTable
     lane_offset: CubicTable
@@ -65,7 +68,8 @@ class LaneTable:
     def collect(cls, roads: Sequence[Road]) -> "LaneTable":
         """Collect the lanes of `roads`."""
         key: list[LaneKey] = []
-        rows: list[tuple[float, float, int, int, int, int]] = []
+        rows: list[tuple[float, float, int, int, int, int, int]] = []
+        sections = 0
         junction: list[str | None] = []
         records: list[Lane] = []
         for r, road in enumerate(roads):
@@ -76,15 +80,15 @@ class LaneTable:
                 left = [lane for lane in section.lanes if lane.id > 0][::-1]
                 right = [lane for lane in section.lanes if lane.id < 0]
                 for side, lanes in ((1, left), (-1, right)):
-                    inner = -1
-                    for lane in lanes:
+                    for rank, lane in enumerate(lanes):
                         turned = -1 if lane.direction == "reversed" else 1
-                        rows.append((starts[k], ends[k], -side * keep_right * turned, r, side, inner))
-                        inner = len(key)
+                        direction = -side * keep_right * turned
+                        rows.append((starts[k], ends[k], direction, r, side, sections, rank))
                         key.append(LaneKey(road.id, k, lane.id))
                         junction.append(road.junction_id)
                         records.append(lane)
-        columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T
+                sections += 1
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 7).T
         start, end = read_only(columns[0].copy()), read_only(columns[1].copy())
         return cls(
             key=tuple(key),
@@ -95,7 +99,8 @@ class LaneTable:
             junction_id=tuple(junction),
             road=read_only(columns[3].astype(np.int64)),
             side=read_only(columns[4].astype(np.int8)),
-            inner=read_only(columns[5].astype(np.int64)),
+            section=read_only(columns[5].astype(np.int64)),
+            rank=read_only(columns[6].astype(np.int64)),
             is_border=np.array(
                 [not len(lane.width) and len(lane.border) > 0 for lane in records], dtype=np.bool_
             ),
@@ -108,25 +113,23 @@ class LaneTable:
         )
 
     @cached_property
-    def _stacks(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Return for each lane the lanes whose widths add up to its inner border: first, count, members.
+    def borders(self) -> BorderTable:
+        """Borders of all lanes as cubics of s.
 
-        A lane given by its border starts the count anew: what lies further inside does not matter.
+        Raises:
+            MapContentError: the lanes have too many records.
         """
-        first = np.zeros(len(self), dtype=np.int64)
-        count = np.zeros(len(self), dtype=np.int64)
-        members: list[int] = []
-        stack: list[int] = []
-        for i, inner in enumerate(self.inner.tolist()):
-            if inner < 0:
-                stack = []
-            elif self.is_border[inner]:
-                stack = [inner]
-            else:
-                stack = [*stack, inner]
-            first[i], count[i] = len(members), len(stack)
-            members.extend(stack)
-        return first, count, np.array(members, dtype=np.int64)
+        return BorderTable.build(
+            self.road,
+            self.section,
+            self.s_start_m,
+            self.s_end_m,
+            self.side,
+            self.rank,
+            self.is_border,
+            self.profiles,
+            self.lane_offset,
+        )
 
     def offsets_and_slopes(
         self, lane: IntArray, s_m: FloatArray
@@ -142,26 +145,7 @@ class LaneTable:
         Returns:
             t_inner, t_outer, dt_inner/ds, dt_outer/ds, all (N,).
         """
-        first, count, members = self._stacks
-        inside = np.minimum(s_m, np.nextafter(self.s_end_m[lane], -np.inf))
-        centre, d_centre = self.lane_offset.value_and_slope(self.road[lane], s_m, inside)
-        repeats = count[lane]
-        member = members[concatenated_ranges(first[lane], repeats)]
-        point = np.repeat(np.arange(lane.size), repeats)
-        value, slope = self._signed(member, s_m[point])
-        inner = centre + np.bincount(point, value, lane.size)
-        d_inner = d_centre + np.bincount(point, slope, lane.size)
-        own, d_own = self._signed(lane, s_m)
-        border = self.is_border[lane]
-        return (
-            inner,
-            np.where(border, centre, inner) + own,
-            d_inner,
-            np.where(border, d_centre, d_inner) + d_own,
-        )
-
-    def _signed(self, lane: IntArray, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what a lane's own profile adds to t, and its slope."""
-        value, slope = self.profiles.value_and_slope(lane, s_m)
-        sign = np.where(self.is_border[lane], 1, self.side[lane])
-        return value * sign, slope * sign
+        borders = self.borders
+        stretch = borders.stretch_of(lane, self.road[lane], s_m)
+        row, ds_m = borders.rows(stretch, lane), s_m - borders.low_m[stretch]
+        return *borders.offsets(row, ds_m), *borders.slopes(row, ds_m)

@@ -3,22 +3,39 @@
 from collections.abc import Collection, Mapping
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from opendrive.arrays import FloatArray, finite, points_xy, wrapped
+from opendrive.arrays import FloatArray, IntArray, finite, points_xy, wrapped
+from opendrive.border_sampling import SampledBorders, lane_polygons, sample_borders
 from opendrive.checks import curve_warnings, refuse_impossible_lanes
-from opendrive.errors import LaneNotFoundError, MapContentError, MapWarning, PositionError, RoadNotFoundError
-from opendrive.lane_graph import LaneGraph, Side, may_cross, neighbour_key
+from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
+from opendrive.export import lane_table, to_geojson
+from opendrive.geo import GeoReference
+from opendrive.lane_graph import LaneGraph, Side, crossing_ranges, may_cross, neighbour_key
 from opendrive.lane_index import LaneHits, LaneIndex, NearestLanes
 from opendrive.lanes import LaneKey, LaneTable
 from opendrive.model import MapModel, Signal
 from opendrive.objects import Crosswalk, RoadSignal, crosswalks_on, signals_on
-from opendrive.reader import read_map
-from opendrive.road_geometry import NetworkGeometry, RoadGeometry, SurfacePoints, within
+from opendrive.road_geometry import (
+    S_TOLERANCE_M,
+    NetworkGeometry,
+    RoadGeometry,
+    SurfaceAttitudes,
+    SurfacePoints,
+    within,
+)
+from opendrive.travel import (
+    LANE_CHANGE_COST_M,
+    ROUTE_LANE_TYPES,
+    LanePlaces,
+    LaneRoute,
+    lane_route,
+    travelled,
+)
 
 
 class RoadNetwork:
@@ -79,12 +96,25 @@ class RoadNetwork:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Least and greatest coordinates of all lanes: xmin, ymin, xmax, ymax, metres."""
-        return self._index.bounds
+        """Least and greatest coordinates of all lanes: xmin, ymin, xmax, ymax, metres.
+
+        Taken from the borders at every metre, or at a million points of a map with more; 0 without lanes.
+        """
+        length_m = float((self.lanes.s_end_m - self.lanes.s_start_m).sum())
+        borders = self.sampled_borders(max(1.0, length_m / 1e6))
+        if not len(borders.s_m):
+            return (0.0, 0.0, 0.0, 0.0)
+        xy_m = np.concatenate([borders.left_m[:, :2], borders.right_m[:, :2]])
+        (x_min, y_min), (x_max, y_max) = xy_m.min(axis=0).tolist(), xy_m.max(axis=0).tolist()
+        return (x_min, y_min, x_max, y_max)
 
     @cached_property
     def _index(self) -> LaneIndex:
         return LaneIndex.build(self._geometry)
+
+    @cached_property
+    def _geo(self) -> GeoReference:
+        return GeoReference.of(self._model.header)
 
     @cached_property
     def _graph(self) -> LaneGraph:
@@ -104,84 +134,80 @@ class RoadNetwork:
             raise LaneNotFoundError(f"no lane {lane_id} in section {section} of road {road_id!r}")
         return lane
 
-    def center_line(self, lane: int, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return points of the middle of a lane.
+    def center_line(
+        self, lane: ArrayLike, s_m: ArrayLike
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return points of the middle of lanes.
 
         Args:
-            lane: index of the lane.
-            s_m: road s, of any shape.
+            lane: index of a lane, or an array of them.
+            s_m: road s, broadcast against `lane`.
 
         Returns:
-            x, y, z and heading in travel direction, all of the shape of `s_m`.
+            x, y, z and heading in travel direction, all of the broadcast shape.
 
         Raises:
             LaneNotFoundError: no such lane.
             PositionError: s is not finite or off the lane.
         """
-        s = self._on_lane(lane, s_m)
-        flat = s.ravel()
-        many = np.full(flat.size, lane)
+        lanes, s = self._on_lanes(lane, s_m)
+        many, flat = lanes.ravel(), s.ravel()
         inner, outer, d_inner, d_outer = self.lanes.offsets_and_slopes(many, flat)
-        points = self._geometry.surface(
-            self.lanes.road[many], flat, 0.5 * (inner + outer), 0.5 * (d_inner + d_outer)
-        )
-        heading = (
-            points.heading_rad if self.lanes.direction[lane] > 0 else wrapped(points.heading_rad + np.pi)
-        )
-        z = points.z_m + self._height(lane, flat)
-        return (
-            points.x_m.reshape(s.shape),
-            points.y_m.reshape(s.shape),
-            z.reshape(s.shape),
-            heading.reshape(s.shape),
-        )
+        t = 0.5 * (inner + outer)
+        points = self._geometry.lane_surface(many, flat, t, 0.5 * (d_inner + d_outer))
+        against = np.where(self.lanes.direction[many] > 0, 0.0, np.pi)
+        columns = (points.x_m, points.y_m, points.z_m, wrapped(points.heading_rad + against))
+        x, y, z, heading = (column.reshape(s.shape) for column in columns)
+        return x, y, z, heading
 
-    def _height(self, lane: int, s_m: FloatArray) -> FloatArray:
-        """Return the height of the middle of a lane above the road (chapter "Lanes").
+    def lane_offsets(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return t of lanes' inner borders (those towards the centre lane) and of their outer borders.
 
-        Between two records the height changes linearly, as maps with ramped kerbs expect.
-        """
-        rows = self.lanes.records[lane].height
-        if not len(rows):
-            return np.zeros_like(s_m)
-        middle = 0.5 * (rows[:, 1] + rows[:, 2])
-        height: FloatArray = np.interp(s_m - self.lanes.s_start_m[lane], rows[:, 0], middle, left=0.0)
-        return height
-
-    def lane_offsets(self, lane: int, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return t of a lane's inner border (the one towards the centre lane) and of its outer border.
-
-        Both have the shape of `s_m`.
+        Lane indices and s are broadcast against each other; so are the results.
 
         Raises:
             LaneNotFoundError: no such lane.
             PositionError: s is not finite or off the lane.
         """
-        s = self._on_lane(lane, s_m)
-        inner, outer, _, _ = self.lanes.offsets_and_slopes(np.full(s.size, lane), s.ravel())
+        lanes, s = self._on_lanes(lane, s_m)
+        inner, outer, _, _ = self.lanes.offsets_and_slopes(lanes.ravel(), s.ravel())
         return inner.reshape(s.shape), outer.reshape(s.shape)
 
-    def lane_width(self, lane: int, s_m: ArrayLike) -> FloatArray:
-        """Return a lane's width along t, of the shape of `s_m`.
+    def lane_knots(self, lane: int) -> FloatArray:
+        """Return the s (K,) of a lane's start, of its end and of all records of its shape in between.
+
+        Between two of them reference line and borders are smooth.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+        """
+        _, low_m, high_m = self._geometry.knots(np.array([self._checked(lane)]))
+        return np.append(low_m, high_m[-1])
+
+    def lane_width(self, lane: ArrayLike, s_m: ArrayLike) -> FloatArray:
+        """Return the widths of lanes along t; lane indices and s are broadcast against each other.
 
         Raises:
             LaneNotFoundError: no such lane.
             PositionError: s is not finite or off the lane.
         """
         inner, outer = self.lane_offsets(lane, s_m)
-        width: FloatArray = (outer - inner) * self.lanes.side[lane]
+        width: FloatArray = (outer - inner) * self.lanes.side[np.asarray(lane, dtype=np.int64)]
         return width
 
-    def borders(self, lane: int, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the left and the right border of a lane as seen in travel direction, (N, 2) each.
+    def borders(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the left and the right border of lanes as seen in travel direction, (N, 2) each.
+
+        Lane indices and s are broadcast against each other and flattened.
 
         Raises:
             LaneNotFoundError: no such lane.
             PositionError: s is not finite or off the lane.
         """
-        s = self._on_lane(lane, s_m).ravel()
-        inner, outer = self._geometry.border_points(np.full(s.size, lane), s)
-        return (outer, inner) if self.lanes.side[lane] == self.lanes.direction[lane] else (inner, outer)
+        lanes, s = self._on_lanes(lane, s_m)
+        inner, outer = self._geometry.border_points(lanes.ravel(), s.ravel())
+        outer_is_left = (self.lanes.side == self.lanes.direction)[lanes.ravel(), None]
+        return np.where(outer_is_left, outer, inner), np.where(outer_is_left, inner, outer)
 
     def lane_polygon(
         self,
@@ -216,8 +242,7 @@ class RoadNetwork:
         """
         s0, s1 = np.sort(self._on_lane(lane, [s0_m, s1_m])).tolist()
         finite([margin_left_m, margin_right_m], "margin")
-        if not tolerance_m > 0.0:
-            raise PositionError(f"tolerance_m: expected a positive number, got {tolerance_m}")
+        tolerance_m = _positive(tolerance_m, "tolerance_m")
         outer_is_left = self.lanes.side[lane] == self.lanes.direction[lane]
         margins = np.array(
             [margin_right_m, margin_left_m] if outer_is_left else [margin_left_m, margin_right_m]
@@ -232,6 +257,25 @@ class RoadNetwork:
         if self.lanes.direction[lane] < 0:
             left, right = left[::-1], right[::-1]
         return np.concatenate([right, left[::-1]])
+
+    def lane_polygons(self, tolerance_m: float = 0.05) -> NDArray[np.object_]:
+        """Return the outlines of all lanes as shapely polygons, (L,), counter-clockwise.
+
+        Args:
+            tolerance_m: greatest distance between border and outline.
+
+        Raises:
+            PositionError: the tolerance is not positive.
+        """
+        return lane_polygons(self._geometry, _positive(tolerance_m, "tolerance_m"))
+
+    def sampled_borders(self, step_m: float = 1.0) -> SampledBorders:
+        """Return points of both borders of all lanes, at equal distances of at most `step_m` along the road.
+
+        Raises:
+            PositionError: the step is not positive.
+        """
+        return sample_borders(self._geometry, _positive(step_m, "step_m"))
 
     def speed_limit(self, lane: int, s_m: float) -> float | None:
         """Return the speed limit of a lane at `s_m`, m/s, or None.
@@ -270,6 +314,15 @@ class RoadNetwork:
         """
         return self._road(road_id).coordinates(xy_m)
 
+    def attitude(self, road_id: str, s_m: ArrayLike, t_m: ArrayLike) -> SurfaceAttitudes:
+        """Return height, heading, pitch, roll and normal of a road's surface; see `RoadGeometry.attitude`.
+
+        Raises:
+            RoadNotFoundError: no such road.
+            PositionError: s or t is not finite, or s is off the road.
+        """
+        return self._road(road_id).attitude(s_m, t_m)
+
     # Queries
 
     def locate(self, xy_m: ArrayLike) -> LaneHits:
@@ -283,20 +336,45 @@ class RoadNetwork:
         """
         return self._index.containing(points_xy(xy_m))
 
-    def nearest_lane(self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",)) -> NearestLanes:
+    def nearest_lane(
+        self,
+        xy_m: ArrayLike,
+        lane_types: Collection[str] = ("driving",),
+        heading_rad: ArrayLike | None = None,
+    ) -> NearestLanes:
         """Return the nearest lane of the given types for each point.
 
-        Of several lanes that contain a point, the one whose centre line is nearest is taken.
+        Of several lanes that contain a point, the one whose centre line is nearest is taken; if headings are
+        given, the one whose travel direction is nearest to the heading.
 
         Args:
             xy_m: (N, 2) points, map frame.
             lane_types: OpenDRIVE lane types.
+            heading_rad: (N,) headings of what stands at the points, or one for all.
 
         Raises:
             PositionError: the shape is not (N, 2), or a value is not finite.
         """
         types = (lane_types,) if isinstance(lane_types, str) else tuple(lane_types)
-        return self._index.nearest(points_xy(xy_m), types)
+        points = points_xy(xy_m)
+        nearest = self._index.nearest(points, types)
+        if heading_rad is None:
+            return nearest
+        heading = finite(heading_rad, "heading_rad")
+        if heading.shape not in ((), (1,), (len(points),)):
+            raise PositionError(f"heading_rad: expected shape ({len(points)},), got {heading.shape}")
+        hits = self._index.containing(points)
+        wanted = np.flatnonzero(np.isin(self.lanes.lane_type[hits.lane], types))
+        point, lane, s, t = hits.point[wanted], hits.lane[wanted], hits.s_m[wanted], hits.t_m[wanted]
+        road_heading = self._geometry.curves.evaluate(self.lanes.road[lane], s).heading_rad
+        travel = road_heading + np.where(self.lanes.direction[lane] > 0, 0.0, np.pi)
+        off = np.abs(wrapped(travel - np.broadcast_to(heading, len(points))[point]))
+        order = np.lexsort((off, point))
+        first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
+        rows = point[first]
+        nearest.lane[rows], nearest.s_m[rows], nearest.t_m[rows] = lane[first], s[first], t[first]
+        nearest.distance_m[rows] = 0.0
+        return nearest
 
     # Topology
 
@@ -353,6 +431,46 @@ class RoadNetwork:
         other = self._neighbour(lane, side)
         return other is not None and may_cross(self._model, self.lanes.key[lane], self.lanes.key[other], s)
 
+    def lane_change_ranges(self, lane: int, side: Side) -> FloatArray:
+        """Return the stretches of s (K, 2) on which `lane_change` is true.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: the side is neither left nor right.
+        """
+        if side not in ("left", "right"):
+            raise PositionError(f"side: expected 'left' or 'right', got {side!r}")
+        other = self._neighbour(lane, side)
+        if other is None:
+            return np.empty((0, 2))
+        start, end = float(self.lanes.s_start_m[lane]), float(self.lanes.s_end_m[lane])
+        ranges = crossing_ranges(self._model, self.lanes.key[lane], self.lanes.key[other], start, end)
+        return np.array(ranges, dtype=np.float64).reshape(-1, 2)
+
+    def places_ahead(
+        self, lane: ArrayLike, s_m: ArrayLike, distance_m: ArrayLike, backward: bool = False
+    ) -> LanePlaces:
+        """Return all places that are some metres further on in travel direction, on every branch.
+
+        The distance is measured along the reference lines, as s is. Ways that end before it are left out.
+
+        Args:
+            lane: (N,) lanes, or one.
+            s_m: (N,) road s where to start, broadcast against `lane`.
+            distance_m: (N,) how far to go, broadcast as well.
+            backward: go against travel direction instead.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane, or a distance is negative or has too many
+                branches.
+        """
+        lanes, s = self._on_lanes(lane, s_m)
+        lanes, s, distance = np.broadcast_arrays(lanes, s, finite(distance_m, "distance_m"))
+        if distance.size and distance.min() < 0.0:
+            raise PositionError(f"distance_m: expected no negative value, got {distance.min()}")
+        return travelled(self.lanes, self._graph, lanes.ravel(), s.ravel(), distance.ravel(), backward)
+
     def shortest_route(self, from_lane: int, to_lane: int) -> tuple[int, ...]:
         """Return the lanes of the shortest way between two lanes, both included, without lane changes.
 
@@ -360,7 +478,93 @@ class RoadNetwork:
             LaneNotFoundError: no such lane.
             RouteNotFoundError: no chain of successors leads there.
         """
-        return self._graph.shortest_route(self.lanes, self._checked(from_lane), self._checked(to_lane))
+        start, goal = self._checked(from_lane), self._checked(to_lane)
+        forward = self.lanes.direction > 0
+        entry = float(np.where(forward, self.lanes.s_start_m, self.lanes.s_end_m)[start])
+        leave = float(np.where(forward, self.lanes.s_end_m, self.lanes.s_start_m)[goal])
+        route = lane_route(self._model, self.lanes, self._graph, (start, entry), (goal, leave), np.inf)
+        return tuple(route.lane.tolist())
+
+    def route(
+        self,
+        from_lane: int,
+        from_s_m: float,
+        to_lane: int,
+        to_s_m: float,
+        lane_change_cost_m: float = LANE_CHANGE_COST_M,
+        lane_types: Collection[str] = ROUTE_LANE_TYPES,
+    ) -> LaneRoute:
+        """Return the cheapest way between two places on lanes, with lane changes where the marks allow them.
+
+        The cost is the length along the reference lines plus `lane_change_cost_m` for each lane change.
+        Changes lead to lanes of the same direction and of the given types. `nearest_lane` finds the place of
+        a pose.
+
+        Args:
+            from_lane: lane of the start.
+            from_s_m: road s of the start.
+            to_lane: lane of the goal.
+            to_s_m: road s of the goal.
+            lane_change_cost_m: detour that a lane change is worth; infinite for none.
+            lane_types: OpenDRIVE lane types that may be changed into.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane, or the cost is not positive.
+            RouteNotFoundError: no way leads there.
+        """
+        if not lane_change_cost_m > 0.0:
+            raise PositionError(f"lane_change_cost_m: expected a positive number, got {lane_change_cost_m}")
+        start = (self._checked(from_lane), float(self._on_lane(from_lane, from_s_m)))
+        goal = (self._checked(to_lane), float(self._on_lane(to_lane, to_s_m)))
+        return lane_route(self._model, self.lanes, self._graph, start, goal, lane_change_cost_m, lane_types)
+
+    # Geographic positions and exports
+
+    def to_geographic(self, xy_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return latitude and longitude (N,) of points (N, 2) of the map frame: WGS 84, degrees.
+
+        The header's offset is applied here and nowhere else.
+
+        Raises:
+            GeoReferenceError: pyproj is not installed, or the map's geoReference is absent or not understood.
+            PositionError: the shape is not (N, 2), a value is not finite, or a point is outside the
+                projection.
+        """
+        return self._geo.to_geographic(points_xy(xy_m))
+
+    def from_geographic(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> FloatArray:
+        """Return points (N, 2) of the map frame at latitude and longitude (N,): WGS 84, degrees.
+
+        Raises:
+            GeoReferenceError: pyproj is not installed, or the map's geoReference is absent or not understood.
+            PositionError: a value is not finite, or a point is outside the projection.
+        """
+        latitude, longitude = np.broadcast_arrays(
+            finite(latitude_deg, "latitude_deg"), finite(longitude_deg, "longitude_deg")
+        )
+        return self._geo.from_geographic(latitude.ravel(), longitude.ravel())
+
+    def lane_table(self, tolerance_m: float = 0.05) -> dict[str, Any]:
+        """Return all lanes as columns of a table; see `opendrive.export.lane_table`.
+
+        Raises:
+            PositionError: the tolerance is not positive.
+        """
+        return lane_table(self, _positive(tolerance_m, "tolerance_m"))
+
+    def to_geojson(
+        self, path: str | PathLike[str] | None = None, tolerance_m: float = 0.05
+    ) -> dict[str, Any]:
+        """Return all lanes as a GeoJSON feature collection, and write it to a file if one is given.
+
+        Raises:
+            GeoReferenceError: the map has a geoReference, but it is not understood or pyproj is not
+                installed.
+            PositionError: the tolerance is not positive.
+            OSError: the file cannot be written.
+        """
+        return to_geojson(self, path, _positive(tolerance_m, "tolerance_m"))
 
     # Objects and signals
 
@@ -388,6 +592,22 @@ class RoadNetwork:
             raise LaneNotFoundError(f"no lane {lane}: the network has lanes 0 to {len(self.lanes) - 1}")
         return int(lane)
 
+    def _on_lanes(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[IntArray, FloatArray]:
+        """Return lane indices and s on the lanes, broadcast against each other."""
+        lanes, s = np.broadcast_arrays(np.asarray(lane), finite(s_m, "s_m"))
+        if not lanes.size:
+            return lanes.astype(np.int64), s
+        if lanes.dtype.kind not in "iu":
+            raise LaneNotFoundError(f"lane: expected indices, got values of type {lanes.dtype}")
+        for extreme in (lanes.min(), lanes.max()):
+            self._checked(int(extreme))
+        lanes = lanes.astype(np.int64)
+        on_lane = np.clip(s, self.lanes.s_start_m[lanes], self.lanes.s_end_m[lanes])
+        off = np.flatnonzero(np.abs(s - on_lane) > S_TOLERANCE_M)
+        if off.size:
+            self._on_lane(int(lanes.flat[off[0]]), s.flat[off[0]])
+        return lanes, on_lane
+
     def _on_lane(self, lane: int, s_m: ArrayLike) -> FloatArray:
         i = self._checked(lane)
         s = finite(s_m, "s_m")
@@ -407,18 +627,7 @@ class RoadNetwork:
         )
 
 
-def load_map(path: str | PathLike[str]) -> RoadNetwork:
-    """Load an OpenDRIVE map.
-
-    Args:
-        path: the ``.xodr`` file (ASAM OpenDRIVE 1.4 to 1.8).
-
-    Raises:
-        MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
-        MapContentError: a required element or attribute is missing, or has an impossible value.
-    """
-    model = read_map(path)
-    try:
-        return RoadNetwork(model)
-    except MapContentError as error:
-        raise MapContentError(f"{Path(path)}: {error}") from None
+def _positive(value: float, name: str) -> float:
+    if not (value > 0.0 and np.isfinite(value)):
+        raise PositionError(f"{name}: expected a positive number, got {value}")
+    return float(value)

@@ -8,18 +8,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, finite, points_xy, wrapped
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, finite, points_xy, wrapped
 from opendrive.curves import CurveTable, Poses
 from opendrive.errors import PositionError
 from opendrive.lanes import LaneTable
+from opendrive.lateral_shape import ShapeTable
 from opendrive.model import Road
 from opendrive.profiles import CubicTable
+from opendrive.road_cells import RoadParts, arc_step
 
 S_TOLERANCE_M = 1e-3
 """A position this far off the end of a road or lane is moved onto it; further off is an error."""
 
 _FOOT_STEPS = 30
 _KINK_STEP_M = 1e-7
+_SLOPE_STEP_M = 1e-3
 
 _SHARE = 0.9
 """Part of a tolerance that the probes may use up; the border may depart a little more between them."""
@@ -40,6 +43,42 @@ class SurfacePoints(NamedTuple):
     heading_rad: FloatArray
 
 
+class CrossSections(NamedTuple):
+    """Cross sections of roads at given s: arrays of one shape (N,).
+
+    Attributes:
+        road: road indices.
+        s_m: along the road.
+        x_m: reference line, map frame.
+        y_m: reference line, map frame.
+        heading_rad: heading of the reference line.
+        curvature_per_m: its curvature.
+        cos: cosine of the heading.
+        sin: sine of the heading.
+        z_m: height of the reference line.
+        grade: its slope dz/ds.
+        roll_rad: superelevation; meaningless if no road has any.
+        d_roll: its derivative by s.
+    """
+
+    road: IntArray
+    s_m: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    curvature_per_m: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    z_m: FloatArray
+    grade: FloatArray
+    roll_rad: FloatArray
+    d_roll: FloatArray
+
+    def take(self, rows: IntArray) -> "CrossSections":
+        """Return some of the cross sections."""
+        return CrossSections._make(column[rows] for column in self)
+
+
 @dataclass(frozen=True, eq=False)
 class NetworkGeometry:
     """Geometry of all roads and lanes, evaluated on arrays.
@@ -50,6 +89,7 @@ class NetworkGeometry:
         superelevation: roll about the reference line, rad.
         crossfall_left: slope left of the reference line, rad.
         crossfall_right: slope right of it, rad.
+        shapes: lateral shapes.
         lanes: all lanes.
         length_m: (R,) lengths of the roads.
     """
@@ -59,6 +99,7 @@ class NetworkGeometry:
     superelevation: CubicTable
     crossfall_left: CubicTable
     crossfall_right: CubicTable
+    shapes: ShapeTable
     lanes: LaneTable
     length_m: FloatArray
 
@@ -71,25 +112,96 @@ class NetworkGeometry:
             superelevation=CubicTable.stack([road.superelevation for road in roads]),
             crossfall_left=CubicTable.stack([road.crossfall_left for road in roads]),
             crossfall_right=CubicTable.stack([road.crossfall_right for road in roads]),
+            shapes=ShapeTable.stack([road.shape for road in roads]),
             lanes=LaneTable.collect(roads),
             length_m=np.array([road.length_m for road in roads]),
         )
 
     @cached_property
-    def _is_banked(self) -> bool:
-        return bool(self.superelevation.coefficients.any())
+    def is_banked(self) -> bool:
+        """Whether any road has superelevation."""
+        return bool(self.banked_roads.any())
+
+    @cached_property
+    def banked_roads(self) -> BoolArray:
+        """(R,) the roads that have superelevation."""
+        owner = np.repeat(np.arange(len(self.length_m)), np.diff(self.superelevation.first))
+        banked = np.zeros(len(self.length_m), dtype=np.bool_)
+        banked[owner[self.superelevation.coefficients.any(axis=1)]] = True
+        return banked
+
+    @cached_property
+    def greatest_shear(self) -> FloatArray:
+        """(R,) bound of how far banking moves the surface along a road that climbs, per metre of t."""
+        roll = _greatest_values(self.superelevation, self.length_m)
+        grade = _greatest_values(self.elevation, self.length_m, slope=True)
+        return np.where(self.banked_roads, np.minimum(roll, 1.0) * np.minimum(grade, 1.0), 0.0)
+
+    @cached_property
+    def parts(self) -> RoadParts:
+        """Parts of roads on which the reference line is one piece and every lane border one cubic."""
+        return RoadParts.cut(self.curves, self.lanes.borders)
 
     @cached_property
     def _has_crossfall(self) -> bool:
         return bool(self.crossfall_left.coefficients.any() or self.crossfall_right.coefficients.any())
 
+    @cached_property
+    def _lane_heights(self) -> tuple[CubicTable, CubicTable] | None:
+        """Heights of the lanes' inner and outer borders above the road, if any lane has some."""
+        rows = [lane.height for lane in self.lanes.records]
+        if not any(map(len, rows)):
+            return None
+        start_m = self.lanes.s_start_m.tolist()
+        inner, outer = (CubicTable.stack([_ramps(row[:, [0, k]]) for row in rows], start_m) for k in (1, 2))
+        return inner, outer
+
+    @cached_property
+    def _level_base(self) -> IntArray | None:
+        """(L,) the lane from whose inner border on each is kept level, -1 for none; None if none is."""
+        level = np.array([lane.level for lane in self.lanes.records], dtype=np.bool_)
+        if not level.any():
+            return None
+        base = np.full(len(level), -1, dtype=np.int64)
+        for lane in np.flatnonzero(level).tolist():
+            continued = self.lanes.rank[lane] > 0 and base[lane - 1] >= 0
+            base[lane] = base[lane - 1] if continued else lane
+        return base
+
+    def cross_sections(self, road: IntArray, s_m: FloatArray) -> CrossSections:
+        """Return what is needed to place points at `s_m` of roads, both (N,)."""
+        poses = self.curves.evaluate(road, s_m)
+        z, grade = self.elevation.value_and_slope(road, s_m)
+        roll = d_roll = z
+        if self.is_banked:
+            roll, d_roll = self.superelevation.value_and_slope(road, s_m)
+        cos, sin = np.cos(poses.heading_rad), np.sin(poses.heading_rad)
+        return CrossSections(road, s_m, *poses, cos, sin, z, grade, roll, d_roll)
+
+    def place(self, sections: CrossSections, t_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x, y and z of the surface at `t_m` (N,) of cross sections.
+
+        The t axis is the reference line's normal, rolled by the superelevation about the reference line with
+        its grade (chapter "Roads"). Crossfall lowers the surface on both sides, the lateral shape adds to it.
+        """
+        x, y, across, z = sections.x_m, sections.y_m, t_m, sections.z_m
+        if self.is_banked:
+            sin_roll, cos_roll = np.sin(sections.roll_rad), np.cos(sections.roll_rad)
+            steep = np.hypot(1.0, sections.grade)
+            along, across = -t_m * sin_roll * sections.grade / steep, t_m * cos_roll
+            x, y, z = x + sections.cos * along, y + sections.sin * along, z + t_m * sin_roll / steep
+        if self._has_crossfall:
+            left = self.crossfall_left.value(sections.road, sections.s_m)
+            right = self.crossfall_right.value(sections.road, sections.s_m)
+            z = z - np.abs(t_m) * np.tan(np.where(t_m > 0.0, left, right))
+        if self.shapes:
+            z = z + self.shapes.height(sections.road, sections.s_m, t_m)
+        return x - sections.sin * across, y + sections.cos * across, z + np.zeros_like(t_m)
+
     def surface(
         self, road: IntArray, s_m: FloatArray, t_m: FloatArray, slope: FloatArray | float = 0.0
     ) -> SurfacePoints:
-        """Return points of the road surface.
-
-        The t axis is the reference line's normal, rolled by the superelevation about the reference line with
-        its grade (chapter "Roads"). Crossfall lowers the surface on both sides.
+        """Return points of the road surface; see `place`.
 
         Args:
             road: (N,) road indices.
@@ -97,26 +209,43 @@ class NetworkGeometry:
             t_m: (N,) across it, positive to the left.
             slope: dt/ds of the line whose heading is wanted, (N,) or 0 for lines parallel to the road.
         """
-        poses = self.curves.evaluate(road, s_m)
-        z, grade = self.elevation.value_and_slope(road, s_m)
-        along, across, d_across = np.zeros_like(t_m), t_m, slope + np.zeros_like(t_m)
-        if self._is_banked:
-            roll, d_roll = self.superelevation.value_and_slope(road, s_m)
-            along = -t_m * np.sin(roll) * grade / np.hypot(1.0, grade)
-            across = t_m * np.cos(roll)
-            d_across = d_across * np.cos(roll) - t_m * np.sin(roll) * d_roll
-            z = z + t_m * np.sin(roll) / np.hypot(1.0, grade)
-        if self._has_crossfall:
-            left, right = self.crossfall_left.value(road, s_m), self.crossfall_right.value(road, s_m)
-            z = z - np.abs(t_m) * np.tan(np.where(t_m > 0.0, left, right))
-        cos, sin = np.cos(poses.heading_rad), np.sin(poses.heading_rad)
-        turn = np.arctan2(d_across, 1.0 - poses.curvature_per_m * across)
-        return SurfacePoints(
-            x_m=poses.x_m + cos * along - sin * across,
-            y_m=poses.y_m + sin * along + cos * across,
-            z_m=z,
-            heading_rad=wrapped(poses.heading_rad + turn),
-        )
+        return self._oriented(self.cross_sections(road, s_m), t_m, slope)
+
+    def lane_surface(
+        self, lane: IntArray, s_m: FloatArray, t_m: FloatArray, slope: FloatArray | float = 0.0
+    ) -> SurfacePoints:
+        """Return points of lanes, with the heights of the lanes; see `surface` and `lift`."""
+        sections = self.cross_sections(self.lanes.road[lane], s_m)
+        points = self._oriented(sections, t_m, slope)
+        return points._replace(z_m=self.lift(lane, sections, t_m, points.z_m))
+
+    def _oriented(self, sections: CrossSections, t_m: FloatArray, slope: FloatArray | float) -> SurfacePoints:
+        x, y, z = self.place(sections, t_m)
+        across, d_across = t_m, slope + np.zeros_like(t_m)
+        if self.is_banked:
+            cos_roll, sin_roll = np.cos(sections.roll_rad), np.sin(sections.roll_rad)
+            across, d_across = t_m * cos_roll, d_across * cos_roll - t_m * sin_roll * sections.d_roll
+        turn = np.arctan2(d_across, 1.0 - sections.curvature_per_m * across)
+        return SurfacePoints(x, y, z, wrapped(sections.heading_rad + turn))
+
+    def lift(self, lane: IntArray, sections: CrossSections, t_m: FloatArray, z_m: FloatArray) -> FloatArray:
+        """Return the heights of points of lanes, given those of the road surface there, all (N,).
+
+        A lane that is kept level has the height of the inner border of the innermost level lane; the heights
+        of a lane's borders are added, linearly between them and between their records (chapter "Lanes").
+        """
+        if self._level_base is not None:
+            some = np.flatnonzero(self._level_base[lane] >= 0)
+            edge = self.lanes.offsets_and_slopes(self._level_base[lane[some]], sections.s_m[some])[0]
+            z_m = z_m.copy()
+            z_m[some] = self.place(sections.take(some), edge)[2]
+        if self._lane_heights is not None:
+            inner, outer = (table.value(lane, sections.s_m) for table in self._lane_heights)
+            t_inner, t_outer, _, _ = self.lanes.offsets_and_slopes(lane, sections.s_m)
+            width = t_outer - t_inner
+            share = np.divide(t_m - t_inner, width, out=np.zeros_like(width), where=width != 0.0)
+            z_m = z_m + inner + share * (outer - inner)
+        return z_m
 
     def project(
         self, road: IntArray, xy_m: FloatArray, s_m: FloatArray, low_m: FloatArray, high_m: FloatArray
@@ -144,7 +273,7 @@ class NetworkGeometry:
         for _ in range(_FOOT_STEPS):
             along, t, curvature = self._offset(road[active], xy_m[active], s_m[active])
             t_m[active], left_over[active] = t, along
-            moved = np.clip(s_m[active] + _step(along, t, curvature), low_m[active], high_m[active])
+            moved = np.clip(s_m[active] + arc_step(along, t, curvature), low_m[active], high_m[active])
             moving = np.abs(moved - s_m[active]) > 1e-11 * np.maximum(1.0, np.abs(moved))
             s_m[active] = moved
             active = active[moving]
@@ -172,7 +301,7 @@ class NetworkGeometry:
         dx, dy = xy_m[:, 0] - poses.x_m, xy_m[:, 1] - poses.y_m
         cos, sin = np.cos(poses.heading_rad), np.sin(poses.heading_rad)
         along, across = cos * dx + sin * dy, cos * dy - sin * dx
-        if self._is_banked:
+        if self.is_banked:
             roll = self.superelevation.value(road, s_m)
             grade = self.elevation.value_and_slope(road, s_m)[1]
             across = across / np.maximum(np.cos(roll), 1e-3)
@@ -231,19 +360,11 @@ class NetworkGeometry:
 
     def knots(self, lane: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return the stretches of lanes between the records that shape them: lane, start and end."""
-        lanes = self.lanes
-        stretches: list[FloatArray] = []
-        for i in lane.tolist():
-            road, start, end = int(lanes.road[i]), lanes.s_start_m[i], lanes.s_end_m[i]
-            inside = np.concatenate(
-                [self.curves.starts_of(road), lanes.lane_offset.starts_of(road), lanes.profiles.starts_of(i)]
-            )
-            inside = inside[(inside > start + 1e-6) & (inside < end - 1e-6)]
-            stretches.append(np.concatenate([[start], np.unique(inside), [end]]))
-        count = np.array([len(s) - 1 for s in stretches], dtype=np.int64)
-        low = np.concatenate([np.empty(0), *(s[:-1] for s in stretches)])
-        high = np.concatenate([np.empty(0), *(s[1:] for s in stretches)])
-        return np.repeat(lane, count), low, high
+        borders, parts = self.lanes.borders, self.parts
+        first = np.searchsorted(parts.stretch, borders.first_stretch[lane], side="left")
+        count = np.searchsorted(parts.stretch, borders.last_stretch[lane], side="right") - first
+        part = concatenated_ranges(first, count)
+        return np.repeat(lane, count), parts.low_m[part], parts.high_m[part]
 
     @cached_property
     def _chords(self) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -294,6 +415,24 @@ class NetworkGeometry:
         return s_m, t_m
 
 
+class SurfaceAttitudes(NamedTuple):
+    """How road surfaces lie in space at given points; arrays of one shape.
+
+    Attributes:
+        z_m: height.
+        heading_rad: direction of increasing s, wrapped to (-pi, pi].
+        pitch_rad: rotation about the axis to the left, right-handed: negative where the road climbs along s.
+        roll_rad: rotation about the axis ahead, right-handed: positive where the left side is higher.
+        normal: unit vectors upwards, map frame; one axis of length 3 more than the others.
+    """
+
+    z_m: FloatArray
+    heading_rad: FloatArray
+    pitch_rad: FloatArray
+    roll_rad: FloatArray
+    normal: FloatArray
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RoadGeometry:
     """Geometry of one road.
@@ -340,6 +479,39 @@ class RoadGeometry:
             *(column.reshape(s.shape) for column in self.geometry.surface(road, s.ravel(), t.ravel()))
         )
 
+    def attitude(self, s_m: ArrayLike, t_m: ArrayLike) -> SurfaceAttitudes:
+        """Return height, heading, pitch, roll and normal of the surface at (s, t), broadcast.
+
+        Elevation, superelevation, crossfall and lateral shape count. The slopes are taken over a few
+        millimetres, towards the road where that is its end.
+
+        Raises:
+            PositionError: s or t is not finite, or s is off the road.
+        """
+        s, t = np.broadcast_arrays(self._on_road(s_m), finite(t_m, "t_m"))
+        at, across = s.ravel(), t.ravel()
+        road = np.full(s.size, self.index)
+        low, high = np.maximum(at - _SLOPE_STEP_M, 0.0), np.minimum(at + _SLOPE_STEP_M, self.length_m)
+        point = self.geometry.surface(road, at, across)
+        steps = []
+        for before, after in (
+            ((low, across), (high, across)),
+            ((at, across - _SLOPE_STEP_M), (at, across + _SLOPE_STEP_M)),
+        ):
+            first, second = (np.stack(self.geometry.surface(road, *place)[:3]) for place in (before, after))
+            steps.append(second - first)
+        normal = np.cross(steps[0], steps[1], axis=0)
+        normal /= np.maximum(np.linalg.norm(normal, axis=0), 1e-300)
+        cos, sin = np.cos(point.heading_rad), np.sin(point.heading_rad)
+        ahead = cos * normal[0] + sin * normal[1]
+        left = cos * normal[1] - sin * normal[0]
+        pitch = np.arctan2(ahead, normal[2])
+        roll = -np.arcsin(np.clip(left, -1.0, 1.0))
+        z, heading, pitch, roll = (
+            column.reshape(s.shape) for column in (point.z_m, point.heading_rad, pitch, roll)
+        )
+        return SurfaceAttitudes(z, heading, pitch, roll, normal.T.reshape(*s.shape, 3))
+
     def coordinates(self, xy_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return (s, t) of points (N, 2), each at the nearest point of the reference line.
 
@@ -355,12 +527,26 @@ class RoadGeometry:
         return within(s, 0.0, self.length_m, f"road {self.id!r}")
 
 
-def _step(along: FloatArray, t_m: FloatArray, curvature: FloatArray) -> FloatArray:
-    """Return the arc length from the current foot to the foot on the osculating circle."""
-    bent = np.abs(curvature) > 1e-9
-    safe = np.where(bent, curvature, 1.0)
-    step: FloatArray = np.where(bent, np.arctan2(safe * along, 1.0 - safe * t_m) / safe, along)
-    return step
+def _ramps(rows: FloatArray) -> FloatArray:
+    """Return (K, 5) records that join the points (K, 2) of s and value by straight lines."""
+    records = np.zeros((len(rows), 5))
+    records[:, :2] = rows
+    run, rise = np.diff(rows[:, 0]), np.diff(rows[:, 1])
+    records[:-1, 2] = np.divide(rise, run, out=np.zeros_like(run), where=run > 0.0)
+    return records
+
+
+def _greatest_values(table: CubicTable, length_m: FloatArray, slope: bool = False) -> FloatArray:
+    """Return bounds (R,) of the magnitude of each profile, or of its slope."""
+    owner = np.repeat(np.arange(len(length_m)), np.diff(table.first))
+    a, b, c, d = np.abs(table.coefficients).T
+    end = np.append(table.start_m[1:], 0.0)
+    end = np.where(np.append(owner[1:] == owner[:-1], False), end, length_m[owner])
+    h = np.maximum(end - table.start_m, 0.0)
+    bound = b + h * (2.0 * c + 3.0 * h * d) if slope else a + h * (b + h * (c + h * d))
+    greatest = np.zeros(len(length_m))
+    np.maximum.at(greatest, owner, bound)
+    return greatest
 
 
 def within(s_m: FloatArray, low_m: float, high_m: float, where: str) -> FloatArray:

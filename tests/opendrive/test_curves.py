@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import fresnel
@@ -119,6 +119,7 @@ def test_poly3_is_run_through_by_arc_length():
     assert (poses.x_m[0], poses.y_m[0]) == pytest.approx((u, c * u**2 + d * u**3), abs=1e-8)
 
 
+@settings(deadline=None)
 @given(
     shape=st.one_of(
         st.builds(Arc, st.floats(-0.3, 0.3)),
@@ -148,3 +149,33 @@ def test_many_roads_are_evaluated_in_one_call():
     poses = table.evaluate(np.array([1, 0, 0, 1]), np.array([2.0, 4.0, 20.0, 20.0]))
     np.testing.assert_allclose(poses.x_m, [5.0, 4.0, 10.0 + np.sin(1.0) / 0.1, 5.0])
     np.testing.assert_allclose(poses.y_m, [7.0, 0.0, (1.0 - np.cos(1.0)) / 0.1, 25.0])
+
+
+SHAPES = st.one_of(
+    st.just(Line()),
+    st.builds(Arc, st.floats(-0.2, 0.2)),
+    st.builds(Spiral, st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
+    st.builds(lambda c, d: Poly3((0.0, 0.0, c, d)), st.floats(-0.01, 0.01), st.floats(-1e-4, 1e-4)),
+)
+
+
+@settings(deadline=None)
+@given(
+    shapes=st.lists(st.tuples(SHAPES, st.floats(0.5, 40.0)), min_size=2, max_size=6),
+    heading=st.floats(-np.pi, np.pi),
+)
+def test_chained_pieces_join_without_gap_or_kink(shapes, heading):
+    pieces, s, x, y = [], 0.0, 3.0, -7.0
+    for shape, length in shapes:
+        pieces.append(Geometry(s, x, y, heading, length, shape))
+        end = evaluate(shape, [length], length, heading, x, y)
+        s, x, y, heading = s + length, end.x_m[0], end.y_m[0], end.heading_rad[0]
+    table = CurveTable.stack([pieces])
+    joints = np.array([piece.s_m for piece in pieces[1:]])
+    road = np.zeros(len(joints), dtype=np.int64)
+    step = 1e-6
+    before, after = table.evaluate(road, joints - step), table.evaluate(road, joints + step)
+    assert np.hypot(after.x_m - before.x_m, after.y_m - before.y_m) == pytest.approx(2.0 * step, rel=1e-3)
+    turned = after.heading_rad - before.heading_rad
+    bound = 2.0 * step * (np.maximum(np.abs(before.curvature_per_m), np.abs(after.curvature_per_m)) + 1e-3)
+    assert (np.abs(turned) <= bound).all()

@@ -1,5 +1,6 @@
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from opendrive import LaneKey, RouteNotFoundError
@@ -84,37 +85,34 @@ def test_lane_changes(network_of, oracle, map_name):
     assert compared or all(row[7] is None and row[8] is None for row in oracle(map_name, "succ")["rows"])
 
 
-@pytest.mark.parametrize("column", [5, 6], ids=["next", "previous"])
-def test_five_metres_on(network_of, oracle, map_name, column):
-    network = network_of(map_name)
-    follow = network.successors if column == 5 else network.predecessors
-    along = 1 if column == 5 else -1
-    for row in oracle(map_name, "succ")["rows"]:
-        lane = lane_at(network, *row[:3])
-        reached, edge = walk(network, follow, along, lane, row[2], 5.0)
-        expected = {(str(road), lane_id) for road, lane_id, _ in row[column]}
-        # Within a centimetre of the end of a lane both lanes are right, and dead ends have no answer.
-        if not edge:
-            right = expected <= reached if map_name in PARTLY_WALKED else reached == expected
-            assert right, row[: column + 1]
-
-
-def walk(network, follow, along, lane, s_m, distance_m):
-    """Return (road, lane id) of the lanes reached, and whether one was reached within 1 cm of its edge."""
+@pytest.mark.parametrize("backward", [False, True], ids=["next", "previous"])
+def test_five_metres_on(network_of, oracle, map_name, backward):
+    """Lanes and s that libcarla reaches, from all its places in one call."""
+    network, rows = network_of(map_name), oracle(map_name, "succ")["rows"]
     lanes = network.lanes
-    forward = lanes.direction[lane] * along > 0
-    left_m = (lanes.s_end_m[lane] - s_m) if forward else (s_m - lanes.s_start_m[lane])
-    if distance_m <= left_m:
-        return {(lanes.key[lane].road_id, lanes.key[lane].lane_id)}, bool(left_m - distance_m < 0.01)
-    reached, edge = set(), False
-    following = follow(lane)
-    for other in following:
-        enters_at_start = lanes.direction[other] * along > 0
-        start = lanes.s_start_m[other] if enters_at_start else lanes.s_end_m[other]
-        more, more_edge = walk(network, follow, along, other, start, distance_m - left_m)
-        reached |= more
-        edge |= more_edge
-    return reached, edge or not following or distance_m - left_m < 0.01
+    lane = np.array([lane_at(network, *row[:3]) for row in rows])
+    s = np.clip([row[2] for row in rows], lanes.s_start_m[lane], lanes.s_end_m[lane])
+    places = network.places_ahead(lane, s, 5.0, backward)
+    to_edge = np.minimum(places.s_m - lanes.s_start_m[places.lane], lanes.s_end_m[places.lane] - places.s_m)
+    compared = 0
+    for k, row in enumerate(rows):
+        mine = np.flatnonzero(places.start == k)
+        # Within a centimetre of the end of a lane both lanes are right, and dead ends have no answer.
+        if not mine.size or to_edge[mine].min() < 0.01:
+            continue
+        reached = {
+            (lanes.key[i].road_id, lanes.key[i].lane_id): at
+            for i, at in zip(places.lane[mine].tolist(), places.s_m[mine].tolist(), strict=True)
+        }
+        expected = {(str(road), lane_id): at for road, lane_id, at in row[6 if backward else 5]}
+        if map_name in PARTLY_WALKED:
+            assert expected.keys() <= reached.keys(), row[:3]
+        else:
+            assert expected.keys() == reached.keys(), row[:3]
+        for name, at in expected.items():
+            assert reached[name] == pytest.approx(at, abs=0.02), (row[:3], name)
+        compared += 1
+    assert compared > 0.3 * len(rows)
 
 
 def two_roads(text, link_a='<successor elementType="road" elementId="b" contactPoint="start"/>', rule=""):
@@ -269,3 +267,82 @@ def test_marks_hold_from_where_they_start_and_allow_changes_by_default(load, tex
     assert network.lane_change(lane, 39.9, "left")
     assert not network.lane_change(lane, 40.0, "left")
     assert not network.lane_change(lane, 10.0, "right")
+
+
+def test_the_ranges_of_lane_changes_agree_with_the_single_answers(network_of, map_name):
+    network = network_of(map_name)
+    lanes = network.lanes
+    for lane in range(0, len(lanes), max(1, len(lanes) // 40)):
+        low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+        for side in ("left", "right"):
+            ranges = network.lane_change_ranges(lane, side)
+            for s in low + (high - low) * np.array([0.013, 0.317, 0.711, 0.986]):
+                inside = bool(((ranges[:, 0] < s) & (s < ranges[:, 1])).any())
+                assert inside == network.lane_change(lane, s, side), (lanes.key[lane], s, side)
+
+
+def virtual_junction(text):
+    """A driveway: road "in" leaves the main road at 40 m, road "out" joins it at 60 m."""
+    lane = text.lane(
+        -1, '<link><predecessor id="-1"/><successor id="-1"/></link>' + text.record("width", 3.0)
+    )
+    one_lane = text.section(right=lane)
+    east = '<geometry s="0" x="{}" y="{}" hdg="{}" length="{}"><line/></geometry>'
+    return (
+        text.road(east.format(0, 0, 0, 100), sections=one_lane, road_id="main"),
+        text.road(
+            east.format(40, 0, -0.5, 20),
+            sections=one_lane,
+            road_id="in",
+            length=20.0,
+            junction="J",
+            link='<predecessor elementType="road" elementId="main" elementS="40" elementDir="+"/>'
+            '<successor elementType="road" elementId="yard" contactPoint="start"/>',
+        ),
+        text.road(
+            east.format(42, -30, 0.5, 30),
+            sections=one_lane,
+            road_id="out",
+            length=30.0,
+            junction="J",
+            link='<predecessor elementType="road" elementId="yard" contactPoint="end"/>'
+            '<successor elementType="road" elementId="main" elementS="60" elementDir="+"/>',
+        ),
+        text.road(
+            east.format(60, -10, 0.0, 50),
+            sections=one_lane,
+            road_id="yard",
+            length=50.0,
+            link='<predecessor elementType="junction" elementId="J"/>'
+            '<successor elementType="junction" elementId="J"/>',
+        ),
+        '<junction id="J" type="virtual" mainRoad="main" sStart="40" sEnd="60" orientation="+">'
+        '<connection id="0" incomingRoad="main" connectingRoad="in" contactPoint="start">'
+        '<laneLink from="-1" to="-1"/></connection>'
+        '<connection id="1" incomingRoad="yard" connectingRoad="out" contactPoint="start">'
+        '<laneLink from="-1" to="-1"/></connection></junction>',
+    )
+
+
+def test_virtual_junctions_meet_the_main_road_on_its_way(load, text):
+    network = load(*virtual_junction(text))
+    main, into, out, yard = (
+        network.lane_index_of(LaneKey(road, 0, -1)) for road in ("main", "in", "out", "yard")
+    )
+    assert network.successors(main) == (into,)
+    assert network.successors(out) == (main,)
+    assert network.successors(yard) == (out,)
+    places = network.places_ahead(main, 30.0, 20.0)
+    assert list(zip(places.lane.tolist(), places.s_m.tolist(), strict=True)) == [(main, 50.0), (into, 10.0)]
+    # Behind the turning there is one way only.
+    assert network.places_ahead(main, 41.0, 5.0).lane.tolist() == [main]
+    back = network.places_ahead(main, 65.0, 10.0, backward=True)
+    assert list(zip(back.lane.tolist(), back.s_m.tolist(), strict=True)) == [(main, 55.0), (out, 25.0)]
+    # Out of the yard, into the main road at 60 m, on to 70 m.
+    route = network.route(yard, 45.0, main, 70.0)
+    assert route.lane.tolist() == [yard, out, main]
+    assert route.s_from_m.tolist() == [45.0, 0.0, 60.0]
+    assert route.length_m == pytest.approx(5.0 + 30.0 + 10.0)
+    assert network.route(main, 10.0, yard, 5.0).length_m == pytest.approx(30.0 + 20.0 + 5.0)
+    with pytest.raises(RouteNotFoundError):
+        network.route(main, 45.0, yard, 5.0)

@@ -24,9 +24,12 @@ def test_containment(network_of, oracle, map_name):
     }
     assert expected.keys() <= found.keys()
     for name in found.keys() - expected.keys():
-        # The reference gives a point on a border, or on a kink between two sections, to one lane only.
+        # The reference gives a point on a border, or on a kink between two pieces, to one lane only; where
+        # the pieces of a reference line overlap by less than a millimetre, to none.
         k = found[name]
-        on_joint = hits.s_m[k] in (network.lanes.s_start_m[hits.lane[k]], network.lanes.s_end_m[hits.lane[k]])
+        record = network.roads[name[1]].record
+        joints = [section.s_m for section in record.sections] + [piece.s_m for piece in record.geometries]
+        on_joint = np.abs(np.array([*joints, record.length_m]) - hits.s_m[k]).min() < 1e-3
         assert hits.margin_m[k] < 1e-9 or on_joint, name
     # Reference values are rounded to 1e-4; its s on paramPoly3 is good to 2 mm.
     rows = [found[name] for name in expected]
@@ -112,6 +115,17 @@ def test_nearest_lane_measures_to_the_border(load, text):
     np.testing.assert_allclose(near.t_m, [5.5, -1.0, -7.5, 1.0], atol=1e-9)
 
 
+def test_the_distance_to_a_slanting_border_is_that_to_the_line(load, text):
+    """A lane that widens by 0.4 m per metre: its border is a straight line at an angle to the road."""
+    width = text.record("width", 3.0, 0.4)
+    plan = '<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'
+    network = load(text.road(plan, sections=text.section(right=text.lane(-1, width))))
+    x = np.array([20.0, 50.0, 77.0])
+    below = np.array([4.0, 0.3, 11.0])
+    near = network.nearest_lane(np.stack([x, -(3.0 + 0.4 * x) - below], axis=1))
+    np.testing.assert_allclose(near.distance_m, below / np.hypot(1.0, 0.4), atol=1e-9)
+
+
 def test_nearest_lane_looks_at_the_wanted_types_only(load, text):
     width = text.record("width", 3.0)
     network = load(
@@ -145,7 +159,9 @@ def test_nearest_lane_is_the_nearest_of_all(network_of):
     to_border = np.array([np.hypot(*(borders - point).T).min() for point in points])
     outside = near.distance_m > 0.0
     assert outside.sum() > 50
+    # The ends of the lanes are not sampled: a lane can only be nearer than its borders.
     np.testing.assert_allclose(near.distance_m[outside], to_border[outside], atol=0.15)
+    assert (near.distance_m <= to_border + 1e-9).all()
 
 
 @pytest.mark.parametrize("xy", [[[np.nan, 0.0]], [[np.inf, 0.0]], [1.0, 2.0, 3.0], [[1.0, 2.0, 3.0]], "here"])

@@ -8,7 +8,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from opendrive import LaneKey, LaneNotFoundError, PositionError, RoadNotFoundError, load_map
+from opendrive import (
+    LaneKey,
+    LaneNotFoundError,
+    MapContentError,
+    PositionError,
+    RoadNotFoundError,
+    load_map,
+)
 
 BANKED = "esut_straight_500_superelevation_elevation_curve"
 # On paramPoly3 both references are good to 2 mm; on line, arc and spiral they are exact.
@@ -25,15 +32,10 @@ def has_cubics(network):
 
 
 def poses_of(network, rows):
-    """Return x, y, z, heading along s and width for oracle rows, one call per lane."""
+    """Return lanes, and x, y, z, travel heading and width (N, 5) for oracle rows."""
     lane = np.array([network.lane_index_of(LaneKey(str(row[0]), row[2], row[3])) for row in rows])
     s = np.array([row[4] for row in rows])
-    poses = np.empty((len(rows), 5))
-    for i in np.unique(lane).tolist():
-        chosen = np.flatnonzero(lane == i)
-        x, y, z, heading = network.center_line(i, s[chosen])
-        poses[chosen] = np.stack([x, y, z, heading, network.lane_width(i, s[chosen])], axis=1)
-    return lane, poses
+    return lane, np.stack([*network.center_line(lane, s), network.lane_width(lane, s)], axis=1)
 
 
 def test_poses_against_libopendrive(network_of, oracle, map_name):
@@ -79,14 +81,36 @@ def test_poses_against_libcarla(network_of, oracle, map_name):
 def test_borders_against_libopendrive(network_of, oracle, map_name):
     network = network_of(map_name)
     rows = oracle(map_name, "lanes")["rows"]
+    lane = np.array([network.lane_index_of(LaneKey(str(row[0]), row[2], row[3])) for row in rows])
+    s = np.array([row[4] for row in rows])
+    expected = np.array([row[5:9] for row in oracle(map_name, "second")["libodr"]], dtype=float)
+    t_inner, t_outer = network.lane_offsets(lane, s)
+    assert np.abs(np.stack([t_inner, t_outer], axis=1) - expected[:, :2]).max() < 2e-6
+    left, right = network.borders(lane, s)
+    inner_is_right = network.lanes.side[lane] == network.lanes.direction[lane]
+    inner = np.where(inner_is_right[:, None], right, left)
     bound = CUBIC_XY_M if has_cubics(network) else 2e-6
-    for row, expected in zip(rows[::10], oracle(map_name, "second")["libodr"][::10], strict=True):
-        lane = network.lane_index_of(LaneKey(str(row[0]), row[2], row[3]))
-        t_inner, t_outer = network.lane_offsets(lane, row[4])
-        assert (float(t_inner), float(t_outer)) == pytest.approx(expected[5:7], abs=2e-6)
-        left, right = network.borders(lane, row[4])
-        inner = right if network.lanes.side[lane] == network.lanes.direction[lane] else left
-        assert np.hypot(*(inner[0] - expected[7:9])) < bound
+    assert np.hypot(*(inner - expected[:, 2:]).T).max() < bound
+
+
+def test_many_lanes_are_asked_at_once(network_of):
+    network = network_of("Town01")
+    lane = np.arange(len(network.lanes))
+    middle = 0.5 * (network.lanes.s_start_m + network.lanes.s_end_m)
+    together = np.stack([*network.center_line(lane, middle), network.lane_width(lane, middle)])
+    left, right = network.borders(lane, middle)
+    for i in range(0, len(lane), 29):
+        one = [*network.center_line(i, middle[i]), network.lane_width(i, middle[i])]
+        np.testing.assert_allclose(together[:, i], np.array(one), atol=1e-12)
+        np.testing.assert_allclose(
+            [left[i], right[i]], np.concatenate(network.borders(i, middle[i])), atol=1e-12
+        )
+    assert network.lane_width(lane[:3, None], [[1.0, 2.0]]).shape == (3, 2)
+    assert network.center_line([], [])[0].shape == (0,)
+    with pytest.raises(LaneNotFoundError, match="expected indices"):
+        network.center_line([0.5], 1.0)
+    with pytest.raises(PositionError, match=r"within \[0, "):
+        network.center_line([0, 1], [0.0, 1e6])
 
 
 def test_borders_are_left_and_right_in_travel_direction(network_of, map_name):
@@ -302,3 +326,12 @@ def test_reversed_lanes_run_the_other_way(load, text):
     network = load(text.road(sections=text.section(right=lane)))
     assert network.lanes.direction.tolist() == [-1]
     assert float(network.center_line(0, 1.0)[3]) == pytest.approx(0.3 - np.pi)
+
+
+def test_lanes_with_too_many_records_are_refused(load, text, monkeypatch):
+    """Each record of one lane cuts all lanes of its section: their product bounds time and memory."""
+    monkeypatch.setattr("opendrive.lane_borders.MAX_ROWS", 5)
+    width = "".join(text.record("width", 3.0, s=10.0 * k) for k in range(3))
+    sections = text.section(left=text.lane(1, width), right=text.lane(-1, width))
+    with pytest.raises(MapContentError, match="6 border curves, expected at most 5"):
+        load(text.road(sections=sections))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from opendrive import MapContentError, MapReadError, OpenDriveError, load_map, read_map
+from opendrive import MapContentError, MapReadError, OpenDriveError, WarningKind, load_map, read_map
 from opendrive.model import ParamPoly3, Spiral
 
 BOMB = """<?xml version="1.0"?><!DOCTYPE OpenDRIVE [<!ENTITY a "aaaaaaaaaa">
@@ -155,12 +155,15 @@ def test_damaged_maps_load_or_are_refused(shared, tmp_path, seed):
     assert all("damaged.xodr" in message for message in refused)
 
 
-def test_ids_must_be_unique(load, text):
-    with pytest.raises(MapContentError, match="road id 'r' is used twice"):
-        load(text.road(), text.road())
+def test_of_two_roads_or_lanes_with_one_id_the_first_is_kept(load, text):
     width = text.record("width", 3.0)
-    with pytest.raises(MapContentError, match="lane id 1 is used twice"):
-        load(text.road(sections=text.section(left=text.lane(1, width) * 2)))
+    lanes = text.section(left=text.lane(1, width) + text.lane(1, text.record("width", 5.0)))
+    network = load(text.road(length=50.0), text.road(sections=lanes), text.road(road_id="s", sections=lanes))
+    assert network.model.roads["r"].length_m == 50.0
+    assert [lane.id for lane in network.model.roads["s"].sections[0].lanes] == [1, 0]
+    np.testing.assert_array_equal(network.model.roads["s"].sections[0].lanes[0].width[:, 1], 3.0)
+    twice = [warning for warning in network.warnings if warning.kind == WarningKind.DUPLICATE_ID]
+    assert sorted(warning.road_id for warning in twice) == ["r", "r", "s"]
 
 
 def test_errors_are_value_errors():

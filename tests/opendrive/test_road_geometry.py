@@ -7,7 +7,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opendrive import LaneKey, PositionError, RoadNetwork, load_map
-from opendrive.model import Arc, Geometry, Header, Lane, LaneSection, Line, MapModel, Road, Spiral
+from opendrive.model import (
+    Arc,
+    Geometry,
+    Header,
+    Lane,
+    LaneSection,
+    Line,
+    MapModel,
+    ParamPoly3,
+    Poly3,
+    Road,
+    Spiral,
+)
 
 EMPTY = np.empty((0, 5))
 
@@ -25,10 +37,7 @@ def made_network(*shapes, length_m=60.0, superelevation=EMPTY, elevation=EMPTY, 
 
 def network_from(pieces, superelevation, elevation, width_m):
     width = np.array([[0.0, width_m, 0.0, 0.0, 0.0]])
-    lanes = tuple(
-        Lane(i, "driving", False, (), (), width if i else EMPTY, EMPTY, np.empty((0, 3)), (), ())
-        for i in (1, 0, -1)
-    )
+    lanes = tuple(Lane(i, "driving", False, (), (), width if i else EMPTY, EMPTY) for i in (1, 0, -1))
     road = Road(
         id="r",
         name="",
@@ -46,9 +55,6 @@ def network_from(pieces, superelevation, elevation, width_m):
         lane_offset=EMPTY,
         types=(),
         sections=(LaneSection(0.0, False, lanes),),
-        signals=(),
-        signal_references=(),
-        objects=(),
     )
     header = Header(1, 8, "", "", "", "", None, None, None, None, "", None)
     return RoadNetwork(MapModel(header, {"r": road}, {}, ()))
@@ -149,8 +155,137 @@ def test_probes(shared, tmp_path):
         for (lane_id, s), row in zip(probe["queries"], expected, strict=True):
             lane = network.lane_index_of(LaneKey("1", 0, lane_id))
             x, y, z, heading = (float(value) for value in network.center_line(lane, s))
+            if name == "shape":
+                # No reference reads it: 0.5 m from t = -5 m to 0, nothing to the left of that.
+                row = [row[0], row[1], row[2] + 0.5 * (lane_id < 0), *row[3:]]
             along = heading if network.lanes.direction[lane] > 0 else heading + np.pi
             assert (x, y, z) == pytest.approx(row[:3], abs=2e-6), (name, lane_id, s)
             assert np.sin(along - row[3]) == pytest.approx(0.0, abs=2e-6), (name, lane_id, s)
             assert np.cos(along - row[3]) > 0.0, (name, lane_id, s)
             assert float(network.lane_width(lane, s)) == pytest.approx(row[4], abs=1e-6), (name, lane_id, s)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    curvature=st.floats(0.02, 0.2),
+    side=st.sampled_from([-1.0, 1.0]),
+    closeness=st.floats(0.9, 0.999),
+    share=st.floats(0.01, 0.99),
+)
+def test_the_inside_of_tight_bends_is_found_too(curvature, side, closeness, share):
+    """Up to a thousandth of the radius from the centre, where s hardly moves the point."""
+    network = made_network(Arc(side * curvature), length_m=2.0 / curvature)
+    s, t = share * 2.0 / curvature, side * closeness / curvature
+    point = network.road_point("r", s, t)
+    back_s, back_t = network.road_coordinates("r", [[float(point.x_m), float(point.y_m)]])
+    assert back_t[0] == pytest.approx(t, abs=1e-9)
+    # A rounding error of 1e-14 m beside the centre turns the foot by that over the distance to the centre.
+    assert back_s[0] == pytest.approx(s, abs=1e-8)
+
+
+SHAPES = [
+    Line(),
+    Arc(0.03),
+    Arc(-0.2),
+    Spiral(-0.02, 0.06),
+    Spiral(0.0, 0.15),
+    Poly3((0.0, 0.0, 0.004, -0.0001)),
+    ParamPoly3((0.0, 28.0, 1.0, -2.0), (0.0, 0.0, 9.0, -4.0), True),
+    ParamPoly3((0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.01, 0.0002), False),
+]
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    shapes=st.lists(st.sampled_from(SHAPES), min_size=1, max_size=3),
+    where=st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(-0.95, 0.95)), min_size=1, max_size=12),
+    roll_rad=st.sampled_from([0.0, 0.15]),
+)
+def test_points_of_a_lane_are_located_in_it(shapes, where, roll_rad):
+    """Whatever the curve: at the s and t that they were made from."""
+    banked = np.array([[0.0, roll_rad, 0.0, 0.0, 0.0]])
+    sloping = np.array([[0.0, 1.0, 0.08, 0.0, 0.0]])
+    # Cubics end where their arc length does: 25 m are within all of them.
+    network = made_network(*shapes, length_m=25.0, superelevation=banked, elevation=sloping)
+    s, share = np.array(where).T
+    s, t = s * network.roads["r"].length_m, 3.0 * share
+    points = network.road_point("r", s, t)
+    hits = network.locate(np.stack([points.x_m, points.y_m], axis=1))
+    for k in range(len(s)):
+        lane = network.lane_index_of(LaneKey("r", 0, 1 if t[k] > 0.0 else -1))
+        found = np.flatnonzero((hits.point == k) & (hits.lane == lane))
+        # A road that comes round again may cover the point twice; one of the answers is the one asked for.
+        assert found.size, (s[k], t[k])
+        near = network.road_point("r", hits.s_m[found], hits.t_m[found])
+        np.testing.assert_allclose(near.x_m, points.x_m[k], atol=1e-6)
+        np.testing.assert_allclose(near.y_m, points.y_m[k], atol=1e-6)
+        nearest = network.nearest_lane([[points.x_m[k], points.y_m[k]]])
+        assert nearest.distance_m[0] == 0.0
+
+
+def profiled(load, text, profile, lanes=""):
+    lane = text.lane(-1, text.record("width", 3.0))
+    plan = '<geometry s="0" x="0" y="0" hdg="0.5" length="100"><line/></geometry>'
+    return load(text.road(plan, sections=text.section(right=lane + lanes), extra=profile))
+
+
+def test_attitude_of_a_plain_slope(load, text):
+    network = profiled(
+        load, text, '<elevationProfile><elevation s="0" a="2" b="0.1" c="0" d="0"/></elevationProfile>'
+    )
+    at = network.attitude("r", [0.0, 40.0, 100.0], -1.0)
+    np.testing.assert_allclose(at.z_m, [2.0, 6.0, 12.0])
+    np.testing.assert_allclose(at.pitch_rad, -np.arctan(0.1), atol=1e-9)
+    np.testing.assert_allclose(at.roll_rad, 0.0, atol=1e-9)
+    normal = np.array([-0.1 * np.cos(0.5), -0.1 * np.sin(0.5), 1.0]) / np.hypot(1.0, 0.1)
+    np.testing.assert_allclose(at.normal, np.tile(normal, (3, 1)), atol=1e-9)
+
+
+def test_attitude_of_a_banked_and_of_a_crowned_road(load, text):
+    lateral = '<lateralProfile><superelevation s="0" a="0.12" b="0" c="0" d="0"/></lateralProfile>'
+    at = profiled(load, text, lateral).attitude("r", 50.0, -2.0)
+    assert float(at.roll_rad) == pytest.approx(0.12, abs=1e-9)
+    assert float(at.z_m) == pytest.approx(-2.0 * np.sin(0.12))
+    left = np.array([-np.sin(0.5), np.cos(0.5)])
+    np.testing.assert_allclose(at.normal, [*(-np.sin(0.12) * left), np.cos(0.12)], atol=1e-9)
+    lateral = '<lateralProfile><crossfall side="both" s="0" a="0.03" b="0" c="0" d="0"/></lateralProfile>'
+    at = profiled(load, text, lateral).attitude("r", 50.0, [-2.0, 2.0])
+    np.testing.assert_allclose(at.z_m, -2.0 * np.tan(0.03))
+    np.testing.assert_allclose(at.roll_rad, [0.03, -0.03], atol=1e-9)
+    assert at.normal.shape == (2, 3)
+
+
+def test_lateral_shapes_are_interpolated_along_the_road(load, text):
+    """Flat at the start, a parabola of 0.2 m at t = -2 m at the end."""
+    shape = (
+        '<shape s="0" t="-5" a="0" b="0" c="0" d="0"/>'
+        '<shape s="100" t="-4" a="0.8" b="-0.4" c="0.05" d="0"/>'
+        '<shape s="100" t="0" a="0" b="0" c="0" d="0"/>'
+    )
+    network = profiled(load, text, f"<lateralProfile>{shape}</lateralProfile>")
+    z = network.road_point("r", [0.0, 25.0, 50.0, 100.0], -2.0).z_m
+    np.testing.assert_allclose(z, np.array([0.0, 0.25, 0.5, 1.0]) * 0.2, atol=1e-12)
+    np.testing.assert_allclose(network.road_point("r", 100.0, [1.0, -4.0, -9.0]).z_m, [0.0, 0.8, 0.8])
+
+
+def test_level_lanes_keep_the_height_of_their_inner_border(load, text):
+    level = "".join(
+        text.lane(i, text.record("width", 2.0), "sidewalk").replace('level="false"', 'level="true"')
+        for i in (-2, -3)
+    )
+    lateral = '<lateralProfile><superelevation s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>'
+    network = profiled(load, text, lateral, level)
+    z = [float(network.center_line(lane, 50.0)[2]) for lane in range(3)]
+    np.testing.assert_allclose(z, [-1.5 * np.sin(0.1), -3.0 * np.sin(0.1), -3.0 * np.sin(0.1)])
+    borders = network.sampled_borders()
+    np.testing.assert_allclose(borders.right_m[borders.first[1] :, 2], -3.0 * np.sin(0.1))
+
+
+def test_heights_of_lanes_rise_between_their_borders(load, text):
+    height = '<height sOffset="0" inner="0.1" outer="0.3"/><height sOffset="100" inner="0.3" outer="0.3"/>'
+    network = profiled(load, text, "", text.lane(-2, text.record("width", 2.0) + height, "sidewalk"))
+    assert float(network.center_line(1, 0.0)[2]) == pytest.approx(0.2)
+    assert float(network.center_line(1, 50.0)[2]) == pytest.approx(0.25)
+    borders = network.sampled_borders(50.0)
+    np.testing.assert_allclose(borders.left_m[borders.first[1] :, 2], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(borders.right_m[borders.first[1] :, 2], 0.3)

@@ -1,0 +1,31 @@
+"""Files to road networks."""
+
+from os import PathLike
+from pathlib import Path
+
+from opendrive.checks import refuse_warnings
+from opendrive.errors import MapContentError
+from opendrive.network import RoadNetwork
+from opendrive.reader import read_map
+
+
+def load_map(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
+    """Load an OpenDRIVE map.
+
+    Args:
+        path: the ``.xodr`` file (ASAM OpenDRIVE 1.4 to 1.8).
+        strict: refuse the defects that are otherwise tolerated and listed in `RoadNetwork.warnings`.
+
+    Raises:
+        MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
+        MapContentError: a required element or attribute is missing, or has an impossible value; with
+            `strict`, also any defect that would be a warning.
+    """
+    model = read_map(path)
+    try:
+        network = RoadNetwork(model)
+        if strict:
+            refuse_warnings(network.warnings)
+    except MapContentError as error:
+        raise MapContentError(f"{Path(path)}: {error}") from None
+    return network
