@@ -10,6 +10,8 @@ import typer
 
 from evaluation.arguments import DEFAULT_MAP
 
+PICTURE_FORMATS = ("png", "svg", "pdf")
+
 app = typer.Typer(
     name="smartmot-eval",
     help="HD-map-aware tracking and automatic emergency braking, evaluated in closed loop.",
@@ -38,12 +40,44 @@ PLOT_EXAMPLES = """
 `smartmot-eval plot results --run CPNA_map_dry_none_60kmh_seed0 --format svg`
 """
 
+REPORT_EXAMPLES = """
+**Examples**
+
+`smartmot-eval report results`
+
+`smartmot-eval report results --out comparison.html`
+"""
+
+REPLAY_EXAMPLES = """
+**Examples**
+
+`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --gif map60.gif`
+
+`smartmot-eval replay results/logs/CPNA_map_dry_none_60kmh_seed0.parquet --mp4 map60.mp4 --speed 0.5`
+"""
+
 MAP_EXAMPLES = """
 **Examples**
 
 `smartmot-eval map town.xodr --png town.png`
 
 `smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`
+
+`smartmot-eval map town.xodr --check --strict`
+"""
+
+MOT_EXAMPLES = """
+**Examples**
+
+`smartmot-eval mot kitti/training --out results/mot`
+
+`smartmot-eval mot nuscenes/detections.json --config centerpoint --write nuscenes`
+
+`smartmot-eval mot my_csv_folder --gif tracks.gif --sequence 0001`
+
+`smartmot-eval mot my_csv_folder --filter map --map town.xodr`
+
+Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install 'smartmot[mot]'.
 """
 
 Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
@@ -72,6 +106,7 @@ Impact = Annotated[
         help="Euro NCAP impact location in % of the ego's width (25, 50, 75); default: the paper's test.",
     ),
 ]
+PictureFormat = Annotated[str, typer.Option("--format", help="Pictures as png, svg or pdf.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
 
 
@@ -96,6 +131,7 @@ def cpna(
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the sensor noise.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for tables, logs and pictures.")] = Path("results"),
     pictures: Annotated[bool, typer.Option(help="Draw the pictures.")] = True,
+    form: PictureFormat = "png",
     quiet: Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
@@ -104,6 +140,7 @@ def cpna(
     from scenarios.cpna import STRATEGIES
     from scenarios.presets import PRESETS, WEATHER
 
+    form = parse_name(form, PICTURE_FORMATS, "--format")
     suite = CpnaSuite(
         speeds_kmh=parse_speeds(speeds),
         strategies=parse_names(strategy, STRATEGIES, "--strategy"),
@@ -116,16 +153,16 @@ def cpna(
         seed=seed,
         phase_s=phase_ms / 1000,
     )
-    _run(suite, writable_folder(out), pictures, quiet)
+    _run(suite, writable_folder(out), form if pictures else None, quiet)
 
 
-def _run(suite, out: Path, pictures: bool, quiet: bool) -> None:  # type: ignore[no-untyped-def]
+def _run(suite, out: Path, pictures: str | None, quiet: bool) -> None:  # type: ignore[no-untyped-def]
     """Run a suite behind a progress bar, write its files, print its table."""
     import rich.console
     import rich.progress
 
     from evaluation import results, runner
-    from evaluation.scoring import PUBLISHED
+    from evaluation.protocols.paper import PUBLISHED
 
     console = rich.console.Console(quiet=quiet)
     picture_count = 3 if pictures else 0
@@ -146,7 +183,7 @@ def _run(suite, out: Path, pictures: bool, quiet: bool) -> None:  # type: ignore
 
             progress.update(task, description="drawing")
             logs = results.read_logs(out, runs)
-            save_pictures(out, runs, logs, site, done=lambda: progress.advance(task))
+            save_pictures(out, runs, logs, site, suffix=pictures, done=lambda: progress.advance(task))
     table = results.comparison_table(runs, PUBLISHED if runner.is_published(suite) else None)
     results.write_table(out, table)
     console.print(results.rich_table(table, f"{rows[0].scenario}, preset {suite.preset}"))
@@ -161,7 +198,7 @@ def plot(
         Optional[str],  # noqa: UP045
         typer.Option(help="Log name (column log of runs.csv) for temporal diagram and bird's-eye view."),
     ] = None,
-    form: Annotated[str, typer.Option("--format", help="png, svg or pdf.")] = "png",
+    form: PictureFormat = "png",
     quiet: Quiet = False,
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
@@ -169,10 +206,67 @@ def plot(
     from evaluation.arguments import parse_name
     from evaluation.pictures import save_pictures
 
-    form = parse_name(form, ("png", "svg", "pdf"), "--format")
+    form = parse_name(form, PICTURE_FORMATS, "--format")
     runs = results.read_runs(directory)
     site = runner.load_site(runner.read_suite(directory))
     written = save_pictures(directory, runs, results.read_logs(directory, runs), site, shown=run, suffix=form)
+    if not quiet:
+        for path in written:
+            typer.echo(path)
+
+
+@app.command(epilog=REPORT_EXAMPLES)
+def report(
+    directory: Annotated[Path, typer.Argument(help="Folder that a run wrote.", metavar="DIR")],
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Page to write; default: report.html in the folder.", metavar="FILE.html"),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a folder of results as one HTML page: findings, scores, diagrams, a replay of every run."""
+    import rich.progress
+
+    from evaluation.report.page import write_page
+
+    with rich.progress.Progress(transient=True, disable=quiet or not sys.stdout.isatty()) as progress:
+        task = progress.add_task("reading runs", total=None)
+        page, notes = write_page(
+            directory, out, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    for note in notes:
+        typer.echo(f"smartmot-eval: {note}", err=True)
+    if not quiet:
+        typer.echo(page)
+
+
+@app.command(epilog=REPLAY_EXAMPLES)
+def replay(
+    run: Annotated[Path, typer.Argument(help="DIR/NAME of a run, or the path of its log.", metavar="RUN")],
+    gif: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Animated GIF to write; default: NAME.gif in DIR.", metavar="FILE.gif"),
+    ] = None,
+    mp4: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="H.264 film to write; needs ffmpeg.", metavar="FILE.mp4"),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Pictures per second, 1 to 50.")] = 20.0,
+    speed: Annotated[float, typer.Option(help="1: real time, 0.5: half as fast.")] = 1.0,
+    quiet: Quiet = False,
+) -> None:
+    """Film a run from above, with what happens in words."""
+    import rich.progress
+
+    from evaluation.report.replay import replay as film
+
+    with rich.progress.Progress(transient=True, disable=quiet or not sys.stdout.isatty()) as progress:
+        task = progress.add_task("drawing", total=None)
+        written, notes = film(
+            run, gif, mp4, fps, speed, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    for note in notes:
+        typer.echo(f"smartmot-eval: {note}", err=True)
     if not quiet:
         for path in written:
             typer.echo(path)
@@ -191,6 +285,10 @@ def map_command(
         Optional[Path],  # noqa: UP045
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
     ] = None,
+    check: Annotated[bool, typer.Option("--check", help="List the defects of the map, and stop.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="With --check: exit status 1 if there are any defects.")
+    ] = False,
 ) -> None:
     """Describe a map, and draw it with the monitored area at a pose."""
     from evaluation import runner
@@ -202,6 +300,12 @@ def map_command(
     preset = parse_name(preset, tuple(PRESETS), "--preset")
     place = runner.Place(*parse_place(at)) if at is not None else None
     network = runner.load_named_map(file)
+    if check:
+        from opendrive.checks import warning_table
+
+        for line in warning_table(network.warnings):
+            typer.echo(line)
+        raise typer.Exit(1 if strict and network.warnings else 0)
     site = runner.pose_site(network, place) if place else None
     for line in runner.describe_map(network, site, speed):
         typer.echo(line)
@@ -210,6 +314,79 @@ def map_command(
 
         save_map(network, png, site, strategy, speed, preset)
         typer.echo(f"picture: {png}")
+
+
+@app.command(epilog=MOT_EXAMPLES)
+def mot(
+    directory: Annotated[Path, typer.Argument(help="Recorded detections, and labels if any.", metavar="DIR")],
+    form: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--format", help="kitti, nuscenes or csv; default: what the files look like."),
+    ] = None,
+    config: Annotated[
+        str, typer.Option(help="Tracker: default, smartmot, centerpoint or ab3dmot.")
+    ] = "default",
+    area: Annotated[
+        str, typer.Option("--filter", help="none, or map: only what is on lanes that matter to the ego.")
+    ] = "none",
+    map_file: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--map", help="OpenDRIVE file: for --filter map and forecasts along lanes.", metavar="FILE"
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for tracks and tables.")] = Path("results/mot"),
+    write: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Track files: kitti, csv, nuscenes; default: csv and the format that was read."),
+    ] = None,
+    similarity: Annotated[
+        str, typer.Option(help="distance (2 m) or iou, comma-separated: what makes a match.")
+    ] = "distance",
+    threshold: Annotated[
+        str, typer.Option(help="best: leave out tracks below the score with the best MOTA; none: keep all.")
+    ] = "best",
+    sequence: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Only these sequences, comma-separated."),
+    ] = None,
+    gif: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Film of the first sequence from above, as GIF.", metavar="FILE"),
+    ] = None,
+    video: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="The same as MP4; needs ffmpeg.", metavar="FILE"),
+    ] = None,
+    frames: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Frames of the film: 0..200. Default: all."),
+    ] = None,
+    forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Track recorded detections (KITTI, nuScenes, CSV); score the tracks where there are labels."""
+    from evaluation.mot.command import MotOptions, run_mot
+
+    run_mot(
+        MotOptions(
+            directory=directory,
+            form=form,
+            config=config,
+            area=area,
+            map_file=map_file,
+            out=out,
+            write=write,
+            similarity=similarity,
+            threshold=threshold,
+            sequence=sequence,
+            gif=gif,
+            video=video,
+            frames=frames,
+            forecast=forecast,
+            quiet=quiet,
+        )
+    )
 
 
 def main() -> None:
@@ -234,11 +411,14 @@ def _message_for_user(error: Exception) -> str | None:
         return text if not text or "Usage:" in text else f"smartmot-eval: {text}"
     # the named errors derive from ValueError; their packages are loaded only now, when one was raised
     from evaluation.errors import ArgumentError
+    from evaluation.protocols.errors import ProtocolError
     from evaluation.results import ResultsError
     from opendrive import OpenDriveError
     from scenarios.errors import ScenarioError
     from smartmot.errors import SmartMotError
 
-    if isinstance(error, (ArgumentError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)):
+    if isinstance(
+        error, (ArgumentError, ProtocolError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)
+    ):
         return f"smartmot-eval: {error}"
     return None

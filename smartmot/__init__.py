@@ -3,7 +3,12 @@
 All positions are in the map frame (OpenDRIVE's inertial frame), SI units and radians.
 """
 
+from smartmot.association import AssociationConfig
+from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ConfigError, ShapeError, SmartMotError, TimeOrderError
+from smartmot.geometry import bev_iou
+from smartmot.kalman import BevFilterConfig
+from smartmot.lifecycle import LifecycleConfig
 from smartmot.monitored_area import (
     EverythingArea,
     MapArea,
@@ -13,30 +18,47 @@ from smartmot.monitored_area import (
     RectangularArea,
     RectangularConfig,
 )
+from smartmot.motion_models import (
+    ConstantAcceleration,
+    ConstantTurnRate,
+    ConstantVelocity,
+    PerCategory,
+)
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.regulatory import RegulatoryElement, regulatory_elements
 from smartmot.route import Route, route_ahead, route_from_lanes
-from smartmot.tracker import Tracker, TrackerConfig, TrackerState
+from smartmot.tracker import ReportConfig, Tracker, TrackerConfig
+from smartmot.tracker_configs import TRACKER_CONFIGS, tracker_config
+from smartmot.tracker_state import TrackerState
 from smartmot.types import Boxes, Detections, EgoState, Forecast, Threats, Tracks
 
 __all__ = [
+    "TRACKER_CONFIGS",
+    "AssociationConfig",
+    "BevFilterConfig",
     "Boxes",
     "ConfigError",
+    "ConstantAcceleration",
+    "ConstantTurnRate",
+    "ConstantVelocity",
     "Detections",
     "EgoState",
     "EverythingArea",
     "Forecast",
     "FrameResult",
+    "LifecycleConfig",
     "MapArea",
     "MapAreaConfig",
     "MonitoredArea",
     "MonitoredAreaStrategy",
+    "PerCategory",
     "Pipeline",
     "PipelineConfig",
     "PipelineState",
     "RectangularArea",
     "RectangularConfig",
     "RegulatoryElement",
+    "ReportConfig",
     "Route",
     "ShapeError",
     "SmartMotError",
@@ -46,7 +68,11 @@ __all__ = [
     "TrackerConfig",
     "TrackerState",
     "Tracks",
+    "bev_iou",
+    "detections_from_arrays",
     "regulatory_elements",
     "route_ahead",
     "route_from_lanes",
+    "to_map",
+    "tracker_config",
 ]

@@ -1,36 +1,49 @@
-"""Which detection belongs to which track: affinity, gates and one optimal assignment.
+"""Which detection belongs to which track: gate, affinity, and an assignment per stage.
 
-Affinity follows the paper, bird's-eye-view IoU with pairs under 0.001 dropped. Alone it loses whatever moves
-more than its own size between two frames, such as a running pedestrian at 5 Hz, so pairs without overlap may
-still match by distance within a gate. All distance matches together weigh less than the least overlap: they
-fill in what the overlaps leave free.
+Only pairs within a spatial gate exist, as index arrays; no table of all tracks by all detections is made. The
+affinities:
+
+- `overlap`: bird's-eye-view IoU, the paper's; pairs under a threshold are dropped.
+- `overlap_then_distance`: alone, IoU loses whatever moves more than its own size between two frames, such as
+  a running pedestrian at 5 Hz, so pairs without overlap may still match by distance within the gate. All
+  distance matches together weigh less than the least overlap: they fill in what the overlaps leave free.
+- `generalised_overlap`: generalised IoU, which says for boxes apart how far apart they are.
+- `distance`: distance of the centres over the gate.
+- `mahalanobis`: distance in standard deviations of the innovation over the gate's.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
-from smartmot.geometry import iou_exact
-from smartmot.motion_models import PerCategory, X, Y, check_range
-from smartmot.types import CATEGORIES, BoolArray, Boxes, FloatArray, IntArray
+from smartmot.assignment import contested, solve
+from smartmot.errors import ConfigError
+from smartmot.geometry import bev_giou, iou_exact, near_pairs
+from smartmot.kalman import Estimate
+from smartmot.motion_models import PerCategory, Setting, check_range, table
+from smartmot.types import CATEGORIES, BoolArray, Boxes, FloatArray, IntArray, unchecked
 
 _GROUPS = (("car", "truck"), ("cyclist", "motorcycle"), ("pedestrian",))
 """Categories that detectors confuse from one frame to the next and that therefore may match."""
 
-
 _NO_REACH_M = 1e-9
 """Stands for a gate of 0 m in a division; closer centres than this overlap anyway."""
+
+METHODS = ("hungarian", "greedy")
+"""Greatest total affinity, or the best pair first."""
 
 
 def _compatibility() -> BoolArray:
     """(C, C) flags: same group, or one of the two unknown."""
     group = {name: number for number, names in enumerate(_GROUPS) for name in names}
-    table = [["unknown" in (a, b) or group.get(a) == group.get(b) for b in CATEGORIES] for a in CATEGORIES]
-    return np.array(table)
+    compatible = [
+        ["unknown" in (a, b) or group.get(a) == group.get(b) for b in CATEGORIES] for a in CATEGORIES
+    ]
+    return np.array(compatible)
 
 
 COMPATIBLE = _compatibility()
@@ -39,189 +52,318 @@ COMPATIBLE = _compatibility()
 
 @dataclass(frozen=True, slots=True)
 class AssociationConfig:
-    """Limits of a match.
+    """How tracks and detections are matched.
 
     Args:
+        cost: Name of the affinity, or one for each of CATEGORIES.
+        method: "hungarian" or "greedy", or one for each of CATEGORIES.
         iou_threshold: Least overlap that counts as one. Source: paper, 0.001.
-        gate_probability: Share of true matches that the distance gate keeps if the filter's covariance is
-            right. 0: no distance matches at all, the paper's rule.
+        giou_threshold: Least generalised overlap of a match.
+        gate_m: Distance from the predicted centre within which a detection may be the track's. None: from
+            the filter and the two settings below, wider after a long time without detection.
+        gate_probability: Share of true matches that the gate keeps if the filter's covariance is right. 0
+            with `gate_m` None: no distance matches at all, the paper's rule.
         speed_change_mps: Change of speed within one frame that the gate allows on top, because the filter
             knows no sudden starts. 15 km/h is a running pedestrian or child; the rest is the speed at which
             a category commonly enters the view.
+        widest_gate_m: No gate is wider than this, whatever the filter says.
 
     Raises:
-        ConfigError: A value is outside its range.
+        ConfigError: A value is outside its range, or a name is unknown.
     """
 
-    iou_threshold: float = 0.001
+    cost: str | tuple[str, ...] = "overlap_then_distance"
+    method: str | tuple[str, ...] = "hungarian"
+    iou_threshold: Setting = 0.001
+    giou_threshold: Setting = -0.5
+    gate_m: Setting | None = None
     gate_probability: float = 0.999
-    speed_change_mps: PerCategory = field(
+    speed_change_mps: Setting = field(
         default=PerCategory(
             car=10.0, pedestrian=15.0 / 3.6, cyclist=25.0 / 3.6, truck=10.0, motorcycle=10.0, unknown=10.0
         )
     )
+    widest_gate_m: Setting = 20.0
 
     def __post_init__(self) -> None:
         check_range(self, "iou_threshold", 1e-9, 1.0)
+        check_range(self, "giou_threshold", -1.0, 1.0)
         check_range(self, "gate_probability", 0.0, 1.0 - 1e-12)
+        check_range(self, "speed_change_mps", 0.0, math.inf)
+        check_range(self, "widest_gate_m", 0.0, math.inf)
+        if self.gate_m is not None:
+            check_range(self, "gate_m", 0.0, math.inf)
+        for name, known in (("cost", tuple(AFFINITIES)), ("method", METHODS)):
+            chosen = self.names(name)
+            if len(chosen) != len(CATEGORIES) or not set(chosen) <= set(known):
+                raise ConfigError(
+                    f"AssociationConfig.{name}: choose one of {', '.join(known)}, or one for each of "
+                    f"{', '.join(CATEGORIES)}; got {getattr(self, name)!r}"
+                )
+        statistical = {"distance", "mahalanobis", "generalised_overlap"} & set(self.names("cost"))
+        if statistical and self.gate_m is None and self.gate_probability == 0.0:
+            raise ConfigError(
+                f"AssociationConfig: {min(statistical)} needs gate_m or a gate_probability over 0"
+            )
+
+    def names(self, setting: str) -> tuple[str, ...]:
+        """The cost or method of each of CATEGORIES."""
+        value: str | tuple[str, ...] = getattr(self, setting)
+        return (value,) * len(CATEGORIES) if isinstance(value, str) else tuple(value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matches:
-    """Outcome of an assignment, as index arrays.
-
-    Args:
-        track: (K,) matched tracks.
-        detection: (K,) the detection of each.
-        unmatched_tracks: (M - K,) the other tracks, ascending.
-        unmatched_detections: (N - K,) the other detections, ascending.
-    """
-
-    track: IntArray
-    detection: IntArray
-    unmatched_tracks: IntArray
-    unmatched_detections: IntArray
-
-
-class Affinity(Protocol):
-    """How well predicted tracks and detections go together."""
-
-    def __call__(self, tracks: Boxes, detections: Boxes, reach_m: FloatArray) -> FloatArray:
-        """(M, N) affinity, 0 for pairs that must not match; reach_m (M,) is the distance gate."""
-        ...
-
-
-def gate_reach_m(
-    covariance: FloatArray,
-    position_variance_m2: float,
-    size_m: FloatArray,
-    category_code: IntArray,
-    dt_s: float,
-    config: AssociationConfig,
-) -> FloatArray:
-    """Distance from the predicted centre within which a detection may still be the track's.
-
-    The larger of two: the chi-square gate of the innovation, and half the box plus what a sudden change of
-    speed covers since the last frame. The filter treats x and y alike, so the innovation ellipse is a circle
-    of the mean variance.
-
-    Args:
-        covariance: (M, D, D) predicted covariances.
-        position_variance_m2: Variance of a measured position along each axis.
-        size_m: (M, 2) box sizes.
-        category_code: (M,) positions in CATEGORIES.
-        dt_s: Time since the last frame.
-        config: Limits.
-
-    Returns:
-        (M,) metres; 0 where distance matches are switched off.
-    """
-    if config.gate_probability == 0.0:
-        return np.zeros(len(category_code))
-    variance = 0.5 * (covariance[:, X, X] + covariance[:, Y, Y]) + position_variance_m2
-    # The chi-square quantile of two degrees of freedom has the closed form -2 ln(1 - p).
-    statistical = np.sqrt(-2.0 * math.log1p(-config.gate_probability) * variance)
-    sudden = 0.5 * size_m.max(axis=1) + config.speed_change_mps.of(category_code) * dt_s
-    reach: FloatArray = np.maximum(statistical, sudden)
-    return reach
-
-
-@dataclass(frozen=True, slots=True)
-class OverlapThenDistance:
-    """IoU where overlapping boxes compete, else a small affinity that falls with the distance.
-
-    Args:
-        iou_threshold: Least IoU that counts as overlap.
-    """
-
-    iou_threshold: float = 0.001
-
-    def __call__(self, tracks: Boxes, detections: Boxes, reach_m: FloatArray) -> FloatArray:
-        """Affinity of every pair.
-
-        A pair within the gate that competes with no other matches whatever its overlap, so the exact overlap
-        is computed for the remaining pairs only.
-
-        Args:
-            tracks: M predicted boxes.
-            detections: N detected boxes.
-            reach_m: (M,) distance gates.
-
-        Returns:
-            (M, N) in [0, 1]; 0 where neither overlap nor gate allows the match.
-        """
-        offset = tracks.center_m[:, None] - detections.center_m
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        near = np.maximum(1.0 - distance / np.maximum(reach_m, _NO_REACH_M)[:, None], 0.0)
-        diagonal = np.hypot(tracks.size_m[:, 0], tracks.size_m[:, 1])[:, None] + np.hypot(
-            detections.size_m[:, 0], detections.size_m[:, 1]
-        )
-        touching, gated = distance <= 0.5 * diagonal, near > 0.0
-        possible = touching | gated
-        contested = (possible.sum(axis=1) > 1)[:, None] | (possible.sum(axis=0) > 1)
-        i, j = (touching & (contested | ~gated)).nonzero()
-        # All distance matches of a frame together stay below the least overlap.
-        affinity: FloatArray = near * (self.iou_threshold / (min(near.shape) + 1.0))
-        if len(i):
-            iou = iou_exact(
-                tracks.center_m[i],
-                tracks.size_m[i],
-                tracks.yaw_rad[i],
-                detections.center_m[j],
-                detections.size_m[j],
-                detections.yaw_rad[j],
-            )
-            affinity[i, j] = np.where(iou >= self.iou_threshold, iou, affinity[i, j])
-        return affinity
-
-
-def assign(affinity: FloatArray) -> Matches:
-    """Pairs of greatest total affinity (Hungarian algorithm); pairs without affinity stay unmatched.
-
-    Args:
-        affinity: (M, N) tracks by detections, 0 where a match is forbidden.
-
-    Returns:
-        The matches.
-    """
-    m, n = affinity.shape
-    if m == 0 or n == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return Matches(none, none, np.arange(m), np.arange(n))
-    from scipy.optimize import linear_sum_assignment
-
-    track, detection = linear_sum_assignment(affinity, maximize=True)
-    wanted = affinity[track, detection] > 0.0
-    if not wanted.all():
-        track, detection = track[wanted], detection[wanted]
-    free_track, free_detection = np.ones(m, dtype=np.bool_), np.ones(n, dtype=np.bool_)
-    free_track[track] = False
-    free_detection[detection] = False
-    return Matches(track, detection, free_track.nonzero()[0], free_detection.nonzero()[0])
-
-
-def associate(
-    tracks: Boxes,
-    track_category: IntArray,
-    detections: Boxes,
-    detection_category: IntArray,
-    reach_m: FloatArray,
-    affinity: Affinity,
-) -> Matches:
-    """Match predicted tracks with detections of a compatible category.
+class Pairs:
+    """Pairs of a track and a detection that a gate left, and what affinities are made of.
 
     Args:
         tracks: M predicted boxes.
-        track_category: (M,) positions in CATEGORIES.
         detections: N detected boxes.
-        detection_category: (N,) positions in CATEGORIES.
-        reach_m: (M,) distance gates, from `gate_reach_m`.
-        affinity: How well pairs go together.
-
-    Returns:
-        The matches.
+        track: (P,) the tracks of the pairs.
+        detection: (P,) their detections.
+        offset_m: (P, 2) from the track's centre to the detection's, map frame.
+        distance_m: (P,) length of the offset.
+        reach_m: (P,) the distance gate.
+        touching: (P,) whether the boxes' circumscribed circles meet.
+        covariance: Predicted variances (M,) of the tracks' positions along x and y, and their covariance.
+        noise_m2: (P,) variance of the measured position along each axis.
+        contested: (P,) whether another pair has the same track or the same detection.
     """
-    if len(tracks) == 0 or len(detections) == 0:
-        return assign(np.zeros((len(tracks), len(detections))))
-    allowed = COMPATIBLE[track_category[:, None], detection_category[None]]
-    return assign(affinity(tracks, detections, reach_m) * allowed)
+
+    tracks: Boxes
+    detections: Boxes
+    track: IntArray
+    detection: IntArray
+    offset_m: FloatArray
+    distance_m: FloatArray
+    reach_m: FloatArray
+    touching: BoolArray
+    covariance: tuple[FloatArray, FloatArray, FloatArray]
+    noise_m2: FloatArray
+    contested: BoolArray
+
+    def iou(self, which: IntArray) -> FloatArray:
+        """(K,) overlaps of some of the pairs."""
+        i, j = self.track[which], self.detection[which]
+        a, b = self.tracks, self.detections
+        return iou_exact(_ORIGIN, a.size_m[i], a.yaw_rad[i], self.offset_m[which], b.size_m[j], b.yaw_rad[j])
+
+
+_ORIGIN = np.zeros(2)
+
+Affinity = Callable[[Pairs, FloatArray], FloatArray]
+"""(P,) affinities of P pairs, at most 1, 0 for pairs that must not match; (P,) thresholds of the cost."""
+
+
+def overlap(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+    """IoU where it reaches the threshold."""
+    affinity = np.zeros(len(pairs.track))
+    near = np.flatnonzero(pairs.touching)
+    if len(near):
+        iou = pairs.iou(near)
+        affinity[near] = np.where(iou >= threshold[near], iou, 0.0)
+    return affinity
+
+
+def overlap_then_distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+    """IoU where it reaches the threshold, else a small affinity that falls with the distance.
+
+    A pair within the gate that competes with no other matches whatever its overlap, so the exact overlap is
+    computed for the remaining pairs only.
+    """
+    nearness = np.maximum(1.0 - pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M), 0.0)
+    # All distance matches of a frame together stay below the least overlap.
+    affinity: FloatArray = nearness * (threshold / (min(len(pairs.tracks), len(pairs.detections)) + 1.0))
+    exact = np.flatnonzero(pairs.touching & (pairs.contested | (nearness == 0.0)))
+    if len(exact):
+        iou = pairs.iou(exact)
+        affinity[exact] = np.where(iou >= threshold[exact], iou, affinity[exact])
+    return affinity
+
+
+def generalised_overlap(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+    """Generalised IoU from -1 to 1, mapped to 0 to 1."""
+    giou = bev_giou(pairs.tracks[pairs.track], pairs.detections[pairs.detection])
+    affinity: FloatArray = np.where(giou >= threshold, 0.5 * (giou + 1.0), 0.0)
+    return affinity
+
+
+def distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+    """1 at the predicted centre, 0 at the gate."""
+    affinity: FloatArray = np.maximum(1.0 - pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M), 0.0)
+    return affinity
+
+
+def mahalanobis(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+    """1 at the predicted centre, 0 where the normalised innovation squared reaches the threshold."""
+    xx, yy, xy = (part[pairs.track] for part in pairs.covariance)
+    xx, yy = xx + pairs.noise_m2, yy + pairs.noise_m2
+    dx, dy = pairs.offset_m[:, 0], pairs.offset_m[:, 1]
+    squared = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    affinity: FloatArray = np.maximum(1.0 - squared / threshold, 0.0)
+    return affinity
+
+
+AFFINITIES: dict[str, Affinity] = {
+    "overlap_then_distance": overlap_then_distance,
+    "overlap": overlap,
+    "generalised_overlap": generalised_overlap,
+    "distance": distance,
+    "mahalanobis": mahalanobis,
+}
+"""Affinities by name."""
+
+
+class Associator:
+    """Matches predicted tracks with detections.
+
+    Args:
+        config: Costs, methods and gates.
+        position_variance_m2: (C,) variance of a measured position along each axis, for each category.
+        affinity: Used for all categories in place of the configured cost.
+    """
+
+    def __init__(
+        self, config: AssociationConfig, position_variance_m2: FloatArray, affinity: Affinity | None = None
+    ) -> None:
+        self._config = config
+        self._variance = position_variance_m2
+        # The chi-square quantile of two degrees of freedom has the closed form -2 ln(1 - p).
+        self._chi2 = -2.0 * math.log1p(-config.gate_probability)
+        self._widest = table(config.widest_gate_m)
+        self._sudden = table(config.speed_change_mps)
+        self._fixed = None if config.gate_m is None else table(config.gate_m)
+        costs, methods = config.names("cost"), config.names("method")
+        self._rules = [
+            (
+                np.array([rule == (c, m) for c, m in zip(costs, methods, strict=True)]),
+                affinity or AFFINITIES[rule[0]],
+                self._threshold(rule[0]),
+                rule[1],
+            )
+            for rule in dict.fromkeys(zip(costs, methods, strict=True))
+        ]
+        # Circles of boxes matter only where overlap does.
+        self._overlaps = affinity is not None or any("overlap" in cost for cost in costs)
+
+    def _threshold(self, cost: str) -> FloatArray:
+        """(C,) threshold that a cost goes by."""
+        if cost == "generalised_overlap":
+            return table(self._config.giou_threshold)
+        if cost == "mahalanobis":
+            return np.full(len(CATEGORIES), max(self._chi2, _NO_REACH_M))
+        return table(self._config.iou_threshold)
+
+    def reach_m(
+        self, variance_m2: FloatArray, longest_m: FloatArray, code: IntArray, dt_s: float
+    ) -> FloatArray:
+        """Distance from the predicted centre within which a detection may still be the track's.
+
+        The larger of two: the chi-square gate of the innovation, and half the box plus what a sudden change
+        of speed covers since the last frame. The gate is a circle of the mean variance.
+
+        Args:
+            variance_m2: (M,) predicted variance of the position along one axis, mean of the two.
+            longest_m: (M,) longer side of the boxes.
+            code: (M,) positions in CATEGORIES.
+            dt_s: Time since the last frame.
+
+        Returns:
+            (M,) metres; 0 where distance matches are switched off.
+        """
+        if self._fixed is not None:
+            return self._fixed[code]
+        if self._chi2 == 0.0:
+            return np.zeros(len(code))
+        statistical = np.sqrt(self._chi2 * (variance_m2 + self._variance[code]))
+        sudden = 0.5 * longest_m + self._sudden[code] * dt_s
+        reach: FloatArray = np.minimum(np.maximum(statistical, sudden), self._widest[code])
+        return reach
+
+    def match(
+        self,
+        tracks: Estimate,
+        track_code: IntArray,
+        covariance: tuple[FloatArray, FloatArray, FloatArray],
+        detections: Boxes,
+        detection_code: IntArray,
+        dt_s: float,
+        first: BoolArray | None = None,
+    ) -> tuple[IntArray, IntArray]:
+        """Matches, at most one per track and one per detection.
+
+        Args:
+            tracks: M predicted tracks.
+            track_code: (M,) positions in CATEGORIES.
+            covariance: Predicted variances (M,) of the position along x and y, and their covariance.
+            detections: N detected boxes.
+            detection_code: (N,) positions in CATEGORIES.
+            dt_s: Time since the last frame.
+            first: (N,) detections of the first stage; the others may only have the tracks it leaves. None:
+                one stage.
+
+        Returns:
+            (K,) tracks, ascending, and (K,) their detections.
+        """
+        size, center = tracks.size_m, detections.center_m
+        reach = self.reach_m(
+            0.5 * (covariance[0] + covariance[1]), np.maximum(size[:, 0], size[:, 1]), track_code, dt_s
+        )
+        if self._overlaps:
+            radius = 0.5 * np.hypot(size[:, 0], size[:, 1])
+            other = 0.5 * np.hypot(detections.size_m[:, 0], detections.size_m[:, 1])
+            i, j = near_pairs(tracks.center_m, center, np.maximum(radius, reach), other)
+        else:
+            radius, other = np.zeros(len(size)), np.zeros(len(center))
+            i, j = near_pairs(tracks.center_m, center, reach, other)
+        offset = center.take(j, axis=0) - tracks.center_m.take(i, axis=0)
+        distance_m = np.hypot(offset[:, 0], offset[:, 1])
+        touching, gate = distance_m <= radius[i] + other[j], reach[i]
+        possible = (touching | (distance_m <= gate)) & COMPATIBLE[track_code[i], detection_code[j]]
+        if np.count_nonzero(possible) < len(i):
+            i, j, offset, distance_m = i[possible], j[possible], offset[possible], distance_m[possible]
+            touching, gate = touching[possible], gate[possible]
+        if len(i) == 0:
+            return i, j
+        code = track_code[i]
+        pairs = unchecked(
+            Pairs,
+            unchecked(Boxes, tracks.center_m, size, tracks.yaw_rad),
+            detections,
+            i,
+            j,
+            offset,
+            distance_m,
+            gate,
+            touching,
+            covariance,
+            self._variance[code],
+            contested(i, j),
+        )
+        if len(self._rules) == 1:
+            _, affinity, threshold, method = self._rules[0]
+            pair = _stages(pairs, affinity(pairs, threshold[code]), method, first)
+            return i[pair], j[pair]
+        chosen, free = [], np.ones(len(center), dtype=np.bool_)
+        for members, affinity, threshold, method in self._rules:
+            own = members[code] & free[j]
+            pair = _stages(pairs, np.where(own, affinity(pairs, threshold[code]), 0.0), method, first)
+            free[j[pair]] = False
+            chosen.append(pair)
+        pair = np.sort(np.concatenate(chosen))
+        return i[pair], j[pair]
+
+
+def _stages(pairs: Pairs, affinity: FloatArray, method: str, first: BoolArray | None) -> IntArray:
+    """Positions of the matched pairs, ascending, in one stage or in two."""
+    track, detection = pairs.track, pairs.detection
+    if not np.count_nonzero(pairs.contested):
+        return (affinity > 0.0).nonzero()[0]
+    if first is None:
+        return solve(track, detection, affinity, method)
+    early = first[detection]
+    won = solve(track, detection, np.where(early, affinity, 0.0), method)
+    free = np.ones(int(track.max()) + 1, dtype=np.bool_)
+    free[track[won]] = False
+    late = solve(track, detection, np.where(~early & free[track], affinity, 0.0), method)
+    return np.sort(np.concatenate((won, late)))

@@ -1,7 +1,8 @@
-"""How objects move: the linear constant-velocity model of the filter and the CTRV path of the forecast.
+"""How objects move: the filter's motion models and the CTRV path of forecast and filter.
 
-The bird's-eye-view filter state has the order of `STATE`. Shape enters as area and aspect ratio (length over
-width), as in the paper's reference code; the ratio is constant, the other four measured values have a rate.
+Constant velocity and constant acceleration are linear and move x, y, area, aspect ratio and heading
+independently of each other: five channels, each a value with its derivatives (`smartmot.channel_filter`).
+Constant turn rate and velocity couples position, heading and speed (`smartmot.turn_filter`).
 """
 
 from __future__ import annotations
@@ -14,15 +15,13 @@ from typing import Protocol
 import numpy as np
 
 from smartmot.errors import ConfigError
-from smartmot.types import CATEGORIES, FloatArray, IntArray
+from smartmot.types import CATEGORIES, FloatArray
 
-STATE = ("x_m", "y_m", "area_m2", "ratio", "yaw_rad", "vx_mps", "vy_mps", "area_rate_m2ps", "yaw_rate_radps")
-"""Names of the filter state's entries; the first MEASURED of them are what a detection measures."""
+CHANNELS = ("x_m", "y_m", "area_m2", "ratio", "yaw_rad")
+"""What a detection measures. Shape enters as area and aspect ratio (length over width), as in the paper's
+code."""
 
-MEASURED = 5
-X, Y, AREA, RATIO, YAW, VX, VY, AREA_RATE, YAW_RATE = range(len(STATE))
-_VALUES = [X, Y, AREA, YAW]
-_RATES = [VX, VY, AREA_RATE, YAW_RATE]
+X, Y, AREA, RATIO, YAW = range(len(CHANNELS))
 
 
 def check_range(owner: object, name: str, low: float, high: float) -> None:
@@ -30,21 +29,27 @@ def check_range(owner: object, name: str, low: float, high: float) -> None:
 
     Args:
         owner: The configuration.
-        name: Its field.
+        name: Its field, a number or one number per category.
         low: Least allowed value.
-        high: Greatest allowed value, possibly infinite.
+        high: Greatest allowed value; infinity itself is never allowed.
 
     Raises:
         ConfigError: The value is out of range or not a number.
     """
-    value = getattr(owner, name)
-    if not isinstance(value, (int, float)) or not low <= value <= high or math.isinf(value):
-        raise ConfigError(f"{type(owner).__name__}.{name}: allowed {low:g} to {high:g}, got {value!r}")
+    setting = getattr(owner, name)
+    values = setting.values() if isinstance(setting, PerCategory) else (setting,)
+    for value in values:
+        if not isinstance(value, (int, float)) or not low <= value <= high or math.isinf(value):
+            raise ConfigError(f"{type(owner).__name__}.{name}: allowed {low:g} to {high:g}, got {setting!r}")
 
 
 @dataclass(frozen=True, slots=True)
 class PerCategory:
-    """One positive number for each of the object categories."""
+    """One number for each of the object categories.
+
+    Raises:
+        ConfigError: A value is not a finite number.
+    """
 
     car: float
     pedestrian: float
@@ -55,35 +60,50 @@ class PerCategory:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            check_range(self, field.name, 1e-9, math.inf)
+            value = getattr(self, field.name)
+            if not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ConfigError(f"PerCategory.{field.name}: expected a finite number, got {value!r}")
 
-    def of(self, category_code: IntArray) -> FloatArray:
-        """Value of each object.
+    @classmethod
+    def grouped(cls, vehicle: float, pedestrian: float, two_wheeler: float) -> PerCategory:
+        """The same for car, truck and unknown, and for cyclist and motorcycle."""
+        return cls(vehicle, pedestrian, two_wheeler, vehicle, two_wheeler, vehicle)
 
-        Args:
-            category_code: (M,) positions in CATEGORIES.
-
-        Returns:
-            (M,) values.
-        """
-        return _table(self)[category_code]
-
-
-@lru_cache(maxsize=64)
-def _table(values: PerCategory) -> FloatArray:
-    """(C,) values in the order of CATEGORIES."""
-    return np.array([getattr(values, name) for name in CATEGORIES])
+    def values(self) -> tuple[float, ...]:
+        """The numbers in the order of CATEGORIES."""
+        return tuple(getattr(self, name) for name in CATEGORIES)
 
 
-class MotionModel(Protocol):
-    """Linear motion over a time step of any length."""
+Setting = float | PerCategory
+"""One number for all objects, or one for each category."""
+
+
+@lru_cache(maxsize=256)
+def table(setting: Setting) -> FloatArray:
+    """(C,) values of a setting in the order of CATEGORIES, read-only."""
+    values = setting.values() if isinstance(setting, PerCategory) else [setting] * len(CATEGORIES)
+    array = np.array(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
+
+
+class LinearMotion(Protocol):
+    """Linear motion, alike in every channel, over a time step of any length.
+
+    A channel's state is its value with the first K - 1 derivatives, each per second.
+    """
+
+    @property
+    def order(self) -> int:
+        """K, the number of entries of a channel's state."""
+        ...
 
     def transition(self, dt_s: float) -> FloatArray:
-        """(D, D) matrix that carries the state mean over dt_s seconds."""
+        """(K, K) matrix that carries a channel's mean over dt_s seconds."""
         ...
 
     def process_noise(self, dt_s: float) -> FloatArray:
-        """(D, D) covariance that dt_s seconds of unknown acceleration add."""
+        """(C, 5, K, K) covariance that dt_s seconds of unknown motion add, for each category and channel."""
         ...
 
 
@@ -114,13 +134,13 @@ class ConstantVelocity:
         ConfigError: A density is negative or not finite.
     """
 
-    position_m2ps: float = 0.0
-    velocity_m2ps3: float = 0.5
-    area_m4ps: float = 0.05
-    area_rate_m4ps3: float = 0.0
-    ratio_ps: float = 0.05
-    yaw_rad2ps: float = 0.0
-    yaw_rate_rad2ps3: float = 0.02
+    position_m2ps: Setting = 0.0
+    velocity_m2ps3: Setting = 0.5
+    area_m4ps: Setting = 0.05
+    area_rate_m4ps3: Setting = 0.0
+    ratio_ps: Setting = 0.05
+    yaw_rad2ps: Setting = 0.0
+    yaw_rate_rad2ps3: Setting = 0.02
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -138,36 +158,116 @@ class ConstantVelocity:
         rate = rate_factor * pixel_m**2 / frame_s**3
         return cls(value, rate, value, rate, value, value, rate)
 
+    @property
+    def order(self) -> int:
+        """A value and its rate."""
+        return 2
+
     def transition(self, dt_s: float) -> FloatArray:
-        """(9, 9) identity, with dt_s from each rate to its value."""
-        return _IDENTITY + dt_s * _SHIFT
+        """(2, 2) matrix that adds dt_s times the rate to the value."""
+        return np.array([[1.0, dt_s], [0.0, 1.0]])
 
     def process_noise(self, dt_s: float) -> FloatArray:
-        """(9, 9) covariance added within dt_s: the integral of F(t) diag(densities) F(t)^T over the step."""
-        linear, quadratic, cubic = _noise_terms(self)
-        return dt_s * (linear + dt_s * (quadratic + dt_s * cubic))
+        """(C, 5, 2, 2) integral of F(t) diag(densities) F(t)^T over dt_s."""
+        value = _densities(
+            self.position_m2ps, self.position_m2ps, self.area_m4ps, self.ratio_ps, self.yaw_rad2ps
+        )
+        rate = _densities(
+            self.velocity_m2ps3, self.velocity_m2ps3, self.area_rate_m4ps3, 0.0, self.yaw_rate_rad2ps3
+        )
+        return value[..., None, None] * _walk(dt_s, 2, 0) + rate[..., None, None] * _walk(dt_s, 2, 1)
 
 
-_IDENTITY = np.eye(len(STATE))
-_SHIFT = np.zeros_like(_IDENTITY)
-_SHIFT[_VALUES, _RATES] = 1.0
+@dataclass(frozen=True, slots=True)
+class ConstantAcceleration:
+    """Constant acceleration of the centre; heading and size as `ConstantVelocity` has them.
+
+    Args:
+        jerk_m2ps5: Density of the noise on the acceleration, m2/s5. 4 lets it wander by 2 m/s2 in a second,
+            about what a driver does who starts to brake.
+        area_m4ps: Density of the area noise, m4/s.
+        ratio_ps: Density of the noise on the aspect ratio, 1/s.
+        yaw_rate_rad2ps3: Density of the angular acceleration noise, rad2/s3.
+        initial_acceleration_mps2: Standard deviation of a new track's acceleration along each axis.
+
+    Raises:
+        ConfigError: A value is negative or not finite.
+    """
+
+    jerk_m2ps5: Setting = 4.0
+    area_m4ps: Setting = 0.05
+    ratio_ps: Setting = 0.05
+    yaw_rate_rad2ps3: Setting = 0.02
+    initial_acceleration_mps2: Setting = 2.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_range(self, field.name, 0.0, math.inf)
+
+    @property
+    def order(self) -> int:
+        """A value, its rate and its acceleration."""
+        return 3
+
+    def transition(self, dt_s: float) -> FloatArray:
+        """(3, 3) matrix of uniformly accelerated motion."""
+        return np.array([[1.0, dt_s, 0.5 * dt_s**2], [0.0, 1.0, dt_s], [0.0, 0.0, 1.0]])
+
+    def process_noise(self, dt_s: float) -> FloatArray:
+        """(C, 5, 3, 3) integral of F(t) diag(densities) F(t)^T over dt_s."""
+        value = _densities(0.0, 0.0, self.area_m4ps, self.ratio_ps, 0.0)
+        rate = _densities(0.0, 0.0, 0.0, 0.0, self.yaw_rate_rad2ps3)
+        jerk = _densities(self.jerk_m2ps5, self.jerk_m2ps5, 0.0, 0.0, 0.0)
+        return (
+            value[..., None, None] * _walk(dt_s, 3, 0)
+            + rate[..., None, None] * _walk(dt_s, 3, 1)
+            + jerk[..., None, None] * _walk(dt_s, 3, 2)
+        )
 
 
-@lru_cache(maxsize=16)
-def _noise_terms(model: ConstantVelocity) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(9, 9) coefficients of dt, dt^2 and dt^3 in the process noise."""
-    density = np.zeros(len(STATE))
-    density[_VALUES] = model.position_m2ps, model.position_m2ps, model.area_m4ps, model.yaw_rad2ps
-    density[RATIO] = model.ratio_ps
-    density[_RATES] = (
-        model.velocity_m2ps3,
-        model.velocity_m2ps3,
-        model.area_rate_m4ps3,
-        model.yaw_rate_rad2ps3,
-    )
-    noise = np.diag(density)
-    moved = _SHIFT @ noise
-    return noise, 0.5 * (moved + moved.T), moved @ _SHIFT.T / 3.0
+@dataclass(frozen=True, slots=True)
+class ConstantTurnRate:
+    """Constant turn rate and speed (CTRV): the object moves along its heading, on an arc.
+
+    Args:
+        accel_m2ps3: Density of the noise on the speed, m2/s3.
+        yaw_rate_rad2ps3: Density of the noise on the turn rate, rad2/s3.
+        position_m2ps: Density of the position noise, m2/s: for what leaves the arc, such as a side step.
+        area_m4ps: Density of the area noise, m4/s.
+        ratio_ps: Density of the noise on the aspect ratio, 1/s.
+
+    Raises:
+        ConfigError: A density is negative or not finite.
+    """
+
+    accel_m2ps3: Setting = 2.0
+    yaw_rate_rad2ps3: Setting = 0.1
+    position_m2ps: Setting = 0.01
+    area_m4ps: Setting = 0.05
+    ratio_ps: Setting = 0.05
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_range(self, field.name, 0.0, math.inf)
+
+
+def _densities(*channels: Setting) -> FloatArray:
+    """(C, 5) noise densities of the channels for each category."""
+    return np.stack([table(channel) for channel in channels], axis=-1)
+
+
+def _walk(dt_s: float, order: int, noisy: int) -> FloatArray:
+    """(K, K) covariance that white noise of density 1 on one derivative adds to a chain of integrators.
+
+    A unit impulse on derivative n has moved derivative k <= n by t^(n - k) / (n - k)! after the time t; the
+    integral of the products over the step is the covariance.
+    """
+    noise = np.zeros((order, order))
+    for i in range(noisy + 1):
+        for j in range(noisy + 1):
+            p, q = noisy - i, noisy - j
+            noise[i, j] = dt_s ** (p + q + 1) / (math.factorial(p) * math.factorial(q) * (p + q + 1))
+    return noise
 
 
 def ctrv_positions(

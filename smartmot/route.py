@@ -125,21 +125,108 @@ def route_ahead(
     strip = lane_strip(network, lane, vru_margin_m)
     here = strip.station_at(s_m)
     lanes = [lane]
-    covered = strip.length_m - here
-    while (
-        covered < ahead_m
-        and (following := _straightest(network, lanes[-1], forward=True, used=lanes)) is not None
-    ):
-        lanes.append(following)
-        covered += _length(network, following)
-    covered = here
-    while (
-        covered < behind_m
-        and (previous := _straightest(network, lanes[0], forward=False, used=lanes)) is not None
-    ):
-        lanes.insert(0, previous)
-        covered += _length(network, previous)
+    _extend(network, lanes, strip.length_m - here, ahead_m, forward=True)
+    _extend(network, lanes, here, behind_m, forward=False)
     return route_from_lanes(network, lanes, vru_margin_m)
+
+
+def route_along(
+    network: RoadNetwork,
+    points_m: FloatArray,
+    ahead_m: float = 0.0,
+    behind_m: float = 0.0,
+    vru_margin_m: float = 0.0,
+) -> Route:
+    """Route over the driving lanes that a way runs on.
+
+    Where lanes overlap, as in junctions, the one is taken that follows the lane before and holds the way
+    longest. The route ends where the way leaves the lanes or changes into one that does not follow.
+
+    Args:
+        network: the map.
+        points_m: (K, 2) points of the way in driving order, map frame; a few metres apart or less.
+        ahead_m: wanted length beyond the last point, straight on.
+        behind_m: wanted length before the first point.
+        vru_margin_m: VRU margin kept with the strips.
+
+    Raises:
+        RouteError: the way runs on no driving lane.
+    """
+    hits = network.locate(points_m)
+    delta = np.gradient(points_m, axis=0)
+    course = np.arctan2(delta[:, 1], delta[:, 0])
+    on: list[set[int]] = [set() for _ in range(len(points_m))]
+    for lane in np.unique(hits.lane).tolist():
+        if network.lanes.lane_type[lane] != "driving":
+            continue
+        mine = hits.lane == lane
+        heading = network.center_line(lane, hits.s_m[mine])[3]
+        point = hits.point[mine]
+        for k in point[np.cos(heading - course[point]) > _SAME_WAY].tolist():
+            on[k].add(lane)
+
+    def stays(lane: int, k: int) -> int:
+        """How many points from the k-th on lie in a lane without a break."""
+        end = k
+        while end < len(on) and lane in on[end]:
+            end += 1
+        return end - k
+
+    first = next((k for k, lanes in enumerate(on) if lanes), None)
+    if first is None:
+        raise RouteError("route: the ego's way runs on no driving lane of the map")
+    chain = [max(sorted(on[first]), key=lambda lane: stays(lane, first))]
+    k = first + stays(chain[0], first)
+    while k < len(on):
+        options = _chains(network, chain[-1], on[k])
+        if not options:
+            break
+        here = k
+        best = max(options, key=lambda option: (stays(option[-1], here), -len(option)))
+        chain.extend(best)
+        k += stays(best[-1], k)
+    strip = lane_strip(network, chain[-1], 0.0)
+    end = float(np.clip(_station_near(strip, points_m[min(k, len(on)) - 1]), 0.0, strip.length_m))
+    start = lane_strip(network, chain[0], 0.0)
+    begin = float(np.clip(_station_near(start, points_m[first]), 0.0, start.length_m))
+    _extend(network, chain, strip.length_m - end, ahead_m, forward=True)
+    _extend(network, chain, begin, behind_m, forward=False)
+    return route_from_lanes(network, chain, vru_margin_m)
+
+
+_SAME_WAY = 0.5
+"""Cosine of 60 degrees: a way that crosses a lane at more than that does not run along it."""
+_MAX_SHORT_LANES = 3
+"""So many lanes in a row may be shorter than the distance between two points of a way."""
+
+
+def _chains(network: RoadNetwork, lane: int, wanted: set[int]) -> list[list[int]]:
+    """Shortest chains of successors that lead from a lane to each wanted one."""
+    found: list[list[int]] = []
+    front = [[lane]]
+    for _ in range(_MAX_SHORT_LANES + 1):
+        front = [[*chain, c] for chain in front for c in network.successors(chain[-1]) if c not in chain]
+        found += [chain[1:] for chain in front if chain[-1] in wanted]
+        if found:
+            break
+    return found
+
+
+def _station_near(strip: LaneStrip, point_m: FloatArray) -> float:
+    """Station of the sample of a strip that is nearest to a point."""
+    return float(strip.station_m[np.argmin(np.hypot(*(strip.center_m - point_m).T))])
+
+
+def _extend(
+    network: RoadNetwork, lanes: list[int], covered_m: float, wanted_m: float, *, forward: bool
+) -> None:
+    """Add the straightest lanes at one end until a length is covered or the map ends."""
+    while covered_m < wanted_m:
+        following = _straightest(network, lanes[-1 if forward else 0], forward=forward, used=lanes)
+        if following is None:
+            return
+        lanes.insert(len(lanes) if forward else 0, following)
+        covered_m += _length(network, following)
 
 
 def _length(network: RoadNetwork, lane: int) -> float:

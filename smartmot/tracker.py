@@ -1,50 +1,62 @@
 """The tracker: predict, associate, update, life cycle; one call per frame.
 
 `Tracker.step` is a function of state and detections. `Tracker.update` keeps the state for callers that do not
-want to. Everything is estimated in the map frame, so the ego vehicle's own motion never enters a velocity.
+want to. Everything is estimated in the frame of the detections. In the map frame the ego vehicle's own motion
+never enters a velocity; detections in the vehicle's frame work too, with velocities relative to it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from smartmot.association import (
-    Affinity,
-    AssociationConfig,
-    Matches,
-    OverlapThenDistance,
-    associate,
-    gate_reach_m,
-)
-from smartmot.errors import ShapeError, TimeOrderError
-from smartmot.kalman import (
-    BevFilterConfig,
-    boxes_of,
-    initial_states,
-    innovations,
-    measurements,
-    predict,
-    update,
-    valid_state,
-)
+from smartmot.association import Affinity, AssociationConfig, Associator
+from smartmot.channel_filter import ChannelFilter
+from smartmot.detection_input import detections_from_arrays
+from smartmot.errors import ConfigError, ShapeError, TimeOrderError
+from smartmot.geometry import wrap_angle
+from smartmot.kalman import BevFilterConfig, BoxFilter, Estimate, measurements
 from smartmot.lifecycle import LifecycleConfig, confirm, survives
 from smartmot.motion_models import (
-    STATE,
-    VX,
-    VY,
-    YAW_RATE,
+    ConstantTurnRate,
     ConstantVelocity,
-    MotionModel,
+    LinearMotion,
     PerCategory,
+    Setting,
+    X,
     check_range,
+    table,
 )
-from smartmot.types import CATEGORIES, BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray, Tracks
+from smartmot.tracker_state import (
+    BIRTH_S,
+    CODE,
+    COLUMNS,
+    CONFIRMED,
+    HITS,
+    ID,
+    INSIDE_S,
+    MATCHED_S,
+    SCORE,
+    SCORE_SUM,
+    TrackerState,
+)
+from smartmot.types import (
+    CATEGORIES,
+    BoolArray,
+    Boxes,
+    Detections,
+    FloatArray,
+    IntArray,
+    StrArray,
+    Tracks,
+    unchecked,
+)
+
+__all__ = ["Monitored", "ReportConfig", "Tracker", "TrackerConfig", "TrackerState", "box_filter"]
 
 Monitored = Callable[[Boxes, StrArray], BoolArray]
 """Which objects are monitored: M boxes in the map frame and (M,) categories to (M,) flags."""
@@ -52,18 +64,52 @@ Monitored = Callable[[Boxes, StrArray], BoolArray]
 _NAMES = np.array(CATEGORIES)
 _CODES = {name: code for code, name in enumerate(CATEGORIES)}
 _UNKNOWN = _CODES["unknown"]
+_COASTED = -1
+"""In place of a detection's position: the track had none in this frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportConfig:
+    """Which of the tracks alive are returned, and with which boxes.
+
+    Args:
+        detected_boxes: A matched track has the box of its detection, not the filtered one. A detector's box
+            has no lag; the filtered one has less noise.
+        tentative: Tracks not yet confirmed are returned as well.
+        coasted_s: Time without a match up to which a track is returned. None: until it dies.
+        score: Tracks whose last detection had a lower score are not returned.
+        mean_score: Tracks whose detections so far had a lower mean score are not returned.
+
+    Raises:
+        ConfigError: A value is outside its range.
+    """
+
+    detected_boxes: bool = False
+    tentative: bool = True
+    coasted_s: Setting | None = None
+    score: Setting = 0.0
+    mean_score: Setting = 0.0
+
+    def __post_init__(self) -> None:
+        if self.coasted_s is not None:
+            check_range(self, "coasted_s", 0.0, math.inf)
+        check_range(self, "score", 0.0, 1.0)
+        check_range(self, "mean_score", 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class TrackerConfig:
-    """All settings of the tracker.
+    """All settings of the tracker. `smartmot.tracker_config` has named ones.
 
     Args:
         motion: Motion model and its noise.
         filter: Measurement noise and initial uncertainty.
-        association: Limits of a match.
-        lifecycle: Times of confirmation and deletion.
+        association: Costs and gates of a match.
+        lifecycle: Birth, confirmation and deletion.
+        report: Which tracks are returned, and with which boxes.
         score_threshold: Detections below it are dropped. Source: paper, 0.3.
+        second_stage_score: Detections below it may only have the tracks that the others left, and start none
+            (two-stage association of the ByteTrack family). 0: one stage.
         dynamic_speed_mps: A faster track is dynamic. Source: paper, 0.5 with the map and 1.0 without.
         dynamic_sigmas: Besides, its speed must be this many standard deviations from zero, so that position
             noise does not set a standing object moving; 0 leaves the paper's plain threshold. At 2.5 noise
@@ -76,21 +122,25 @@ class TrackerConfig:
         ConfigError: A value is outside its range.
     """
 
-    motion: MotionModel = field(default_factory=ConstantVelocity)
+    motion: LinearMotion | ConstantTurnRate = field(default_factory=ConstantVelocity)
     filter: BevFilterConfig = field(default_factory=BevFilterConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     lifecycle: LifecycleConfig = field(default_factory=LifecycleConfig)
-    score_threshold: float = 0.3
-    dynamic_speed_mps: float = 0.5
+    report: ReportConfig = field(default_factory=ReportConfig)
+    score_threshold: Setting = 0.3
+    second_stage_score: Setting = 0.0
+    dynamic_speed_mps: Setting = 0.5
     dynamic_sigmas: float = 2.5
-    outlier_speed_mps: PerCategory = field(
+    outlier_speed_mps: Setting = field(
         default=PerCategory(60.0, pedestrian=15.0, cyclist=25.0, truck=60.0, motorcycle=60.0, unknown=60.0)
     )
 
     def __post_init__(self) -> None:
         check_range(self, "score_threshold", 0.0, 1.0)
+        check_range(self, "second_stage_score", 0.0, 1.0)
         check_range(self, "dynamic_speed_mps", 0.0, 10.0)
         check_range(self, "dynamic_sigmas", 0.0, 10.0)
+        check_range(self, "outlier_speed_mps", 1e-9, math.inf)
 
     @classmethod
     def paper(cls, *, with_map: bool = True) -> TrackerConfig:
@@ -105,76 +155,25 @@ class TrackerConfig:
             association=AssociationConfig(gate_probability=0.0),
             dynamic_speed_mps=0.5 if with_map else 1.0,
             dynamic_sigmas=0.0,
-            outlier_speed_mps=PerCategory(*[15.0] * len(CATEGORIES)),
+            outlier_speed_mps=15.0,
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackerState:
-    """All that the tracker remembers between frames.
+def box_filter(motion: LinearMotion | ConstantTurnRate, config: BevFilterConfig) -> BoxFilter:
+    """The filter that suits a motion model.
 
     Args:
-        stamp_s: Time of the last frame; None before the first.
-        next_id: Identifier of the next track.
-        track_id: (M,) identifiers.
-        category_code: (M,) positions in CATEGORIES.
-        score: (M,) score of the last matched detection.
-        mean: (M, 9) filter states at stamp_s.
-        covariance: (M, 9, 9) their covariances.
-        birth_s: (M,) time of birth.
-        matched_s: (M,) time of the last match.
-        inside_s: (M,) time the track was last inside the monitored area.
-        confirmed: (M,) flags.
+        motion: Motion model and its noise.
+        config: Measurement noise and initial uncertainty.
+
+    Returns:
+        The linear filter in closed form, or the extended one for CTRV.
     """
+    from smartmot.turn_filter import TurnFilter
 
-    stamp_s: float | None
-    next_id: int
-    track_id: IntArray
-    category_code: IntArray
-    score: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
-    birth_s: FloatArray
-    matched_s: FloatArray
-    inside_s: FloatArray
-    confirmed: BoolArray
-
-    def __post_init__(self) -> None:
-        m = len(self.track_id)
-        for name in _PER_TRACK:
-            array = getattr(self, name)
-            if len(array) != m:
-                raise ShapeError(f"{name}: expected {m} rows, one per track, got {len(array)}")
-            array.flags.writeable = False
-
-    def __len__(self) -> int:
-        return len(self.track_id)
-
-    def __getitem__(self, index: BoolArray) -> TrackerState:
-        """Subset of the tracks by a mask."""
-        return self._changed({name: getattr(self, name)[index] for name in _PER_TRACK})
-
-    def with_tracks_of(self, other: TrackerState) -> TrackerState:
-        """The same state with another one's tracks appended."""
-        return self._changed(
-            {name: np.concatenate((getattr(self, name), getattr(other, name))) for name in _PER_TRACK}
-        )
-
-    def _changed(self, arrays: dict[str, NDArray[Any]]) -> TrackerState:
-        """The same state with other arrays."""
-        changes: dict[str, Any] = arrays
-        return replace(self, **changes)
-
-    @classmethod
-    def empty(cls) -> TrackerState:
-        """Before the first frame."""
-        none, codes, d = np.zeros(0), np.zeros(0, dtype=np.int64), len(STATE)
-        return cls(
-            None, 1, codes, codes, none, np.zeros((0, d)), np.zeros((0, d, d)), none, none, none, codes > 0
-        )
-
-
-_PER_TRACK = tuple(item.name for item in fields(TrackerState))[2:]
+    return (
+        TurnFilter(motion, config) if isinstance(motion, ConstantTurnRate) else ChannelFilter(motion, config)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,8 +183,19 @@ class _Measured:
     stamp_s: float
     boxes: Boxes
     score: FloatArray
-    category_code: IntArray
+    code: IntArray
     measurement: FloatArray
+    velocity_mps: FloatArray | None
+
+
+@dataclass(slots=True, eq=False)
+class _Frame:
+    """M tracks while a frame is worked on: rows and filter states, and the detection each track has."""
+
+    rows: FloatArray
+    filtered: FloatArray
+    code: IntArray
+    source: IntArray
 
 
 class Tracker:
@@ -193,18 +203,36 @@ class Tracker:
 
     Args:
         config: Settings; the defaults suit 5 to 20 Hz.
-        affinity: How well a predicted track and a detection go together; IoU, then distance, by default.
+        affinity: How well a predicted track and a detection go together, in place of the configured cost.
+
+    Attributes:
+        config: The settings.
+        state: All that is remembered; assign a saved one to go on from it.
+        rejected: Impossible detections that `update_arrays` has dropped so far.
     """
 
     def __init__(self, config: TrackerConfig | None = None, affinity: Affinity | None = None) -> None:
         self.config = TrackerConfig() if config is None else config
         self.state = TrackerState.empty()
-        self._affinity = affinity or OverlapThenDistance(self.config.association.iou_threshold)
-        self._noise = self.config.filter.measurement_noise()
+        self.rejected = 0
+        config = self.config
+        self._filter = box_filter(config.motion, config.filter)
+        self._associator = Associator(
+            config.association, config.filter.measurement_variance()[:, X], affinity
+        )
+        self._yaw_entry = self._filter.names.index("yaw_rad")
+        self._score = table(config.score_threshold)
+        self._first_stage = table(config.second_stage_score)
+        self._two_stages = bool(self._first_stage.any())
+        self._birth = np.maximum(table(config.lifecycle.birth_score), self._first_stage)
+        self._birth_limited = bool(self._birth.any())
+        self._outlier = table(config.outlier_speed_mps)
+        self._dynamic = table(config.dynamic_speed_mps)
 
     def reset(self) -> None:
         """Forget all tracks; identifiers start at 1 again."""
         self.state = TrackerState.empty()
+        self.rejected = 0
 
     def update(self, detections: Detections, monitored: Monitored | None = None) -> Tracks:
         """Process one frame and keep the state.
@@ -214,13 +242,48 @@ class Tracker:
             monitored: The monitored area; None when everything is monitored.
 
         Returns:
-            All tracks alive after the frame, oldest first, coasted ones included.
+            The tracks that `TrackerConfig.report` chooses, oldest first; by default all that are alive.
 
         Raises:
             TimeOrderError: The frame is not newer than the one before.
             ShapeError: `monitored` does not return one flag per object.
         """
         self.state, tracks = self.step(self.state, detections, monitored)
+        return tracks
+
+    def update_arrays(
+        self,
+        stamp_s: float,
+        center_m: ArrayLike,
+        size_m: ArrayLike,
+        yaw_rad: ArrayLike,
+        score: ArrayLike | None = None,
+        category: ArrayLike | None = None,
+        velocity_mps: ArrayLike | None = None,
+    ) -> Tracks:
+        """Process one frame given as arrays; impossible detections are dropped and counted in `rejected`.
+
+        Args:
+            stamp_s: Measurement time.
+            center_m: (N, 2) centres.
+            size_m: (N, 2) lengths and widths.
+            yaw_rad: (N,) headings.
+            score: (N,) confidences in [0, 1]; 1 when not given.
+            category: (N,) names; "unknown" when not given.
+            velocity_mps: (N, 2) measured velocities, NaN where there is none.
+
+        Returns:
+            As `update`.
+
+        Raises:
+            TimeOrderError: The frame is not newer than the one before.
+            ShapeError: The arrays do not have one row per detection.
+        """
+        detections, rejected = detections_from_arrays(
+            stamp_s, center_m, size_m, yaw_rad, score, category, velocity_mps
+        )
+        tracks = self.update(detections)
+        self.rejected += rejected
         return tracks
 
     def step(
@@ -234,155 +297,189 @@ class Tracker:
             monitored: The monitored area; None when everything is monitored.
 
         Returns:
-            The new state and all tracks alive after the frame, oldest first, coasted ones included.
+            The new state and the tracks that `TrackerConfig.report` chooses, oldest first; by default all
+            that are alive.
 
         Raises:
             TimeOrderError: The frame is not newer than the one before.
             ShapeError: `monitored` does not return one flag per object.
+            ConfigError: The state comes from a tracker with another motion model.
         """
         measured = self._measured(detections)
         dt_s = _elapsed_s(state.stamp_s, measured.stamp_s)
-        predicted = self._predict(state, dt_s)
-        matches = self._associate(predicted, measured, dt_s)
-        after = self._correct(predicted, measured, matches)
-        if len(matches.unmatched_detections):
-            after = after.with_tracks_of(self._candidates(measured, matches.unmatched_detections))
-        after = self._live(after, measured.stamp_s, monitored)
-        return after, self._report(after, measured.stamp_s)
+        frame = self._predicted(state, dt_s)
+        unmatched = self._correct(frame, measured, dt_s)
+        if len(unmatched):
+            self._start(frame, measured, unmatched)
+        next_id, estimate = self._live(frame, measured.stamp_s, state.next_id, monitored)
+        after = unchecked(TrackerState, measured.stamp_s, next_id, frame.rows, frame.filtered)
+        return after, self._report(frame, measured, estimate)
 
     def _measured(self, detections: Detections) -> _Measured:
         """Detections over the score threshold."""
-        sure = detections.score >= self.config.score_threshold
-        if not sure.all():
-            detections = detections[sure]
+        # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
         code = np.array([_CODES[name] for name in detections.category.tolist()], dtype=np.int64)
-        boxes = detections.boxes
-        return _Measured(detections.stamp_s, boxes, detections.score, code, measurements(boxes))
+        boxes, score, velocity = detections.boxes, detections.score, detections.velocity_mps
+        sure = score >= self._score[code]
+        if np.count_nonzero(sure) < len(score):
+            boxes, score, code = boxes[sure], score[sure], code[sure]
+            velocity = None if velocity is None else velocity[sure]
+        return _Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity)
 
-    def _predict(self, state: TrackerState, dt_s: float) -> TrackerState:
+    def _predicted(self, state: TrackerState, dt_s: float) -> _Frame:
         """Tracks carried over the time step."""
-        if len(state) == 0:
-            return state
-        motion = self.config.motion
-        mean, covariance = predict(
-            state.mean, state.covariance, motion.transition(dt_s), motion.process_noise(dt_s)
-        )
-        return replace(state, mean=valid_state(mean), covariance=covariance)
-
-    def _associate(self, tracks: TrackerState, measured: _Measured, dt_s: float) -> Matches:
-        """Matches of predicted tracks and detections."""
-        boxes = boxes_of(tracks.mean)
-        reach = gate_reach_m(
-            tracks.covariance,
-            self.config.filter.position_sigma_m**2,
-            boxes.size_m,
-            tracks.category_code,
-            dt_s,
-            self.config.association,
-        )
-        return associate(
-            boxes, tracks.category_code, measured.boxes, measured.category_code, reach, self._affinity
-        )
-
-    def _correct(self, tracks: TrackerState, measured: _Measured, matches: Matches) -> TrackerState:
-        """Tracks after their matched measurements; the others stay as predicted."""
-        track, detection = matches.track, matches.detection
-        if len(track) == 0:
-            return tracks
-        mean, covariance = tracks.mean.copy(), tracks.covariance.copy()
-        score, matched_s = tracks.score.copy(), tracks.matched_s.copy()
-        prior = mean[track]
-        innovation = innovations(prior, measured.measurement[detection])
-        corrected, covariance[track] = update(prior, covariance[track], innovation, self._noise)
-        mean[track] = valid_state(corrected)
-        score[track] = measured.score[detection]
-        matched_s[track] = measured.stamp_s
-        # An unknown track learns its category from the first detection that knows it.
-        category = tracks.category_code.copy()
-        own = category[track]
-        category[track] = np.where(own == _UNKNOWN, measured.category_code[detection], own)
-        return replace(
-            tracks,
-            category_code=category,
-            score=score,
-            mean=mean,
-            covariance=covariance,
-            matched_s=matched_s,
-        )
-
-    def _candidates(self, measured: _Measured, new: IntArray) -> TrackerState:
-        """A track for every unmatched detection, without identifier and never inside so far."""
-        code = measured.category_code[new]
-        mean, covariance = initial_states(measured.measurement[new], code, self.config.filter)
-        n = len(new)
-        now = np.full(n, measured.stamp_s)
-        return TrackerState(
-            stamp_s=measured.stamp_s,
-            next_id=1,
-            track_id=np.zeros(n, dtype=np.int64),
-            category_code=code,
-            score=measured.score[new],
-            mean=mean,
-            covariance=covariance,
-            birth_s=now,
-            matched_s=now,
-            inside_s=np.full(n, -np.inf),
-            confirmed=np.zeros(n, dtype=np.bool_),
-        )
-
-    def _live(self, tracks: TrackerState, now_s: float, monitored: Monitored | None) -> TrackerState:
-        """Tracks that live on, confirmed where due, newborn ones with their identifiers."""
-        config = self.config.lifecycle
-        inside_s = np.full(len(tracks), now_s)
-        if monitored is not None:
-            inside = np.asarray(
-                monitored(boxes_of(tracks.mean), _NAMES[tracks.category_code]), dtype=np.bool_
+        rows = state.rows.copy()
+        code = rows[:, CODE].astype(np.int64)
+        source = np.full(len(rows), _COASTED)
+        if len(rows) == 0:
+            return _Frame(rows, np.zeros((0, self._filter.width)), code, source)
+        if state.filtered.shape[1] != self._filter.width:
+            raise ConfigError(
+                f"tracker state: {state.filtered.shape[1]} filter entries per track, this tracker's motion "
+                f"model has {self._filter.width}; resume with the configuration that made the state"
             )
-            if inside.shape != inside_s.shape:
-                raise ShapeError(f"monitored: expected {inside_s.shape} flags, got {inside.shape}")
-            inside_s = np.where(inside, now_s, tracks.inside_s)
-        coasted_s = now_s - tracks.matched_s
-        alive = survives(coasted_s, now_s - inside_s, config)
-        confirmed = confirm(tracks.confirmed, now_s - tracks.birth_s, coasted_s, config)
-        newborn = alive & (tracks.track_id == 0)
-        count = int(newborn.sum())
-        track_id = tracks.track_id
-        if count:
-            track_id = track_id.copy()
-            track_id[newborn] = np.arange(tracks.next_id, tracks.next_id + count)
-        lived = replace(
-            tracks,
-            stamp_s=now_s,
-            next_id=tracks.next_id + count,
-            track_id=track_id,
-            inside_s=inside_s,
-            confirmed=confirmed,
-        )
-        return lived if alive.all() else lived[alive]
+        return _Frame(rows, self._filter.predict(state.filtered, code, dt_s), code, source)
 
-    def _report(self, tracks: TrackerState, now_s: float) -> Tracks:
-        """What the tracks say at the frame's time."""
-        velocity = tracks.mean[:, VX : VY + 1].copy()
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        sigma = np.sqrt(0.5 * (tracks.covariance[:, VX, VX] + tracks.covariance[:, VY, VY]))
-        outlier = speed > self.config.outlier_speed_mps.of(tracks.category_code)
-        velocity[outlier] = 0.0
-        threshold = np.maximum(self.config.dynamic_speed_mps, self.config.dynamic_sigmas * sigma)
-        return Tracks(
-            stamp_s=now_s,
-            track_id=tracks.track_id,
-            boxes=boxes_of(tracks.mean),
-            category=_NAMES[tracks.category_code],
-            score=tracks.score,
-            mean=tracks.mean,
-            covariance=tracks.covariance,
-            velocity_mps=velocity,
-            yaw_rate_radps=tracks.mean[:, YAW_RATE],
-            age_s=now_s - tracks.birth_s,
-            coasted_s=now_s - tracks.matched_s,
-            confirmed=tracks.confirmed,
-            dynamic=(speed > threshold) & ~outlier,
+    def _correct(self, frame: _Frame, measured: _Measured, dt_s: float) -> IntArray:
+        """Match and correct the tracks in place; the detections left over."""
+        n = len(measured.score)
+        if n == 0 or len(frame.rows) == 0:
+            return np.arange(n)
+        first = None
+        if self._two_stages:
+            first = measured.score >= self._first_stage[measured.code]
+            first = None if np.count_nonzero(first) == n else first
+        track, detection = self._associator.match(
+            self._filter.estimate(frame.filtered),
+            frame.code,
+            self._filter.position_covariance(frame.filtered),
+            measured.boxes,
+            measured.code,
+            dt_s,
+            first,
         )
+        if len(track) == 0:
+            return np.arange(n)
+        velocity = None if measured.velocity_mps is None else measured.velocity_mps[detection]
+        rows, code, score = frame.rows, frame.code[track], measured.score[detection]
+        # Tracks come in order: where all are matched, whole columns take the place of index arrays.
+        where = slice(None) if len(track) == len(rows) else track
+        frame.filtered[where] = self._filter.update(
+            frame.filtered[where], measured.measurement.take(detection, axis=0), velocity, code
+        )
+        rows[where, SCORE] = score
+        rows[where, SCORE_SUM] += score
+        rows[where, HITS] += 1.0
+        rows[where, MATCHED_S] = measured.stamp_s
+        frame.source[where] = detection
+        unknown = code == _UNKNOWN
+        if np.count_nonzero(unknown):
+            # An unknown track learns its category from the first detection that knows it.
+            frame.code[track[unknown]] = measured.code[detection[unknown]]
+            rows[:, CODE] = frame.code
+        left = np.ones(n, dtype=np.bool_)
+        left[detection] = False
+        return left.nonzero()[0]
+
+    def _start(self, frame: _Frame, measured: _Measured, new: IntArray) -> None:
+        """Append a track for every unmatched detection, without identifier and never inside so far."""
+        if self._birth_limited:
+            new = new[measured.score[new] >= self._birth[measured.code[new]]]
+        n = len(new)
+        rows = np.zeros((n, len(COLUMNS)))
+        code, score = measured.code[new], measured.score[new]
+        velocity = None if measured.velocity_mps is None else measured.velocity_mps[new]
+        rows[:, CODE] = code
+        rows[:, SCORE] = rows[:, SCORE_SUM] = score
+        rows[:, HITS] = 1.0
+        rows[:, BIRTH_S] = rows[:, MATCHED_S] = measured.stamp_s
+        rows[:, INSIDE_S] = -np.inf
+        born = self._filter.born(measured.measurement[new], velocity, code)
+        frame.rows = np.concatenate((frame.rows, rows))
+        frame.filtered = np.concatenate((frame.filtered, born))
+        frame.code = np.concatenate((frame.code, code))
+        frame.source = np.concatenate((frame.source, new))
+
+    def _live(
+        self, frame: _Frame, now_s: float, next_id: int, monitored: Monitored | None
+    ) -> tuple[int, Estimate]:
+        """Confirm tracks, drop dead ones and number newborn ones, in place; the next identifier."""
+        config, rows = self.config.lifecycle, frame.rows
+        estimate = self._filter.estimate(frame.filtered)
+        if monitored is None:
+            rows[:, INSIDE_S] = now_s
+        else:
+            boxes = unchecked(Boxes, estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad))
+            inside = np.asarray(monitored(boxes, _NAMES[frame.code]), dtype=np.bool_)
+            if inside.shape != (len(rows),):
+                raise ShapeError(f"monitored: expected {(len(rows),)} flags, got {inside.shape}")
+            rows[inside, INSIDE_S] = now_s
+        coasted_s = now_s - rows[:, MATCHED_S]
+        confirmed = confirm(rows[:, CONFIRMED] > 0.0, now_s - rows[:, BIRTH_S], coasted_s, frame.code, config)
+        alive = survives(confirmed, coasted_s, now_s - rows[:, INSIDE_S], frame.code, config)
+        rows[:, CONFIRMED] = confirmed
+        if np.count_nonzero(alive) < len(rows):
+            frame.rows = rows = rows[alive]
+            frame.filtered, frame.code = frame.filtered[alive], frame.code[alive]
+            frame.source = frame.source[alive]
+            estimate = self._filter.estimate(frame.filtered)
+        # Newborn tracks stand at the end.
+        count = len(rows) - int(np.count_nonzero(rows[:, ID]))
+        if count:
+            rows[-count:, ID] = np.arange(next_id, next_id + count)
+        return next_id + count, estimate
+
+    def _report(self, frame: _Frame, measured: _Measured, estimate: Estimate) -> Tracks:
+        """What the tracks say at the frame's time."""
+        config, rows, code, now_s = self.config, frame.rows, frame.code, measured.stamp_s
+        mean, covariance = self._filter.moments(frame.filtered)
+        velocity = estimate.velocity_mps
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        outlier = speed > self._outlier[code]
+        if np.count_nonzero(outlier):
+            velocity = np.where(outlier[:, None], 0.0, velocity)
+        sigma = np.sqrt(self._filter.speed_variance(frame.filtered))
+        threshold = np.maximum(self._dynamic[code], config.dynamic_sigmas * sigma)
+        center, size, yaw = estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad)
+        mean[:, self._yaw_entry] = yaw
+        if config.report.detected_boxes:
+            center = center.copy()
+            seen = np.flatnonzero(frame.source != _COASTED)
+            boxes = measured.boxes[frame.source[seen]]
+            center[seen], size[seen], yaw[seen] = boxes.center_m, boxes.size_m, boxes.yaw_rad
+        tracks = unchecked(
+            Tracks,
+            now_s,
+            rows[:, ID].astype(np.int64),
+            unchecked(Boxes, center, size, yaw),
+            _NAMES[code],
+            rows[:, SCORE],
+            mean,
+            covariance,
+            velocity,
+            estimate.yaw_rate_radps,
+            now_s - rows[:, BIRTH_S],
+            now_s - rows[:, MATCHED_S],
+            rows[:, CONFIRMED] > 0.0,
+            (speed > threshold) & ~outlier,
+        )
+        return self._chosen(tracks, rows, code)
+
+    def _chosen(self, tracks: Tracks, rows: FloatArray, code: IntArray) -> Tracks:
+        """The tracks that the configuration wants to see."""
+        report = self.config.report
+        if report.tentative and report.coasted_s is None and report.mean_score == report.score == 0.0:
+            return tracks
+        shown = np.ones(len(tracks), dtype=np.bool_)
+        if not report.tentative:
+            shown &= tracks.confirmed
+        if report.coasted_s is not None:
+            shown &= tracks.coasted_s <= table(report.coasted_s)[code] + 1e-6
+        if report.score != 0.0:
+            shown &= tracks.score >= table(report.score)[code]
+        if report.mean_score != 0.0:
+            shown &= rows[:, SCORE_SUM] >= table(report.mean_score)[code] * rows[:, HITS]
+        return tracks if np.count_nonzero(shown) == len(shown) else tracks[shown]
 
 
 def _elapsed_s(last_s: float | None, now_s: float) -> float:

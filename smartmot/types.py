@@ -63,7 +63,7 @@ def _subset(whole: T, index: Any, names: tuple[str, ...]) -> T:
     part = object.__new__(type(whole))
     for name in whole.__slots__:  # type: ignore[attr-defined]
         value = getattr(whole, name)
-        if name in names:
+        if name in names and value is not None:
             value = value[index]
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
@@ -138,12 +138,15 @@ class Detections:
         boxes: N boxes.
         score: (N,) detector confidence in [0, 1].
         category: (N,) names out of CATEGORIES.
+        velocity_mps: (N, 2) velocity over ground as the detector estimates it, map frame; a row of NaN where
+            it has none. None: the detector measures no velocity.
     """
 
     stamp_s: float
     boxes: Boxes
     score: FloatArray
     category: StrArray
+    velocity_mps: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.boxes)
@@ -160,13 +163,15 @@ class Detections:
             )
         category.flags.writeable = False
         _set(self, "category", category)
+        if self.velocity_mps is not None:
+            _set(self, "velocity_mps", _frozen(self.velocity_mps, np.float64, (n, 2), "velocity_mps"))
 
     def __len__(self) -> int:
         return len(self.boxes)
 
     def __getitem__(self, index: Any) -> Detections:
         """Subset by a mask, a slice or an index array."""
-        return _subset(self, index, ("boxes", "score", "category"))
+        return _subset(self, index, ("boxes", "score", "category", "velocity_mps"))
 
     @classmethod
     def empty(cls, stamp_s: float) -> Detections:

@@ -6,13 +6,17 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smartmot import geometry
+from smartmot.errors import ShapeError
 from smartmot.geometry import (
+    bev_giou,
+    bev_iou,
     circles_touch,
     corners,
     from_frame,
     intersection_area,
-    iou_matrix,
     iou_pairs,
+    near_pairs,
     signed_gap,
     signed_gap_scalar,
     to_frame,
@@ -171,16 +175,16 @@ def test_the_circle_test_never_rejects_an_overlap() -> None:
     assert not touch.all()
 
 
-def test_iou_matrix_equals_pairs_and_takes_empty_sets() -> None:
+def test_bev_iou_equals_pairs_and_takes_empty_sets() -> None:
     rng = np.random.default_rng(7)
     a, b = Boxes(*_random(rng, 6)), Boxes(*_random(rng, 4))
-    matrix = iou_matrix(a, b)
+    matrix = bev_iou(a, b)
     assert matrix.shape == (6, 4)
     for i, j in np.ndindex(6, 4):
         pair = iou_pairs(a.center_m[i], a.size_m[i], a.yaw_rad[i], b.center_m[j], b.size_m[j], b.yaw_rad[j])
         assert matrix[i, j] == pytest.approx(float(pair), abs=1e-12)
-    assert iou_matrix(a, Boxes.empty()).shape == (6, 0)
-    assert iou_matrix(Boxes.empty(), b).shape == (0, 4)
+    assert bev_iou(a, Boxes.empty()).shape == (6, 0)
+    assert bev_iou(Boxes.empty(), b).shape == (0, 4)
 
 
 def test_exact_far_from_the_origin() -> None:
@@ -188,3 +192,60 @@ def test_exact_far_from_the_origin() -> None:
     b = (a[0] + np.array([1.0, 0.5]), np.array([0.5, 0.5]), np.array(1.9))
     near_a, near_b = (np.zeros(2), *a[1:]), (np.array([1.0, 0.5]), *b[1:])
     assert intersection_area(*a, *b) == pytest.approx(float(intersection_area(*near_a, *near_b)), abs=1e-9)
+
+
+@pytest.mark.parametrize("spacing_m", [0.5, 8.0])
+@pytest.mark.parametrize("counts", [(60, 50), (1, 7), (200, 150)])
+def test_bev_iou_equals_shapely(spacing_m: float, counts: tuple[int, int]) -> None:
+    rng, n = np.random.default_rng(8), counts[0]
+    extent = spacing_m * np.sqrt(n)
+    a, b = (
+        Boxes(rng.uniform(0, extent, (k, 2)), rng.uniform(0.1, 6, (k, 2)), rng.uniform(-7, 7, k))
+        for k in counts
+    )
+    first, second = (_polygon(x.center_m, x.size_m, x.yaw_rad) for x in (a, b))
+    common = shapely.area(shapely.intersection(first[:, None], second))
+    union = a.size_m.prod(axis=1)[:, None] + b.size_m.prod(axis=1) - common
+    np.testing.assert_allclose(bev_iou(a, b), common / union, atol=1e-9)
+
+
+def test_bev_iou_takes_rows_and_degenerate_boxes() -> None:
+    rows = np.array([[0, 0, 4, 2, 0.3], [0, 0, 0, 2, 0.0], [0, 0, 0, 0, 1.0], [0, 0, 1e-9, 1e-9, 0.0]])
+    iou = bev_iou(rows, rows)
+    assert np.isfinite(iou).all()
+    np.testing.assert_allclose(np.diag(iou), [1, 0, 0, 1], atol=1e-9)
+    assert not iou[1:3].any()
+    assert bev_iou(rows, []).shape == (4, 0)
+
+
+@pytest.mark.parametrize(
+    "rows", [[[0, 0, 1, 1]], [[0, 0, np.nan, 1, 0]], [[0, 0, -1, 1, 0]], [0, 0, 1, 1, 0]]
+)
+def test_bev_iou_refuses_what_is_no_box(rows: list[Any]) -> None:
+    with pytest.raises(ShapeError, match="boxes:"):
+        bev_iou(rows, rows)
+
+
+def test_the_tree_finds_the_pairs_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(9)
+    a, b = rng.uniform(0, 40, (70, 2)), rng.uniform(0, 40, (90, 2))
+    # From a crowd's short reaches to a long one, and none at all.
+    reach_a, reach_b = rng.choice([0.0, 0.3, 2.0, 15.0], 70), rng.uniform(0, 1, 90)
+    table = near_pairs(a, b, reach_a, reach_b)
+    monkeypatch.setattr(geometry, "_DENSE_PAIRS", 0)
+    tree = near_pairs(a, b, reach_a, reach_b)
+    assert len(table[0]) > 300
+    np.testing.assert_array_equal(tree, table)
+
+
+def test_generalised_iou_laws() -> None:
+    rng = np.random.default_rng(10)
+    a, b = Boxes(*_random(rng, 200)), Boxes(*_random(rng, 200))
+    giou, iou = bev_giou(a, b), iou_pairs(a.center_m, a.size_m, a.yaw_rad, b.center_m, b.size_m, b.yaw_rad)
+    assert (giou <= iou + 1e-12).all()
+    assert giou.min() > -1.0
+    np.testing.assert_allclose(giou, bev_giou(b, a), atol=1e-12)
+    np.testing.assert_allclose(bev_giou(a, a), 1.0)
+    far = Boxes(a.center_m + np.array([5e5, 5e6]), a.size_m, a.yaw_rad)
+    moved = Boxes(b.center_m + np.array([5e5, 5e6]), b.size_m, b.yaw_rad)
+    np.testing.assert_allclose(bev_giou(far, moved), giou, atol=1e-7)

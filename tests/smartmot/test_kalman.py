@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -6,94 +8,79 @@ from smartmot.errors import ConfigError
 from smartmot.kalman import (
     MIN_AREA_M2,
     BevFilterConfig,
-    boxes_of,
-    initial_states,
-    innovations,
+    heading_innovation,
     measurements,
     predict,
+    sizes,
     update,
-    valid_state,
 )
-from smartmot.motion_models import AREA, AREA_RATE, MEASURED, RATIO, STATE, VX, YAW, ConstantVelocity
 from smartmot.types import Boxes
 
-CAR, PEDESTRIAN = 0, 1
-D = len(STATE)
+D, K = 5, 2
 
 
 def _boxes(rng: np.random.Generator, n: int) -> Boxes:
     return Boxes(rng.normal(0, 50, (n, 2)), rng.uniform(0.3, 8, (n, 2)), rng.uniform(-np.pi, np.pi, n))
 
 
+def _covariances(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    spread = rng.normal(size=(*shape, shape[-1]))
+    return spread @ np.swapaxes(spread, -1, -2) + 0.1 * np.eye(shape[-1])
+
+
 @pytest.mark.parametrize("tracks", [1, 3, 17])
-@pytest.mark.parametrize(
-    ("motion", "config"),
-    [(ConstantVelocity(), BevFilterConfig()), (ConstantVelocity.paper(), BevFilterConfig.paper())],
-    ids=["default", "paper"],
-)
-def test_equals_filterpy_over_long_sequences(
-    tracks: int, motion: ConstantVelocity, config: BevFilterConfig
-) -> None:
+@pytest.mark.parametrize("direct", [True, False], ids=["first entries", "matrix"])
+def test_steps_equal_filterpy(tracks: int, direct: bool) -> None:
     rng = np.random.default_rng(tracks)
-    z0 = measurements(_boxes(rng, tracks))
-    mean, covariance = initial_states(z0, np.arange(tracks) % 6, config)
-    noise = config.measurement_noise()
+    mean, covariance = rng.normal(size=(tracks, D)), _covariances(rng, tracks, D)
+    noise, added = _covariances(rng, K), _covariances(rng, D)
+    measures = np.eye(K, D) if direct else rng.normal(size=(K, D))
     references = []
     for m, p in zip(mean, covariance, strict=True):
-        reference = KalmanFilter(dim_x=D, dim_z=MEASURED)
-        reference.x, reference.P = m.copy(), p.copy()
-        reference.H, reference.R = np.eye(MEASURED, D), noise
+        reference = KalmanFilter(dim_x=D, dim_z=K)
+        reference.x, reference.P, reference.H, reference.R = m.copy(), p.copy(), measures, noise
         references.append(reference)
-    for _ in range(400):
-        dt = rng.uniform(0.02, 0.3)
-        mean, covariance = predict(mean, covariance, motion.transition(dt), motion.process_noise(dt))
-        z = z0 + rng.normal(0, 0.3, z0.shape)
-        mean, covariance = update(mean, covariance, z - mean[:, :MEASURED], noise)
+    for _ in range(100):
+        transition = np.eye(D) + 0.1 * rng.normal(size=(D, D)) / D
+        mean, covariance = predict(mean, covariance, transition, added)
+        z = rng.normal(size=(tracks, K))
+        innovation = z - mean @ measures.T
+        mean, covariance = update(mean, covariance, innovation, noise, None if direct else measures)
         for reference, measured in zip(references, z, strict=True):
-            reference.predict(F=motion.transition(dt), Q=motion.process_noise(dt))
+            reference.predict(F=transition, Q=added)
             reference.update(measured)
         np.testing.assert_allclose(mean, [r.x for r in references], rtol=0, atol=1e-9)
         np.testing.assert_allclose(covariance, [r.P for r in references], rtol=1e-9, atol=1e-9)
 
 
-def test_covariance_stays_symmetric_and_positive() -> None:
-    rng = np.random.default_rng(5)
-    motion, config = ConstantVelocity.paper(), BevFilterConfig.paper()
-    mean, covariance = initial_states(measurements(_boxes(rng, 4)), np.zeros(4, dtype=np.int64), config)
-    for step in range(2000):
-        dt = float(rng.choice([1e-3, 0.05, 2.0]))
-        mean, covariance = predict(mean, covariance, motion.transition(dt), motion.process_noise(dt))
-        if step % 3:
-            mean, covariance = update(mean, covariance, rng.normal(0, 1, (4, 5)), config.measurement_noise())
-        np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2), rtol=1e-12)
-        assert np.linalg.eigvalsh(covariance).min() > 0.0
-
-
 def test_update_never_raises_the_uncertainty() -> None:
     rng = np.random.default_rng(6)
-    spread = rng.normal(size=(8, D, D))
-    covariance = spread @ np.swapaxes(spread, 1, 2)
-    noise = BevFilterConfig().measurement_noise()
-    _, after = update(np.zeros((8, D)), covariance, np.ones((8, 5)), noise)
+    covariance = _covariances(rng, 8, D)
+    _, after = update(np.zeros((8, D)), covariance, np.ones((8, K)), np.eye(K))
     assert np.linalg.eigvalsh(covariance - after).min() > -1e-9
 
 
 def test_update_takes_a_noise_for_each_track() -> None:
-    config = BevFilterConfig()
-    mean, covariance = initial_states(np.ones((2, 5)), np.zeros(2, dtype=np.int64), config)
-    noise = np.stack((config.measurement_noise(), 1e6 * config.measurement_noise()))
-    after, _ = update(mean, covariance, np.ones((2, 5)), noise)
-    assert after[0, 0] == pytest.approx(1.5)
-    assert after[1, 0] == pytest.approx(1.0, abs=1e-5)
+    covariance = np.broadcast_to(np.eye(D), (2, D, D))
+    noise = np.stack((np.eye(K), 1e6 * np.eye(K)))
+    after, _ = update(np.zeros((2, D)), covariance, np.ones((2, K)), noise)
+    assert after[0, 0] == pytest.approx(0.5)
+    assert after[1, 0] == pytest.approx(0.0, abs=1e-5)
 
 
 def test_boxes_survive_the_round_trip() -> None:
     boxes = _boxes(np.random.default_rng(7), 20)
-    mean, _ = initial_states(measurements(boxes), np.zeros(20, dtype=np.int64), BevFilterConfig())
-    back = boxes_of(mean)
-    np.testing.assert_allclose(back.center_m, boxes.center_m)
-    np.testing.assert_allclose(back.size_m, boxes.size_m)
-    np.testing.assert_allclose(back.yaw_rad, boxes.yaw_rad)
+    z = measurements(boxes)
+    np.testing.assert_allclose(z[:, :2], boxes.center_m)
+    np.testing.assert_allclose(sizes(z[:, 2], z[:, 3]), boxes.size_m)
+    np.testing.assert_allclose(z[:, 4], boxes.yaw_rad)
+
+
+def test_sizes_stay_positive() -> None:
+    size = sizes(np.array([-1.0, 8.0]), np.array([-2.0, 2.0]))
+    assert (size > 0.0).all()
+    assert size[0].prod() == pytest.approx(MIN_AREA_M2)
+    np.testing.assert_allclose(size[1], [4.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -111,32 +98,18 @@ def test_boxes_survive_the_round_trip() -> None:
 def test_heading_innovation_is_wrapped_and_flipped(
     track_yaw: float, measured_yaw: float, expected: float
 ) -> None:
-    mean, z = np.zeros((1, D)), np.zeros((1, MEASURED))
-    mean[0, YAW], z[0, YAW] = track_yaw, measured_yaw
-    assert innovations(mean, z)[0, YAW] == pytest.approx(expected, abs=1e-12)
-
-
-def test_states_stay_valid() -> None:
-    mean = np.zeros((2, D))
-    mean[0, [AREA, RATIO, YAW, AREA_RATE]] = -1.0, -2.0, 4.0, -3.0
-    mean[1, [AREA, RATIO, YAW, AREA_RATE]] = 8.0, 2.0, 1.0, -0.1
-    fixed = valid_state(mean.copy())
-    assert fixed[0, AREA] == MIN_AREA_M2
-    assert fixed[0, AREA_RATE] == 0.0
-    assert fixed[0, RATIO] > 0.0
-    assert fixed[0, YAW] == pytest.approx(4.0 - 2 * np.pi)
-    np.testing.assert_allclose(fixed[1], mean[1])
-
-
-def test_new_tracks_are_at_rest_and_as_fast_as_their_category_may_be() -> None:
-    config = BevFilterConfig()
-    mean, covariance = initial_states(np.ones((2, 5)), np.array([CAR, PEDESTRIAN]), config)
-    assert (mean[:, MEASURED:] == 0.0).all()
-    assert covariance[0, VX, VX] > covariance[1, VX, VX]
-    np.testing.assert_allclose(covariance[:, :5, :5], [config.measurement_noise()] * 2)
+    found = heading_innovation(np.array([measured_yaw]), np.array([track_yaw]))
+    assert found[0] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
-def test_rejects_impossible_noise(value: float) -> None:
-    with pytest.raises(ConfigError, match="position_sigma_m"):
-        BevFilterConfig(position_sigma_m=value)
+@pytest.mark.parametrize("name", ["position_sigma_m", "velocity_sigma_mps", "initial_speed_sigma_mps"])
+def test_rejects_impossible_noise(name: str, value: float) -> None:
+    settings: dict[str, Any] = {name: value}
+    with pytest.raises(ConfigError, match=name):
+        BevFilterConfig(**settings)
+
+
+def test_rejects_an_unknown_rule_for_headings() -> None:
+    with pytest.raises(ConfigError, match="choose one of track, detector, motion"):
+        BevFilterConfig(heading="front")

@@ -7,34 +7,30 @@ from scipy.integrate import solve_ivp
 from smartmot.errors import ConfigError
 from smartmot.motion_models import (
     AREA,
-    AREA_RATE,
-    STATE,
-    VX,
-    VY,
+    RATIO,
     YAW,
-    YAW_RATE,
+    ConstantAcceleration,
     ConstantVelocity,
     PerCategory,
     X,
-    Y,
     ctrv_positions,
+    table,
 )
 
-MODELS = [ConstantVelocity(), ConstantVelocity.paper()]
+MODELS = [ConstantVelocity(), ConstantVelocity.paper(), ConstantAcceleration()]
 
 
-def test_transition_moves_each_value_by_its_rate() -> None:
-    state = np.arange(1.0, len(STATE) + 1)
-    moved = ConstantVelocity().transition(0.5) @ state
-    for value, rate in ((X, VX), (Y, VY), (AREA, AREA_RATE), (YAW, YAW_RATE)):
-        assert moved[value] == state[value] + 0.5 * state[rate]
-    assert (moved[[3, VX, VY, AREA_RATE, YAW_RATE]] == state[[3, VX, VY, AREA_RATE, YAW_RATE]]).all()
+def test_transitions_by_hand() -> None:
+    assert (ConstantVelocity().transition(0.5) @ [1.0, 4.0] == [3.0, 4.0]).all()
+    assert (ConstantAcceleration().transition(0.5) @ [1.0, 4.0, 8.0] == [4.0, 8.0, 8.0]).all()
 
 
 @pytest.mark.parametrize("model", MODELS)
 @settings(max_examples=50, deadline=None)
 @given(first=st.floats(1e-4, 2.0), second=st.floats(1e-4, 2.0))
-def test_two_steps_equal_one(model: ConstantVelocity, first: float, second: float) -> None:
+def test_two_steps_equal_one(
+    model: ConstantVelocity | ConstantAcceleration, first: float, second: float
+) -> None:
     f1, f2 = model.transition(first), model.transition(second)
     np.testing.assert_allclose(f2 @ f1, model.transition(first + second), atol=1e-12)
     added = f2 @ model.process_noise(first) @ f2.T + model.process_noise(second)
@@ -43,30 +39,40 @@ def test_two_steps_equal_one(model: ConstantVelocity, first: float, second: floa
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("dt_s", [0.0, 1e-3, 0.05, 1.0])
-def test_process_noise_is_a_covariance(model: ConstantVelocity, dt_s: float) -> None:
+def test_process_noise_is_a_covariance(model: ConstantVelocity | ConstantAcceleration, dt_s: float) -> None:
     noise = model.process_noise(dt_s)
-    np.testing.assert_array_equal(noise, noise.T)
+    assert noise.shape == (6, 5, model.order, model.order)
+    np.testing.assert_allclose(noise, np.swapaxes(noise, -1, -2))
     assert np.linalg.eigvalsh(noise).min() >= -1e-15
 
 
 def test_paper_noise_is_the_diagonal_of_the_reference_code() -> None:
     # One pixel is 0.05 m and one frame 0.05 s: a pixel per frame is 1 m/s.
     noise = ConstantVelocity.paper().process_noise(0.05)
-    assert noise[X, X] == pytest.approx(0.05**2, rel=0.01)
-    assert noise[VX, VX] == pytest.approx(0.01)
+    for channel in (X, AREA, YAW):
+        assert noise[0, channel, 0, 0] == pytest.approx(0.05**2, rel=0.01)
+        assert noise[0, channel, 1, 1] == pytest.approx(0.01)
+    assert noise[0, RATIO, 0, 0] == pytest.approx(0.05**2)
+    assert noise[0, RATIO, 1, 1] == 0.0
 
 
 @pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
 def test_rejects_impossible_densities(value: float) -> None:
     with pytest.raises(ConfigError, match="velocity_m2ps3: allowed 0 to inf"):
         ConstantVelocity(velocity_m2ps3=value)
+    with pytest.raises(ConfigError, match="jerk_m2ps5: allowed 0 to inf"):
+        ConstantAcceleration(jerk_m2ps5=value)
 
 
 def test_per_category() -> None:
     values = PerCategory(1, 2, 3, 4, 5, 6)
-    np.testing.assert_array_equal(values.of(np.array([5, 0, 1, 1])), [6, 1, 2, 2])
+    np.testing.assert_array_equal(table(values)[[5, 0, 1, 1]], [6, 1, 2, 2])
+    np.testing.assert_array_equal(table(0.5), [0.5] * 6)
+    np.testing.assert_array_equal(table(PerCategory.grouped(1, 2, 3)), [1, 2, 3, 1, 3, 1])
     with pytest.raises(ConfigError, match=r"PerCategory\.truck"):
-        PerCategory(1, 2, 3, 0, 5, 6)
+        PerCategory(1, 2, 3, np.nan, 5, 6)
+    with pytest.raises(ConfigError, match="velocity_m2ps3"):
+        ConstantVelocity(velocity_m2ps3=PerCategory(1, 2, 3, -1, 5, 6))
 
 
 def _one(course: float, speed: float, rate: float, times: list[float]) -> tuple[np.ndarray, np.ndarray]:

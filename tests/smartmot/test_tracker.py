@@ -3,10 +3,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from smartmot.association import Pairs
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
+from smartmot.kalman import BevFilterConfig
 from smartmot.lifecycle import LifecycleConfig
-from smartmot.motion_models import PerCategory
-from smartmot.tracker import Tracker, TrackerConfig, TrackerState
+from smartmot.motion_models import ConstantAcceleration, ConstantTurnRate, ConstantVelocity, PerCategory
+from smartmot.tracker import ReportConfig, Tracker, TrackerConfig, TrackerState
 from smartmot.types import BoolArray, Boxes, Detections, FloatArray, StrArray, Tracks
 
 WALK_MPS = 5.0 / 3.6
@@ -313,12 +315,12 @@ def test_step_is_a_function_of_its_arguments() -> None:
     for frame in frames:
         states.append(tracker.step(states[-1], frame)[0])
     again, tracks = tracker.step(states[4], frames[4])
-    for name in ("track_id", "mean", "covariance", "matched_s", "confirmed"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(states[5], name))
+    np.testing.assert_array_equal(again.rows, states[5].rows)
+    np.testing.assert_array_equal(again.filtered, states[5].filtered)
     assert len(tracker.state) == 0
     assert tracks.track_id.tolist() == states[5].track_id.tolist()
     with pytest.raises(ValueError, match="read-only"):
-        again.mean[0] = 0.0
+        again.filtered[0] = 0.0
 
 
 def test_update_equals_step() -> None:
@@ -342,15 +344,6 @@ def test_tracks_do_not_depend_on_where_the_map_origin_is() -> None:
     np.testing.assert_allclose(there.velocity_mps, here.velocity_mps, atol=1e-9)
 
 
-def test_state_rejects_arrays_of_different_length() -> None:
-    state = TrackerState.empty()
-    with pytest.raises(ShapeError, match="score: expected 0 rows"):
-        TrackerState(
-            0.0, 1, state.track_id, state.category_code, np.zeros(1), state.mean, state.covariance,
-            state.birth_s, state.matched_s, state.inside_s, state.confirmed,
-        )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("name", "value"), [("score_threshold", 1.1), ("dynamic_speed_mps", -1.0), ("dynamic_sigmas", np.nan)]
 )
@@ -362,3 +355,106 @@ def test_rejects_impossible_settings(name: str, value: float) -> None:
 def test_paper_thresholds() -> None:
     assert TrackerConfig.paper().dynamic_speed_mps == 0.5
     assert TrackerConfig.paper(with_map=False).dynamic_speed_mps == 1.0
+
+
+def test_what_is_reported() -> None:
+    def ids(report: ReportConfig, confirm_s: float = 0.1) -> list[list[int]]:
+        lifecycle = LifecycleConfig(confirm_s=confirm_s, max_age_s=0.5)
+        tracker = Tracker(TrackerConfig(lifecycle=lifecycle, report=report, score_threshold=0.0))
+        scores: list[float | None] = [0.6, 0.6, 0.2, None, None]
+        return [
+            tracker.update(
+                Detections.empty(0.1 * k) if score is None else _frame(0.1 * k, [[0, 0]], score=score)
+            ).track_id.tolist()
+            for k, score in enumerate(scores)
+        ]
+
+    assert ids(ReportConfig()) == [[1], [1], [1], [1], [1]]
+    assert ids(ReportConfig(tentative=False)) == [[], [1], [1], [1], [1]]
+    assert ids(ReportConfig(coasted_s=0.1)) == [[1], [1], [1], [1], []]
+    assert ids(ReportConfig(coasted_s=0.0)) == [[1], [1], [1], [], []]
+    assert ids(ReportConfig(score=0.5)) == [[1], [1], [], [], []]
+    assert ids(ReportConfig(mean_score=0.5)) == [[1], [1], [], [], []]
+
+
+def test_detected_boxes_have_no_lag_and_coasted_ones_are_predicted() -> None:
+    filtered, detected = Tracker(), Tracker(TrackerConfig(report=ReportConfig(detected_boxes=True)))
+    rng = np.random.default_rng(8)
+    for k in range(20):
+        center = np.array([[0.3 * k, 0.0], [0.0, 9.0]]) + rng.normal(0, 0.1, (2, 2))
+        frame = _frame(0.1 * k, center, yaw=rng.normal(0, 0.1, 2))
+        smooth, raw = filtered.update(frame), detected.update(frame)
+        np.testing.assert_array_equal(raw.boxes.center_m[np.argsort(raw.track_id)], center)
+        np.testing.assert_array_equal(raw.mean, smooth.mean)
+    assert not np.allclose(smooth.boxes.center_m, center, atol=1e-3)
+    end = Detections.empty(2.0)
+    np.testing.assert_allclose(detected.update(end).boxes.center_m, filtered.update(end).boxes.center_m)
+
+
+def test_weak_detections_start_nothing_and_come_second() -> None:
+    tracker = Tracker(TrackerConfig(score_threshold=0.0, second_stage_score=0.5))
+    assert len(tracker.update(_frame(0.0, [[0, 0]], score=0.4))) == 0
+    assert tracker.update(_frame(0.1, [[0, 0]], score=0.9)).track_id.tolist() == [1]
+    # The weak one is nearer, but the strong one is asked first.
+    tracks = tracker.update(_frame(0.2, [[0, 0], [0.1, 0]], score=[0.4, 0.9]))
+    assert (tracks.track_id.tolist(), tracks.score.tolist()) == ([1], [0.9])
+    assert tracker.update(_frame(0.3, [[0.1, 0]], score=0.4)).coasted_s.tolist() == [0.0]
+
+
+def test_birth_score_limits_births_only() -> None:
+    tracker = Tracker(TrackerConfig(lifecycle=LifecycleConfig(birth_score=0.6), score_threshold=0.0))
+    assert tracker.update(_frame(0.0, [[0, 0], [9, 9]], score=[0.5, 0.7])).track_id.tolist() == [1]
+    assert tracker.update(_frame(0.1, [[9, 9]], score=0.1)).coasted_s.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("motion", [ConstantVelocity(), ConstantAcceleration(), ConstantTurnRate()])
+def test_a_detectors_velocity_is_used_from_the_first_frame(motion: ConstantVelocity) -> None:
+    def frame(stamp_s: float) -> Detections:
+        plain = _frame(stamp_s, [[10.0 * stamp_s, 0.0]], "car")
+        return Detections(plain.stamp_s, plain.boxes, plain.score, plain.category, np.array([[10.0, 0.0]]))
+
+    config = TrackerConfig(motion=motion, filter=BevFilterConfig(velocity_sigma_mps=0.2))
+    tracks = Tracker(config).update(frame(0.0))
+    np.testing.assert_allclose(tracks.velocity_mps, [[10.0, 0.0]], atol=0.02)
+    assert tracks.dynamic[0]
+    ignoring = Tracker(TrackerConfig(motion=motion, filter=BevFilterConfig(use_velocity=False)))
+    assert not ignoring.update(frame(0.0)).velocity_mps.any()
+
+
+def test_constant_acceleration_follows_braking_without_lag() -> None:
+    tracker, x, speed = Tracker(TrackerConfig(motion=ConstantAcceleration())), 0.0, 20.0
+    for k in range(40):
+        tracks = tracker.update(_frame(0.05 * k, [[x, 0]], "car"))
+        x, speed = x + 0.05 * speed - 0.5 * 6.0 * 0.05**2, speed - 6.0 * 0.05
+    assert tracks.velocity_mps[0, 0] == pytest.approx(speed + 0.3, abs=0.1)
+    assert tracks.mean[0, 9] == pytest.approx(-6.0, abs=0.3)
+
+
+def test_many_objects_equal_few_at_a_time() -> None:
+    # Beyond some thousand pairs the gate is a tree; groups far apart must not notice each other.
+    rng = np.random.default_rng(9)
+    groups = [rng.uniform(0, 30, (40, 2)) + np.array([300.0 * g, 0.0]) for g in range(6)]
+    together, alone = Tracker(), [Tracker() for _ in groups]
+    for k in range(8):
+        moved = [g + 0.1 * k + np.random.default_rng(k).normal(0, 0.05, g.shape) for g in groups]
+        whole = together.update(_frame(0.1 * k, np.concatenate(moved)))
+        parts = [t.update(_frame(0.1 * k, m)) for t, m in zip(alone, moved, strict=True)]
+    np.testing.assert_allclose(
+        np.sort(whole.boxes.center_m, axis=0),
+        np.sort(np.concatenate([p.boxes.center_m for p in parts]), axis=0),
+        atol=1e-9,
+    )
+    assert together.state.next_id - 1 == sum(t.state.next_id - 1 for t in alone)
+
+
+def test_a_users_own_affinity_takes_the_costs_place() -> None:
+    def likes_the_south(pairs: Pairs, threshold: FloatArray) -> FloatArray:
+        wanted: FloatArray = np.where(pairs.offset_m[:, 1] < 0.0, 1.0, 0.0)
+        return wanted
+
+    tracker = Tracker(TrackerConfig(), likes_the_south)
+    tracker.update(_frame(0.0, [[0, 0]]))
+    tracks = tracker.update(_frame(0.1, [[0, 0.1], [0, -0.3]]))
+    matched = tracks[tracks.track_id == 1]
+    assert matched.coasted_s.tolist() == [0.0]
+    assert matched.boxes.center_m[0, 1] < 0.0

@@ -1,0 +1,281 @@
+"""The work of `smartmot-eval mot`: read, track, write, compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation.errors import ArgumentError
+from evaluation.mot.dataset import Dataset, DatasetError, log_odds
+from evaluation.mot.forecast_quality import FORECAST_COLUMNS, HORIZONS_S, ForecastScore
+from evaluation.mot.kitti import read_kitti, tracking_text
+from evaluation.mot.metrics import SCORE_COLUMNS, MotScore, compare, evaluate
+from evaluation.mot.nuscenes import read_nuscenes, submission_text
+from evaluation.mot.table import DETECTIONS, read_csv, tracks_text
+from evaluation.mot.tracking import TrackedSequence, track_sequence
+from smartmot.tracker import Tracker, TrackerConfig
+from smartmot.types import CATEGORIES
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+READERS: dict[str, Callable[[Path], Dataset]] = {
+    "kitti": read_kitti,
+    "nuscenes": read_nuscenes,
+    "csv": read_csv,
+}
+FORMATS = tuple(READERS)
+METRICS_CSV, FORECAST_CSV, TRACKS_CSV = "metrics.csv", "forecast.csv", "tracks.csv"
+TRACKS_NUSCENES = "tracks_nuscenes.json"
+
+
+def read_dataset(folder: Path, form: str | None = None) -> Dataset:
+    """Read a folder in a given format, or in the one that its files show.
+
+    Raises:
+        DatasetError: The format is not recognised, or a file is missing or wrong.
+    """
+    if not folder.exists():
+        raise DatasetError(f"{folder}: no such folder or file")
+    return READERS[form or _recognised(folder)](folder)
+
+
+def _recognised(folder: Path) -> str:
+    """Name of the format."""
+    if folder.is_file():
+        return "csv" if folder.suffix == ".csv" else "nuscenes"
+    if (folder / "detections").is_dir():
+        return "kitti"
+    if (folder / DETECTIONS).is_file():
+        return "csv"
+    if any(folder.glob("*.json")):
+        return "nuscenes"
+    raise DatasetError(
+        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv) or *.json (nuscenes) in it; see docs/mot.md"
+    )
+
+
+def track_dataset(
+    data: Dataset, config: TrackerConfig, done: Callable[[], None] = lambda: None
+) -> list[TrackedSequence]:
+    """Track every sequence with a new tracker; scores of the tracks are in the detector's scale.
+
+    Args:
+        data: The recordings.
+        config: Settings of the tracker.
+        done: Called after every frame.
+
+    Raises:
+        DatasetError: The tracker refuses a frame.
+    """
+    tracked = []
+    for sequence in data.sequences:
+        one = track_sequence(sequence, Tracker(config), done)
+        if data.log_odds:
+            one = replace(one, tracks=replace(one.tracks, score=log_odds(one.tracks.score)))
+        tracked.append(one)
+    return tracked
+
+
+def write_tracks(
+    folder: Path, data: Dataset, tracked: Sequence[TrackedSequence], forms: Iterable[str]
+) -> list[Path]:
+    """Write the tracks in some formats.
+
+    Returns:
+        What was written.
+
+    Raises:
+        ArgumentError: A file cannot be written.
+    """
+    written = []
+    for form in forms:
+        if form == "kitti":
+            written += [
+                _write(
+                    folder / f"{_file_name(one.sequence.name)}.txt", tracking_text(one.sequence, one.tracks)
+                )
+                for one in tracked
+            ]
+        elif form == "csv":
+            text = tracks_text((one.sequence, one.tracks) for one in tracked)
+            written.append(_write(folder / TRACKS_CSV, text))
+        else:
+            text = submission_text(
+                ((one.sequence, one.tracks) for one in tracked), frames_are_samples=data.kind == "nuscenes"
+            )
+            written.append(_write(folder / TRACKS_NUSCENES, text))
+    return written
+
+
+def _file_name(sequence: str) -> str:
+    """A sequence's name without what would lead to another folder."""
+    return sequence.replace("/", "_").replace("\\", "_")
+
+
+def _write(path: Path, text: str) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ArgumentError(
+            f"{path}: cannot be written ({error.strerror or error}); choose another --out"
+        ) from None
+    return path
+
+
+def labelled_categories(tracked: Sequence[TrackedSequence]) -> list[str]:
+    """Categories of which there are labels that count and detections, in the order of `CATEGORIES`."""
+    labelled: set[str] = set()
+    detected: set[str] = set()
+    for one in tracked:
+        detected |= set(one.sequence.detections.category.tolist())
+        if one.sequence.labels is not None:
+            labels = one.sequence.labels
+            labelled |= set(labels.category[~labels.ignored].tolist())
+    return [name for name in CATEGORIES if name in labelled & detected]
+
+
+def score_tracks(
+    tracked: Sequence[TrackedSequence],
+    similarities: Iterable[str],
+    best_threshold: bool = True,
+    done: Callable[[], None] = lambda: None,
+) -> list[MotScore]:
+    """Accuracy of the tracks of labelled sequences, per similarity and category.
+
+    Args:
+        tracked: All sequences; those without labels are left out.
+        similarities: distance, iou.
+        best_threshold: See `evaluate`.
+        done: Called after every similarity and category.
+    """
+    labelled = [one for one in tracked if one.sequence.labels is not None]
+    scores: list[MotScore] = []
+    for similarity in similarities:
+        for category in labelled_categories(labelled):
+            compared = {
+                one.sequence.name: compare(one.sequence, one.tracks, category, similarity) for one in labelled
+            }
+            scores += evaluate(compared, category, similarity, best_threshold)
+            done()
+    return scores
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Any]) -> Path:
+    """Write dataclasses as CSV; NaN becomes an empty field."""
+    lines = [",".join(columns)]
+    lines += [",".join(map(_cell, astuple(row))) for row in rows]
+    return _write(path, "\n".join(lines) + "\n")
+
+
+def write_scores(folder: Path, scores: Iterable[MotScore]) -> Path:
+    """Write `metrics.csv`."""
+    return write_rows(folder / METRICS_CSV, SCORE_COLUMNS, scores)
+
+
+def write_forecasts(folder: Path, scores: Iterable[ForecastScore]) -> Path:
+    """Write `forecast.csv`."""
+    return write_rows(folder / FORECAST_CSV, FORECAST_COLUMNS, scores)
+
+
+def forecast_table(scores: Iterable[ForecastScore]) -> Table:
+    """Forecast quality over all sequences, for the terminal: one line per category, objects and model."""
+    lines: dict[tuple[str, ...], list[ForecastScore]] = {}
+    for score in scores:
+        way = f"{score.model} map" if score.with_map else score.model
+        lines.setdefault((score.category, score.objects, way), []).append(score)
+    header = ["category", "objects", "model"]
+    header += [f"{name} {h:g}s" for name in ("ADE", "FDE", "miss") for h in HORIZONS_S]
+    rows = []
+    for key, three in lines.items():
+        errors = [f"{s.ade_m:.2f}" for s in three] + [f"{s.fde_m:.2f}" for s in three]
+        rows.append([*key, *errors, *(f"{s.miss_rate_percent:.1f}" for s in three)])
+    return rich_table("Forecasts: errors in m, misses (over 2 m) in %", header, rows, texts=3)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:.6g}"
+    return str(value)
+
+
+_SHOWN = {
+    "category": "category",
+    "hota": "HOTA",
+    "deta": "DetA",
+    "assa": "AssA",
+    "mota": "MOTA",
+    "motp": "MOTP",
+    "idf1": "IDF1",
+    "samota": "sAMOTA",
+    "amota": "AMOTA",
+    "id_switches": "IDs",
+    "fragmentations": "Frag",
+}
+
+
+def score_table(scores: Iterable[MotScore], similarity: str) -> Table:
+    """Accuracy over all sequences, for the terminal."""
+    rule = "centres at most 2 m apart" if similarity == "distance" else "overlap on the ground"
+    return rich_table(
+        f"Tracking accuracy in %, match: {rule}",
+        list(_SHOWN.values()),
+        [
+            [_shown(getattr(score, name)) for name in _SHOWN]
+            for score in scores
+            if score.sequence == "all" and score.similarity == similarity
+        ],
+    )
+
+
+def _shown(value: object) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def rich_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> Table:
+    """A plain table: the first columns are texts, the others numbers. Only headers break, at spaces."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table as RichTable
+
+    view = RichTable(
+        title=title, box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 0), title_justify="left"
+    )
+    for index, name in enumerate(header):
+        width = max(map(len, [*name.split(), *(row[index] for row in rows)]))
+        view.add_column(name, justify="right" if index >= texts else "left", width=width)
+    for row in rows:
+        view.add_row(*row)
+    return view
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a run says about itself in one line."""
+
+    sequences: int
+    frames: int
+    detections: int
+    rejected: int
+    tracks: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.sequences} sequences, {self.frames} frames, {self.detections} detections "
+            f"({self.rejected} impossible ones rejected), {self.tracks} tracks"
+        )
+
+
+def summary(data: Dataset, tracked: Sequence[TrackedSequence]) -> Summary:
+    """Count what was read and found."""
+    return Summary(
+        sequences=len(data.sequences),
+        frames=data.frame_count,
+        detections=sum(len(s.detections) for s in data.sequences),
+        rejected=data.rejected,
+        tracks=sum(len(np.unique(one.tracks.object_id)) for one in tracked),
+    )

@@ -1,0 +1,183 @@
+"""Detections, labels, ego poses and tracks as CSV: one header line, units in the names, columns in any order.
+
+Files of a folder (docs/mot.md says what each column means)::
+
+    detections.csv   [sequence,] stamp_s | frame, x_m, y_m, length_m, width_m, yaw_rad
+                     [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
+    labels.csv       the same with track_id [, ignored]      (optional)
+    ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
+
+All positions are in one frame that stands still over a sequence (x and y on the ground, yaw counter-clockwise
+from x), or all of them in the vehicle's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from evaluation.mot.dataset import Dataset, DatasetError, Objects, Sequence, finished
+from evaluation.mot.textfile import Table, read_headed_table
+from smartmot.types import CATEGORIES, FloatArray, IntArray
+
+FRAME_S = 0.1
+"""Time between frames of a file that has frame numbers only."""
+
+_BOX = ("x_m", "y_m", "length_m", "width_m", "yaw_rad")
+_NUMBERS = frozenset(
+    (*_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps", "track_id", "ignored")
+)
+DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
+
+TRACK_COLUMNS = (
+    *("sequence", "frame", "stamp_s", "track_id", "category", "score", *_BOX),
+    *("z_m", "height_m", "vx_mps", "vy_mps"),
+)
+
+
+def read_csv(folder: Path) -> Dataset:
+    """Read a folder in the layout above, or a single file of detections.
+
+    Raises:
+        DatasetError: A file is missing or wrong; the message names file, line and field.
+    """
+    path = folder if folder.is_file() else folder / DETECTIONS
+    tables = {"detections": _table(path, _BOX)}
+    for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, ("x_m", "y_m", "yaw_rad"))):
+        if (path.parent / name).is_file() and path.name != name:
+            tables[name] = _table(path.parent / name, needed)
+    names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
+    if not names:
+        raise DatasetError(f"{path}: no rows; there is nothing to track")
+    sequences = [_sequence(name, tables) for name in names]
+    notes = []
+    if "stamp_s" not in tables["detections"]:
+        notes.append(f"no column stamp_s: frames are {FRAME_S:g} s apart")
+    return finished("csv", sequences, tuple(notes))
+
+
+def _table(path: Path, needed: Collection[str]) -> Table:
+    """A file with the columns that it needs, its sequence named, and its time as `time_s`."""
+    table = read_headed_table(path, needed, _NUMBERS)
+    if "stamp_s" not in table and "frame" not in table:
+        raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
+    time = "stamp_s" if "stamp_s" in table else "frame"
+    table.require(np.isfinite(table[time]), time, "must be finite")
+    table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
+    table.columns.setdefault("sequence", np.full(len(table), "0"))
+    if "category" in table:
+        table.require(
+            np.isin(table["category"], CATEGORIES), "category", f"must be one of {', '.join(CATEGORIES)}"
+        )
+    return table
+
+
+def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
+    """One sequence of all files."""
+    parts = {key: _rows(table, table["sequence"] == name) for key, table in tables.items()}
+    detected_s = parts["detections"]["time_s"]
+    stamp_s, frame = _frames(detected_s)
+    labels = None
+    if LABELS in parts and np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
+        labelled_s = parts[LABELS]["time_s"]
+        stamp_s = np.union1d(stamp_s, labelled_s)
+        frame = np.searchsorted(stamp_s, detected_s)
+        labels = _objects(parts[LABELS], np.searchsorted(stamp_s, labelled_s))
+    detections = _objects(parts["detections"], frame)
+    return Sequence(
+        name=name,
+        stamp_s=stamp_s,
+        frame_name=tuple(f"{t:g}" for t in stamp_s.tolist()),
+        detections=detections,
+        labels=labels,
+        world_SE3_ego=_poses(parts[EGO], stamp_s) if EGO in parts else None,
+    )
+
+
+def _rows(table: Table, chosen: np.ndarray) -> Table:
+    """Some rows of a table."""
+    return Table(table.path, table.line[chosen], {n: c[chosen] for n, c in table.columns.items()})
+
+
+def _frames(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Times of the frames in the order of the file, and the frame of each row: rows of one time in a run."""
+    if not len(time_s):
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    new = np.concatenate(([True], np.diff(time_s) != 0.0))
+    return time_s[new], np.cumsum(new) - 1
+
+
+def _objects(table: Table, frame: IntArray) -> Objects:
+    """Rows of a table as boxes."""
+    columns = {}
+    if "category" in table:
+        columns["category"] = table["category"]
+    if "score" in table:
+        columns["score"] = table["score"]
+    if "height_m" in table:
+        columns["height_m"] = table["height_m"]
+    if "z_m" in table:
+        columns["bottom_m"] = table["z_m"] - 0.5 * columns.get("height_m", np.full(len(table), 1.5))
+    if "vx_mps" in table and "vy_mps" in table:
+        columns["velocity_mps"] = table.stacked("vx_mps", "vy_mps")
+    if "track_id" in table:
+        columns["object_id"] = table.whole("track_id")
+    if "ignored" in table:
+        columns["ignored"] = table["ignored"] != 0.0
+    return Objects.of(
+        frame,
+        table.stacked("x_m", "y_m"),
+        size_m=table.stacked("length_m", "width_m"),
+        yaw_rad=table["yaw_rad"],
+        **columns,
+    )
+
+
+def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
+    """(F, 4, 4) poses of the vehicle at the frames, linear between the given times."""
+    time = table["time_s"]
+    if len(time) == 0 or np.any(np.diff(time) <= 0.0):
+        raise DatasetError(f"{table.path}: times must rise within a sequence")
+    early, late = stamp_s.min(initial=np.inf) < time[0] - 1e-6, stamp_s.max(initial=-np.inf) > time[-1] + 1e-6
+    if early or late:
+        raise DatasetError(
+            f"{table.path}: poses from {time[0]:g} to {time[-1]:g} s do not cover the detections"
+        )
+    yaw = np.interp(stamp_s, time, np.unwrap(table["yaw_rad"]))
+    pose = np.tile(np.eye(4), (len(stamp_s), 1, 1))
+    pose[:, 0, 0] = pose[:, 1, 1] = np.cos(yaw)
+    pose[:, 1, 0] = np.sin(yaw)
+    pose[:, 0, 1] = -np.sin(yaw)
+    for axis, name in enumerate(("x_m", "y_m")):
+        pose[:, axis, 3] = np.interp(stamp_s, time, table[name])
+    return pose
+
+
+def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:
+    """Tracks of all sequences as CSV with the columns of `TRACK_COLUMNS`; z_m is the centre's height."""
+    lines = [",".join(TRACK_COLUMNS)]
+    form = "%s,%d,%.6f,%d,%s" + ",%.6f" * (len(TRACK_COLUMNS) - 5)
+    for sequence, tracks in parts:
+        numbers = np.column_stack(
+            (
+                tracks.score,
+                tracks.center_m,
+                tracks.size_m,
+                tracks.yaw_rad,
+                tracks.bottom_m + 0.5 * tracks.height_m,
+                tracks.height_m,
+                tracks.velocity_mps,
+            )
+        )
+        rows = zip(
+            tracks.frame.tolist(),
+            sequence.stamp_s[tracks.frame].tolist(),
+            tracks.object_id.tolist(),
+            tracks.category.tolist(),
+            numbers.tolist(),
+            strict=True,
+        )
+        lines += [form % (sequence.name, frame, t, i, name, *v) for frame, t, i, name, v in rows]
+    return "\n".join(lines) + "\n"

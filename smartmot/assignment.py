@@ -1,0 +1,114 @@
+"""One-to-one assignment of sparse pairs: each connected component on its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+_TABLE_CELLS = 2048
+"""Up to this size one small table is solved at once; splitting it would take longer."""
+
+
+def contested(row: IntArray, column: IntArray) -> BoolArray:
+    """Which pairs share their row or their column with another pair.
+
+    Args:
+        row: (P,) rows of the pairs.
+        column: (P,) columns of the pairs.
+
+    Returns:
+        (P,) flags.
+    """
+    shared: BoolArray = (np.bincount(row)[row] > 1) | (np.bincount(column)[column] > 1)
+    return shared
+
+
+def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "hungarian") -> IntArray:
+    """Pairs that are matched, at most one per row and one per column.
+
+    Args:
+        row: (P,) rows of the pairs.
+        column: (P,) columns of the pairs; no pair comes twice.
+        affinity: (P,) how well the pairs go together; 0 or less forbids the match.
+        method: "hungarian": the greatest total affinity. "greedy": the best pair first.
+
+    Returns:
+        (K,) positions of the matched pairs, ascending.
+    """
+    pair = np.flatnonzero(affinity > 0.0)
+    if len(pair) == 0:
+        return pair
+    if len(pair) < len(affinity):
+        row, column, affinity = row[pair], column[pair], affinity[pair]
+    open_pairs = contested(row, column)
+    left = np.flatnonzero(open_pairs)
+    if len(left) == 0:
+        return pair
+    row, column, affinity = _compact(row[left]), _compact(column[left]), affinity[left]
+    if method == "greedy":
+        won = _greedy(row, column, affinity)
+    elif (int(row.max()) + 1) * (int(column.max()) + 1) <= _TABLE_CELLS:
+        won = _table(row, column, affinity)
+    else:
+        won = _components(row, column, affinity)
+    matched = ~open_pairs
+    matched[left[won]] = True
+    return pair[matched]
+
+
+def _compact(index: IntArray) -> IntArray:
+    """The same indices counted without gaps from 0."""
+    present = np.bincount(index) > 0
+    compact: IntArray = (np.cumsum(present) - 1)[index]
+    return compact
+
+
+def _greedy(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
+    """Positions of the pairs that are the best of their row and column among those left."""
+    rows, columns = row.tolist(), column.tolist()
+    taken_rows: set[int] = set()
+    taken_columns: set[int] = set()
+    won = []
+    for k in np.argsort(-affinity, kind="stable").tolist():
+        if rows[k] not in taken_rows and columns[k] not in taken_columns:
+            taken_rows.add(rows[k])
+            taken_columns.add(columns[k])
+            won.append(k)
+    return np.array(won, dtype=np.int64)
+
+
+def _table(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
+    """Positions of the pairs of greatest total affinity, by the Hungarian algorithm on a table."""
+    from scipy.optimize import linear_sum_assignment
+
+    table = np.zeros((int(row.max()) + 1, int(column.max()) + 1))
+    table[row, column] = affinity
+    i, j = linear_sum_assignment(table, maximize=True)
+    partner = np.full(len(table), -1)
+    partner[i] = j
+    return np.flatnonzero(partner[row] == column)
+
+
+def _components(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
+    """`_table` for each connected component of the pairs; rows and columns are counted without gaps."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    rows = int(row.max()) + 1
+    nodes = rows + int(column.max()) + 1
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, rows + column)), shape=(nodes, nodes))
+    count, part = connected_components(graph, directed=False)
+    # Where several tracks want one detection, or the reverse, the best pair wins.
+    star = (
+        np.minimum(np.bincount(part[:rows], minlength=count), np.bincount(part[rows:], minlength=count)) == 1
+    )
+    label = part[row]
+    order = np.lexsort((-affinity, label))
+    starts = np.flatnonzero(np.diff(label[order], prepend=-1))
+    won = [order[starts][star]]
+    ends = np.append(starts[1:], len(order))
+    for k in np.flatnonzero(~star).tolist():
+        pairs = order[starts[k] : ends[k]]
+        won.append(pairs[_table(_compact(row[pairs]), _compact(column[pairs]), affinity[pairs])])
+    return np.concatenate(won)

@@ -1,0 +1,107 @@
+"""Detections from a user's arrays: impossible ones dropped and counted, vehicle frame to map frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smartmot.errors import ShapeError
+from smartmot.geometry import from_frame, wrap_angle
+from smartmot.types import CATEGORIES, Boxes, Detections, FloatArray, unchecked
+
+_KNOWN = frozenset(CATEGORIES)
+
+MAX_SIZE_M = 100.0
+"""Longest side of a road user: road trains reach 53.5 m, trams 75 m."""
+
+MAX_POSITION_M = 1e8
+"""Farthest coordinate: five times the northing of any point in UTM."""
+
+
+def detections_from_arrays(
+    stamp_s: float,
+    center_m: ArrayLike,
+    size_m: ArrayLike,
+    yaw_rad: ArrayLike,
+    score: ArrayLike | None = None,
+    category: ArrayLike | None = None,
+    velocity_mps: ArrayLike | None = None,
+) -> tuple[Detections, int]:
+    """Detections out of what a detector wrote, without the impossible ones.
+
+    Dropped are rows with a value that is not finite, a side that is not positive or longer than 100 m, a
+    score outside [0, 1], or a category that is not in `smartmot.types.CATEGORIES`. A velocity that is not
+    finite is taken as not measured.
+
+    Args:
+        stamp_s: Measurement time, seconds.
+        center_m: (N, 2) centres.
+        size_m: (N, 2) lengths and widths.
+        yaw_rad: (N,) headings.
+        score: (N,) confidences in [0, 1]; 1 when not given.
+        category: (N,) names; "unknown" when not given.
+        velocity_mps: (N, 2) measured velocities over ground.
+
+    Returns:
+        The detections and how many rows were dropped.
+
+    Raises:
+        ShapeError: The arrays do not have one row per detection.
+    """
+    center = _numbers(center_m, (2,), "center_m")
+    n = len(center)
+    size, yaw = _numbers(size_m, (2,), "size_m"), _numbers(yaw_rad, (), "yaw_rad")
+    confidence = np.ones(n) if score is None else _numbers(score, (), "score")
+    names = np.full(n, "unknown") if category is None else np.array(category, dtype=np.str_).reshape(-1)
+    velocity = None if velocity_mps is None else _numbers(velocity_mps, (2,), "velocity_mps")
+    lengths = {len(part) for part in (size, yaw, confidence, names, velocity) if part is not None}
+    if lengths != {n}:
+        raise ShapeError(f"detections: expected {n} rows in every array, got {sorted(lengths)}")
+    good = (np.abs(center) <= MAX_POSITION_M).all(axis=1) & np.isfinite(yaw)
+    good &= ((size > 0.0) & (size <= MAX_SIZE_M)).all(axis=1)
+    good &= (confidence >= 0.0) & (confidence <= 1.0)
+    good &= np.fromiter((name in _KNOWN for name in names.tolist()), dtype=np.bool_, count=n)
+    if velocity is not None:
+        velocity = np.where(np.isfinite(velocity).all(axis=1, keepdims=True), velocity, np.nan)
+    rejected = n - int(np.count_nonzero(good))
+    if rejected:
+        center, size, yaw, confidence, names = (
+            center[good], size[good], yaw[good], confidence[good], names[good]
+        )  # fmt: skip
+        velocity = None if velocity is None else velocity[good]
+    # Everything that the constructors check has just been checked.
+    boxes = unchecked(Boxes, center, size, wrap_angle(yaw))
+    return unchecked(Detections, float(stamp_s), boxes, confidence, names, velocity), rejected
+
+
+def _numbers(values: ArrayLike, row: tuple[int, ...], name: str) -> FloatArray:
+    """(N, ...) array of numbers."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name}: expected numbers, got {values!r}") from error
+    if array.size == 0:
+        array = array.reshape(0, *row)
+    if array.shape[1:] != row or array.ndim != 1 + len(row):
+        raise ShapeError(f"{name}: expected one row of shape {row} per detection, got {array.shape}")
+    return array
+
+
+def to_map(detections: Detections, x_m: float, y_m: float, yaw_rad: float) -> Detections:
+    """Detections in the vehicle's frame, x ahead and y left, seen in the map frame.
+
+    Args:
+        detections: N detections, vehicle frame; velocities over ground, along the vehicle's axes.
+        x_m: Position of the vehicle frame's origin, map frame.
+        y_m: Position of the vehicle frame's origin, map frame.
+        yaw_rad: Heading of the vehicle, map frame.
+
+    Returns:
+        N detections, map frame.
+    """
+    boxes, velocity = detections.boxes, detections.velocity_mps
+    moved = Boxes(
+        from_frame(boxes.center_m, x_m, y_m, yaw_rad), boxes.size_m, wrap_angle(boxes.yaw_rad + yaw_rad)
+    )
+    turned = None if velocity is None else from_frame(velocity, 0.0, 0.0, yaw_rad)
+    return Detections(detections.stamp_s, moved, detections.score, detections.category, turned)

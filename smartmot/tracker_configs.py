@@ -1,0 +1,132 @@
+"""Named configurations of the tracker, each a frozen value with its source.
+
+`smartmot`: the paper's reference code, in physical units (`TrackerConfig.paper`).
+
+`centerpoint`: CenterPoint's tracker as "PREMOVE", section 4, describes it: state [x, y, vx, vy], constant
+velocity, Hungarian assignment on the distance of the centres under a threshold per class, tracks kept for
+`max_age` without detection (its 3 drops a track at the third missed frame) and not shown meanwhile; size
+and heading are those of the detection. Thresholds: CenterPoint, tools/nusc_tracking/pub_tracker.py, the
+99.9 percentile of the displacement within 0.5 s; bus and trailer count as trucks. Its forecast is a
+straight line over a settable time, 2 s with `ForecastConfig(min_horizon_s=2.0, max_yaw_rate_radps=0.0)`.
+The published code matches greedily and has no filter: it moves a detection back by its own velocity, so
+without a detector that measures velocity it does not predict at all.
+
+`ab3dmot`: AB3DMOT_libs/model.py and kalman_filter.py, parameters for PointRCNN on KITTI at 10 Hz:
+generalised IoU over -0.2 for cars and -0.4 for pedestrians, 2 m for cyclists; R = 1, P0 = 10 and 10,000 on
+the velocities, Q = 1 and 0.01 on the velocities per frame. It confirms after three hits (one for
+pedestrians) and shows coasted tracks for one missed frame (three for the others). Differences: the height
+takes no part, IoU is on the ground, and time stands in for counts of frames.
+
+`default`: the best we know for the detections of a real detector, found on KITTI at 10 Hz with PointRCNN
+and checked by leaving out one sequence at a time (`python -m benchmarks.tune_tracker`). Only detections
+that score 0.8 or more start a track; weaker ones continue tracks, and those under 0.4 are not shown. For a
+detector whose scores are lower throughout, lower `second_stage_score` and `report.score` likewise.
+"""
+
+from __future__ import annotations
+
+import math
+
+from smartmot.association import AssociationConfig
+from smartmot.errors import ConfigError
+from smartmot.kalman import BevFilterConfig
+from smartmot.lifecycle import LifecycleConfig
+from smartmot.motion_models import ConstantVelocity, PerCategory
+from smartmot.tracker import ReportConfig, TrackerConfig
+
+_FRAME_S = 0.1
+"""Both peers count in frames; here in those of KITTI, 10 Hz."""
+
+
+def _centerpoint() -> TrackerConfig:
+    displacement_m = PerCategory(
+        car=4.0, pedestrian=1.0, cyclist=3.0, truck=5.5, motorcycle=13.0, unknown=4.0
+    )
+    return TrackerConfig(
+        motion=ConstantVelocity(velocity_m2ps3=2.0),
+        filter=BevFilterConfig(position_sigma_m=0.2, use_size=False, use_yaw=False),
+        association=AssociationConfig(cost="distance", gate_m=displacement_m),
+        lifecycle=LifecycleConfig(confirm_s=0.0, max_age_s=2.0 * _FRAME_S),
+        report=ReportConfig(coasted_s=0.0),
+        score_threshold=0.1,
+    )
+
+
+def _ab3dmot() -> TrackerConfig:
+    per_frame = 1.0 / _FRAME_S
+    velocity = 0.01 * per_frame**3
+    return TrackerConfig(
+        motion=ConstantVelocity(
+            position_m2ps=per_frame,
+            velocity_m2ps3=velocity,
+            area_m4ps=per_frame,
+            area_rate_m4ps3=0.0,
+            ratio_ps=per_frame,
+            yaw_rad2ps=per_frame,
+            yaw_rate_rad2ps3=0.0,
+        ),
+        filter=BevFilterConfig(
+            position_sigma_m=1.0,
+            area_sigma_m2=1.0,
+            ratio_sigma=1.0,
+            yaw_sigma_rad=1.0,
+            heading="detector",
+            initial_factor=10.0,
+            initial_speed_sigma_mps=math.sqrt(10_000.0) * per_frame,
+            initial_area_rate_sigma_m2ps=0.0,
+            initial_yaw_rate_sigma_radps=0.0,
+        ),
+        association=AssociationConfig(
+            cost=("generalised_overlap", "generalised_overlap", "distance") + ("generalised_overlap",) * 3,
+            method=("hungarian", "greedy", "hungarian", "hungarian", "hungarian", "hungarian"),
+            giou_threshold=PerCategory.grouped(-0.2, -0.4, -0.2),
+            gate_m=PerCategory.grouped(10.0, 4.0, 2.0),
+        ),
+        lifecycle=LifecycleConfig(
+            confirm_s=PerCategory.grouped(2.0 * _FRAME_S, 0.0, 2.0 * _FRAME_S),
+            max_age_s=PerCategory.grouped(_FRAME_S, 3.0 * _FRAME_S, 3.0 * _FRAME_S),
+        ),
+        report=ReportConfig(tentative=False),
+        score_threshold=0.0,
+        outlier_speed_mps=60.0,
+    )
+
+
+def _default() -> TrackerConfig:
+    return TrackerConfig(
+        motion=ConstantVelocity(velocity_m2ps3=PerCategory.grouped(1.0, 0.1, 0.5)),
+        filter=BevFilterConfig(position_sigma_m=0.15, area_sigma_m2=0.5, ratio_sigma=0.3, yaw_sigma_rad=0.2),
+        lifecycle=LifecycleConfig(max_age_s=PerCategory.grouped(1.0, 2.0, 0.7)),
+        report=ReportConfig(coasted_s=PerCategory.grouped(0.0, 0.4, 0.0), score=0.4),
+        score_threshold=0.0,
+        second_stage_score=0.8,
+    )
+
+
+TRACKER_CONFIGS: dict[str, TrackerConfig] = {
+    "ab3dmot": _ab3dmot(),
+    "centerpoint": _centerpoint(),
+    "default": _default(),
+    "smartmot": TrackerConfig.paper(),
+}
+"""Configurations by name."""
+
+
+def tracker_config(name: str) -> TrackerConfig:
+    """Named configuration.
+
+    Args:
+        name: One of TRACKER_CONFIGS.
+
+    Returns:
+        The configuration, a frozen value: change it with `dataclasses.replace`.
+
+    Raises:
+        ConfigError: No configuration has this name.
+    """
+    try:
+        return TRACKER_CONFIGS[name]
+    except KeyError:
+        raise ConfigError(
+            f"tracker configuration {name!r} is unknown; choose one of {', '.join(sorted(TRACKER_CONFIGS))}"
+        ) from None

@@ -1,0 +1,106 @@
+"""Films: real time, legible, and clear when ffmpeg is missing."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluation.errors import ArgumentError
+from evaluation.mot.dataset import Sequence
+from evaluation.mot.film import Film, write_gif, write_video
+from evaluation.mot.forecast_quality import carried_on
+from evaluation.mot.tracking import TrackedSequence
+from opendrive import load_map
+from scenarios.map_builder import shipped_map
+
+
+def film(
+    objects: Any, frames: range, stamps: tuple[float, ...] = (0.0, 0.1, 0.25, 0.3), **options: Any
+) -> Film:
+    """A car that drives to the right at 10 m/s, seen from above."""
+    rows = [(k, 3, 10.0 * t, 0.0) for k, t in enumerate(stamps)]
+    cars = objects(rows)
+    tracks = objects(rows, velocity_mps=np.tile((10.0, 0.0), (len(rows), 1)))
+    names = tuple(map(str, range(len(rows))))
+    sequence = Sequence("drive", np.array(stamps), names, cars, cars, options.pop("pose", None))
+    zeros = np.zeros(len(rows))
+    tracked = TrackedSequence(sequence, tracks, zeros, np.zeros((len(rows), 2)), zeros)
+    return Film(tracked, carried_on("cv"), frames, **options)
+
+
+def durations(path: Path) -> list[int]:
+    found = []
+    with Image.open(path) as image:
+        for k in range(image.n_frames):  # type: ignore[attr-defined]
+            image.seek(k)
+            found.append(image.info["duration"])
+    return found
+
+
+def dark_columns(path: Path, frame: int, colour: tuple[int, int, int]) -> np.ndarray:
+    """Picture columns that hold a colour."""
+    with Image.open(path) as image:
+        image.seek(frame)
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    near = np.abs(pixels - np.array(colour)).max(axis=2) < 40
+    return np.flatnonzero(near[40:400].any(axis=0))
+
+
+def test_a_gif_plays_in_real_time(objects: Any, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "film.gif"
+    seen: list[int] = []
+    write_gif(film(objects, range(4)), path, lambda: seen.append(1))
+    assert durations(path) == [100, 150, 50, 100]
+    assert len(seen) == 4
+
+
+def test_chosen_frames(objects: Any, tmp_path: Path) -> None:
+    write_gif(film(objects, range(1, 3)), tmp_path / "film.gif")
+    assert durations(tmp_path / "film.gif") == [150, 150]
+
+
+def test_the_track_moves_in_the_picture(objects: Any, tmp_path: Path) -> None:
+    """Without ego poses the picture stands still, and the track, 3 modulo 6 purple, goes to the right."""
+    write_gif(film(objects, range(4)), tmp_path / "film.gif")
+    purple = (0xCC, 0x79, 0xA7)
+    first, last = (dark_columns(tmp_path / "film.gif", k, purple) for k in (0, 3))
+    assert len(first)
+    assert last.max() > first.max()
+
+
+def test_on_a_map_with_ego_poses(objects: Any, tmp_path: Path) -> None:
+    network = load_map(shipped_map("urban_street"))
+    pose = np.tile(np.eye(4), (4, 1, 1))
+    write_gif(film(objects, range(2), network=network, pose=pose), tmp_path / "map.gif")
+    write_gif(film(objects, range(2), pose=pose), tmp_path / "plain.gif")
+
+    def pixels(name: str) -> np.ndarray:
+        with Image.open(tmp_path / name) as image:
+            image.seek(1)
+            return np.asarray(image.convert("RGB"))
+
+    assert (pixels("map.gif") != pixels("plain.gif")).any(axis=2).mean() > 0.05
+
+
+def test_video_without_ffmpeg_is_one_clear_error(
+    objects: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ArgumentError, match="--video: needs the program ffmpeg"):
+        write_video(film(objects, range(2)), tmp_path / "film.mp4")
+    assert not (tmp_path / "film.mp4").exists()
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+def test_video(objects: Any, tmp_path: Path) -> None:
+    write_video(film(objects, range(4)), tmp_path / "film.mp4")
+    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_a_gif_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ArgumentError, match="--gif: cannot write"):
+        write_gif(film(objects, range(2)), tmp_path / "file" / "film.gif")

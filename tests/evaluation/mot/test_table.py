@@ -1,0 +1,142 @@
+"""CSV in and out."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluation.mot.dataset import DatasetError
+from evaluation.mot.run import read_dataset, track_dataset, write_tracks
+from evaluation.mot.table import read_csv
+from smartmot.tracker import TrackerConfig
+
+HEADER = "sequence,stamp_s,x_m,y_m,length_m,width_m,yaw_rad,score,category\n"
+
+
+def row(sequence: str, stamp_s: object, x_m: object, category: str = "car", score: object = 0.9) -> str:
+    return f"{sequence},{stamp_s},{x_m},0.0,4.0,2.0,0.1,{score},{category}\n"
+
+
+def write(folder: Path, detections: str, **others: str) -> Path:
+    (folder / "detections.csv").write_text(detections)
+    for name, text in others.items():
+        (folder / f"{name}.csv").write_text(text)
+    return folder
+
+
+def test_sequences_frames_and_times(tmp_path: Path) -> None:
+    text = (
+        HEADER
+        + row("b", 5.0, 1.0)
+        + row("b", 5.0, 9.0)
+        + row("b", 5.07, 2.0)
+        + row("a", 1.0, 3.0, "pedestrian")
+    )
+    data = read_csv(write(tmp_path, text))
+    first, second = data.sequences
+    assert (first.name, second.name) == ("b", "a")
+    assert first.stamp_s.tolist() == [5.0, 5.07]
+    assert [len(frame) for frame in first.frames()] == [2, 1]
+    assert second.detections.category.tolist() == ["pedestrian"]
+    assert not data.log_odds
+
+
+def test_columns_in_any_order_with_velocity(tmp_path: Path) -> None:
+    text = "yaw_rad,width_m,length_m,y_m,x_m,frame,vy_mps,vx_mps,note,height_m,z_m\n"
+    text += "0.5,2,4,7,6,3,0.5,1.5,seen twice,1.6,0.8\n"
+    data = read_csv(write(tmp_path, text))
+    [sequence] = data.sequences
+    assert sequence.stamp_s == pytest.approx([0.3])
+    [frame] = sequence.frames()
+    assert frame.boxes.center_m.tolist() == [[6.0, 7.0]]
+    assert frame.velocity_mps is not None
+    assert frame.velocity_mps.tolist() == [[1.5, 0.5]]
+    assert frame.category.tolist() == ["unknown"]
+    assert sequence.detections.bottom_m.tolist() == [0.0]
+    assert any("0.1 s apart" in note for note in data.notes)
+
+
+def test_labels_add_frames_without_detections(tmp_path: Path) -> None:
+    labels = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,track_id,category,ignored\n"
+    labels += "".join(f"{t},1,0,4,2,0,8,car,{int(t > 0.15)}\n" for t in (0.0, 0.1, 0.2))
+    text = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad\n0.0,1,0,4,2,0\n0.2,1,0,4,2,0\n"
+    [sequence] = read_csv(write(tmp_path, text, labels=labels)).sequences
+    assert sequence.stamp_s.tolist() == [0.0, 0.1, 0.2]
+    assert [len(frame) for frame in sequence.frames()] == [1, 0, 1]
+    assert sequence.labels is not None
+    assert sequence.labels.object_id.tolist() == [8, 8, 8]
+    assert sequence.labels.ignored.tolist() == [False, False, True]
+
+
+def test_ego_poses_between_given_times(tmp_path: Path) -> None:
+    ego = "sequence,stamp_s,x_m,y_m,yaw_rad\ns,0.0,0,0,3.1\ns,1.0,10,2,-3.1\n"
+    text = HEADER + row("s", 0.0, 1.0) + row("s", 0.5, 1.0)
+    [sequence] = read_csv(write(tmp_path, text, ego=ego)).sequences
+    x, y, yaw = sequence.ego_xy_yaw()[1]
+    assert (x, y) == pytest.approx((5.0, 1.0))
+    assert np.cos(yaw) == pytest.approx(-1.0)  # the short way from 3.1 to -3.1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"detections.csv:1: empty; the first line must name the columns"),
+        ("stamp_s,x_m\n0,1\n", r"detections.csv:1: columns missing: y_m, length_m, width_m, yaw_rad"),
+        ("x_m,y_m,length_m,width_m,yaw_rad\n1,1,1,1,1\n", r":1: a column 'stamp_s' or 'frame' is needed"),
+        (HEADER + row("s", 0.0, "one"), r":2: field 'x_m' is no number: 'one'"),
+        (HEADER + row("s", 0.0, 1.0) + "s,1\n", r":3: 2 fields, 9 expected"),
+        (HEADER + row("s", 0.0, 1.0, "dragon"), r":2: field 'category' must be one of car.*got 'dragon'"),
+        (HEADER + row("s", "nan", 1.0), r":2: field 'stamp_s' must be finite, got nan"),
+        (HEADER, r"detections.csv: no rows"),
+        (HEADER.replace("score", "y_m"), r":1: column 'y_m' is named twice"),
+    ],
+)
+def test_mistakes_name_file_line_and_field(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(DatasetError, match=message) as caught:
+        read_csv(write(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_poses_that_do_not_cover_the_data(tmp_path: Path) -> None:
+    ego = "sequence,stamp_s,x_m,y_m,yaw_rad\ns,0.0,0,0,0\ns,1.0,10,2,0\n"
+    with pytest.raises(DatasetError, match=r"ego.csv: poses from 0 to 1 s do not cover"):
+        read_csv(write(tmp_path, HEADER + row("s", 2.0, 1.0), ego=ego))
+
+
+def test_rejected_rows_are_counted(tmp_path: Path) -> None:
+    text = HEADER + row("s", 0.0, "nan") + row("s", 0.0, 1.0) + row("s", 0.0, 1.0, score="nan")
+    data = read_csv(write(tmp_path, text))
+    assert (data.rejected, len(data.sequences[0].detections)) == (2, 1)
+
+
+@pytest.mark.parametrize("second", [0.0, 0.5])
+def test_the_tracker_refuses_times_that_do_not_rise(tmp_path: Path, second: float) -> None:
+    """A frame that comes back after another one: a duplicate or an old one."""
+    text = HEADER + row("s", second, 1.0) + row("s", 1.0, 1.0) + row("s", second, 1.0)
+    data = read_csv(write(tmp_path, text))
+    with pytest.raises(DatasetError, match=r"sequence s, frame .*not newer"):
+        track_dataset(data, TrackerConfig())
+
+
+def test_tracks_open_in_pandas_and_as_labels(tmp_path: Path) -> None:
+    text = HEADER + "".join(row("007", 0.1 * k, 2.0 * k) for k in range(12))
+    data = read_csv(write(tmp_path, text))
+    tracked = track_dataset(data, TrackerConfig())
+    [path] = write_tracks(tmp_path, data, tracked, ("csv",))
+    table = pd.read_csv(path, dtype={"sequence": str})
+    assert set(table["sequence"]) == {"007"}
+    assert set(table["track_id"]) == {1}
+    assert table["vx_mps"].iloc[-1] == pytest.approx(20.0, abs=1.0)
+    (tmp_path / "labels.csv").write_text(path.read_text())
+    [sequence] = read_dataset(tmp_path).sequences
+    assert sequence.labels is not None
+    assert len(sequence.labels) == len(tracked[0].tracks)
+
+
+def test_names_of_sequences_lead_nowhere_else(tmp_path: Path) -> None:
+    data = read_csv(write(tmp_path, HEADER + row("../up", 0.0, 1.0) + row("../up", 0.1, 1.0)))
+    out = tmp_path / "out"
+    [path] = write_tracks(out, data, track_dataset(data, TrackerConfig()), ("kitti",))
+    assert path.parent == out
+    assert path.is_file()

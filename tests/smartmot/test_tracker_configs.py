@@ -1,0 +1,101 @@
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import smartmot
+from smartmot import Boxes, ConfigError, Detections, Tracker, TrackerConfig, tracker_config
+from smartmot.forecast import ForecastConfig, forecast_times, forecast_tracks
+from smartmot.tracker_configs import TRACKER_CONFIGS
+
+NAMES = ["ab3dmot", "centerpoint", "default", "smartmot"]
+
+
+def _frame(
+    stamp_s: float, x: float, category: str = "car", score: float = 0.9, yaw: float = 0.0
+) -> Detections:
+    boxes = Boxes(np.array([[x, 0.0]]), np.array([[4.4, 1.8]]), np.array([yaw]))
+    return Detections(stamp_s, boxes, np.array([score]), np.array([category]))
+
+
+def test_names() -> None:
+    assert sorted(TRACKER_CONFIGS) == NAMES
+    assert tracker_config("smartmot") == TrackerConfig.paper()
+    with pytest.raises(
+        ConfigError, match="'sort' is unknown; choose one of ab3dmot, centerpoint, default, smartmot"
+    ):
+        tracker_config("sort")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_configurations_are_frozen_and_hashable_parts(name: str) -> None:
+    config = tracker_config(name)
+    with pytest.raises(FrozenInstanceError):
+        config.score_threshold = 0.5  # type: ignore[misc]
+    assert config == tracker_config(name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("category", ["car", "pedestrian", "cyclist"])
+def test_each_follows_a_moving_object(name: str, category: str) -> None:
+    tracker = Tracker(tracker_config(name))
+    for k in range(30):
+        tracks = tracker.update(_frame(0.1 * k, 0.12 * k, category))
+    assert tracks.track_id.tolist() == [1]
+    np.testing.assert_allclose(tracks.velocity_mps, [[1.2, 0.0]], atol=0.05)
+
+
+def test_centerpoint_shows_no_coasted_track_and_keeps_the_detected_shape() -> None:
+    tracker = Tracker(tracker_config("centerpoint"))
+    for k in range(10):
+        tracks = tracker.update(_frame(0.1 * k, 0.5 * k, yaw=0.1 * (-1) ** k))
+    assert tracks.boxes.yaw_rad[0] == pytest.approx(-0.1)
+    assert len(tracker.update(Detections.empty(1.0))) == 0
+    assert tracker.update(_frame(1.1, 5.5)).track_id.tolist() == [1]
+    assert len(tracker.update(Detections.empty(1.6))) == 0
+    assert tracker.update(_frame(1.7, 8.5)).track_id.tolist() == [2]
+
+
+def test_centerpoints_forecast_is_a_straight_line() -> None:
+    tracker = Tracker(tracker_config("centerpoint"))
+    for k in range(30):
+        tracks = tracker.update(_frame(0.1 * k, 0.8 * k, yaw=0.05 * k))
+    config = ForecastConfig(min_horizon_s=2.0, max_yaw_rate_radps=0.0)
+    times = forecast_times(config.min_horizon_s, config.step_s)
+    forecast = forecast_tracks(tracks, times, config)
+    expected = tracks.boxes.center_m[0] + times[:, None] * tracks.velocity_mps[0]
+    assert times[-1] == pytest.approx(2.0)
+    np.testing.assert_allclose(forecast.center_m[0], expected, atol=1e-9)
+
+
+def test_ab3dmot_confirms_a_car_at_the_third_hit_and_shows_one_missed_frame() -> None:
+    tracker = Tracker(tracker_config("ab3dmot"))
+    shown = [len(tracker.update(_frame(0.1 * k, 0.5 * k))) for k in range(5)]
+    shown += [len(tracker.update(Detections.empty(0.5))), len(tracker.update(Detections.empty(0.6)))]
+    assert shown == [0, 0, 1, 1, 1, 1, 0]
+
+
+def test_default_gives_weak_detections_to_known_tracks_only() -> None:
+    tracker = Tracker(tracker_config("default"))
+    assert len(tracker.update(_frame(0.0, 0.0, score=0.5))) == 0
+    assert tracker.update(_frame(0.1, 0.0, score=0.9)).track_id.tolist() == [1]
+    assert tracker.update(_frame(0.2, 0.0, score=0.5)).track_id.tolist() == [1]
+    # A detection so weak still steers the track, but nobody is told.
+    assert len(tracker.update(_frame(0.3, 0.1, score=0.2))) == 0
+    assert tracker.update(_frame(0.4, 0.1, score=0.9)).track_id.tolist() == [1]
+
+
+def test_a_user_needs_ten_lines() -> None:
+    tracker = smartmot.Tracker(smartmot.tracker_config("default"))
+    for stamp_s in (0.0, 0.1, 0.23, 0.3):
+        tracks = tracker.update_arrays(
+            stamp_s,
+            center_m=[[10.0 + 5.0 * stamp_s, 2.0], [30.0, -1.0]],
+            size_m=[[4.5, 1.8], [0.6, 0.6]],
+            yaw_rad=[0.0, 1.0],
+            score=[0.9, 0.8],
+            category=["car", "pedestrian"],
+        )
+    assert tracks.track_id.tolist() == [1, 2]
+    np.testing.assert_allclose(tracks.velocity_mps, [[5.0, 0.0], [0.0, 0.0]], atol=0.05)
+    assert tracks.category.tolist() == ["car", "pedestrian"]
