@@ -1,0 +1,43 @@
+"""OpenSCENARIO XML 1.0 to 1.3: reader and engine (see docs/openscenario.md).
+
+definition = load("scenario.xosc", {"Ego_speed_kph": 40})
+run = Engine(definition).run()
+"""
+
+from scenarios.openscenario.control import BrakeAt, EgoController, Motion
+from scenarios.openscenario.distributions import Variation, expand
+from scenarios.openscenario.engine import Contact, Engine, Entities, Run
+from scenarios.openscenario.errors import (
+    CatalogError,
+    ContentError,
+    ExpressionError,
+    FileReadError,
+    OpenScenarioError,
+    ParameterError,
+    RunError,
+    UnsupportedError,
+)
+from scenarios.openscenario.model import ScenarioDefinition
+from scenarios.openscenario.reader import load
+
+__all__ = [
+    "BrakeAt",
+    "CatalogError",
+    "Contact",
+    "ContentError",
+    "EgoController",
+    "Engine",
+    "Entities",
+    "ExpressionError",
+    "FileReadError",
+    "Motion",
+    "OpenScenarioError",
+    "ParameterError",
+    "Run",
+    "RunError",
+    "ScenarioDefinition",
+    "UnsupportedError",
+    "Variation",
+    "expand",
+    "load",
+]

@@ -1,0 +1,386 @@
+"""Actions of a run: what starts them, and until when they go on."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from scenarios.openscenario import model
+from scenarios.openscenario.actors import STANDING_MPS, Actor, State
+from scenarios.openscenario.document import as_number
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.paths import Path, straight
+from scenarios.openscenario.profiles import Piece, SpeedProfile, transition
+from scenarios.openscenario.synchronize import approach, final_speed_without_wish
+from scenarios.openscenario.world import Instant, World
+
+LONGITUDINAL, LATERAL = "longitudinal", "lateral"
+
+ROUTE_REACH_M = 10.0
+"""An entity that is assigned a route has to be this near to it."""
+
+TRAJECTORY_REACH_M = 1.0
+"""An entity that follows a trajectory can be teleported this far beside it."""
+
+NO_ARRIVAL_S = 1e5
+"""Time that is planned with as long as a master stands: who is synchronised with it comes to a standstill."""
+
+
+class RunningAction:
+    """An action of one entity (or of none). Those that end at once are over when `start` returns.
+
+    Args:
+        world: what it acts on.
+        actor: who carries it out; None: a global action.
+    """
+
+    domains: frozenset[str] = frozenset()
+    """Actions that share an entity and a domain replace each other."""
+
+    def __init__(self, world: World, actor: Actor | None) -> None:
+        self.world, self.actor = world, actor
+        self.over = False
+
+    def start(self, time_s: float) -> None:
+        """Begin."""
+        raise NotImplementedError
+
+    def ended(self, instant: Instant) -> bool:
+        """Whether it has come to its end by itself at an instant."""
+        return True
+
+    def update(self, instant: Instant) -> None:
+        """Adapt at the beginning of a step; most actions have nothing to adapt."""
+        return
+
+    def stop(self, time_s: float) -> None:
+        """End it from outside."""
+        self.over = True
+
+    def finish(self, time_s: float) -> None:
+        """End it because `ended` says so."""
+        self.over = True
+
+    @property
+    def who(self) -> Actor:
+        """The entity that carries it out."""
+        assert self.actor is not None
+        return self.actor
+
+
+class Speed(RunningAction):
+    """SpeedAction."""
+
+    domains = frozenset({LONGITUDINAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.SpeedAction) -> None:
+        super().__init__(world, actor)
+        self._action = action
+
+    def start(self, time_s: float) -> None:
+        """Set the profile that leads to the target speed."""
+        action = self._action
+        now = self.who.state(time_s).speed_mps
+        target = target_speed_mps(action.target, self.world, time_s)
+        pieces = transition(action.shape, action.dimension, action.value, now, target)
+        self._profile = SpeedProfile(time_s, target, pieces)
+        self.who.drive(time_s, self._profile)
+
+    def ended(self, instant: Instant) -> bool:
+        """At the target speed."""
+        return instant.time_s >= self._profile.end_s - 1e-9
+
+
+class LongitudinalDistance(RunningAction):
+    """LongitudinalDistanceAction without limits of dynamics: the distance is there at once."""
+
+    domains = frozenset({LONGITUDINAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.LongitudinalDistanceAction) -> None:
+        super().__init__(world, actor)
+        self._action = action
+
+    def start(self, time_s: float) -> None:
+        """Take up the distance; keep it, or go on with the other's speed."""
+        action, actor, other = self._action, self.who, self.world.actors[self._action.entity]
+        own, seen = actor.state(time_s), other.state(time_s)
+        ahead = action.ahead
+        if ahead is None:
+            ahead = actor.path.project(seen.x_m, seen.y_m)[0] <= own.station_m
+        distance = action.distance_m
+        if distance is None:
+            distance = (action.time_gap_s or 0.0) * abs(own.speed_mps if not ahead else seen.speed_mps)
+        if action.freespace:
+            # the overhangs of one that faces the other way swap
+            same_way = math.cos(actor.path.pose(own.station_m)[2] - seen.yaw_rad) > 0.0
+            front_m, rear_m = (other.front_m, other.rear_m) if same_way else (other.rear_m, other.front_m)
+            distance += actor.rear_m + front_m if ahead else actor.front_m + rear_m
+        actor.attach(time_s, other, distance if ahead else -distance)
+        if not action.continuous:
+            actor.detach(time_s)
+
+    def ended(self, instant: Instant) -> bool:
+        """At once, unless it is continuous."""
+        return not self._action.continuous
+
+    def stop(self, time_s: float) -> None:
+        """Go on with the present speed."""
+        self.who.detach(time_s)
+        super().stop(time_s)
+
+
+class FollowTrajectory(RunningAction):
+    """FollowTrajectoryAction."""
+
+    domains = frozenset({LATERAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.FollowTrajectoryAction) -> None:
+        super().__init__(world, actor)
+        self._action = action
+        if action.timing is not None:
+            self.domains = frozenset({LATERAL, LONGITUDINAL})
+
+    def start(self, time_s: float) -> None:
+        """Be at the start of the trajectory (or as far along as the file says)."""
+        action = self._action
+        self._path = self.world.locator.trajectory(action.trajectory, self.who.name)
+        station = action.initial_distance_m
+        if station > self._path.length_m:
+            raise RunError(
+                f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
+                f"its length of {self._path.length_m:.6g} m"
+            )
+        if action.timing is None:
+            self.who.follow(time_s, self._path, station, trajectory=True)
+            return
+        profile = timed_profile(action, self._path, time_s)
+        self.who.follow(time_s, self._path, profile.at(time_s)[0], trajectory=True)
+        self.who.drive(time_s, profile)
+
+    def ended(self, instant: Instant) -> bool:
+        """At its end."""
+        return instant.state(self.who.name).station_m >= self._path.length_m
+
+    def finish(self, time_s: float) -> None:
+        """Go straight on."""
+        pose = self.who.state(time_s).pose
+        self.who.follow(time_s, straight(pose), 0.0, trajectory=False)
+        self.over = True
+
+    def stop(self, time_s: float) -> None:
+        """Go straight on, unless what replaces it says otherwise."""
+        self.finish(time_s)
+
+
+def timed_profile(action: model.FollowTrajectoryAction, path: Path, time_s: float) -> SpeedProfile:
+    """Speed profile that meets the times of a trajectory's vertices.
+
+    Raises:
+        RunError: a vertex has no time, or times do not grow.
+    """
+    shape, timing = action.trajectory.shape, action.timing
+    assert timing is not None
+    if isinstance(shape, model.Polyline):
+        times = [vertex.time_s for vertex in shape.vertices]
+        stations = path.station_of_vertices()
+    elif isinstance(shape, model.ClothoidSpline):
+        times, stations = [0.0, shape.time_end_s], [0.0, path.length_m]
+    else:
+        times, stations = [None], [0.0]
+    base = time_s if timing.relative else 0.0
+    given = [base + timing.offset_s + timing.scale * t for t in times if t is not None]
+    if len(given) < len(times) or any(b <= a for a, b in pairwise(given)):
+        raise RunError(
+            f"trajectory '{action.trajectory.name}': following it by time needs growing times throughout"
+        )
+    pieces = [
+        Piece(t1 - t0, (s1 - s0) / (t1 - t0), (s1 - s0) / (t1 - t0))
+        for (t0, t1), (s0, s1) in zip(pairwise(given), pairwise(stations), strict=True)
+    ]
+    wait = max(given[0] - time_s, 0.0)
+    return SpeedProfile(min(given[0], time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
+
+
+class AssignRoute(RunningAction):
+    """AssignRouteAction: from its lane on along the route, at its offset."""
+
+    domains = frozenset({LATERAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.AssignRouteAction) -> None:
+        super().__init__(world, actor)
+        self._route = action.route
+
+    def start(self, time_s: float) -> None:
+        """Put the entity on the route."""
+        roads, locator = self.world.locator.roads, self.world.locator
+        legs = locator.legs(self._route)
+        pose = self.who.state(time_s).pose
+        middle = roads.path(legs, 0.0)
+        station, left = middle.project(pose.x_m, pose.y_m)
+        if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:
+            raise RunError(f"'{self.who.name}' is not on route '{self._route.name}', which it is assigned")
+        path = middle if abs(left) < 1e-9 else roads.path(legs, left)
+        self.who.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+
+
+class Teleport(RunningAction):
+    """TeleportAction. An entity that follows a trajectory goes on from the nearest point of it."""
+
+    def __init__(self, world: World, actor: Actor, action: model.TeleportAction) -> None:
+        super().__init__(world, actor)
+        self._position = action.position
+
+    def start(self, time_s: float) -> None:
+        """Be there."""
+        pose = self.world.locator.pose(self._position)
+        if self.who.on_trajectory:
+            station, left = self.who.path.project(pose.x_m, pose.y_m)
+            if abs(left) > TRAJECTORY_REACH_M:
+                raise RunError(f"'{self.who.name}' is teleported off the trajectory that it follows")
+            self.who.follow(time_s, self.who.path, station, trajectory=True)
+            return
+        path = self.world.locator.roads.way(pose)
+        self.who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
+
+
+class Synchronize(RunningAction):
+    """SynchronizeAction.
+
+    While the entity waits, its plan follows the master's expected arrival. From the moment that it sets off
+    (or, if it was already moving, from the beginning of its steady state) the plan is kept, whatever the
+    master does.
+    """
+
+    domains = frozenset({LONGITUDINAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.SynchronizeAction) -> None:
+        super().__init__(world, actor)
+        self._action = action
+        self._arrival_s: float | None = None
+        self._frozen = False
+
+    def start(self, time_s: float) -> None:
+        """Find both places on the paths, and make the first plan."""
+        action, actor = self._action, self.who
+        master = self._master = self.world.actors[action.master]
+        target = self.world.locator.pose(action.target)
+        master_target = self.world.locator.pose(action.master_target)
+        self._station = actor.path.project(target.x_m, target.y_m)[0]
+        self._master_station = master.path.project(master_target.x_m, master_target.y_m)[0]
+        self._from_rest = abs(actor.state(time_s).speed_mps) <= STANDING_MPS
+        self._plan(time_s)
+
+    def update(self, instant: Instant) -> None:
+        """Make a new plan if the master will arrive at another time than planned."""
+        if self._frozen:
+            return
+        time_s = instant.time_s
+        speed = abs(instant.state(self.who.name).speed_mps)
+        if (self._from_rest and speed > STANDING_MPS) or time_s >= self._steady_from_s:
+            self._frozen = True
+            return
+        arrival = self._master_arrival_s(time_s, instant.state(self._master.name))
+        planned = self._arrival_s
+        if arrival != planned and (arrival is None or planned is None or abs(arrival - planned) > 1e-6):
+            self._plan(time_s)
+
+    def _master_arrival_s(self, time_s: float, state: State) -> float | None:
+        """When the master is at its place if it keeps its speed; None if it does not get there."""
+        speed = self._master.progress_mps(state)
+        left = self._master_station - state.station_m
+        if left <= 0.0:
+            return time_s
+        return time_s + left / speed if speed > STANDING_MPS else None
+
+    def _plan(self, time_s: float) -> None:
+        action, actor = self._action, self.who
+        self._arrival_s = arrival = self._master_arrival_s(time_s, self._master.state(time_s))
+        state = actor.state(time_s)
+        speed = actor.progress_mps(state)
+        left_m = max(self._station - state.station_m, 0.0)
+        left_s = NO_ARRIVAL_S if arrival is None else arrival - time_s
+        if action.final_speed is None:
+            final = final_speed_without_wish(speed, left_m, left_s) if arrival is not None else 0.0
+        else:
+            final = target_speed_mps(action.final_speed, self.world, time_s)
+        if self._from_rest and final <= 0.0:
+            self._steady_from_s = time_s + left_s
+            return
+        steady_m, steady_s = self._steady(final)
+        pieces = approach(max(speed, 0.0), final, left_m - steady_m, left_s - steady_s)
+        # no way or no time left: on at the final speed
+        profile = SpeedProfile(time_s, final, pieces or ())
+        self._steady_from_s = profile.end_s
+        actor.drive(time_s, profile)
+
+    def _steady(self, final_mps: float) -> tuple[float, float]:
+        """Way and duration of the steady state."""
+        steady = self._action.steady
+        if steady is None or final_mps <= 0.0:
+            return 0.0, 0.0
+        if steady.distance_m is not None:
+            return steady.distance_m, steady.distance_m / final_mps
+        duration = steady.time_s or 0.0
+        return duration * final_mps, duration
+
+    def ended(self, instant: Instant) -> bool:
+        """The entity is at its place."""
+        return instant.state(self.who.name).station_m >= self._station - 1e-9
+
+
+class Switch(RunningAction):
+    """Actions that change a value and are over: visibility, light, environment, variables, deletion."""
+
+    def __init__(self, world: World, actor: Actor | None, action: model.Action) -> None:
+        super().__init__(world, actor)
+        self._action = action
+
+    def start(self, time_s: float) -> None:
+        """Change it."""
+        world, action = self.world, self._action
+        match action:
+            case model.VisibilityAction():
+                self.who.seen = action.sensors
+            case model.LightStateAction():
+                self.who.lights = {**self.who.lights, action.light: action.mode}
+            case model.EnvironmentAction():
+                world.environment = action.environment
+            case model.DeleteEntityAction():
+                world.actors[action.entity].exists = False
+            case model.SetVariableAction():
+                world.variables[action.variable] = action.value
+            case model.ModifyVariableAction():
+                before = as_number(world.variables[action.variable])
+                if before is None:
+                    raise RunError(f"variable '{action.variable}' is not a number and cannot be modified")
+                value = before + action.value if action.operator == "add" else before * action.value
+                world.variables[action.variable] = value
+            case _:
+                raise RunError(f"{type(action).__name__} is not carried out")
+
+
+def target_speed_mps(target: float | model.RelativeSpeed, world: World, time_s: float) -> float:
+    """Speed that an action asks for, at a time."""
+    if isinstance(target, model.RelativeSpeed):
+        other = world.actors[target.entity].state(time_s).speed_mps
+        return other * target.value if target.is_factor else other + target.value
+    return target
+
+
+def running(world: World, actor: Actor | None, action: model.Action) -> RunningAction:
+    """The action as it is carried out by an entity (None: a global action)."""
+    if actor is not None:
+        match action:
+            case model.SpeedAction():
+                return Speed(world, actor, action)
+            case model.LongitudinalDistanceAction():
+                return LongitudinalDistance(world, actor, action)
+            case model.FollowTrajectoryAction():
+                return FollowTrajectory(world, actor, action)
+            case model.AssignRouteAction():
+                return AssignRoute(world, actor, action)
+            case model.TeleportAction():
+                return Teleport(world, actor, action)
+            case model.SynchronizeAction():
+                return Synchronize(world, actor, action)
+    return Switch(world, actor, action)

@@ -1,0 +1,218 @@
+"""Entities of a run: where each is at any time of the present step, in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from scenarios.openscenario.control import EgoController
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import EntityDefinition
+from scenarios.openscenario.paths import Path, Pose, straight
+from scenarios.openscenario.profiles import SpeedProfile
+
+STANDING_MPS = 1e-9
+"""Slower than this is standing."""
+
+
+class State(NamedTuple):
+    """Reference point of an entity at an instant, map frame; speed along the heading."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_mps: float
+    station_m: float
+    travelled_m: float
+
+    @property
+    def pose(self) -> Pose:
+        """Point and heading."""
+        return Pose(self.x_m, self.y_m, self.yaw_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Tow:
+    """Kept at a distance from another entity, on the own path.
+
+    Args:
+        leader: the other entity.
+        ahead_m: along the path from its reference point.
+    """
+
+    leader: Actor
+    ahead_m: float
+
+
+class Actor:
+    """One entity.
+
+    Motion is anchored at an instant: from there on the path and the speed profile give every later state.
+
+    Args:
+        definition: as read.
+    """
+
+    def __init__(self, definition: EntityDefinition) -> None:
+        self.definition = definition
+        self.name = definition.name
+        self.front_m = definition.center_x_m + definition.length_m / 2
+        self.rear_m = definition.length_m / 2 - definition.center_x_m
+        self.radius_m = math.hypot(
+            abs(definition.center_x_m) + definition.length_m / 2,
+            abs(definition.center_y_m) + definition.width_m / 2,
+        )
+        self.placed = False
+        self.exists = True
+        self.seen = True
+        self.lights: dict[str, str] = {}
+        self.path: Path = straight(Pose(0.0, 0.0, 0.0))
+        self.on_trajectory = False
+        self.profile = SpeedProfile(0.0, 0.0)
+        self.tow: Tow | None = None
+        self.controller: EgoController | None = None
+        self.standing_since_s: float | None = 0.0
+        self.set_off_s: float | None = None
+        self._steady_s = 0.0
+        self._yaw_offset = 0.0
+        self._reversed = False
+        self._anchor_s = 0.0
+        self._anchor_station = 0.0
+        self._anchor_travelled = 0.0
+        self._anchor_distance = 0.0
+
+    # Where it is
+
+    def state(self, time_s: float) -> State:
+        """State at a time from the anchor on."""
+        pose = None
+        if self.controller is not None:
+            motion = self.controller.motion(self._anchor_s, time_s - self._anchor_s)
+            distance, speed, pose = motion.distance_m, motion.speed_mps, motion.pose
+        elif self.tow is not None:
+            return self._towed(time_s)
+        else:
+            distance, speed = self.profile.at(time_s)
+            distance -= self._anchor_distance
+        gone = abs(distance)
+        station = self._anchor_station + (gone if self.on_trajectory else distance)
+        if pose is not None:
+            return State(pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone)
+        x, y, yaw = self.path.pose(station)
+        yaw += self._yaw_offset
+        if self.on_trajectory and (speed < 0.0 or (speed == 0.0 and self._reversed)):
+            yaw += math.pi
+        return State(x, y, yaw, speed, station, self._anchor_travelled + gone)
+
+    def _towed(self, time_s: float) -> State:
+        assert self.tow is not None
+        leader = self.tow.leader.state(time_s)
+        station = self.path.project(leader.x_m, leader.y_m)[0] + self.tow.ahead_m
+        x, y, yaw = self.path.pose(station)
+        gone = abs(station - self._anchor_station)
+        along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
+        return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
+
+    def pass_on(self, time_s: float, state: State) -> None:
+        """Take note of the end of a step; who is driven by a controller is anchored there."""
+        if self.controller is not None:
+            self.anchor(time_s)
+        else:
+            self._note(time_s, state.speed_mps)
+
+    def anchor(self, time_s: float) -> State:
+        """Anchor the motion at a time, after which earlier states are no longer asked for."""
+        state = self.state(time_s)
+        if self.controller is not None:
+            self.controller.advance(self._anchor_s, time_s - self._anchor_s)
+        self._anchor_s, self._anchor_station = time_s, state.station_m
+        self._anchor_travelled = state.travelled_m
+        self._anchor_distance = self.profile.at(time_s)[0]
+        self._note(time_s, state.speed_mps)
+        return state
+
+    def _note(self, time_s: float, speed_mps: float) -> None:
+        if abs(speed_mps) > STANDING_MPS:
+            self.standing_since_s = None
+            self._reversed = speed_mps < 0.0
+            if self.set_off_s is None:
+                alone = self.tow is None and self.controller is None
+                self.set_off_s = min(self.profile.sets_off_s(), time_s) if alone else time_s
+        elif self.standing_since_s is None:
+            self.standing_since_s = time_s
+
+    def steady_since_s(self, time_s: float) -> float | None:
+        """Since when its speed has been constant at a time; None if it is changing."""
+        leader = self.tow.leader if self.tow is not None else None
+        if leader is not None:
+            return leader.steady_since_s(time_s)
+        return None if time_s < self.profile.end_s - 1e-9 else max(self._steady_s, self.profile.end_s)
+
+    # What changes it
+
+    def teleport(self, time_s: float, path: Path, station_m: float, yaw_rad: float) -> None:
+        """Put it on a path with a heading of its own."""
+        self.anchor(time_s)
+        self.placed = True
+        self._put(path, station_m)
+        self._yaw_offset = math.remainder(yaw_rad - path.pose(station_m)[2], 2 * math.pi)
+
+    def follow(self, time_s: float, path: Path, station_m: float, trajectory: bool) -> None:
+        """Put it on a path, heading along it. A trajectory is followed from start to end, in reverse too."""
+        self.anchor(time_s)
+        self.placed = True
+        self._yaw_offset = 0.0
+        self.on_trajectory = trajectory
+        self._put(path, station_m)
+
+    def _put(self, path: Path, station_m: float) -> None:
+        self.path, self._anchor_station = path, station_m
+        self.tow = None
+
+    def drive(self, time_s: float, profile: SpeedProfile) -> None:
+        """Give it a new speed profile from a time on."""
+        before = self.steady_since_s(time_s)
+        state = self.anchor(time_s)
+        self.tow = None
+        self.profile = profile
+        self._anchor_distance = profile.at(time_s)[0]
+        same = before is not None and abs(profile.at(time_s)[1] - state.speed_mps) < STANDING_MPS
+        self._steady_s = before if same and before is not None else time_s
+        self._note(time_s, profile.at(time_s)[1])
+
+    def attach(self, time_s: float, leader: Actor, ahead_m: float) -> None:
+        """Keep a distance from another entity from a time on."""
+        self.anchor(time_s)
+        chain: Actor | None = leader
+        while chain is not None:
+            if chain is self:
+                raise RunError(f"'{self.name}' keeps a distance from an entity that keeps one from it")
+            chain = chain.tow.leader if chain.tow is not None else None
+        self.tow = Tow(leader, ahead_m)
+        state = self._towed(time_s)
+        self._anchor_station = state.station_m
+        self._note(time_s, state.speed_mps)
+
+    def detach(self, time_s: float) -> None:
+        """Go on alone with the present speed."""
+        if self.tow is not None:
+            self.drive(time_s, SpeedProfile(time_s, self._towed(time_s).speed_mps))
+
+    # Outline
+
+    def box(self, state: State) -> tuple[float, float, float, float, float]:
+        """Centre x, centre y, length, width and yaw of its bounding box."""
+        d = self.definition
+        c, s = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
+        return (
+            state.x_m + c * d.center_x_m - s * d.center_y_m,
+            state.y_m + s * d.center_x_m + c * d.center_y_m,
+            d.length_m,
+            d.width_m,
+            state.yaw_rad,
+        )
+
+    def progress_mps(self, state: State) -> float:
+        """Speed along its path."""
+        return abs(state.speed_mps) if self.on_trajectory else state.speed_mps

@@ -1,0 +1,305 @@
+"""XML elements with their scope: attributes resolved, unknown content refused, places named.
+
+The parser expands no entities and opens no network connection.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeAlias
+
+from lxml import etree
+
+from scenarios.openscenario.errors import (
+    ContentError,
+    ExpressionError,
+    FileReadError,
+    ParameterError,
+    UnsupportedError,
+)
+from scenarios.openscenario.expressions import Value, evaluate
+
+Element: TypeAlias = etree._Element
+Scope: TypeAlias = Mapping[str, Value]
+
+MAX_NUMBER = 1e9
+"""A greater number is refused: no quantity of a road scenario comes near it, `INF` excepted."""
+
+TRUTH = {"true": True, "1": True, "false": False, "0": False}
+
+
+def parse(path: Path) -> Element:
+    """Root element of a file; an unchanged file is parsed once.
+
+    Raises:
+        FileReadError: the file cannot be opened, is not well-formed, or is not OpenSCENARIO 1.0 to 1.3.
+    """
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise FileReadError(f"{path}: {error.strerror or 'cannot be opened'}") from None
+    return _parse(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=256)
+def _parse(path: Path, _mtime_ns: int, _size: int) -> Element:
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    try:
+        root = etree.fromstring(path.read_bytes(), parser)
+    except OSError as error:
+        raise FileReadError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    except etree.XMLSyntaxError as error:
+        line = error.lineno or 0
+        raise FileReadError(f"{path}:{line}: not well-formed XML: {error.msg.splitlines()[0]}") from None
+    if root.tag != "OpenSCENARIO":
+        raise FileReadError(f"{path}: the root element is <{root.tag}>, expected <OpenSCENARIO>")
+    header = root.find("FileHeader")
+    version = ("", "") if header is None else (header.get("revMajor", ""), header.get("revMinor", ""))
+    if version[0] != "1" or version[1] not in ("0", "1", "2", "3"):
+        raise FileReadError(
+            f"{path}: FileHeader gives version '{version[0]}.{version[1]}'; "
+            "OpenSCENARIO XML 1.0 to 1.3 is read"
+        )
+    return root
+
+
+class Node:
+    """One XML element and the parameters visible to it.
+
+    Args:
+        element: the element.
+        file: where it comes from.
+        scope: parameters by name.
+    """
+
+    __slots__ = ("element", "file", "scope")
+
+    def __init__(self, element: Element, file: Path, scope: Scope) -> None:
+        self.element, self.file, self.scope = element, file, scope
+
+    @property
+    def tag(self) -> str:
+        """Name of the element."""
+        return str(self.element.tag)
+
+    @property
+    def where(self) -> str:
+        """File, line and element, for messages."""
+        return f"{self.file}:{self.element.sourceline}: <{self.tag}>"
+
+    def within(self, scope: Scope) -> Node:
+        """The same element, seeing other parameters."""
+        return Node(self.element, self.file, scope)
+
+    def allow(self, attributes: str = "", children: str = "") -> None:
+        """Refuse every attribute and child element that is not named (names separated by blanks).
+
+        Raises:
+            UnsupportedError: there is another one.
+        """
+        known = attributes.split()
+        for name in self.attributes():
+            if name not in known and not name.startswith("{"):
+                raise UnsupportedError(
+                    f"{self.where} attribute '{name}' is not supported; "
+                    f"supported: {', '.join(known) or 'none'}"
+                )
+        tags = children.split()
+        for child in self.element:
+            if child.tag not in tags:
+                raise UnsupportedError(
+                    f"{self.file}:{child.sourceline}: <{child.tag}> in <{self.tag}> is not supported; "
+                    f"supported there: {', '.join(tags) or 'no element'}"
+                )
+
+    # Children
+
+    def __iter__(self) -> Iterator[Node]:
+        return (Node(child, self.file, self.scope) for child in self.element)
+
+    def without(self, tags: str) -> Node:
+        """A copy of this element that lacks some children and all attributes."""
+        copy = etree.Element(self.tag)
+        copy.extend([deepcopy(child) for child in self.element if child.tag not in tags.split()])
+        copy.sourceline = self.element.sourceline
+        return Node(copy, self.file, self.scope)
+
+    def all(self, tag: str) -> list[Node]:
+        """Children of a name."""
+        return [Node(child, self.file, self.scope) for child in self.element.iterchildren(tag)]
+
+    def get(self, tag: str) -> Node | None:
+        """The child of a name, or None.
+
+        Raises:
+            ContentError: there are several.
+        """
+        found = self.all(tag)
+        if len(found) > 1:
+            raise ContentError(f"{found[1].where} stands a second time in <{self.tag}>")
+        return found[0] if found else None
+
+    def need(self, tag: str) -> Node:
+        """The child of a name.
+
+        Raises:
+            ContentError: there is none, or several.
+        """
+        child = self.get(tag)
+        if child is None:
+            raise ContentError(f"{self.where} needs an element <{tag}>")
+        return child
+
+    def one_of(self, tags: str) -> Node:
+        """The only child, which is one of the names (separated by blanks).
+
+        Raises:
+            ContentError: there is none, or several.
+            UnsupportedError: it is another.
+        """
+        self.allow(" ".join(self.attributes()), tags)
+        children = list(self)
+        if len(children) != 1:
+            raise ContentError(f"{self.where} needs one of: {', '.join(tags.split())}; got {len(children)}")
+        return children[0]
+
+    # Attributes
+
+    def attributes(self) -> list[str]:
+        """Names of all attributes."""
+        return [str(name) for name in self.element.attrib]
+
+    def has(self, name: str) -> bool:
+        """Whether an attribute is given."""
+        return self.element.get(name) is not None
+
+    def value(self, name: str, default: Value | None = None) -> Value:
+        """Value of an attribute: text, or what its parameter or expression comes to.
+
+        Raises:
+            ContentError: the attribute is missing and has no default.
+            ParameterError: it names an unknown parameter.
+            ExpressionError: its expression has no value.
+        """
+        text = self.element.get(name)
+        if text is None:
+            if default is None:
+                raise ContentError(f"{self.where} needs an attribute '{name}'")
+            return default
+        text = text.strip()
+        if not text.startswith("$"):
+            return text.replace("\\$", "$") if "\\$" in text else text
+        try:
+            return resolve(text, self._parameter)
+        except ExpressionError as error:
+            raise ExpressionError(f"{self.where} {name}: {error}") from None
+        except ParameterError as error:
+            raise ParameterError(f"{self.where} {name}: {error}") from None
+
+    def _parameter(self, name: str) -> Value:
+        try:
+            return self.scope[name]
+        except KeyError:
+            raise ParameterError(f"parameter '{name}' is not declared") from None
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """Attribute as text."""
+        return as_text(self.value(name, default))
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Attribute as a finite number.
+
+        Raises:
+            ContentError: it is none.
+        """
+        value = self.value(name, default)
+        number = as_number(value)
+        if number is None or abs(number) > MAX_NUMBER:
+            raise ContentError(
+                f"{self.where} {name}: expected a number without unit (SI units), got '{as_text(value)}'"
+            )
+        return number
+
+    def positive(self, name: str, default: float | None = None, zero: bool = True) -> float:
+        """Attribute as a number that is not negative (and not zero, if `zero` is false).
+
+        Raises:
+            ContentError: it is none.
+        """
+        number = self.number(name, default)
+        if number < 0.0 or (number == 0.0 and not zero):
+            raise ContentError(
+                f"{self.where} {name}: expected a {'non-negative' if zero else 'positive'} number, "
+                f"got {number:g}"
+            )
+        return number
+
+    def integer(self, name: str, default: int | None = None) -> int:
+        """Attribute as a whole number.
+
+        Raises:
+            ContentError: it is none.
+        """
+        number = self.number(name, default)
+        if number != round(number):
+            raise ContentError(f"{self.where} {name}: expected a whole number, got {number:g}")
+        return round(number)
+
+    def boolean(self, name: str, default: bool | None = None) -> bool:
+        """Attribute as true or false.
+
+        Raises:
+            ContentError: it is neither.
+        """
+        value = self.value(name, default)
+        truth = value if isinstance(value, bool) else TRUTH.get(as_text(value))
+        if truth is None:
+            raise ContentError(f"{self.where} {name}: expected true or false, got '{as_text(value)}'")
+        return truth
+
+    def choice(self, name: str, options: str, default: str | None = None) -> str:
+        """Attribute as one of the options (separated by blanks).
+
+        Raises:
+            UnsupportedError: it is another.
+        """
+        value = self.text(name, default)
+        if value not in options.split():
+            raise UnsupportedError(
+                f"{self.where} {name}='{value}' is not supported; supported: {', '.join(options.split())}"
+            )
+        return value
+
+
+def resolve(text: str, parameters: Callable[[str], Value]) -> Value:
+    """Value of a text that begins with `$`: a parameter, or an expression in `${...}`."""
+    if text.startswith("${") and text.endswith("}"):
+        return evaluate(text[2:-1], parameters)
+    return parameters(text[1:])
+
+
+def as_text(value: Value) -> str:
+    """Value as it would stand in a file."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return format(value, ".15g")
+    return value
+
+
+def as_number(value: Value) -> float | None:
+    """Value as a finite number, or None."""
+    if isinstance(value, bool):
+        return None
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    # Python also reads '1_000', 'nan' and 'inf'; XML Schema knows only the last two, in other spellings
+    if not math.isfinite(number) or (isinstance(value, str) and "_" in value):
+        return None
+    return number

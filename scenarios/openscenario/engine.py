@@ -1,0 +1,395 @@
+"""Runs a scenario: exact between events, whatever the step.
+
+Within a step every state is a closed form of time. Where a condition changes, an action ends or outlines
+touch inside a step, the instant is found by bisection and the step is split there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.openscenario import model
+from scenarios.openscenario.actors import Actor, State
+from scenarios.openscenario.control import EgoController
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.paths import Pose
+from scenarios.openscenario.positions import Locator
+from scenarios.openscenario.roads import Roads, load_roads
+from scenarios.openscenario.storyboard import Storyboard
+from scenarios.openscenario.trajectories import starts_at_entity
+from scenarios.openscenario.world import Instant, World
+from smartmot.types import BoolArray, Boxes, FloatArray, StrArray
+
+STEP_S = 0.01
+"""Step of a run: how often states are sampled and a synchronised entity looks at its master."""
+
+TOLERANCE_S = 1e-9
+"""Instants inside a step are found this exactly."""
+
+MAX_ACCELERATION_MPS2 = 20.0
+"""No road user accelerates or brakes harder; bounds how soon outlines can meet."""
+
+MAX_SPLITS = 1000
+"""More changes within one step are a fault of the scenario."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entities:
+    """All entities at one instant, as arrays in the order of the scenario, map frame.
+
+    Args:
+        time_s: when.
+        name: (N,) names.
+        category: (N,) detection categories.
+        reference_m: (N, 2) reference points (of vehicles: middle of the rear axle).
+        boxes: N bounding boxes.
+        speed_mps: (N,) along the heading, negative in reverse.
+        exists: (N,) not deleted.
+        seen: (N,) exists and is visible to sensors.
+    """
+
+    time_s: float
+    name: StrArray
+    category: StrArray
+    reference_m: FloatArray
+    boxes: Boxes
+    speed_mps: FloatArray
+    exists: BoolArray
+    seen: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """First touch of the ego's outline with another.
+
+    Args:
+        time_s: when.
+        entity: the other.
+        ego_speed_mps, entity_speed_mps: along their headings.
+        impact_location_percent: where the centre of the other's box meets the ego's width: 0 its right edge,
+            100 its left edge (Euro NCAP's counting).
+    """
+
+    time_s: float
+    entity: str
+    ego_speed_mps: float
+    entity_speed_mps: float
+    impact_location_percent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What a run came to; None where it did not happen. N entities, T samples.
+
+    Args:
+        contact_time_s: first contact of the ego.
+        contact_entity: with whom.
+        target: the entity that the scenario is about.
+        target_start_time_s: when it left standstill.
+        target_steady_time_s: since when its speed was constant at the contact (without contact: at the end).
+        ego_speed_at_contact_kmh, target_speed_at_contact_kmh: of the ego and of the entity hit.
+        impact_location_percent: see `Contact`.
+        end_time_s: end of the run.
+        stopped: whether the storyboard's stop trigger ended it (not the time limit).
+        names: (N,) entities.
+        time_s: (T,) sampling times.
+        x_m, y_m, yaw_rad: (T, N) reference points and headings.
+        speed_mps: (T, N) speeds.
+        exists: (T, N) whether the entity is there.
+    """
+
+    contact_time_s: float | None
+    contact_entity: str | None
+    target: str | None
+    target_start_time_s: float | None
+    target_steady_time_s: float | None
+    ego_speed_at_contact_kmh: float | None
+    target_speed_at_contact_kmh: float | None
+    impact_location_percent: float | None
+    end_time_s: float
+    stopped: bool
+    names: StrArray
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    yaw_rad: FloatArray
+    speed_mps: FloatArray
+    exists: BoolArray
+
+
+class Engine:
+    """One run of a scenario.
+
+    Args:
+        definition: the scenario.
+        ego_controller: drives the ego from the end of the initial actions on; None: it keeps its speed.
+        ego: name of the ego; the first entity if there is none of that name.
+        step_s: step.
+        roads: the network, if it is already loaded.
+
+    Raises:
+        RunError: an initial action cannot be carried out.
+    """
+
+    def __init__(
+        self,
+        definition: model.ScenarioDefinition,
+        ego_controller: EgoController | None = None,
+        ego: str = "Ego",
+        step_s: float = STEP_S,
+        roads: Roads | None = None,
+    ) -> None:
+        if not definition.entities:
+            raise RunError(f"{definition.path}: there is no entity")
+        if not step_s > 0.0:
+            raise RunError(f"step_s: expected a positive number, got {step_s}")
+        self.definition, self.step_s = definition, step_s
+        self._actors = {entity.name: Actor(entity) for entity in definition.entities}
+        self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
+        locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
+        self.world = World(self._actors, locator, dict(definition.variables))
+        self.storyboard = Storyboard(definition, self.world)
+        self.time_s = 0.0
+        self.contact: Contact | None = None
+        self._others = [actor for actor in self._actors.values() if actor is not self.ego]
+        self._no_contact_before_s = 0.0
+        self._watching: list[Callable[[Instant], int]] = []
+        self._times: list[float] = []
+        self._samples: list[list[State]] = []
+        self._existing: list[list[bool]] = []
+        self._target_at_contact: float | None = None
+        try:
+            self._begin(ego_controller)
+        except RunError as error:
+            raise RunError(f"{definition.path}: {error}") from None
+        self.target = self._find_target()
+
+    # Start
+
+    def _begin(self, controller: EgoController | None) -> None:
+        instant = Instant(0.0, self._actors)
+        for entity, action in self.definition.init:
+            self.storyboard.execute(instant, action, () if entity is None else (entity,))
+        for actor in self._actors.values():
+            if not actor.placed:
+                raise RunError(f"entity '{actor.name}' is never given a position in Init")
+        if controller is not None:
+            state = self.ego.state(0.0)
+            controller.take_over(0.0, self.ego.path, state.station_m, state.speed_mps)
+            self.ego.controller = controller
+        self._check_places()
+        self._now = Instant(0.0, self._actors)
+        self._first_contact(self._now)
+        self._process()
+        self._sample()
+
+    def _check_places(self) -> None:
+        """Work out every place that a later action names, to find those off the road before the run."""
+        locator = self.world.locator
+        for event in self.definition.events():
+            for action in (named.action for named in event.actions):
+                match action:
+                    case model.SynchronizeAction():
+                        locator.pose(action.target)
+                        locator.pose(action.master_target)
+                    case model.TeleportAction():
+                        locator.pose(action.position)
+                    case model.FollowTrajectoryAction(trajectory=curve) if not starts_at_entity(curve):
+                        locator.trajectory(curve, None)
+                    case model.AssignRouteAction():
+                        locator.legs(action.route)
+
+    def _pose_now(self, name: str) -> Pose:
+        actor = self._actors[name]
+        if not actor.placed:
+            raise RunError(f"a position refers to '{name}' before that has one")
+        return actor.state(self.time_s).pose
+
+    def _find_target(self) -> str | None:
+        """Whom the ego is to meet: named in a collision condition, synchronised with it, or the next."""
+        names: list[str] = []
+        for event in self.definition.events():
+            for condition in (c for group in event.start or () for c in group):
+                kind = condition.kind
+                if not isinstance(kind, model.EntityCondition) or self.ego.name not in kind.entities:
+                    continue
+                if isinstance(kind.kind, model.CollisionCondition):
+                    names.insert(0, kind.kind.entity)
+            for action in event.actions:
+                if isinstance(action.action, model.SynchronizeAction):
+                    names.extend(action.entities)
+        names.extend(actor.name for actor in self._others)
+        return next((name for name in names if name != self.ego.name), None)
+
+    # Stepping
+
+    @property
+    def over(self) -> bool:
+        """Whether the storyboard has ended."""
+        return self.storyboard.over
+
+    def advance(self, duration_s: float | None = None) -> None:
+        """Move on by a duration (default: one step), or to the end of the storyboard if that comes first.
+
+        Raises:
+            RunError: an action cannot be carried out, or events start one another without end.
+        """
+        left_s = self.step_s if duration_s is None else duration_s
+        try:
+            while left_s > TOLERANCE_S and not self.over:
+                step_s = min(left_s, self.step_s)
+                self._advance(step_s)
+                left_s -= step_s
+        except RunError as error:
+            raise RunError(f"{self.definition.path}: {error}") from None
+
+    def _advance(self, duration_s: float) -> None:
+        """Move on by no more than a step."""
+        end = self.time_s + duration_s
+        for _ in range(MAX_SPLITS):
+            if self.over or self.time_s >= end - TOLERANCE_S:
+                break
+            self.storyboard.update(self._now)
+            ahead = Instant(end, self._actors)
+            if self._signature(ahead) == self._before:
+                self._move(ahead)
+            else:
+                self._move(self._next_change(end))
+                self._first_contact(self._now)
+                self._process()
+        else:
+            raise RunError(f"at {self.time_s:.3f} s more than {MAX_SPLITS} changes within one step")
+        self._sample()
+
+    def _move(self, instant: Instant) -> None:
+        self.time_s, self._now = instant.time_s, instant
+        for actor in self._actors.values():
+            actor.pass_on(instant.time_s, instant.state(actor.name))
+
+    def _process(self) -> None:
+        """Carry out what follows from a change, and note what to watch from now on."""
+        self._no_contact_before_s = 0.0
+        self.storyboard.process(self._now)
+        self._now = Instant(self.time_s, self._actors)
+        self._watching = [watch.signature for watch in self.storyboard.watches() if watch.varies]
+        self._before = self._signature(self._now)
+
+    def _signature(self, instant: Instant) -> list[object]:
+        """Everything whose change splits a step."""
+        signature: list[object] = [value(instant) for value in self._watching]
+        signature.extend([part.ended(instant) for part in self.storyboard.running])
+        signature.append(self._touching(instant))
+        return signature
+
+    def _next_change(self, end_s: float) -> Instant:
+        """The first instant at which something differs from now, found by bisection."""
+        low, high = self.time_s, Instant(end_s, self._actors)
+        while high.time_s - low > TOLERANCE_S:
+            middle = Instant(0.5 * (low + high.time_s), self._actors)
+            if self._signature(middle) == self._before:
+                low = middle.time_s
+            else:
+                high = middle
+        return high
+
+    # Contact
+
+    def _touching(self, instant: Instant) -> str | None:
+        """Whom the ego touches, until its first contact is known."""
+        if self.contact is not None or instant.time_s < self._no_contact_before_s:
+            return None
+        nearest, fastest = math.inf, 0.0
+        ego = self.ego.name
+        for other in self._others:
+            if not other.exists:
+                continue
+            apart = instant.circle_gap_m(ego, other.name)
+            if apart <= 0.0 and instant.gap_m(ego, other.name) <= 0.0:
+                return other.name
+            nearest = min(nearest, apart)
+            fastest = max(fastest, abs(instant.state(other.name).speed_mps))
+        # nobody closes the distance faster than this within a second
+        closing = fastest + abs(instant.state(ego).speed_mps) + 2 * MAX_ACCELERATION_MPS2
+        self._no_contact_before_s = instant.time_s + min(max(nearest, 0.0) / closing, 1.0)
+        return None
+
+    def _first_contact(self, instant: Instant) -> None:
+        name = self._touching(instant)
+        if name is None:
+            return
+        other = self._actors[name]
+        ego, hit = instant.state(self.ego.name), instant.state(name)
+        ego_box, hit_box = self.ego.box(ego), other.box(hit)
+        left = (hit_box[1] - ego_box[1]) * math.cos(ego.yaw_rad) - (hit_box[0] - ego_box[0]) * math.sin(
+            ego.yaw_rad
+        )
+        self.contact = Contact(
+            time_s=instant.time_s,
+            entity=name,
+            ego_speed_mps=ego.speed_mps,
+            entity_speed_mps=hit.speed_mps,
+            impact_location_percent=50.0 + 100.0 * left / self.ego.definition.width_m,
+        )
+        self._target_at_contact = other.steady_since_s(instant.time_s)
+
+    # Results
+
+    def _sample(self) -> None:
+        self._times.append(self.time_s)
+        self._samples.append([self._now.state(name) for name in self._actors])
+        self._existing.append([actor.exists for actor in self._actors.values()])
+
+    @property
+    def entities(self) -> Entities:
+        """All entities now."""
+        actors = list(self._actors.values())
+        states = [self._now.state(actor.name) for actor in actors]
+        boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
+        return Entities(
+            time_s=self.time_s,
+            name=np.array([actor.name for actor in actors], dtype=np.str_),
+            category=np.array([actor.definition.category for actor in actors], dtype=np.str_),
+            reference_m=np.array([(state.x_m, state.y_m) for state in states]),
+            boxes=Boxes(boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
+            speed_mps=np.array([state.speed_mps for state in states]),
+            exists=np.array([actor.exists for actor in actors]),
+            seen=np.array([actor.exists and actor.seen for actor in actors]),
+        )
+
+    def run(self, time_limit_s: float = 120.0) -> Run:
+        """Run to the end of the storyboard, or to the time limit."""
+        while not self.over and self.time_s < time_limit_s - TOLERANCE_S:
+            self.advance()
+        return self.result()
+
+    def result(self) -> Run:
+        """What the run has come to so far."""
+        contact = self.contact
+        target = self._actors.get((contact.entity if contact else self.target) or "")
+        steady = (
+            self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
+        )
+        table = np.array([[state[:4] for state in row] for row in self._samples])
+        return Run(
+            contact_time_s=contact.time_s if contact else None,
+            contact_entity=contact.entity if contact else None,
+            target=target.name if target else None,
+            target_start_time_s=target.set_off_s if target else None,
+            target_steady_time_s=steady,
+            ego_speed_at_contact_kmh=3.6 * contact.ego_speed_mps if contact else None,
+            target_speed_at_contact_kmh=3.6 * contact.entity_speed_mps if contact else None,
+            impact_location_percent=contact.impact_location_percent if contact else None,
+            end_time_s=self.time_s,
+            stopped=self.over,
+            names=np.array(list(self._actors), dtype=np.str_),
+            time_s=np.array(self._times),
+            x_m=table[..., 0],
+            y_m=table[..., 1],
+            yaw_rad=table[..., 2],
+            speed_mps=table[..., 3],
+            exists=np.array(self._existing),
+        )

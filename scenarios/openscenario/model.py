@@ -1,0 +1,669 @@
+"""A scenario as read: records whose values are final (parameters resolved, references checked).
+
+Metres, seconds, radians; names and enumeration values as in ASAM OpenSCENARIO XML 1.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from scenarios.openscenario.expressions import Value
+
+# Positions
+
+
+@dataclass(frozen=True, slots=True)
+class Orientation:
+    """Heading; `relative` to the frame of the position, or absolute in the map frame."""
+
+    heading_rad: float = 0.0
+    relative: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class WorldPosition:
+    """A point of the map frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class LanePosition:
+    """A place in a lane, offset from its middle to the left (positive t)."""
+
+    road_id: str
+    lane_id: int
+    s_m: float
+    offset_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RoadPosition:
+    """A place in road coordinates."""
+
+    road_id: str
+    s_m: float
+    t_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeLanePosition:
+    """A place as many lanes and metres from an entity; `along_lane` measures along the lane, not the road."""
+
+    entity: str
+    d_lane: int
+    ds_m: float
+    offset_m: float
+    along_lane: bool
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeRoadPosition:
+    """Road coordinates of an entity plus differences."""
+
+    entity: str
+    ds_m: float
+    dt_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeObjectPosition:
+    """A point in an entity's own frame."""
+
+    entity: str
+    dx_m: float
+    dy_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeWorldPosition:
+    """An entity's point plus differences along the axes of the map frame."""
+
+    entity: str
+    dx_m: float
+    dy_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class RoutePosition:
+    """A place on a route; `lane_id` is None for road coordinates (then `offset_m` is t).
+
+    Lane ids, offsets and heading are those of a road whose s runs along the route.
+    """
+
+    route: Route
+    path_s_m: float
+    lane_id: int | None
+    offset_m: float
+    orientation: Orientation
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryPosition:
+    """A place beside a trajectory, in its own s and t."""
+
+    trajectory: Trajectory
+    s_m: float
+    t_m: float
+    orientation: Orientation
+
+
+Position: TypeAlias = (
+    WorldPosition
+    | LanePosition
+    | RoadPosition
+    | RelativeLanePosition
+    | RelativeRoadPosition
+    | RelativeObjectPosition
+    | RelativeWorldPosition
+    | RoutePosition
+    | TrajectoryPosition
+)
+
+# Routes and trajectories
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Waypoints, joined by the shortest way along lanes."""
+
+    name: str
+    waypoints: tuple[Position, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Vertex:
+    """Corner of a polyline, with its time if the trajectory has times."""
+
+    position: Position
+    time_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Polyline:
+    """Straight pieces between vertices."""
+
+    vertices: tuple[Vertex, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ClothoidSegment:
+    """Piece of a clothoid spline; curvature changes linearly along it.
+
+    `start` moves the piece there; without it the piece starts where the one before ends.
+    """
+
+    length_m: float
+    curvature_start_per_m: float
+    curvature_end_per_m: float
+    start: Position | None
+    heading_offset_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClothoidSpline:
+    """Clothoid pieces one after the other; without a start the first begins at the entity."""
+
+    segments: tuple[ClothoidSegment, ...]
+    time_end_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Nurbs:
+    """Non-uniform rational B-spline; `order` is degree + 1."""
+
+    order: int
+    control_points: tuple[Position, ...]
+    weights: tuple[float, ...]
+    knots: tuple[float, ...]
+
+
+Shape: TypeAlias = Polyline | ClothoidSpline | Nurbs
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """A curve to follow."""
+
+    name: str
+    shape: Shape
+
+
+# Entities
+
+
+@dataclass(frozen=True, slots=True)
+class EntityDefinition:
+    """A road user or obstacle. The reference point of a vehicle is the middle of its rear axle on the ground.
+
+    Args:
+        name: in the scenario.
+        model: name of the vehicle, pedestrian or object.
+        category: one of the detection categories.
+        length_m, width_m, height_m: bounding box.
+        center_x_m, center_y_m: centre of the box in front of and to the left of the reference point.
+    """
+
+    name: str
+    model: str
+    category: str
+    length_m: float
+    width_m: float
+    height_m: float
+    center_x_m: float
+    center_y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """Light and weather as far as the file gives them.
+
+    Args:
+        name: of the environment.
+        illuminance_lx: of the sun (in night environments: of the moon).
+        sun_elevation_rad: over the horizon.
+        precipitation: dry, rain or snow.
+        precipitation_mm_h: intensity.
+        visual_range_m: in fog.
+        friction_scale: factor on the road's friction.
+    """
+
+    name: str
+    illuminance_lx: float | None = None
+    sun_elevation_rad: float | None = None
+    precipitation: str | None = None
+    precipitation_mm_h: float | None = None
+    visual_range_m: float | None = None
+    friction_scale: float | None = None
+
+
+# Actions
+
+SpeedShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal"]
+Dimension: TypeAlias = Literal["time", "rate", "distance"]
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeSpeed:
+    """Speed relative to an entity's: difference in m/s, or factor."""
+
+    entity: str
+    value: float
+    is_factor: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedAction:
+    """Change to a speed with given dynamics."""
+
+    shape: SpeedShape
+    dimension: Dimension
+    value: float
+    target: float | RelativeSpeed
+
+
+@dataclass(frozen=True, slots=True)
+class LongitudinalDistanceAction:
+    """Be at a distance (or time gap) from an entity at once, and, if continuous, keep it.
+
+    `ahead` tells on which side of the entity: in front of it, behind, or (None) on the side where it is now.
+    """
+
+    entity: str
+    distance_m: float | None
+    time_gap_s: float | None
+    freespace: bool
+    continuous: bool
+    ahead: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyState:
+    """Last part of a synchronised approach, at the final speed: a distance or a duration."""
+
+    distance_m: float | None
+    time_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SynchronizeAction:
+    """Be at a place when another entity (the master) is at its place.
+
+    `final_speed` is None where the file asks for none.
+    """
+
+    master: str
+    master_target: Position
+    target: Position
+    final_speed: float | RelativeSpeed | None
+    steady: SteadyState | None
+
+
+@dataclass(frozen=True, slots=True)
+class TimeReference:
+    """How times of a trajectory become times of the run."""
+
+    relative: bool
+    scale: float
+    offset_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FollowTrajectoryAction:
+    """Follow a trajectory: at the entity's own speed, or (with `timing`) by the times of its vertices."""
+
+    trajectory: Trajectory
+    initial_distance_m: float
+    timing: TimeReference | None
+
+
+@dataclass(frozen=True, slots=True)
+class AssignRouteAction:
+    """Follow a route."""
+
+    route: Route
+
+
+@dataclass(frozen=True, slots=True)
+class TeleportAction:
+    """Be at a place at once."""
+
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class VisibilityAction:
+    """Whether sensors see the entity."""
+
+    graphics: bool
+    sensors: bool
+    traffic: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LightStateAction:
+    """Switch a light."""
+
+    light: str
+    mode: str
+
+
+@dataclass(frozen=True, slots=True)
+class EnvironmentAction:
+    """Change light and weather."""
+
+    environment: Environment
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteEntityAction:
+    """Take an entity out of the scenario."""
+
+    entity: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetVariableAction:
+    """Give a variable a value."""
+
+    variable: str
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class ModifyVariableAction:
+    """Add to a variable or multiply it."""
+
+    variable: str
+    operator: Literal["add", "multiply"]
+    value: float
+
+
+PrivateAction: TypeAlias = (
+    SpeedAction
+    | LongitudinalDistanceAction
+    | SynchronizeAction
+    | FollowTrajectoryAction
+    | AssignRouteAction
+    | TeleportAction
+    | VisibilityAction
+    | LightStateAction
+)
+GlobalAction: TypeAlias = EnvironmentAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction
+Action: TypeAlias = PrivateAction | GlobalAction
+
+# Conditions
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationTimeCondition:
+    """Time of the run."""
+
+    rule: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterCondition:
+    """A parameter's value, which is fixed."""
+
+    actual: Value
+    rule: str
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class VariableCondition:
+    """A variable's value."""
+
+    variable: str
+    rule: str
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class StoryboardElementStateCondition:
+    """State or transition of an element, named by its path from the storyboard's stories."""
+
+    kind: str
+    path: tuple[str, ...]
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionCondition:
+    """Overlap with an entity."""
+
+    entity: str
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedCondition:
+    """Speed, along the entity's x axis unless another direction is asked."""
+
+    rule: str
+    value: float
+    direction: str
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeSpeedCondition:
+    """Speed minus another entity's."""
+
+    entity: str
+    rule: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class AccelerationCondition:
+    """Acceleration along the entity's x axis."""
+
+    rule: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeDistanceCondition:
+    """Distance to another entity: between reference points, or between outlines if `freespace`."""
+
+    entity: str
+    rule: str
+    value: float
+    kind: str
+    freespace: bool
+    coordinates: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimeToCollisionCondition:
+    """Longitudinal distance to another entity over the closing speed."""
+
+    entity: str
+    rule: str
+    value: float
+    freespace: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TimeHeadwayCondition:
+    """Longitudinal distance to another entity over the own speed."""
+
+    entity: str
+    rule: str
+    value: float
+    freespace: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StandStillCondition:
+    """Speed zero for a time."""
+
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TraveledDistanceCondition:
+    """Distance gone since the start of the run."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class AngleCondition:
+    """Heading in the map frame, within a tolerance."""
+
+    angle_rad: float
+    tolerance_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReachPositionCondition:
+    """Reference point within a tolerance of a position."""
+
+    position: Position
+    tolerance_m: float
+
+
+ValueConditionKind: TypeAlias = (
+    SimulationTimeCondition | ParameterCondition | VariableCondition | StoryboardElementStateCondition
+)
+EntityConditionKind: TypeAlias = (
+    CollisionCondition
+    | SpeedCondition
+    | RelativeSpeedCondition
+    | AccelerationCondition
+    | RelativeDistanceCondition
+    | TimeToCollisionCondition
+    | TimeHeadwayCondition
+    | StandStillCondition
+    | TraveledDistanceCondition
+    | AngleCondition
+    | ReachPositionCondition
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EntityCondition:
+    """A condition on triggering entities: any or all of them."""
+
+    entities: tuple[str, ...]
+    every: bool
+    kind: EntityConditionKind
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition with edge and delay."""
+
+    name: str
+    delay_s: float
+    edge: str
+    kind: ValueConditionKind | EntityCondition
+
+
+Trigger: TypeAlias = tuple[tuple[Condition, ...], ...]
+"""Alternatives; the conditions of one alternative hold together."""
+
+# Storyboard
+
+
+@dataclass(frozen=True, slots=True)
+class NamedAction:
+    """An action of an event; `entities` are those that carry it out, none for a global action."""
+
+    name: str
+    action: Action
+    entities: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Actions started together. `start` None: as soon as the event may."""
+
+    name: str
+    priority: str
+    max_executions: int
+    actions: tuple[NamedAction, ...]
+    start: Trigger | None
+
+
+@dataclass(frozen=True, slots=True)
+class Maneuver:
+    """Events."""
+
+    name: str
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverGroup:
+    """Maneuvers of the same actors."""
+
+    name: str
+    max_executions: int
+    maneuvers: tuple[Maneuver, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """Maneuver groups, started and stopped together."""
+
+    name: str
+    groups: tuple[ManeuverGroup, ...]
+    start: Trigger | None
+    stop: Trigger | None
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """Acts."""
+
+    name: str
+    acts: tuple[Act, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioDefinition:
+    """A scenario that can be run.
+
+    Args:
+        path: the scenario file.
+        description: from its header.
+        parameters: final values by name.
+        variables: start values by name.
+        map_path: the OpenDRIVE file.
+        entities: in the order of the file.
+        init: actions before the start, with the entity that carries them out (None: global).
+        stories: the storyboard.
+        stop: stop trigger of the storyboard.
+    """
+
+    path: Path
+    description: str
+    parameters: Mapping[str, Value]
+    variables: Mapping[str, Value]
+    map_path: Path
+    entities: tuple[EntityDefinition, ...]
+    init: tuple[tuple[str | None, Action], ...]
+    stories: tuple[Story, ...]
+    stop: Trigger | None
+
+    def events(self) -> Iterator[Event]:
+        """All events, in the order of the file."""
+        for story in self.stories:
+            for act in story.acts:
+                for group in act.groups:
+                    for maneuver in group.maneuvers:
+                        yield from maneuver.events

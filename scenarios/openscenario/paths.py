@@ -1,0 +1,124 @@
+"""Curves that entities move along, by arc length.
+
+Every curve (lane, route, trajectory) is a chain of points with headings, dense where it bends. Between points
+position and heading change linearly; beyond its ends it goes on straight. A chord of 0.05 m departs from an
+arc of 8 m radius by 0.04 mm.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmot.types import FloatArray
+
+SPACING_M = 0.05
+"""Distance of points where a curve bends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Point and heading, map frame."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+    def moved(self, ahead_m: float, left_m: float, turn_rad: float = 0.0) -> Pose:
+        """A pose given in this one's frame."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return Pose(
+            self.x_m + c * ahead_m - s * left_m, self.y_m + s * ahead_m + c * left_m, self.yaw_rad + turn_rad
+        )
+
+
+class Path:
+    """A curve by arc length.
+
+    Args:
+        x_m, y_m: (K,) points, K >= 2, no two neighbours equal.
+        yaw_rad: (K,) headings at the points, unwrapped; None: those of the chords.
+        station_m: (K,) arc length at the points; None: measured along the chords.
+    """
+
+    __slots__ = ("_station", "_x", "_y", "_yaw", "length_m", "points_m")
+
+    def __init__(
+        self,
+        x_m: FloatArray | Sequence[float],
+        y_m: FloatArray | Sequence[float],
+        yaw_rad: FloatArray | Sequence[float] | None = None,
+        station_m: FloatArray | None = None,
+    ) -> None:
+        points = np.column_stack((np.asarray(x_m, float), np.asarray(y_m, float)))
+        chord = np.diff(points, axis=0)
+        if station_m is None:
+            station_m = np.concatenate(([0.0], np.cumsum(np.hypot(chord[:, 0], chord[:, 1]))))
+        self.points_m = points
+        self._x, self._y = points[:, 0].tolist(), points[:, 1].tolist()
+        self._station: list[float] = station_m.tolist()
+        self._yaw: list[float] | None = None
+        if yaw_rad is not None:
+            self._yaw = np.asarray(yaw_rad, float).tolist()
+        self.length_m: float = self._station[-1]
+
+    def pose(self, station_m: float) -> tuple[float, float, float]:
+        """x, y and heading at an arc length, which may lie beyond the ends."""
+        stations, x, y, yaw = self._station, self._x, self._y, self._yaw
+        i = bisect_right(stations, station_m) - 1
+        last = len(stations) - 2
+        i = 0 if i < 0 else min(i, last)
+        x0, y0, s0 = x[i], y[i], stations[i]
+        dx, dy, ds = x[i + 1] - x0, y[i + 1] - y0, stations[i + 1] - s0
+        part = (station_m - s0) / ds
+        if yaw is None:
+            heading = math.atan2(dy, dx)
+        elif part < 0.0 or part > 1.0:
+            end = 0 if part < 0.0 else -1
+            beyond = station_m - stations[end]
+            heading = yaw[end]
+            return x[end] + beyond * math.cos(heading), y[end] + beyond * math.sin(heading), heading
+        else:
+            heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
+        return x0 + part * dx, y0 + part * dy, heading
+
+    def project(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Arc length of the nearest point, also beyond the ends, and the offset to the left of it."""
+        points = self.points_m
+        step = np.diff(points, axis=0)
+        squared = (step**2).sum(axis=1)
+        offset = np.array([x_m, y_m]) - points[:-1]
+        part = (offset * step).sum(axis=1) / squared
+        part[1:] = np.maximum(part[1:], 0.0)
+        part[:-1] = np.minimum(part[:-1], 1.0)
+        miss = offset - part[:, None] * step
+        i = int(((miss**2).sum(axis=1)).argmin())
+        station = self._station[i] + float(part[i]) * (self._station[i + 1] - self._station[i])
+        foot_x, foot_y, heading = self.pose(station)
+        return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
+
+    def station_of_vertices(self) -> list[float]:
+        """Arc length at every point."""
+        return list(self._station)
+
+
+def straight(pose: Pose, length_m: float = 1000.0) -> Path:
+    """A straight path from a pose."""
+    end = pose.moved(length_m, 0.0)
+    return Path([pose.x_m, end.x_m], [pose.y_m, end.y_m])
+
+
+def joined(pieces: Sequence[FloatArray]) -> Path:
+    """Path through the rows (x, y, yaw) of pieces, leaving out points that repeat.
+
+    Args:
+        pieces: (K, 3) each.
+    """
+    rows = np.concatenate(pieces)
+    keep = np.concatenate(([True], np.hypot(*np.diff(rows[:, :2], axis=0).T) > 1e-9))
+    rows = rows[keep]
+    return Path(rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))

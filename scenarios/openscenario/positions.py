@@ -1,0 +1,167 @@
+"""Poses of positions, given where the entities are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import (
+    LanePosition,
+    Orientation,
+    Position,
+    RelativeLanePosition,
+    RelativeObjectPosition,
+    RelativeRoadPosition,
+    RelativeWorldPosition,
+    RoadPosition,
+    Route,
+    RoutePosition,
+    Trajectory,
+    TrajectoryPosition,
+    WorldPosition,
+)
+from scenarios.openscenario.paths import Path, Pose
+from scenarios.openscenario.roads import LanePlace, Leg, Roads
+from scenarios.openscenario.trajectories import build, starts_at_entity
+
+
+class Locator:
+    """Turns positions into poses, routes into legs and trajectories into paths; remembers the latter two.
+
+    Args:
+        roads: the network.
+        pose_of: pose of an entity by name, now.
+    """
+
+    def __init__(self, roads: Roads, pose_of: Callable[[str], Pose]) -> None:
+        self.roads, self._pose_of = roads, pose_of
+        self._routes: dict[Route, list[Leg]] = {}
+        self._trajectories: dict[Trajectory, Path] = {}
+
+    def pose(self, position: Position) -> Pose:
+        """Pose of a position.
+
+        Raises:
+            RunError: it is off the road.
+        """
+        match position:
+            case WorldPosition():
+                return Pose(position.x_m, position.y_m, position.heading_rad)
+            case LanePosition():
+                return self._in_lane(
+                    position.road_id, position.lane_id, position.s_m, position.offset_m, position.orientation
+                )
+            case RoadPosition():
+                frame = self.roads.point(position.road_id, position.s_m, position.t_m)
+            case RelativeLanePosition():
+                return self._relative_lane(position)
+            case RelativeRoadPosition():
+                place = self._place(position.entity)
+                frame = self.roads.point(place.road_id, place.s_m + position.ds_m, place.t_m + position.dt_m)
+            case RelativeObjectPosition():
+                frame = self._pose_of(position.entity).moved(position.dx_m, position.dy_m)
+            case RelativeWorldPosition():
+                pose = self._pose_of(position.entity)
+                frame = Pose(pose.x_m + position.dx_m, pose.y_m + position.dy_m, pose.yaw_rad)
+            case RoutePosition():
+                frame = self._on_route(position)
+            case TrajectoryPosition():
+                path = self.trajectory(position.trajectory, None)
+                frame = Pose(*path.pose(position.s_m)).moved(0.0, position.t_m)
+        return oriented(frame, position.orientation)
+
+    def _in_lane(
+        self, road_id: str, lane_id: int, s_m: float, offset_m: float, orientation: Orientation
+    ) -> Pose:
+        """The heading without orientation is that of the traffic in the lane."""
+        lane = self.roads.lane(road_id, lane_id, s_m)
+        frame = self.roads.point(road_id, s_m, self.roads.lane_middle_m(lane, s_m) + offset_m)
+        if self.roads.direction(lane) < 0:
+            frame = frame.moved(0.0, 0.0, math.pi)
+        return oriented(frame, orientation)
+
+    def _place(self, entity: str) -> LanePlace:
+        place = self.roads.place(self._pose_of(entity))
+        if place is None:
+            raise RunError(f"'{entity}' is not on a road, which a position relative to it needs")
+        return place
+
+    def _relative_lane(self, position: RelativeLanePosition) -> Pose:
+        """DLane counts lanes to the left of the entity, ds the way ahead of it."""
+        place = self._place(position.entity)
+        lane_id = place.lane_id
+        for _ in range(abs(position.d_lane)):
+            lane_id += int(math.copysign(1, position.d_lane)) * place.along_s
+            lane_id += 0 if lane_id else int(math.copysign(1, position.d_lane)) * place.along_s
+        s = place.s_m + (0.0 if position.along_lane else position.ds_m * place.along_s)
+        if position.along_lane:
+            lane = self.roads.lane(place.road_id, lane_id, place.s_m)
+            end = self.roads.network.roads[place.road_id].length_m if place.along_s > 0 else 0.0
+            path = self.roads.path([Leg(lane, place.s_m, end)], 0.0)
+            x, y, _ = path.pose(position.ds_m)
+            s = float(self.roads.network.road_coordinates(place.road_id, np.array([[x, y]]))[0][0])
+        return self._in_lane(place.road_id, lane_id, s, position.offset_m, position.orientation)
+
+    def _on_route(self, position: RoutePosition) -> Pose:
+        leg, s = self._leg_at(self.legs(position.route), position.path_s_m, position.route.name)
+        key = self.roads.network.lanes.key[leg.lane]
+        t = position.offset_m * leg.along_s
+        if position.lane_id is not None:
+            lane = self.roads.lane(key.road_id, position.lane_id * leg.along_s, s)
+            t += self.roads.lane_middle_m(lane, s)
+        frame = self.roads.point(key.road_id, s, t)
+        return frame if leg.along_s > 0 else frame.moved(0.0, 0.0, math.pi)
+
+    def _leg_at(self, legs: list[Leg], path_s_m: float, name: str) -> tuple[Leg, float]:
+        left = path_s_m
+        for leg in legs:
+            if left <= leg.length_m + 1e-6:
+                return leg, leg.s_start_m + leg.along_s * min(left, leg.length_m)
+            left -= leg.length_m
+        raise RunError(f"pathS = {path_s_m:.6g} m lies {left:.6g} m beyond the end of route '{name}'")
+
+    def legs(self, route: Route) -> list[Leg]:
+        """Legs of a route.
+
+        Raises:
+            RunError: a waypoint is in no lane, or no way leads there.
+        """
+        if route not in self._routes:
+            places: list[LanePlace] = []
+            for waypoint in route.waypoints:
+                if isinstance(waypoint, LanePosition):
+                    lane = self.roads.lane(waypoint.road_id, waypoint.lane_id, waypoint.s_m)
+                    places.append(
+                        LanePlace(lane, waypoint.road_id, waypoint.lane_id, waypoint.s_m, 0.0, 0.0, 1)
+                    )
+                    continue
+                place = self.roads.place(self.pose(waypoint))
+                if place is None:
+                    raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
+                places.append(place)
+            self._routes[route] = self.roads.route_legs(places)
+        return self._routes[route]
+
+    def trajectory(self, trajectory: Trajectory, entity: str | None) -> Path:
+        """Path of a trajectory; one without start begins at the entity.
+
+        Raises:
+            RunError: it has no start and there is no entity to begin at.
+        """
+        if trajectory in self._trajectories:
+            return self._trajectories[trajectory]
+        here = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
+        path, fixed = build(trajectory, self.pose, here), not starts_at_entity(trajectory)
+        if fixed:
+            self._trajectories[trajectory] = path
+        return path
+
+
+def oriented(frame: Pose, orientation: Orientation) -> Pose:
+    """Pose with an orientation relative to its frame, or absolute."""
+    if orientation.relative:
+        return frame.moved(0.0, 0.0, orientation.heading_rad)
+    return Pose(frame.x_m, frame.y_m, orientation.heading_rad)

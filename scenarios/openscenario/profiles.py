@@ -1,0 +1,112 @@
+"""Speed over time as a chain of pieces, integrated in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from scenarios.openscenario.model import SpeedShape
+
+NEVER_S = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Change from one speed to another; every shape covers the mean of both speeds times the duration."""
+
+    duration_s: float
+    start_mps: float
+    end_mps: float
+    shape: SpeedShape = "linear"
+
+    @property
+    def length_m(self) -> float:
+        """Distance covered."""
+        return 0.5 * (self.start_mps + self.end_mps) * self.duration_s
+
+    def after(self, time_s: float) -> tuple[float, float]:
+        """Distance and speed after a time within the piece."""
+        span, change = self.duration_s, self.end_mps - self.start_mps
+        part = time_s / span
+        if self.shape == "cubic":
+            return (
+                self.start_mps * time_s + change * span * part**3 * (1.0 - 0.5 * part),
+                self.start_mps + change * part**2 * (3.0 - 2.0 * part),
+            )
+        if self.shape == "sinusoidal":
+            turn = math.pi * part
+            return (
+                self.start_mps * time_s + 0.5 * change * (time_s - span / math.pi * math.sin(turn)),
+                self.start_mps + 0.5 * change * (1.0 - math.cos(turn)),
+            )
+        return self.start_mps * time_s + 0.5 * change * part * time_s, self.start_mps + change * part
+
+
+class SpeedProfile:
+    """Speed from a time on: pieces one after the other, then the last speed for ever.
+
+    Args:
+        start_s: time of the run at which it begins.
+        speed_mps: speed from then on if there are no pieces.
+        pieces: changes of speed.
+    """
+
+    __slots__ = ("_pieces", "_starts", "end_s", "final_mps", "length_m", "start_s")
+
+    def __init__(self, start_s: float, speed_mps: float, pieces: Iterable[Piece] = ()) -> None:
+        self.start_s = start_s
+        self._pieces = tuple(piece for piece in pieces if piece.duration_s > 0.0)
+        self._starts: list[tuple[float, float]] = []
+        time_s, distance_m = start_s, 0.0
+        for piece in self._pieces:
+            self._starts.append((time_s, distance_m))
+            time_s += piece.duration_s
+            distance_m += piece.length_m
+        self.end_s = time_s
+        self.length_m = distance_m
+        self.final_mps = self._pieces[-1].end_mps if self._pieces else speed_mps
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Distance since the beginning, and speed."""
+        if time_s >= self.end_s:
+            return self.length_m + self.final_mps * (time_s - self.end_s), self.final_mps
+        for (start, before), piece in zip(reversed(self._starts), reversed(self._pieces), strict=True):
+            if time_s >= start:
+                distance, speed = piece.after(time_s - start)
+                return before + distance, speed
+        return 0.0, self._pieces[0].start_mps
+
+    def sets_off_s(self) -> float:
+        """Until when the speed is zero at the beginning; infinite if it stays so."""
+        for (start, _), piece in zip(self._starts, self._pieces, strict=True):
+            if piece.start_mps != 0.0 or piece.end_mps != 0.0:
+                return start
+        return self.end_s if self.final_mps != 0.0 else NEVER_S
+
+
+def transition(
+    shape: SpeedShape, dimension: str, value: float, start_mps: float, end_mps: float
+) -> tuple[Piece, ...]:
+    """Pieces of a speed change with given dynamics (none: at once).
+
+    Args:
+        shape: of the change.
+        dimension: what `value` is: a duration, the greatest rate of change, or a distance.
+        value: s, m/s2 or m.
+        start_mps: speed before.
+        end_mps: speed after.
+    """
+    change = abs(end_mps - start_mps)
+    if shape == "step" or change == 0.0:
+        return ()
+    if dimension == "rate":
+        # the greatest slope of the shape, in units of change / duration
+        slope = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}[shape]
+        duration = slope * change / value
+    elif dimension == "distance":
+        mean = 0.5 * abs(start_mps + end_mps)
+        duration = value / mean if mean > 0.0 else 0.0
+    else:
+        duration = value
+    return (Piece(duration, start_mps, end_mps, shape),) if duration > 0.0 else ()

@@ -1,0 +1,59 @@
+"""Everything that conditions and actions of a run refer to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from scenarios.openscenario.actors import Actor, State
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model import Environment
+from scenarios.openscenario.positions import Locator
+from smartmot.geometry import signed_gap_scalar
+
+
+@dataclass(slots=True)
+class Instant:
+    """A time and the states of the entities at it; states are worked out when they are asked for."""
+
+    time_s: float
+    actors: Mapping[str, Actor]
+    _states: dict[str, State] = field(default_factory=dict)
+
+    def state(self, name: str) -> State:
+        """State of an entity."""
+        state = self._states.get(name)
+        if state is None:
+            state = self._states[name] = self.actors[name].state(self.time_s)
+        return state
+
+    def gap_m(self, a: str, b: str) -> float:
+        """Free distance of two outlines; not positive where they touch or overlap."""
+        one, other = self.actors[a], self.actors[b]
+        return signed_gap_scalar(one.box(self.state(a)), other.box(self.state(b)))
+
+    def circle_gap_m(self, a: str, b: str) -> float:
+        """A lower bound of the free distance, quickly."""
+        one, other = self.state(a), self.state(b)
+        reach = self.actors[a].radius_m + self.actors[b].radius_m
+        dx, dy = one.x_m - other.x_m, one.y_m - other.y_m
+        return float((dx * dx + dy * dy) ** 0.5) - reach
+
+
+@dataclass(slots=True)
+class World:
+    """State of a run apart from the storyboard.
+
+    Args:
+        actors: entities by name.
+        locator: positions, routes, trajectories.
+        variables: present values.
+        element_state: tells whether a storyboard element is in a state or just made a transition.
+        environment: light and weather, if the scenario sets them.
+    """
+
+    actors: dict[str, Actor]
+    locator: Locator
+    variables: dict[str, Value]
+    element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
+    environment: Environment | None = None

@@ -1,0 +1,311 @@
+"""Every action with an expectation computed by hand."""
+
+import math
+
+import pytest
+
+from scenarios.openscenario import BrakeAt, Engine, RunError, UnsupportedError, load
+from tests.scenarios.openscenario.conftest import (
+    CAR,
+    EGO_AT_START,
+    OTHER_AHEAD,
+    act,
+    add_to_variable,
+    at,
+    at_time,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    set_variable,
+    speed,
+    teleport,
+    trigger,
+)
+
+
+def later(seconds):
+    return trigger(condition(at_time(seconds)))
+
+
+def wrap(inner):
+    return f"<PrivateAction>{inner}</PrivateAction>"
+
+
+@pytest.mark.parametrize(
+    ("change", "x", "v"),
+    [
+        (speed(6), 72.0, 6.0),
+        (speed(6, "linear", "time", 4), 63.0, 3.0),  # 1.5 m/s2 for 2 s
+        (speed(6, "linear", "rate", 1.5), 63.0, 3.0),
+        (speed(6, "linear", "distance", 12), 63.0, 3.0),  # 12 m at a mean of 3 m/s: 4 s
+        (speed(6, "cubic", "time", 4), 60.0 + 6 * 4 * 0.125 * 0.75, 3.0),  # integral of 6 (3 p^2 - 2 p^3)
+        (speed(6, "sinusoidal", "time", 4), 60.0 + 3 * (2 - 4 / math.pi), 3.0),
+    ],
+)
+def test_speed_from_2_s_on(play, change, x, v):
+    _, run = play(act(maneuver(event("e", change, later(2)))))
+    assert at(run, "Other", 4.0) == pytest.approx((x, -1.75, 0, v))
+    assert at(run, "Other", 1.99) == (60, -1.75, 0, 0)
+    assert at(run, "Other", 10.0)[3] == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(("kind", "value", "expected"), [("delta", -4, 6.0), ("factor", 0.5, 5.0)])
+def test_relative_speed(play, kind, value, expected):
+    target = (
+        f'<RelativeTargetSpeed entityRef="Ego" value="{value}" speedTargetValueType="{kind}" '
+        f'continuous="false"/>'
+    )
+    change = speed(0).replace('<AbsoluteTargetSpeed value="0"/>', target)
+    _, run = play(act(maneuver(event("e", change))))
+    assert at(run, "Other", 1.0)[3] == expected
+    with pytest.raises(UnsupportedError, match="continuous='true'"):
+        play(act(maneuver(event("e", change.replace('continuous="false"', 'continuous="true"')))))
+
+
+def distance(amount, side="leadingReferencedEntity", freespace="true", continuous="false", what="distance"):
+    return wrap(
+        f"<LongitudinalAction>"
+        f'<LongitudinalDistanceAction entityRef="Ego" {what}="{amount}" freespace="{freespace}" '
+        f'continuous="{continuous}" displacement="{side}" coordinateSystem="entity"/></LongitudinalAction>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("action", "x"),
+    [
+        (distance(12), 10 + 3.5 + 12 + 0.5),  # ego's front, gap, the other's rear overhang
+        (distance(12, freespace="false"), 22.0),
+        (distance(2, "trailingReferencedEntity"), 10 - 0.5 - 2 - 3.5),
+        (distance(12, "any"), 26.0),
+        (distance(1.5, what="timeGap", freespace="false"), 25.0),  # 1.5 s at the ego's 10 m/s
+    ],
+)
+def test_distance_at_once(play, action, x):
+    """The entity is put there and goes on with the other's speed, whatever that does later."""
+    slow = event("slow", speed(5), later(3))
+    _, run = play(
+        act(maneuver(event("e", action))), act(maneuver(slow, name="ego"), actors="Ego", name="second")
+    )
+    assert at(run, "Other", 0.0) == pytest.approx((x, -1.75, 0, 10))
+    assert at(run, "Other", 5.0) == pytest.approx((x + 50, -1.75, 0, 10))
+
+
+def test_distance_kept(play):
+    """As long as the action runs the gap stays; a speed action ends it."""
+    follow = event("follow", distance(12, continuous="true"))
+    slow = event("slow", speed(5), later(3))
+    leave = event("leave", speed(7), later(5))
+    _, run = play(act(maneuver(follow, leave)), act(maneuver(slow, name="ego"), actors="Ego", name="second"))
+    assert at(run, "Other", 2.0) == pytest.approx((46, -1.75, 0, 10))
+    assert at(run, "Other", 4.0) == pytest.approx((61, -1.75, 0, 5))
+    assert at(run, "Other", 6.0) == pytest.approx((66 + 7, -1.75, 0, 7))
+
+
+def test_distance_of_one_that_comes_towards(play):
+    """Head on, both fronts face each other: ego's front 3.5 m, gap 20 m, the other's front 3.5 m."""
+    against = '<Orientation type="relative" h="3.141592653589793"/>'
+    init = EGO_AT_START + private("Other", teleport(lane_position(200, inner=against)))
+    _, run = play(act(maneuver(event("e", distance(20, "trailingReferencedEntity")))), init=init)
+    assert at(run, "Other", 0.0)[0] == pytest.approx(10 + 3.5 + 20 + 3.5)
+
+
+def test_two_that_keep_a_distance_from_each_other_are_refused(play):
+    one = act(maneuver(event("e", distance(12, continuous="true"))))
+    mutual = distance(12, continuous="true").replace('entityRef="Ego"', 'entityRef="Other"')
+    two = act(maneuver(event("e", mutual), name="back"), actors="Ego", name="second")
+    with pytest.raises(RunError, match="keeps a distance from an entity that keeps one from it"):
+        play(one, two)
+
+
+def synchronize(target_s, master_s, final='<AbsoluteSpeed value="2">{steady}</AbsoluteSpeed>', steady=""):
+    speed_part = f"<FinalSpeed>{final.format(steady=steady)}</FinalSpeed>" if final else ""
+    places = (
+        f'<TargetPositionMaster><LanePosition roadId="A" laneId="-1" s="{master_s}"/></TargetPositionMaster>'
+        f'<TargetPosition><LanePosition roadId="A" laneId="-2" s="{target_s}"/></TargetPosition>'
+    )
+    return wrap(f'<SynchronizeAction masterEntityRef="Ego">{places}{speed_part}</SynchronizeAction>')
+
+
+BESIDE = private("Ego", teleport(lane_position(10)), speed(10)) + private(
+    "Other", teleport(lane_position(60, lane=-2))
+)
+
+
+def test_synchronised_from_rest(play):
+    """Ego needs 8 s to s = 90. Other has 10 m to go, the last 6 m (3 s) at 2 m/s: the first 4 m take 4 s at
+    0.5 m/s2. So it sets off at 1 s, is steady from 5 s on and at its place at 8 s.
+    """
+    _, run = play(
+        act(maneuver(event("e", synchronize(70, 90, steady='<TargetDistanceSteadyState distance="6"/>')))),
+        init=BESIDE,
+    )
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((1.0, 5.0))
+    for t, x, v in ((1, 60, 0), (3, 61, 1), (5, 64, 2), (8, 70, 2), (10, 74, 2)):
+        assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v))
+
+
+def test_steady_time(play):
+    """The same with 2 s of steady state: 4 m at 2 m/s; 6 m before take 6 s."""
+    _, run = play(
+        act(maneuver(event("e", synchronize(70, 90, steady='<TargetTimeSteadyState time="2"/>')))),
+        init=BESIDE,
+    )
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((0.0, 6.0))
+    assert at(run, "Other", 8.0) == pytest.approx((70, -5.25, 0, 2))
+
+
+def test_synchronised_while_moving(play):
+    """24 m in 8 s from 4 m/s to 2 m/s is a mean of 3 m/s: one constant deceleration."""
+    init = BESIDE + private("Other", speed(4))
+    _, run = play(act(maneuver(event("e", synchronize(84, 90)))), init=init)
+    assert at(run, "Other", 4.0) == pytest.approx((60 + 14, -5.25, 0, 3))
+    assert at(run, "Other", 8.0) == pytest.approx((84, -5.25, 0, 2))
+
+
+def test_no_final_speed(play):
+    """Constant acceleration: 16 m in 8 s from rest ends with 4 m/s."""
+    _, run = play(act(maneuver(event("e", synchronize(76, 90, final="")))), init=BESIDE)
+    assert at(run, "Other", 4.0) == pytest.approx((64, -5.25, 0, 2))
+    assert at(run, "Other", 8.0) == pytest.approx((76, -5.25, 0, 4))
+
+
+@pytest.mark.parametrize(("kind", "value"), [("delta", -8), ("factor", 0.2)])
+def test_final_speed_relative_to_the_master(play, kind, value):
+    final = (
+        f'<RelativeSpeedToMaster value="{value}" '
+        f'speedTargetValueType="{kind}">{{steady}}</RelativeSpeedToMaster>'
+    )
+    action = synchronize(70, 90, final=final, steady='<TargetDistanceSteadyState distance="6"/>')
+    _, run = play(act(maneuver(event("e", action))), init=BESIDE)
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((1.0, 5.0))
+
+
+STEADY = synchronize(70, 90, steady='<TargetDistanceSteadyState distance="6"/>')
+
+
+@pytest.mark.parametrize("brake_time_s", [6.0, 3.0])
+def test_once_set_off_the_profile_stays_whatever_the_master_does(write, brake_time_s):
+    definition = load(write(act(maneuver(event("e", STEADY))), init=BESIDE))
+    run = Engine(definition, BrakeAt(brake_time_s, 9.0)).run()
+    assert run.speed_mps[-1, 0] == 0.0
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((1.0, 5.0))
+    assert at(run, "Other", 8.0) == pytest.approx((70, -5.25, 0, 2))
+
+
+def test_before_it_sets_off_it_waits_for_the_master(write):
+    """A master that stops early never arrives: the target never starts."""
+    run = Engine(load(write(act(maneuver(event("e", STEADY))), init=BESIDE)), BrakeAt(0.5, 20.0)).run()
+    assert run.target_start_time_s is None
+    assert at(run, "Other", 10.0)[0] == 60.0
+
+
+def test_a_slower_master_delays_the_start(play):
+    """At 0.5 s the ego slows to 5 m/s at once, at s = 15: 75 m take 15 s more; the start moves to 8.5 s."""
+    slow = act(maneuver(event("slow", speed(5), later(0.5)), name="slow"), actors="Ego", name="second")
+    stop = trigger(condition(at_time(20)), kind="StopTrigger")
+    _, run = play(act(maneuver(event("e", STEADY))), slow, init=BESIDE, stop=stop)
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((8.5, 12.5), abs=1e-6)
+
+
+def test_teleport_visibility_light_and_deletion(write):
+    events = (
+        event("jump", teleport(lane_position(200)), later(1)),
+        event("hide", wrap('<VisibilityAction graphics="true" traffic="true" sensors="false"/>'), later(2)),
+        event(
+            "light",
+            wrap(
+                "<AppearanceAction><LightStateAction><LightType>"
+                '<VehicleLight vehicleLightType="lowBeam"/></LightType>'
+                '<LightState mode="on"/></LightStateAction></AppearanceAction>'
+            ),
+        ),
+    )
+    delete = (
+        '<GlobalAction><EntityAction entityRef="Other"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    )
+    gone = act(maneuver(event("gone", delete, later(3)), name="d"), name="b")
+    engine = Engine(load(write(act(maneuver(*events)), gone)))
+    engine.advance(1.5)
+    assert engine.entities.reference_m[1, 0] == pytest.approx(200)
+    assert engine.entities.seen.tolist() == [True, True]
+    engine.advance(1.0)
+    assert engine.entities.seen.tolist() == [True, False]
+    assert engine.entities.exists.tolist() == [True, True]
+    engine.advance(1.0)
+    assert engine.entities.exists.tolist() == [True, False]
+    assert engine.world.actors["Other"].lights == {"lowBeam": "on"}
+
+
+def test_a_deleted_entity_is_not_hit(play):
+    delete = (
+        '<GlobalAction><EntityAction entityRef="Other"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    )
+    assert play()[1].contact_entity == "Other"
+    assert play(act(maneuver(event("gone", delete))))[1].contact_entity is None
+
+
+def test_variables(play):
+    multiply = add_to_variable("n", 3).replace("AddValue", "MultiplyByValue")
+    engine, _ = play(
+        act(
+            maneuver(
+                event("set", set_variable("n", 4)),
+                event("add", add_to_variable("n", 1.5), later(1)),
+                event("mul", multiply, later(2)),
+            )
+        )
+    )
+    assert engine.world.variables["n"] == 16.5
+    text = '<VariableDeclaration name="n" variableType="string" value="x"/>'
+    with pytest.raises(RunError, match="variable 'n' is not a number"):
+        play(act(maneuver(event("add", add_to_variable("n", 1)))), variables=text)
+
+
+def test_environment_action_replaces_the_first(play):
+    def environment(name):
+        return (
+            f'<GlobalAction><EnvironmentAction><Environment name="{name}"/></EnvironmentAction>'
+            f"</GlobalAction>"
+        )
+
+    engine, _ = play(
+        act(maneuver(event("e", environment("night"), later(1)))),
+        init=environment("day") + EGO_AT_START + OTHER_AHEAD,
+    )
+    assert engine.world.environment is not None
+    assert engine.world.environment.name == "night"
+
+
+def test_a_controller_is_not_overruled(write):
+    faster = act(maneuver(event("e", speed(30), later(1))), actors="Ego")
+    run = Engine(load(write(faster)), BrakeAt(2.0, 5.0)).run()
+    assert at(run, "Ego", 1.5)[3] == 10.0
+    assert at(run, "Ego", 3.0)[3] == pytest.approx(5.0)
+
+
+def test_a_trajectory_gives_way_to_a_route(play):
+    line = (
+        "<RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
+        '<TrajectoryFollowingMode followingMode="follow"/><TrajectoryRef>'
+        '<Trajectory name="t" closed="false"><Shape>'
+        f"<Polyline><Vertex>{lane_position(60)}</Vertex><Vertex>{lane_position(90)}</Vertex></Polyline>"
+        f"</Shape>"
+        "</Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction>"
+    )
+    route = (
+        '<RoutingAction><AssignRouteAction><Route name="r" closed="false">'
+        f'<Waypoint routeStrategy="shortest">{lane_position(20)}</Waypoint>'
+        f'<Waypoint routeStrategy="shortest">{lane_position(250)}</Waypoint></Route>'
+        f"</AssignRouteAction></RoutingAction>"
+    )
+    init = EGO_AT_START + private("Other", wrap(line), speed(5))
+    engine, run = play(act(maneuver(event("e", wrap(route), later(2)))), init=init)
+    assert not engine.world.actors["Other"].on_trajectory
+    assert at(run, "Other", 8.0) == pytest.approx((100, -1.75, 0, 5))
+
+
+def test_the_car_of_these_tests():
+    assert 'Center x="1.5"' in CAR  # the hand computations above rest on these overhangs
+    assert 'length="4"' in CAR

@@ -1,0 +1,239 @@
+"""Every condition: the time at which it first holds, computed by hand, and found inside the step.
+
+Ego starts at s = 10 m with 10 m/s (front at 13.5 m), Other stands at s = 60 m (rear at 59.5 m): they meet at
+4.6 s.
+"""
+
+import pytest
+
+from scenarios.openscenario import Engine, load
+from tests.scenarios.openscenario.conftest import (
+    EGO_AT_START,
+    OTHER_AHEAD,
+    act,
+    at_time,
+    by_entity,
+    by_value,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    set_variable,
+    speed,
+    teleport,
+    trigger,
+)
+
+CAPTURE = 0.0123
+"""A step that divides none of the expected times."""
+
+
+def fires_at(write, *conditions, more=(), init=EGO_AT_START + OTHER_AHEAD, **parts):
+    """Time at which a trigger first holds, or None within 10 s."""
+    path = write(
+        act(maneuver(event("e", set_variable("n", 1), trigger(*conditions)))), *more, init=init, **parts
+    )
+    engine = Engine(load(path), step_s=CAPTURE)
+    times = []
+    actual = engine.storyboard.execute
+
+    def note(instant, action, entities):
+        if not entities:
+            times.append(instant.time_s)
+        return actual(instant, action, entities)
+
+    engine.storyboard.execute = note  # type: ignore[method-assign]
+    if engine.world.variables["n"] == 1:
+        return 0.0
+    engine.run()
+    return times[0] if times else None
+
+
+def relative_distance(value, rule="lessOrEqual", kind="longitudinal", freespace="true"):
+    return (
+        f'<RelativeDistanceCondition entityRef="Other" value="{value}" rule="{rule}" freespace="{freespace}" '
+        f'relativeDistanceType="{kind}"/>'
+    )
+
+
+BRAKING = act(
+    maneuver(event("brake", speed(0, "linear", "rate", 5), trigger(condition(at_time(1)))), name="b"),
+    actors="Ego",
+    name="braking",
+)  # from 10 m/s at 1 s to 0 at 3 s
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        (by_entity('<CollisionCondition><EntityRef entityRef="Other"/></CollisionCondition>'), 4.6),
+        (by_entity('<CollisionCondition><EntityRef entityRef="Ego"/></CollisionCondition>', "Other"), 4.6),
+        (by_entity(relative_distance(16)), 3.0),
+        (by_entity(relative_distance(20, freespace="false")), 3.0),
+        (by_entity(relative_distance(16, kind="euclidianDistance")), 3.0),
+        (by_entity(relative_distance(20, kind="cartesianDistance", freespace="false")), 3.0),
+        (by_entity(relative_distance(0.5, "lessThan", "lateral")), 0.0),
+        (by_entity(relative_distance(25, "greaterThan")), 0.0),
+        (by_entity('<TraveledDistanceCondition value="33"/>'), 3.3),
+        (by_entity('<TimeHeadwayCondition entityRef="Other" value="2" rule="lessThan" freespace="true" '
+        'alongRoute="false"/>'), 2.6),
+        (by_entity('<TimeHeadwayCondition entityRef="Other" value="2" rule="lessThan" '
+        'freespace="false" alongRoute="false"/>'), 3.0),
+        (
+            by_entity(
+                '<TimeToCollisionCondition value="1.6" rule="lessOrEqual" freespace="true">'
+                '<TimeToCollisionConditionTarget><EntityRef entityRef="Other"/>'
+                '</TimeToCollisionConditionTarget>'
+                "</TimeToCollisionCondition>"
+            ),
+            3.0,
+        ),
+        (by_entity(f'<ReachPositionCondition '
+        f'tolerance="2">{lane_position(40)}</ReachPositionCondition>'), 2.8),
+        (by_entity('<AngleCondition angleType="heading" angle="0" angleTolerance="0.01"/>'), 0.0),
+        (by_entity('<AngleCondition angleType="heading" angle="1.57" angleTolerance="0.01"/>'), None),
+        (by_entity('<SpeedCondition value="9" rule="greaterThan"/>'), 0.0),
+        (by_entity('<SpeedCondition value="10" rule="greaterThan"/>'), None),
+        (by_entity('<SpeedCondition value="1" rule="greaterThan" direction="lateral"/>'), None),
+        (by_entity('<SpeedCondition value="10" rule="equalTo" direction="total"/>'), 0.0),
+        (by_entity('<RelativeSpeedCondition entityRef="Other" value="10" rule="greaterOrEqual"/>'), 0.0),
+        (by_entity('<RelativeSpeedCondition entityRef="Ego" value="-9" rule="lessThan"/>', "Other"), 0.0),
+        (by_entity('<StandStillCondition duration="1.5"/>', "Other"), 1.5),
+        (by_entity('<StandStillCondition duration="1.5"/>', "Ego", "Other"), 1.5),
+        (by_entity('<StandStillCondition duration="1.5"/>', "Ego", "Other", rule="all"), None),
+        (by_value('<SimulationTimeCondition value="1.2345" rule="greaterThan"/>'), 1.2345),
+    ],
+)  # fmt: skip
+def test_first_time(write, kind, expected):
+    found = fires_at(write, condition(kind))
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        (by_entity('<SpeedCondition value="4" rule="lessThan"/>'), 2.2),
+        (by_entity('<RelativeSpeedCondition entityRef="Other" value="2.5" rule="lessOrEqual"/>'), 2.5),
+        (by_entity('<AccelerationCondition value="-4" rule="lessThan"/>'), 1.0),
+        (by_entity('<TraveledDistanceCondition value="20"/>'), 3.0),
+    ],
+)
+def test_while_braking(write, kind, expected):
+    assert fires_at(write, condition(kind), more=(BRAKING,)) == pytest.approx(expected, abs=2e-3)
+
+
+def test_standstill_after_braking(write):
+    """The stop is noticed at the end of the step in which it happens."""
+    found = fires_at(write, condition(by_entity('<StandStillCondition duration="0.5"/>')), more=(BRAKING,))
+    assert found == pytest.approx(3.5, abs=CAPTURE)
+
+
+def test_turning_heading(write):
+    """A quarter of a circle of 20 m at 10 m/s: 1 rad of heading after 2 s."""
+    arc = (
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
+        '<TrajectoryFollowingMode followingMode="position"/><TrajectoryRef>'
+        '<Trajectory name="t" closed="false"><Shape>'
+        '<ClothoidSpline><ClothoidSplineSegment length="30" curvatureStart="0.05" curvatureEnd="0.05"/>'
+        "</ClothoidSpline>"
+        "</Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction></PrivateAction>"
+    )
+    init = private("Ego", teleport(lane_position(10)), speed(10), arc) + OTHER_AHEAD
+    kind = by_entity('<AngleCondition angleType="heading" angle="1.0" angleTolerance="0.1"/>')
+    assert fires_at(write, condition(kind), init=init) == pytest.approx(1.8, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rule", "value", "holds"),
+    [
+        ("equalTo", "7", True),
+        ("notEqualTo", "7", False),
+        ("greaterThan", "6.5", True),
+        ("greaterOrEqual", "7", True),
+        ("lessThan", "7", False),
+        ("lessOrEqual", "7", True),
+    ],
+)
+def test_parameters_and_variables(write, rule, value, holds):
+    parameter = by_value(f'<ParameterCondition parameterRef="p" rule="{rule}" value="{value}"/>')
+    declared = '<ParameterDeclaration name="p" parameterType="double" value="7.0"/>'
+    assert (fires_at(write, condition(parameter), parameters=declared) == 0.0) is holds
+    variable = by_value(f'<VariableCondition variableRef="v" rule="{rule}" value="{value}"/>')
+    both = "".join(
+        f'<VariableDeclaration name="{n}" variableType="double" value="{v}"/>'
+        for n, v in (("n", 0), ("v", 7))
+    )
+    assert (fires_at(write, condition(variable), variables=both) == 0.0) is holds
+
+
+def test_texts_and_truth(write):
+    declared = (
+        '<ParameterDeclaration name="light" parameterType="string" value="Night"/>'
+        '<ParameterDeclaration name="wet" parameterType="boolean" value="1"/>'
+    )
+    for name, value in (("light", "Night"), ("wet", "true")):
+        kind = by_value(f'<ParameterCondition parameterRef="{name}" rule="equalTo" value="{value}"/>')
+        assert fires_at(write, condition(kind), parameters=declared) == 0.0
+
+
+def window(low, high):
+    """Holds between two times."""
+    return (
+        condition(by_value(f'<SimulationTimeCondition value="{low}" rule="greaterOrEqual"/>')),
+        condition(by_value(f'<SimulationTimeCondition value="{high}" rule="lessThan"/>')),
+    )
+
+
+TWO_S = by_value('<SimulationTimeCondition value="2" rule="greaterOrEqual"/>')
+UNTIL_2_S = by_value('<SimulationTimeCondition value="2" rule="lessThan"/>')
+FROM_START = by_value('<SimulationTimeCondition value="-1" rule="greaterThan"/>')
+
+
+@pytest.mark.parametrize(
+    ("kind", "edge", "delay", "expected"),
+    [
+        (TWO_S, "none", 0, 2.0),
+        (TWO_S, "none", 1.5, 3.5),
+        (TWO_S, "rising", 0, 2.0),
+        (TWO_S, "rising", 1.5, 3.5),
+        (TWO_S, "falling", 0, None),
+        (TWO_S, "risingOrFalling", 0.25, 2.25),
+        (UNTIL_2_S, "falling", 0, 2.0),
+        (UNTIL_2_S, "risingOrFalling", 0, 2.0),
+        (UNTIL_2_S, "none", 0.5, 0.5),
+        (FROM_START, "rising", 0, None),  # it holds from the first look on: no edge
+        (FROM_START, "none", 0, 0.0),
+    ],
+)
+def test_edges_and_delays(write, kind, edge, delay, expected):
+    found = fires_at(write, condition(kind, delay, edge))
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-8))
+
+
+def test_groups(write):
+    """The conditions of a group hold together, an edge only at its instant; groups are alternatives."""
+    assert fires_at(write, *window(3, 4)) == pytest.approx(3.0)
+    early = condition(TWO_S, edge="rising")
+    late = condition(by_value('<SimulationTimeCondition value="3" rule="greaterOrEqual"/>'))
+    assert fires_at(write, early, late) is None
+    assert fires_at(write, condition(TWO_S, 1.5, "rising"), late) == pytest.approx(3.5)
+    either = (
+        f"<StartTrigger><ConditionGroup>{late}</ConditionGroup>"
+        f"<ConditionGroup>{early}</ConditionGroup></StartTrigger>"
+    )
+    path = write(act(maneuver(event("e", set_variable("n", 1), either))))
+    engine = Engine(load(path))
+    engine.advance(1.99)
+    assert engine.world.variables["n"] == 0
+    engine.advance(0.02)
+    assert engine.world.variables["n"] == 1
+
+
+def test_a_delayed_level_ends_later_too(write):
+    """True from 2 s to 3 s, seen 1 s later: from 3 s to 4 s."""
+    low = condition(by_value('<SimulationTimeCondition value="2" rule="greaterOrEqual"/>'), 1)
+    high = condition(by_value('<SimulationTimeCondition value="3" rule="lessThan"/>'), 1)
+    after = condition(by_value('<SimulationTimeCondition value="4.5" rule="greaterOrEqual"/>'))
+    assert fires_at(write, low, high) == pytest.approx(3.0)
+    assert fires_at(write, low, high, after) is None

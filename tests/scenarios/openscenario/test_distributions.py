@@ -1,0 +1,109 @@
+import pytest
+
+from scenarios.openscenario import ContentError, FileReadError, UnsupportedError, expand
+
+SINGLE = (
+    "<DeterministicSingleParameterDistribution "
+    'parameterName="{}">{}</DeterministicSingleParameterDistribution>'
+)
+
+
+def values(name, *elements):
+    inner = "".join(f'<Element value="{e}"/>' for e in elements)
+    return SINGLE.format(name, f"<DistributionSet>{inner}</DistributionSet>")
+
+
+def steps(name, low, high, step):
+    inner = (
+        f'<DistributionRange stepWidth="{step}"><Range lowerLimit="{low}" upperLimit="{high}"/>'
+        f"</DistributionRange>"
+    )
+    return SINGLE.format(name, inner)
+
+
+def sets(*rows):
+    inner = "".join(
+        "<ParameterValueSet>"
+        + "".join(f'<ParameterAssignment parameterRef="{k}" value="{v}"/>' for k, v in row.items())
+        + "</ParameterValueSet>"
+        for row in rows
+    )
+    return (
+        "<DeterministicMultiParameterDistribution><ValueSetDistribution>"
+        f"{inner}</ValueSetDistribution></DeterministicMultiParameterDistribution>"
+    )
+
+
+@pytest.fixture
+def variation(write, tmp_path):
+    def make(*distributions, kind="Deterministic", scenario="small.xosc"):
+        write()
+        path = tmp_path / "variation.xosc"
+        path.write_text(
+            '<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2026-01-01T00:00:00" author="t" '
+            'description="v"/>'
+            f'<ParameterValueDistribution><ScenarioFile filepath="{scenario}"/>'
+            f"<{kind}>{''.join(distributions)}"
+            f"</{kind}></ParameterValueDistribution></OpenSCENARIO>",
+            encoding="utf-8",
+        )
+        return path
+
+    return make
+
+
+def test_the_last_distribution_varies_fastest(variation, tmp_path):
+    runs = expand(variation(steps("v", 10, 20, 5), values("light", "Sunny", "Night")))
+    assert [(r.parameters["v"], r.parameters["light"]) for r in runs] == [
+        (v, light) for v in ("10", "15", "20") for light in ("Sunny", "Night")
+    ]
+    assert runs[5].name == "variation_05"
+    assert runs[0].path == (tmp_path / "small.xosc").resolve()
+
+
+def test_sets_vary_together(variation):
+    runs = expand(variation(sets({"a": 1, "b": 2}, {"a": 3, "b": 4}), values("c", "x", "y")))
+    assert [tuple(r.parameters.values()) for r in runs] == [
+        ("1", "2", "x"),
+        ("1", "2", "y"),
+        ("3", "4", "x"),
+        ("3", "4", "y"),
+    ]
+
+
+def test_range_ends(variation):
+    assert [r.parameters["v"] for r in expand(variation(steps("v", 0, 1, 0.1)))][-1] == "1"
+    assert [r.parameters["v"] for r in expand(variation(steps("v", 0, 1, 0.4)))] == ["0", "0.4", "0.8"]
+    assert len(expand(variation(steps("v", 5, 5, 1)))) == 1
+
+
+def test_a_scenario_is_one_run(write):
+    runs = expand(write())
+    assert [(r.name, dict(r.parameters)) for r in runs] == [("small", {})]
+
+
+@pytest.mark.parametrize(
+    ("parts", "kind", "error", "text"),
+    [
+        ((steps("v", 2, 1, 1),), "Deterministic", ContentError, "lies below"),
+        ((steps("v", 0, 1, 0),), "Deterministic", ContentError, "stepWidth: expected a positive number"),
+        ((steps("v", 0, 1e9, 1e-3),), "Deterministic", ContentError, "more than 100000"),
+        ((steps("v", 0, 999, 1), steps("w", 0, 999, 1)), "Deterministic", ContentError, "more than 100000"),
+        ((values("v", 1), values("v", 2)), "Deterministic", ContentError, "'v' twice"),
+        ((sets({"a": 1}, {"b": 2}),), "Deterministic", ContentError, "same parameters"),
+        ((values("v"),), "Deterministic", ContentError, "at least one Element"),
+        ((), "Deterministic", ContentError, "at least one distribution"),
+        ((), "Stochastic", UnsupportedError, "<Stochastic> is not supported"),
+    ],
+)
+def test_refused(variation, parts, kind, error, text):
+    with pytest.raises(error, match=text) as caught:
+        expand(variation(*parts, kind=kind))
+    assert "variation.xosc:1" in str(caught.value)
+
+
+def test_missing_files(variation, tmp_path):
+    with pytest.raises(FileReadError, match="does not exist"):
+        expand(variation(values("v", 1), scenario="nowhere.xosc"))
+    with pytest.raises(FileReadError, match=r"nowhere\.xosc: No such file"):
+        expand(tmp_path / "nowhere.xosc")
