@@ -51,7 +51,7 @@ LANE_COLOURS = {
 }
 """Light fills of the lane types, first in the legend; others share one tone."""
 
-_OTHER_LANE = "#f7f7f7"
+OTHER_LANE_COLOUR = "#f7f7f7"
 
 
 def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> list[Patch]:
@@ -66,7 +66,7 @@ def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> l
             axes,
             by_type[lane_type],
             f"{lane_type} lane",
-            face=LANE_COLOURS.get(lane_type, _OTHER_LANE),
+            face=LANE_COLOURS.get(lane_type, OTHER_LANE_COLOUR),
             edge="#bdbdbd",
             width=0.3,
             zorder=1.0,

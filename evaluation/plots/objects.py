@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Patch
 
-_EGO = "#4d4d4d"
-_DETECTION_COLOURS = {"kept": ("#ffffff", BLACK), "dropped": ("#c9c9c9", GREY)}
-_TRACK_COLOURS = {"static": BLUE, "dynamic": GREEN, "threat": VERMILLION}
+EGO_COLOUR = "#4d4d4d"
+DETECTION_COLOURS = {"kept": ("#ffffff", BLACK), "dropped": ("#c9c9c9", GREY)}
+"""Fill and edge of detections by what the monitored area did with them."""
+TRACK_COLOURS = {"static": BLUE, "dynamic": GREEN, "threat": VERMILLION}
+"""Colours of tracks by state."""
 
 
 def draw_objects(axes: Axes, frame: pd.DataFrame, pose: Pose) -> list[Patch]:
@@ -30,15 +32,15 @@ def draw_objects(axes: Axes, frame: pd.DataFrame, pose: Pose) -> list[Patch]:
     ego, actors, detections, tracks, ego_forecast, forecasts = (
         of_kind(frame, kind) for kind in ("ego", "actor", "detection", "track", "ego_forecast", "forecast")
     )
-    handles = _draw_boxes(axes, ego.iloc[-1:], pose, "ego", face=_EGO, edge=BLACK, zorder=6.0)
-    _draw_fading(axes, ego_forecast, pose, "ego forecast", _EGO)
+    handles = _draw_boxes(axes, ego.iloc[-1:], pose, "ego", face=EGO_COLOUR, edge=BLACK, zorder=6.0)
+    _draw_fading(axes, ego_forecast, pose, "ego forecast", EGO_COLOUR)
     if len(ego_forecast):
-        handles.append(Patch(facecolor="none", edgecolor=_EGO, label="ego forecast"))
+        handles.append(Patch(facecolor="none", edgecolor=EGO_COLOUR, label="ego forecast"))
     handles += _draw_boxes(axes, actors, pose, "ground truth", face="none", edge=BLACK, line=":", zorder=5.5)
-    for label, (face, edge) in _DETECTION_COLOURS.items():
+    for label, (face, edge) in DETECTION_COLOURS.items():
         rows = detections[detections["label"] == label]
         handles += _draw_boxes(axes, rows, pose, f"detection {label}", face=face, edge=edge, zorder=4.0)
-    for state, colour in _TRACK_COLOURS.items():
+    for state, colour in TRACK_COLOURS.items():
         rows = tracks[tracks["label"] == state]
         style = {"face": "none", "edge": colour, "width": 2.2 if state == "threat" else 1.3}
         handles += _draw_boxes(axes, rows, pose, f"track, {state}", **style, zorder=5.0)
@@ -99,7 +101,7 @@ def _ring_threats(axes: Axes, threats: pd.DataFrame, pose: Pose) -> None:
         markersize=15.0,
         markerfacecolor="none",
         linestyle="none",
-        color=_TRACK_COLOURS["threat"],
+        color=TRACK_COLOURS["threat"],
         gid="threat",
         zorder=5.5,
     )

@@ -27,6 +27,7 @@ from evaluation.plots.style import (
     set_title,
 )
 from evaluation.results import ResultsError, ordered_strategies, varying_conditions
+from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +62,7 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     """
     if runs.empty:
         raise ResultsError("speed curves: the table of runs is empty; run at least one test")
-    panels = _panels(runs)
+    panels = panels_of(runs)
     strategies = len(ordered_strategies(runs))
     columns = min(strategies if strategies in (2, 3) else 2, len(panels))
     lines = math.ceil(len(panels) / columns)
@@ -97,7 +98,7 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     return figure
 
 
-def _panels(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def panels_of(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each panel with its name: strategies within each set of conditions."""
     conditions = varying_conditions(runs, _PANEL_CONDITIONS)
     groups = runs.groupby(conditions, sort=True) if conditions else [((), runs)]
@@ -131,14 +132,27 @@ def _short_number(value: float, _position: object) -> str:
     return f"{value:g}".replace("-", "\N{MINUS SIGN}")
 
 
-def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float) -> None:
-    colour, style = speed_style(float(run["v_test_kmh"]))
+def speed_before_t0(run: Mapping[Any, Any], log: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+    """Speed of a run up to its stop or contact, which ends the curve with the speed then.
+
+    Args:
+        run: its row in the table of runs, with a T0.
+        log: its log.
+
+    Returns:
+        (N,) time relative to T0 in seconds, rising to 0, and (N,) speed in km/h.
+    """
     ego = of_kind(log, "ego").sort_values("time_s")
     time = ego["time_s"].to_numpy(float) - float(run["t0_s"])
     speed = ego["speed_mps"].to_numpy(float) * MPS_TO_KMH
     before = time < -TIME_TOLERANCE_S
     final = float(run["v_impact_kmh"]) if run["collided"] else 0.0
-    time, speed = np.append(time[before], 0.0), np.append(speed[before], final)
+    return np.append(time[before], 0.0), np.append(speed[before], final)
+
+
+def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float) -> None:
+    colour, style = speed_style(float(run["v_test_kmh"]))
+    time, speed = speed_before_t0(run, log)
     # One row before the left edge is kept, so that the curve begins at it.
     first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
     axes.plot(time[first:], speed[first:], color=colour, linestyle=style, linewidth=1.3, gid="curve")
@@ -157,7 +171,7 @@ def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, ear
     if run["collided"]:
         axes.plot(
             [0.0],
-            [final],
+            [float(speed[-1])],
             marker="o",
             markersize=6.0,
             markerfacecolor="white",

@@ -48,13 +48,15 @@ CAUSES = {
 }
 """Event that each event answers to, drawn as an arrow."""
 
-_STATE_COLOURS = {
+STATE_COLOURS = {
     "run_start": BLUE,
     "follow_path": GREEN,
     "unexpected": ORANGE,
     "forecasted_pedestrian": ORANGE,
     "predicted_collision": VERMILLION,
 }
+"""Colour of a layer from each event to the next; events without one begin no state."""
+
 _STANDSTILL_MPS = 0.01
 _CONTACT_GAP_M = 0.01
 
@@ -77,15 +79,16 @@ def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
     set_style(below)
     if title:
         set_title(above, title, room=58)
-    start, end = _time_range(ego, events)
+    start, end = time_range(ego, events)
     margin = 0.02 * (end - start)
     below.set_xlim(start - margin, end + margin)
     _draw_layers(above, events, end)
-    _draw_ego_speed(below, ego, _contact_time(log))
+    _draw_ego_speed(below, ego, contact_time(log))
     return figure
 
 
-def _time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
+def time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
+    """First and last time of a run, never equal."""
     times = [*ego["time_s"], *events["time_s"]]
     if not times:
         return 0.0, 1.0
@@ -108,7 +111,7 @@ def _draw_layers(axes: Axes, events: pd.DataFrame, end_s: float) -> None:
     lines = []
     for time, layer, name in known:
         _draw_event(axes, time, height[layer], name, instant=layer == "monitors")
-        cause = _latest_cause(known, name, time)
+        cause = latest_cause(known, name, time)
         if cause is not None and height[cause[1]] > height[layer]:
             arrow = ((cause[0], height[cause[1]]), (time, height[layer]))
             _draw_arrow(axes, *arrow)
@@ -122,11 +125,11 @@ def _draw_layers(axes: Axes, events: pd.DataFrame, end_s: float) -> None:
 def _draw_states(axes: Axes, states: Sequence[tuple[float, str]], height: float, end_s: float) -> None:
     """The line of one layer: coloured from each event to the next, and to the end while a state lasts."""
     for (time, name), (until, _) in itertools.pairwise([*states, (end_s, "")]):
-        if name in _STATE_COLOURS:
+        if name in STATE_COLOURS:
             axes.plot(
                 [time, until],
                 [height, height],
-                color=_STATE_COLOURS[name],
+                color=STATE_COLOURS[name],
                 linewidth=3.0,
                 solid_capstyle="butt",
                 gid="state",
@@ -140,7 +143,7 @@ def _draw_event(axes: Axes, time_s: float, height: float, name: str, *, instant:
         [height],
         marker="X" if instant else "s",
         markersize=6.0 if instant else 5.0,
-        color=BLUE if instant else _STATE_COLOURS.get(name, GREY),
+        color=BLUE if instant else STATE_COLOURS.get(name, GREY),
         markeredgecolor="white",
         markeredgewidth=0.5,
         linestyle="none",
@@ -167,7 +170,7 @@ def _draw_arrow(axes: Axes, tail: tuple[float, float], head: tuple[float, float]
     )
 
 
-def _latest_cause(events: Sequence[Event], name: str, time_s: float) -> Event | None:
+def latest_cause(events: Sequence[Event], name: str, time_s: float) -> Event | None:
     """Last event not after a time that an event of that name answers to."""
     found = [
         event for event in events if event[2] == CAUSES.get(name) and event[0] <= time_s + TIME_TOLERANCE_S
@@ -186,7 +189,7 @@ def _draw_ego_speed(axes: Axes, ego: pd.DataFrame, contact_s: float | None) -> N
     right.set_ylabel("Ego speed (km/h)", fontsize=FONT_PT)
     right.tick_params(labelsize=SMALL_PT)
     marks = []
-    stop = _stop_time(time, speed)
+    stop = stop_time(time, speed)
     if contact_s is not None:
         at_contact = float(np.interp(contact_s, time, speed))
         marks.append((contact_s, at_contact, f"contact {at_contact * MPS_TO_KMH:.1f} km/h", "o", VERMILLION))
@@ -218,14 +221,14 @@ def _kmh_to_mps(speed: ArrayLike) -> FloatArray:
     return np.asarray(speed, dtype=np.float64) / MPS_TO_KMH
 
 
-def _stop_time(time_s: FloatArray, speed_mps: FloatArray) -> float | None:
+def stop_time(time_s: FloatArray, speed_mps: FloatArray) -> float | None:
     """First standstill after driving."""
     moved = np.logical_or.accumulate(speed_mps > _STANDSTILL_MPS)
     stopped = np.flatnonzero(moved & (speed_mps <= _STANDSTILL_MPS))
     return float(time_s[stopped[0]]) if len(stopped) else None
 
 
-def _contact_time(log: pd.DataFrame) -> float | None:
+def contact_time(log: pd.DataFrame) -> float | None:
     """First time at which the boxes of ego and target touch."""
     actors = of_kind(log, "actor")
     targets = actors[actors["label"] == "target"]

@@ -1,0 +1,336 @@
+"""A run as a film for slides: the scene from above, moving with the ego, with what happens in words."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import subprocess
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.errors import ArgumentError
+from evaluation.plots.ground import AREA_COLOURS, LANE_COLOURS, draw_map, lane_outlines
+from evaluation.plots.log_rows import boxes_of
+from evaluation.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.plots.polygons import draw_polygons
+from evaluation.plots.style import BLACK, GREY, SMALL_PT
+from evaluation.report.explain import Account
+from evaluation.report.scene import Scene
+from opendrive import RoadNetwork
+from smartmot.geometry import corners
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Affine2D
+    from PIL import Image as Pillow
+
+Image = NDArray[np.uint8]
+"""(H, W, 3) colours of a picture."""
+
+HOLD_S = 1.5
+"""The last picture stays this long, so that the outcome can be read."""
+
+_SIZE_IN, _DPI = (6.4, 4.8), 150
+"""960 x 720 pixels: fills half a slide and suits video codecs, which want even numbers."""
+_VIEW = (-10.0, 40.0, -12.5, 12.5)
+"""Left, right, low and high of the view in the ego's frame, metres."""
+_COLOURS = 96
+"""Size of the one palette of a GIF: flat fills and smoothed edges need no more."""
+_CAPTION_COLUMNS, _CAPTION_LINES = 118, 4
+
+
+@dataclass(frozen=True, slots=True)
+class FilmTimes:
+    """Which frames of a run a film shows.
+
+    Args:
+        frame: (N,) frame of the run for each picture.
+        fps: pictures per second.
+    """
+
+    frame: NDArray[np.int64]
+    fps: float
+
+    def durations_ms(self) -> list[int]:
+        """How long each picture of a GIF stays, in hundredths of a second that add up; the last is held."""
+        edges = np.rint(np.arange(len(self.frame) + 1) * 100.0 / self.fps).astype(np.int64) * 10
+        stay: list[int] = np.diff(edges).tolist()
+        stay[-1] = round(HOLD_S * 1000)
+        return stay
+
+
+def film_times(scene: Scene, fps: float, speed: float) -> FilmTimes:
+    """Choose the frames of a film.
+
+    Args:
+        scene: the run.
+        fps: pictures per second, 1 to 50 (a GIF's clock counts hundredths of a second).
+        speed: 1 for real time, 0.5 for half of it.
+
+    Raises:
+        ArgumentError: a number is out of range.
+    """
+    if not 1 <= fps <= 50:
+        raise ArgumentError(f"--fps: must lie in 1..50, got {fps:g}")
+    if not 0.05 <= speed <= 20:
+        raise ArgumentError(f"--speed: must lie in 0.05..20, got {speed:g}")
+    start, end = float(scene.time_s[0]), float(scene.time_s[-1])
+    times = start + np.arange(int(np.floor((end - start) * fps / speed + 1e-6)) + 1) * speed / fps
+    frames = [scene.frame_at(float(time)) for time in times]
+    if frames[-1] != len(scene) - 1:
+        frames.append(len(scene) - 1)
+    return FilmTimes(np.array(frames, dtype=np.int64), fps)
+
+
+@dataclass(slots=True, eq=False)
+class Film:
+    """Draws frames of one run onto one figure whose artists are moved, not made again.
+
+    Args:
+        scene: the run.
+        account: what happens, in words.
+        network: the map; None: without lanes.
+        title: heading.
+    """
+
+    scene: Scene
+    account: Account
+    network: RoadNetwork | None
+    title: str
+    _figure: Figure = field(init=False)
+    _axes: Axes = field(init=False)
+    _ego_map: Affine2D = field(init=False)
+    _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
+    _texts: dict[str, Any] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+        from matplotlib.transforms import Affine2D
+
+        self._figure = Figure(figsize=_SIZE_IN, dpi=_DPI, facecolor="white")
+        FigureCanvasAgg(self._figure)
+        left, right, low, high = _VIEW
+        height = (high - low) / (right - left) * _SIZE_IN[0] / _SIZE_IN[1]
+        axes = self._figure.add_axes((0.0, 0.935 - height, 1.0, height))
+        axes.set_xlim(left, right)
+        axes.set_ylim(low, high)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[["left", "right"]].set_visible(False)
+        self._axes, self._ego_map = axes, Affine2D()
+        self._add_ground()
+        self._add_layers()
+        self._add_texts(0.935 - height)
+
+    def picture(self, frame: int) -> Image:
+        """The picture of one frame."""
+        self._move_to(frame)
+        canvas: Any = self._figure.canvas
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[:, :, :3].copy()
+
+    def _add_ground(self) -> None:
+        """Lanes and the way of the ego, in the map frame: the transform alone moves them."""
+        transform = self._ego_map + self._axes.transData
+        way = self.scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        if self.network is not None and len(lane_outlines(self.network)):
+            margin = max(abs(v) for v in _VIEW)
+            view = (*(way.min(axis=0) - margin), *(way.max(axis=0) + margin))
+            draw_map(self._axes, self.network, (0.0, 0.0, 0.0), tuple(map(float, view)))  # type: ignore[arg-type]
+            for collection in self._axes.collections:
+                collection.set_transform(transform)
+        self._axes.plot(way[:, 0], way[:, 1], color="#555555", linewidth=0.8, dashes=(6, 4), zorder=2.5,
+                        transform=transform)  # fmt: skip
+        x = _VIEW[0] + 1.0
+        self._axes.plot([x, x + 10.0], [_VIEW[2] + 0.8] * 2, color=BLACK, linewidth=1.5, zorder=9)
+        self._axes.text(x, _VIEW[2] + 1.1, "10 m", fontsize=SMALL_PT, zorder=9)
+
+    def _add_layers(self) -> None:
+        for role, colour in AREA_COLOURS.items():
+            self._layer(f"monitored: {role}", face=(colour, 0.22), edge=(colour, 0.6), zorder=2.0)
+        for label, (face, edge) in DETECTION_COLOURS.items():
+            self._layer(f"detection {label}", face=face, edge=edge, zorder=4.0)
+        for state, colour in TRACK_COLOURS.items():
+            self._layer(f"forecast {state}", face="none", edge=(colour, 0.5), width=0.7, zorder=3.0)
+            self._layer(f"track {state}", face="none", edge=colour, width=1.8, zorder=5.0)
+        self._layer("ego forecast", face="none", edge=(EGO_COLOUR, 0.45), width=0.7, zorder=3.0)
+        self._layer("ground truth", face="none", edge=BLACK, line=":", width=0.8, zorder=5.5)
+        self._layer("ego", face=EGO_COLOUR, edge=BLACK, zorder=6.0)
+        (self._texts["ring"],) = self._axes.plot([], [], "o", markersize=17, markerfacecolor="none",
+            markeredgewidth=2, color=TRACK_COLOURS["threat"], zorder=5.6,
+            transform=self._ego_map + self._axes.transData)  # fmt: skip
+
+    def _layer(self, name: str, **style: Any) -> None:
+        draw_polygons(self._axes, [], name, **style)
+        collection: Any = self._axes.collections[-1]
+        collection.set_transform(self._ego_map + self._axes.transData)
+        self._layers[name] = collection
+
+    def _add_texts(self, below: float) -> None:
+        from matplotlib.patches import Patch
+
+        write = self._figure.text
+        write(0.5, 0.967, self.title, ha="center", va="center", fontsize=10.0, weight="bold")
+        self._texts["speed"] = write(0.015, below - 0.015, "", va="top", fontsize=SMALL_PT + 1, weight="bold")
+        self._texts["seen"] = write(0.985, below - 0.015, "", va="top", ha="right", fontsize=SMALL_PT)
+        self._texts["story"] = write(0.015, below - 0.06, "", va="top", fontsize=SMALL_PT)
+        shown = {role for frame in range(len(self.scene)) for role, _ in self.scene.areas(frame)}
+        types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
+        handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
+                   for t, c in LANE_COLOURS.items() if t in types & {"driving", "sidewalk"}]  # fmt: skip
+        handles += [Patch(facecolor=(c, 0.25), edgecolor=c, label=f"monitored: {role.replace('_', ' ')}")
+                    for role, c in AREA_COLOURS.items() if role in shown]  # fmt: skip
+        handles += [Patch(facecolor=face, edgecolor=edge, label=f"detection {label}")
+                    for label, (face, edge) in DETECTION_COLOURS.items()]  # fmt: skip
+        handles += [Patch(facecolor="none", edgecolor=colour, label=f"track, {state}")
+                    for state, colour in TRACK_COLOURS.items()]  # fmt: skip
+        handles.append(Patch(facecolor="none", edgecolor=GREY, label="forecast"))
+        self._figure.legend(handles=handles, loc="lower center", ncols=6, fontsize=6.5, frameon=False,
+                            columnspacing=1.2, handlelength=1.4, borderaxespad=0.2)  # fmt: skip
+
+    def _move_to(self, frame: int) -> None:
+        """Put every artist where it belongs in a frame."""
+        scene = self.scene
+        ego = scene.ego_state(frame)
+        self._ego_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
+        areas = scene.areas(frame)
+        for role in AREA_COLOURS:
+            self._layers[f"monitored: {role}"].set_verts([ring for one, ring in areas if one == role])
+        detections, tracks = scene.rows("detection", frame), scene.rows("track", frame)
+        forecasts = scene.rows("forecast", frame)
+        for label in DETECTION_COLOURS:
+            self._show(f"detection {label}", detections[detections["label"] == label])
+        for state in TRACK_COLOURS:
+            own = tracks[tracks["label"] == state]
+            self._show(f"track {state}", own)
+            self._show(f"forecast {state}", forecasts[forecasts["id"].isin(own["id"])])
+        self._show("ego forecast", scene.rows("ego_forecast", frame))
+        self._show("ground truth", scene.rows("actor", frame))
+        self._show("ego", scene.ego.iloc[[frame]])
+        threats = tracks[tracks["label"] == "threat"]
+        self._texts["ring"].set_data(threats["x_m"].to_numpy(), threats["y_m"].to_numpy())
+        speed, _, seen = self.account.status[frame].partition(" · ")
+        self._texts["speed"].set_text(f"t = {ego.stamp_s:.2f} s, {speed}")
+        self._texts["seen"].set_text(seen)
+        lines = textwrap.wrap(self.account.story[frame], _CAPTION_COLUMNS)
+        self._texts["story"].set_text("\n".join(lines[:_CAPTION_LINES]))
+
+    def _show(self, name: str, rows: pd.DataFrame) -> None:
+        self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])
+
+
+def pictures(film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> Iterator[Image]:
+    """The pictures of a film; a frame that stays is drawn once."""
+    shown, image = -1, np.zeros((0, 0, 3), dtype=np.uint8)
+    for frame in times.frame.tolist():
+        if frame != shown:
+            shown, image = frame, film.picture(frame)
+        progress()
+        yield image
+
+
+def write_gif(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
+    """Write an animated GIF with one palette, that of the first, the middle and the last picture.
+
+    Raises:
+        ArgumentError: the file cannot be written.
+    """
+    from PIL import Image as Pillow
+
+    key_frames = [film.picture(int(times.frame[k])) for k in (0, len(times.frame) // 2, -1)]
+    palette = _palette(key_frames)
+    images = (
+        Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
+        for image in pictures(film, times, progress)
+    )
+    try:
+        next(images).save(
+            path, format="GIF", save_all=True, append_images=images, duration=times.durations_ms(), loop=0,
+            optimize=False,
+        )  # fmt: skip
+    except OSError as error:
+        raise _not_written("--gif", path, error) from None
+
+
+def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
+    """One palette for a film: the colours with a meaning as they are, then what else the pictures hold."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image as Pillow
+
+    named = {*AREA_COLOURS.values(), *TRACK_COLOURS.values(), *LANE_COLOURS.values(), EGO_COLOUR, "white"}
+    colours = [np.array(to_rgb(name)) for name in sorted(named)]
+    # forecasts are half transparent, mostly on the road
+    colours += [(np.array(to_rgb(c)) + to_rgb(LANE_COLOURS["driving"])) / 2 for c in TRACK_COLOURS.values()]
+    fixed = np.rint(np.array(colours) * 255).astype(np.uint8)
+    found = Pillow.fromarray(np.concatenate(key_frames)).quantize(_COLOURS).getpalette() or []
+    palette = Pillow.new("P", (1, 1))
+    palette.putpalette([*fixed.ravel().tolist(), *found[: 3 * _COLOURS]])
+    return palette
+
+
+def write_mp4(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
+    """Write an H.264 film with ffmpeg.
+
+    Raises:
+        ArgumentError: there is no ffmpeg, or the file cannot be written.
+    """
+    program = ffmpeg()
+    width, height = (round(inches * _DPI) for inches in _SIZE_IN)
+    command = [
+        program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
+        "-r", f"{times.fps:g}", "-i", "-", "-an", "-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p",
+        "-movflags", "+faststart", "-f", "mp4", str(path),
+    ]  # fmt: skip
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        try:
+            for image in _held(pictures(film, times, progress), round(HOLD_S * times.fps)):
+                process.stdin.write(image.tobytes())
+            process.stdin.close()
+        except BrokenPipeError:
+            pass  # it has given up; its last words say why
+        said = process.stderr.read().decode(errors="replace").strip()
+    if process.returncode:
+        raise ArgumentError(f"--mp4: cannot write {path}: {(said.splitlines() or ['ffmpeg failed'])[-1]}")
+
+
+def ffmpeg() -> str:
+    """The ffmpeg to use: the one on the path, else that of the package imageio-ffmpeg.
+
+    Raises:
+        ArgumentError: there is none.
+    """
+    found = shutil.which("ffmpeg")
+    if found:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    except ImportError:
+        raise ArgumentError(
+            "--mp4: no ffmpeg found; use --gif, or install it: apt install ffmpeg, pip install imageio-ffmpeg"
+        ) from None
+    return str(get_ffmpeg_exe())
+
+
+def _held(images: Iterator[Image], times: int) -> Iterator[Image]:
+    """Pictures, the last of them repeated."""
+    image: Image | None = None
+    for image in images:
+        yield image
+    if image is not None:
+        yield from itertools.repeat(image, times)
+
+
+def _not_written(option: str, path: Path, error: OSError) -> ArgumentError:
+    return ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}; choose another place")

@@ -1,0 +1,159 @@
+"""A folder of runs, and what its configuration says about map, route and monitored areas."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evaluation import results, runner
+from evaluation.results import ResultsError
+from opendrive import OpenDriveError, RoadNetwork
+from scenarios.brakes import BrakeConfig
+from scenarios.cpna import make_strategy
+from scenarios.errors import ScenarioError
+from scenarios.presets import Preset
+from smartmot.aeb import AebConfig
+from smartmot.braking import BrakingDistance
+from smartmot.errors import SmartMotError
+from smartmot.monitored_area import MapAreaConfig, MonitoredAreaStrategy, RectangularConfig
+from smartmot.route import Route
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Run = Mapping[Hashable, Any]
+"""A row of `runs.csv`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """Where a run took place and how it was set up.
+
+    Args:
+        map_name: file or shipped map.
+        network: map of perception.
+        route: the ego's way on it.
+        preset: conditions, with areas, brakes and decision as `runs.json` has them.
+        strategy: what made the monitored area; None for one that this program does not know by name.
+    """
+
+    map_name: str
+    network: RoadNetwork
+    route: Route
+    preset: Preset
+    strategy: MonitoredAreaStrategy | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFolder:
+    """A folder of results.
+
+    Args:
+        path: the folder.
+        runs: its table of runs.
+        settings: by name of the log; empty where map and areas cannot be had again.
+        published: whether the paper printed results for these conditions.
+        version: of the program that made them, if known.
+        notes: what the reader has to know about what is missing, one line each.
+    """
+
+    path: Path
+    runs: pd.DataFrame
+    settings: Mapping[str, Setting]
+    published: bool
+    version: str
+    notes: tuple[str, ...]
+
+    def log(self, name: str) -> pd.DataFrame:
+        """The log of one run.
+
+        Raises:
+            ResultsError: it is missing or broken.
+        """
+        return results.read_log(results.log_path(self.path, name))
+
+
+def read_folder(path: Path) -> RunFolder:
+    """Read a folder of results; logs are read when asked for.
+
+    Raises:
+        ResultsError: the folder, its table or its logs are missing or not understood.
+    """
+    runs = results.read_runs(path)
+    if runs.empty:
+        raise ResultsError(f"{path / results.RUNS_CSV}: no runs; run at least one test into this folder")
+    missing = [n for n in runs["log"].dropna() if not results.log_path(path, str(n)).is_file()]
+    if missing or runs["log"].isna().all():
+        some = f"{len(missing)} of {len(runs)} logs, first {missing[0]}" if missing else "all logs"
+        raise ResultsError(f"{path}: without {some}, nothing can be replayed; run the evaluation again")
+    notes = []
+    if runs["log"].isna().any():
+        notes.append(f"{int(runs['log'].isna().sum())} runs have no log and cannot be replayed.")
+    settings: dict[str, Setting] = {}
+    published = False
+    try:
+        settings = read_settings(path, runs)
+        published = runner.is_published(runner.read_suite(path))
+    except (ResultsError, OpenDriveError, ScenarioError, SmartMotError) as error:
+        notes.append(f"Lanes and monitored areas are not drawn: {error}")
+    return RunFolder(path, runs, settings, published, _version(path), tuple(notes))
+
+
+def _version(path: Path) -> str:
+    """Version that `runs.json` names; nothing where it cannot be read."""
+    try:
+        return str(json.loads((path / results.RUNS_JSON).read_text())["version"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def read_settings(path: Path, runs: pd.DataFrame) -> dict[str, Setting]:
+    """Map, route and conditions of the runs of a folder, by the names of their logs, from `runs.json`.
+
+    Raises:
+        ResultsError: the configuration is missing or not of this program.
+        opendrive.OpenDriveError: a map cannot be read.
+        ScenarioError: the place does not exist on the map.
+        SmartMotError: a setting of an area is impossible.
+    """
+    suite = runner.read_suite(path)
+    site = runner.load_site(suite)
+    stored = json.loads((path / results.RUNS_JSON).read_text())["configuration"].get("presets", {})
+    presets = {}
+    for weather in suite.weather:
+        preset = suite.preset_in(weather)
+        presets[weather] = _as_stored(preset, stored[weather], path) if weather in stored else preset
+    settings = {}
+    for run in runs[runs["log"].notna()].to_dict("records"):
+        preset = presets.get(str(run["weather"]), suite.preset_in(str(run["weather"])))
+        try:
+            strategy = make_strategy(str(run["strategy"]), preset, site)
+        except ScenarioError:
+            strategy = None
+        settings[str(run["log"])] = Setting(
+            Path(suite.map_name).name, site.network, site.route, preset, strategy
+        )
+    return settings
+
+
+def _as_stored(preset: Preset, values: Mapping[str, Any], path: Path) -> Preset:
+    """The preset that the runs were made with, which need not be that of its name today."""
+    try:
+        return replace(
+            preset,
+            rectangular=RectangularConfig(**values["rectangular"]),
+            map_area=MapAreaConfig(**values["map_area"]),
+            brakes=BrakeConfig(**values["brakes"]),
+            pipeline=replace(
+                preset.pipeline,
+                aeb=AebConfig(**values["pipeline"]["aeb"]),
+                braking_distance=BrakingDistance(**values["pipeline"]["braking_distance"]),
+            ),
+        )
+    except (KeyError, TypeError) as error:
+        raise ResultsError(
+            f"{path / results.RUNS_JSON}: preset not understood ({error!r}); run the test again"
+        ) from None

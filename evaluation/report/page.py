@@ -1,0 +1,237 @@
+"""A folder of runs as one HTML page that needs no network."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation import results
+from evaluation.errors import ArgumentError
+from evaluation.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
+from evaluation.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.plots.speed import speed_style
+from evaluation.protocols.paper import PUBLISHED
+from evaluation.report import charts
+from evaluation.report.explain import Account, explain
+from evaluation.report.folder import RunFolder, read_folder
+from evaluation.report.payload import pack_map, pack_run
+from evaluation.report.scene import read_scene
+from evaluation.report.summary import Cell, Verdict, score_matrix, verdicts
+from opendrive import RoadNetwork
+from smartmot.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PAGE_NAME = "report.html"
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """A run as the page shows it.
+
+    Args:
+        log: name of its log.
+        strategy: monitored area.
+        title: strategy, speed and what else sets it apart from the others.
+        account: what happened, in words.
+        packed: what its replay draws.
+        map_index: which of the page's maps it is on; -1 without a map.
+    """
+
+    log: str
+    strategy: str
+    title: str
+    account: Account
+    packed: str
+    map_index: int
+
+
+@dataclass(frozen=True, slots=True)
+class PageContent:
+    """Everything that the template shows."""
+
+    title: str
+    facts: dict[str, str]
+    notes: tuple[str, ...]
+    verdicts: list[Verdict]
+    matrix_speeds: list[float]
+    matrix: list[tuple[str, list[Cell | None]]]
+    table: results.Table
+    runs: list[RunView]
+    first: int
+    panels: list[tuple[str, dict[str, Any]]]
+    legend: list[tuple[str, str, bool]]
+    packed_maps: list[str]
+    palette: dict[str, Any]
+
+
+def write_page(
+    directory: Path, out: Path | None = None, progress: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[Path, tuple[str, ...]]:
+    """Write the report of a folder of results.
+
+    Args:
+        directory: what a run wrote.
+        out: the page; None: `report.html` in the folder.
+        progress: called with the runs read so far and their number.
+
+    Returns:
+        The page, and what the reader has to know about what is missing.
+
+    Raises:
+        ResultsError: the folder cannot be read, or its logs are missing.
+        ArgumentError: the page cannot be written.
+    """
+    folder = read_folder(directory)
+    target = directory / PAGE_NAME if out is None else out
+    text = render(page_content(folder, progress))
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ArgumentError(f"--out: cannot write {target}: {reason}; choose another place") from None
+    return target, folder.notes
+
+
+def page_content(
+    folder: RunFolder, progress: Callable[[int, int], None] = lambda done, total: None
+) -> PageContent:
+    """Read all runs of a folder and say what they came to.
+
+    Raises:
+        ResultsError: a log is missing or broken.
+    """
+    rows = folder.runs[folder.runs["log"].notna()]
+    rows = rows[~rows["log"].duplicated()]
+    distinct = _distinct_columns(rows)
+    views: list[RunView] = []
+    curves: dict[str, pd.DataFrame] = {}
+    networks: list[RoadNetwork] = []
+    ways: list[list[FloatArray]] = []
+    origin: FloatArray | None = None
+    for run in rows.to_dict("records"):
+        name = str(run["log"])
+        log = folder.log(name)
+        curves[name] = log[log["kind"] == "ego"]
+        setting = folder.settings.get(name)
+        scene = read_scene(log, setting.strategy if setting else None)
+        way = scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        origin = np.rint(way[0]) if origin is None else origin
+        map_index = -1
+        if setting is not None:
+            if setting.network not in networks:
+                networks.append(setting.network)
+                ways.append([])
+            map_index = networks.index(setting.network)
+            ways[map_index].append(way)
+        account = explain(scene, run, setting)
+        packed = pack_run(scene, account, origin, charts.temporal_spec(scene, run))
+        views.append(RunView(name, str(run["strategy"]), _title(run, distinct), account, packed, map_index))
+        progress(len(views), len(rows))
+    accounts = {view.log: view.account for view in views}
+    speeds, matrix = score_matrix(rows, accounts)
+    assert origin is not None  # a folder has runs
+    palette = {
+        "lanes": LANE_COLOURS,
+        "other": OTHER_LANE_COLOUR,
+        "areas": AREA_COLOURS,
+        "tracks": TRACK_COLOURS,
+        "detections": DETECTION_COLOURS,
+        "ego": EGO_COLOUR,
+    }
+    return PageContent(
+        title=", ".join(sorted({str(name) for name in rows["scenario"]})),
+        facts=_facts(folder),
+        notes=folder.notes,
+        verdicts=verdicts(rows, accounts, {view.log: view.title for view in views}),
+        matrix_speeds=speeds,
+        matrix=matrix,
+        table=results.comparison_table(folder.runs, PUBLISHED if folder.published else None),
+        runs=views,
+        first=_first(views),
+        panels=charts.speed_specs(rows, curves),
+        legend=[(f"{v:g} km/h", *_swatch(v)) for v in speeds],
+        packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
+        palette=palette,
+    )
+
+
+def render(content: PageContent) -> str:
+    """The page as text. All that comes from files is escaped."""
+    import jinja2
+
+    here = importlib.resources.files("evaluation.report")
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    template = environment.from_string((here / "template.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        page=content,
+        style=(here / "page.css").read_text(encoding="utf-8"),
+        script=(here / "page.js").read_text(encoding="utf-8"),
+        plotly=charts.plotly_script(),
+        data=_script_json(
+            {
+                "palette": content.palette,
+                "first": content.first,
+                "panels": [spec for _, spec in content.panels],
+                "logs": [view.log for view in content.runs],
+                "maps": [view.map_index for view in content.runs],
+            }
+        ),
+    )
+
+
+def _script_json(value: object) -> str:
+    """JSON that may stand inside a script element: nothing in it can close the element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _distinct_columns(rows: pd.DataFrame) -> list[str]:
+    """Conditions that set runs apart, besides strategy and speed."""
+    names = ("scenario", "preset", "weather", "adversaries", "seed")
+    return [name for name in names if len(set(rows[name])) > 1]
+
+
+def _title(run: dict[Hashable, Any], distinct: list[str]) -> str:
+    rest = [f"seed {run[name]}" if name == "seed" else str(run[name]) for name in distinct]
+    return ", ".join([str(run["strategy"]), f"{run['v_test_kmh']:g} km/h", *rest])
+
+
+def _facts(folder: RunFolder) -> dict[str, str]:
+    """What the runs have in common, and what made them."""
+    runs = folder.runs
+    facts = {
+        name.capitalize(): ", ".join(dict.fromkeys(map(str, runs[name])))
+        for name in ("scenario", "preset", "weather", "adversaries", "seed")
+    }
+    facts["Runs"] = str(len(runs))
+    maps = dict.fromkeys(setting.map_name for setting in folder.settings.values())
+    if maps:
+        facts["Map"] = ", ".join(maps)
+    if folder.version:
+        facts["Made by"] = f"smartmot {folder.version}"
+    return facts
+
+
+def _first(views: list[RunView]) -> int:
+    """The run to open: the first false stop, else the first hit, else the first."""
+    for kind in ("false", "hit"):
+        for index, view in enumerate(views):
+            if view.account.kind == kind:
+                return index
+    return 0
+
+
+def _swatch(speed_kmh: float) -> tuple[str, bool]:
+    """Colour of a test speed, and whether its line is dashed."""
+    colour, style = speed_style(speed_kmh)
+    return colour, style != "-"

@@ -1,0 +1,143 @@
+"""What a comparison came to at a glance: one verdict per strategy, and the matrix of scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from evaluation.report.explain import Account
+from evaluation.results import ordered_strategies, varying_conditions
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SEVERITY = ("hit", "false", "stop", "pass")
+"""Kinds of outcome, the worst first."""
+
+MARKS = {"hit": "✕", "false": "!", "stop": "✓", "pass": "–"}
+"""What says the outcome without colour."""
+
+_WORST, _MIDDLE, _BEST = (0xF4, 0xB1, 0x83), (0xFB, 0xF3, 0xD9), (0xA6, 0xCE, 0xE3)
+"""Light vermillion over cream to light blue: told apart with any colour vision, dark text readable on all."""
+
+
+_SHARES = {"hit": 0.0, "false": 0.25, "stop": 1.0, "pass": 1.0}
+"""Where an outcome stands on that scale when there are no points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a strategy came to.
+
+    Args:
+        strategy: its name.
+        kind: worst kind of outcome.
+        headline: how many runs ended how.
+        reasons: (log, title, text) of one run for each kind of failure.
+    """
+
+    strategy: str
+    kind: str
+    headline: str
+    reasons: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One place of the score matrix.
+
+    Args:
+        log: the run it opens, the worst of those it stands for.
+        score: points, or nothing.
+        outcome: how that run ended.
+        mark: the same as a sign.
+        colour: light fill by the share of the points that could be won, else by the outcome.
+    """
+
+    log: str
+    score: str
+    outcome: str
+    mark: str
+    colour: str
+
+
+def verdicts(runs: pd.DataFrame, accounts: Mapping[str, Account], titles: Mapping[str, str]) -> list[Verdict]:
+    """One verdict per strategy.
+
+    Args:
+        runs: table of the runs.
+        accounts: what each came to, by the name of its log.
+        titles: how each is called, by the name of its log.
+    """
+    return [
+        _verdict(name, runs[runs["strategy"] == name].sort_values("v_test_kmh"), accounts, titles)
+        for name in ordered_strategies(runs)
+    ]
+
+
+def _verdict(
+    strategy: str, runs: pd.DataFrame, accounts: Mapping[str, Account], titles: Mapping[str, str]
+) -> Verdict:
+    names = [str(name) for name in runs["log"]]
+    by_kind = {kind: [name for name in names if accounts[name].kind == kind] for kind in SEVERITY}
+    false_stops = [str(name) for name in runs.loc[runs["false_stop"], "log"]]
+    parts = [_count("contact", by_kind["hit"], runs), _count("false stop", false_stops, runs)]
+    headline = ", ".join(parts)
+    reasons = []
+    for what, chosen in (("hit", by_kind["hit"]), ("false stop", false_stops)):
+        if chosen:
+            text = f"{accounts[chosen[0]].finding} {accounts[chosen[0]].why}".strip()
+            reasons.append((chosen[0], f"Why the {what} ({titles[chosen[0]]})", text))
+    worst = "false" if false_stops and not by_kind["hit"] else next(k for k in SEVERITY if by_kind[k])
+    return Verdict(strategy, worst, f"{headline[0].upper()}{headline[1:]}.", tuple(reasons))
+
+
+def _count(what: str, chosen: list[str], runs: pd.DataFrame) -> str:
+    if not chosen:
+        return f"no {what}"
+    speeds = sorted(set(runs.loc[runs["log"].isin(chosen), "v_test_kmh"]))
+    return f"{what} in {len(chosen)} of {len(runs)} runs (at {', '.join(f'{v:g}' for v in speeds)} km/h)"
+
+
+def score_matrix(
+    runs: pd.DataFrame, accounts: Mapping[str, Account]
+) -> tuple[list[float], list[tuple[str, list[Cell | None]]]]:
+    """Scores by strategy, in its conditions, and by test speed; seeds share a place.
+
+    Returns:
+        Test speeds, and per line its name and a place per speed, None where nothing ran.
+    """
+    speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
+    conditions = varying_conditions(runs)
+    lines = []
+    for values, group in runs.groupby(conditions, sort=True) if conditions else [((), runs)]:
+        for strategy in ordered_strategies(group):
+            own = group[group["strategy"] == strategy]
+            cells = [_cell(own[own["v_test_kmh"] == speed], accounts) for speed in speeds]
+            lines.append((", ".join([strategy, *map(str, values)]), cells))
+    return speeds, lines
+
+
+def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:
+    if runs.empty:
+        return None
+    names = [str(name) for name in runs["log"]]
+    worst = min(names, key=lambda name: SEVERITY.index(accounts[name].kind))
+    score, most = float(runs["score"].mean()), float(runs["score_max"].mean())
+    kind = accounts[worst].kind
+    text, colour = "", _tint(_SHARES[kind])
+    if not math.isnan(score):
+        text, colour = f"{score:.2f} of {most:g}", _tint(score / most if most else 0.0)
+    outcome = accounts[worst].outcome
+    if len(names) > 1:
+        like = sum(accounts[name].kind == kind for name in names)
+        outcome = f"{outcome} ({like} of {len(names)})"
+    return Cell(worst, text, outcome, MARKS[kind], colour)
+
+
+def _tint(share: float) -> str:
+    """Colour of a share of points, 0 to 1."""
+    low, high, part = (_WORST, _MIDDLE, 2 * share) if share < 0.5 else (_MIDDLE, _BEST, 2 * share - 1)
+    return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip(low, high, strict=True))

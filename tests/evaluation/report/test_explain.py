@@ -1,0 +1,177 @@
+"""Sentences say what the log and the settings say."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluation.report.explain import explain
+from evaluation.report.folder import RunFolder, read_folder
+from evaluation.report.scene import Scene, read_scene
+from scenarios.presets import PAPER, PHYSICAL
+from smartmot.monitored_area import EverythingArea, RectangularArea
+
+BYSTANDER = {
+    "id": 4, "category": "pedestrian", "x_m": 18.0, "y_m": -2.4, "yaw_rad": 0.0, "length_m": 0.5,
+    "width_m": 0.5, "speed_mps": 0.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> RunFolder:
+    return read_folder(folder)
+
+
+def account_of(results: RunFolder, strategy: str, speed_kmh: float) -> tuple[Any, Any, Scene]:
+    runs = results.runs
+    run = runs[(runs["strategy"] == strategy) & (runs["v_test_kmh"] == speed_kmh)].to_dict("records")[0]
+    setting = results.settings[str(run["log"])]
+    scene = read_scene(results.log(str(run["log"])), setting.strategy)
+    return explain(scene, run, setting), run, scene
+
+
+def test_a_hit_names_speed_distance_and_what_the_brakes_need(results: RunFolder) -> None:
+    account, run, _ = account_of(results, "rectangular", 60.0)
+    assert run["collided"]
+    assert account.kind == "hit"
+    assert account.finding == f"Hits the test's pedestrian at {run['v_impact_kmh']:.1f} km/h."
+    # from the ego's front to the tracked box, which has 5 cm of noise
+    left = float(account.why.split(" m before")[0].split()[-1])
+    assert left == pytest.approx(run["flag_distance_m"], abs=0.35)
+    # closed form: delay, then deceleration rising linearly to its full value, then constant
+    brakes, v = PAPER.brakes, 60 / 3.6
+    after = v - brakes.max_decel_mps2 * brakes.build_up_s / 2
+    ramp = v * brakes.build_up_s - brakes.max_decel_mps2 * brakes.build_up_s**2 / 6
+    need = v * brakes.delay_s + ramp + after**2 / (2 * brakes.max_decel_mps2)
+    assert f"from 60 km/h these brakes need {need:.1f} m" in account.why
+    assert f"the rectangle, which ends {PAPER.rectangular.max_length_m:.1f} m" in account.why
+    assert "was out of reach until then" in account.why
+    assert account.story[-1].startswith("Contact: hits the test's pedestrian")
+
+
+def test_a_stop_names_the_distance_left(results: RunFolder) -> None:
+    account, run, _ = account_of(results, "map", 60.0)
+    assert account.kind == "stop"
+    assert account.finding == f"Stops with {run['stop_gap_m']:.1f} m left."
+    assert f"within {PAPER.map_area.reach_m:g} m of the ego's centre" in account.why
+
+
+def test_the_story_follows_the_events(results: RunFolder) -> None:
+    account, run, scene = account_of(results, "map", 60.0)
+    flag = scene.frame_at(run["flag_time_s"])
+    assert account.story[0] == "Follows its lane."
+    assert account.story[flag].startswith(f"Emergency brake since t = {run['flag_time_s']:.2f} s")
+    assert not any(text.startswith("Emergency") for text in account.story[:flag])
+    standing = scene.frame_at(run["t0_s"] + 0.06)
+    assert account.story[standing].startswith("Stands and holds")
+    free = scene.events.loc[scene.events["label"] == "end_unexpected", "time_s"].item()
+    assert account.story[scene.frame_at(free)] == "The way is free: drives on."
+
+
+def test_the_status_counts_what_the_log_counts(results: RunFolder) -> None:
+    account, run, scene = account_of(results, "map", 60.0)
+    frame = scene.frame_at(run["flag_time_s"])
+    rows = scene.rows("detection", frame)
+    kept = int((rows["label"] == "kept").sum())
+    assert 0 < kept < len(rows)
+    assert f"{kept} of {len(rows)} detections kept" in account.status[frame]
+    assert account.status[frame].startswith("60.0 km/h")
+
+
+def bystander_scene(drive: Any, strategy: Any, *, moving: bool = False) -> Scene:
+    """An ego at 10 m/s; from t = 0.8 s on it brakes for a pedestrian 2.4 m to the right of its axis."""
+    rows: list[dict[str, Any]] = []
+    for time in drive().time_s:
+        state = "threat" if time >= 0.8 - 1e-9 else "static"
+        rows.append({"time_s": time, "kind": "actor", "label": "adversary"} | BYSTANDER)
+        rows.append({"time_s": time, "kind": "track", "label": state} | BYSTANDER)
+        if moving:
+            rows.append({"time_s": time, "kind": "forecast", "horizon_s": 0.5} | BYSTANDER)
+    events = ("selector", "unexpected"), ("monitors", "collision"), ("unexpected", "predicted_collision")
+    rows += [{"time_s": 0.8, "kind": "event", "category": layer, "label": name} for layer, name in events]
+    return read_scene(drive().log(*rows), strategy)
+
+
+def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any) -> None:
+    from evaluation.report.folder import Setting
+
+    area = RectangularArea(PHYSICAL.rectangular, PHYSICAL.pipeline.braking_distance)
+    scene = bystander_scene(drive, area)
+    run = run_row(false_stop=True, flag_time_s=0.8, t0_s=1.0)
+
+    class Empty:
+        """A map without any lane at the place."""
+
+        def locate(self, _points: Any) -> Any:
+            return type("Hits", (), {"lane": np.zeros(0, dtype=int)})()
+
+    setting = Setting("empty", Empty(), type("R", (), {"lanes": ()})(), PHYSICAL, area)
+    account = explain(scene, run, setting)
+    assert account.kind == "false"
+    assert account.finding == "Brakes for nobody in its way."
+    # at 0.8 s the front is at 8 + 2.2 m, the pedestrian's box begins at 18 - 0.25 m
+    assert "7.5 m before another pedestrian, standing off the road, 2.4 m to the right" in account.why
+    length = 1.4 * PHYSICAL.pipeline.braking_distance.at(10.0)
+    assert f"inside the rectangle ({length:.1f} m long, up to 2.6 m to each side)" in account.why
+
+
+def test_without_settings_there_are_facts_but_no_reasons(drive: Any, run_row: Any) -> None:
+    account = explain(bystander_scene(drive, None), run_row(false_stop=True, flag_time_s=0.8), None)
+    assert account.why == (
+        "The brake was requested 7.5 m before another pedestrian, standing, 2.4 m to the right of the ego's "
+        "axis."
+    )
+
+
+def test_without_an_area_everything_counts(drive: Any, run_row: Any, results: RunFolder) -> None:
+    setting = next(iter(results.settings.values()))
+    run = run_row(strategy="all", flag_time_s=0.8, t0_s=1.0, stop_gap_m=1.5)
+    account = explain(bystander_scene(drive, EverythingArea(), moving=True), run, setting)
+    assert account.finding == "Stops with 1.5 m left."
+    assert "everything ahead counts, wherever it is" in account.why
+
+
+def test_an_object_dropped_before_is_told(drive: Any, run_row: Any) -> None:
+    """It is detected all the time, but tracked for two frames only: the area had dropped it."""
+    rows: list[dict[str, Any]] = []
+    for time in drive().time_s:
+        late = time >= 0.7 - 1e-9
+        rows.append({"time_s": time, "kind": "detection", "label": "kept" if late else "dropped"} | BYSTANDER)
+        if late:
+            rows.append({"time_s": time, "kind": "track", "label": "threat"} | BYSTANDER)
+    rows.append({"time_s": 0.8, "kind": "event", "category": "unexpected", "label": "predicted_collision"})
+    account = explain(read_scene(drive().log(*rows), None), run_row(flag_time_s=0.8, t0_s=1.0), None)
+    assert "tracked for only 0.10 s: the monitored area had dropped it before" in account.why
+
+
+@pytest.mark.parametrize(
+    ("strategy", "rows", "reason"),
+    [
+        ("none", [], "nobody watches"),
+        ("map", [], "Nothing was ever detected"),
+        ("map", [("detection", "dropped")], "dropped every detection"),
+        (
+            "map",
+            [("detection", "kept"), ("track", "dynamic")],
+            "never counted as being on a collision course",
+        ),
+        ("map", [("detection", "kept"), ("track", "threat")], "never near enough"),
+    ],
+)
+def test_a_hit_without_braking_has_a_reason(
+    drive: Any, run_row: Any, strategy: str, rows: list[tuple[str, str]], reason: str
+) -> None:
+    more = [{"time_s": 0.5, "kind": kind, "label": label} | BYSTANDER for kind, label in rows]
+    more.append({"time_s": 1.0, "kind": "actor", "label": "target"} | BYSTANDER)
+    run = run_row(strategy=strategy, collided=True, v_impact_kmh=36.0, contact_time_s=1.0, t0_s=1.0)
+    account = explain(read_scene(drive().log(*more), None), run, None)
+    assert account.finding == "Hits the test's pedestrian at 36.0 km/h without braking."
+    assert reason in account.why
+
+
+def test_a_quiet_drive(drive: Any, run_row: Any) -> None:
+    account = explain(read_scene(drive().log(), None), run_row(), None)
+    assert (account.kind, account.finding, account.why) == ("pass", "Never brakes, and touches nobody.", "")
+    assert not math.isnan(float(account.status[0].split()[0]))

@@ -1,0 +1,143 @@
+"""Films: as many pictures and as long as asked for, of the right moments."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluation import results
+from evaluation.errors import ArgumentError
+from evaluation.report import film as film_module
+from evaluation.report.explain import explain
+from evaluation.report.film import HOLD_S, Film, ffmpeg, film_times
+from evaluation.report.folder import read_folder
+from evaluation.report.replay import replay, split_run
+from evaluation.report.scene import read_scene
+
+
+@pytest.fixture(scope="module")
+def name(folder: Path) -> str:
+    runs = results.read_runs(folder)
+    return str(runs.loc[runs["collided"], "log"].iloc[0])
+
+
+def end_of(folder: Path, name: str) -> float:
+    log = results.read_log(results.log_path(folder, name))
+    return float(log.loc[log["kind"] == "ego", "time_s"].max())
+
+
+def test_a_gif_lasts_as_long_as_the_run(folder: Path, name: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.gif"
+    counted: list[tuple[int, int]] = []
+    written, notes = replay(
+        folder / name, path, None, fps=10, speed=1.0, progress=lambda *now: counted.append(now)
+    )
+    assert (written, notes) == ([path], ())
+    end = end_of(folder, name)
+    with Image.open(path) as image:
+        assert image.size == (960, 720)
+        durations = []
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            durations.append(image.info["duration"])
+    assert sum(durations) / 1000 == pytest.approx(end + HOLD_S, abs=0.1 + 1e-6)
+    assert counted[-1] == (len(counted), len(counted))
+    assert len(counted) == int(end * 10) + 2  # from 0 on, and the contact itself
+    assert path.stat().st_size < 6e6
+
+
+@pytest.mark.parametrize(("fps", "speed", "count"), [(20, 1, 21), (20, 0.5, 41), (20, 2, 11), (30, 1, 31)])
+def test_number_of_pictures_and_their_moments(drive: Any, fps: float, speed: float, count: int) -> None:
+    """A drive of 1 s at 20 frames per second."""
+    times = film_times(read_scene(drive().log(), None), fps, speed)
+    assert len(times.frame) == count
+    assert times.frame[0] == 0
+    assert times.frame[-1] == 20
+    assert np.all(np.diff(times.frame) >= 0)
+    # a GIF's clock counts hundredths of a second; what is rounded must not add up
+    shown = times.durations_ms()
+    assert sum(shown[:-1]) == pytest.approx(1000 * (count - 1) / fps, abs=10)
+    assert shown[-1] == 1000 * HOLD_S
+
+
+@pytest.mark.parametrize(("fps", "speed", "option"), [(0, 1, "--fps"), (60, 1, "--fps"), (20, 0, "--speed")])
+def test_impossible_numbers_are_refused(drive: Any, fps: float, speed: float, option: str) -> None:
+    with pytest.raises(ArgumentError, match=f"{option}: must lie in"):
+        film_times(read_scene(drive().log(), None), fps, speed)
+
+
+def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    setting = results_folder.settings[name]
+    scene = read_scene(results_folder.log(name), setting.strategy)
+    film = Film(scene, explain(scene, run, setting), setting.network, "title")
+    first, flag = film.picture(0), film.picture(scene.frame_at(run["flag_time_s"]))
+    assert first.shape == flag.shape == (720, 960, 3)
+    vermillion = np.array([0xD5, 0x5E, 0x00])
+    # threats are drawn in one colour only: none at first, a ring at the flag
+    view = slice(50, 525)
+    assert (np.abs(first[view].astype(int) - vermillion).max(axis=2) < 8).sum() == 0
+    assert (np.abs(flag[view].astype(int) - vermillion).max(axis=2) < 8).sum() > 100
+    assert np.array_equal(film.picture(0), first)
+
+
+def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
+    try:
+        program = ffmpeg()
+    except ArgumentError as error:
+        pytest.skip(str(error))
+    path = tmp_path / "run.mp4"
+    replay(folder / name, None, path, fps=10, speed=1.0)
+    said = subprocess.run(
+        [program, "-i", str(path), "-f", "null", "-"], capture_output=True, text=True, check=True
+    ).stderr
+    frames = int(said.split("frame=")[-1].split()[0])
+    assert frames == int(end_of(folder, name) * 10) + 2 + round(HOLD_S * 10)
+
+
+def test_without_ffmpeg_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film_module.shutil, "which", lambda _: None)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(ArgumentError, match=r"--mp4: no ffmpeg found; .*pip install imageio-ffmpeg"):
+        ffmpeg()
+
+
+@pytest.mark.parametrize("run", ["out/a_30.5kmh_seed0", "out/logs/a_30.5kmh_seed0.parquet"])
+def test_a_run_is_named_by_folder_and_log_or_by_its_file(run: str) -> None:
+    assert split_run(Path(run)) == (Path("out"), "a_30.5kmh_seed0")
+
+
+def test_mistakes_are_one_line(
+    folder: Path, name: str, tmp_path: Path, command: Callable[..., int], capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for file in ("runs.csv", "runs.json"):
+        (bare / file).write_text((folder / file).read_text())
+    missing = json.dumps(str(tmp_path / "no" / "x.gif"))[1:-1]
+    for arguments, answer in (
+        (("replay", folder / "nothing"), "no run 'nothing'"),
+        (("replay", folder / name, "--gif", missing), "cannot write"),
+        (("replay", folder / name, "--fps", "0"), "--fps"),
+        (("replay", bare / name), "nothing can be replayed"),
+        (("report", bare), "nothing can be replayed"),
+        (("report", tmp_path / "empty"), "runs.csv: no such file"),
+        (("report", tmp_path / "gone"), "no such folder"),
+        (("report", folder, "--out", tmp_path / "no" / "x.html"), "cannot write"),
+    ):
+        capfd.readouterr()
+        assert command(*arguments, "--quiet") == 2, arguments
+        said = capfd.readouterr()
+        assert said.err.startswith("smartmot-eval: ")
+        assert answer in said.err
+        assert said.err.count("\n") == 1
+        assert said.out == ""
