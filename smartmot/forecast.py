@@ -8,7 +8,10 @@ import numpy as np
 
 from smartmot.errors import ConfigError
 from smartmot.motion_models import ctrv_positions
+from smartmot.route import Route
 from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
+
+EGO_FORECASTS = ("ctrv", "route")
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,8 @@ class ForecastConfig:
     """How far and how densely to look ahead.
 
     Args:
+        ego: ctrv (paper): the ego keeps its speed and turn rate; route: it keeps its speed along its route,
+            if the monitored area knows one. Before and in a bend CTRV points across the road.
         min_horizon_s: shortest horizon (paper: 3 s); it grows to braking distance / speed.
         max_horizon_s: longest horizon, for speeds near zero.
         step_s: spacing of the forecast boxes. The paper draws 4 boxes; 12.5 m apart at 60 km/h they would
@@ -23,12 +28,15 @@ class ForecastConfig:
         max_yaw_rate_radps: turn rates are limited to this; a track that is only just born may show more.
     """
 
+    ego: str = "ctrv"
     min_horizon_s: float = 3.0
     max_horizon_s: float = 6.0
     step_s: float = 0.1
     max_yaw_rate_radps: float = 1.0
 
     def __post_init__(self) -> None:
+        if self.ego not in EGO_FORECASTS:
+            raise ConfigError(f"forecast: ego must be one of {', '.join(EGO_FORECASTS)}, got {self.ego!r}")
         if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s:
             raise ConfigError("forecast: needs 0 < step_s <= min_horizon_s <= max_horizon_s")
         if not self.max_yaw_rate_radps >= 0:
@@ -85,3 +93,13 @@ def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     )
     size = np.array([[ego.length_m, ego.width_m]])
     return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_))
+
+
+def forecast_ego_along(ego: EgoState, route: Route, time_s: FloatArray) -> Forecast:
+    """Forecast of the ego at its present speed along its route, beside its centre as far as now; (1, T)."""
+    station, offset = route.project(ego.x_m, ego.y_m)
+    center, yaw = route.poses(station + ego.speed_mps * time_s, offset)
+    size = np.array([[ego.length_m, ego.width_m]])
+    return unchecked(
+        Forecast, time_s, center[None], yaw[None], size, np.ones((1, len(time_s)), dtype=np.bool_)
+    )

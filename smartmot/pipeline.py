@@ -10,8 +10,15 @@ from smartmot.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, de
 from smartmot.braking import BrakingDistance, horizon_s
 from smartmot.collision import IOU_THRESHOLD, collision_times, threats
 from smartmot.errors import ConfigError, TimeOrderError
-from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
+from smartmot.forecast import (
+    ForecastConfig,
+    forecast_ego,
+    forecast_ego_along,
+    forecast_times,
+    forecast_tracks,
+)
 from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
+from smartmot.route import Route
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
 from smartmot.types import (
     BoolArray,
@@ -36,7 +43,8 @@ class PipelineConfig:
     Args:
         tracker, forecast, aeb, braking_distance: settings of the parts.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
-        filter_tracks: also delete tracks that left the monitored area (the paper's second use of the map).
+        filter_detections: only track what the monitored area keeps (the paper's first use of the map).
+        filter_tracks: delete tracks that left the monitored area (its second use).
     """
 
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
@@ -44,6 +52,7 @@ class PipelineConfig:
     aeb: AebConfig = field(default_factory=AebConfig)
     braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
     iou_threshold: float = IOU_THRESHOLD
+    filter_detections: bool = True
     filter_tracks: bool = True
 
     def __post_init__(self) -> None:
@@ -126,7 +135,7 @@ class Pipeline:
     """Perception and decision around one monitored-area strategy.
 
     Args:
-        strategy: which objects matter.
+        strategy: which objects matter. If it has a `route`, the ego can be forecast along it.
         config: settings.
     """
 
@@ -160,7 +169,8 @@ class Pipeline:
         area = self.strategy.at(ego)
         kept = area.kept(detections.boxes, detections.category)
         monitored = area.kept if config.filter_tracks else None
-        tracker_state, tracks = self._tracker.step(state.tracker, detections[kept], monitored)
+        relevant = detections[kept] if config.filter_detections else detections
+        tracker_state, tracks = self._tracker.step(state.tracker, relevant, monitored)
         horizon = horizon_s(
             ego.speed_mps,
             config.braking_distance,
@@ -169,7 +179,10 @@ class Pipeline:
         )
         time = forecast_times(horizon, config.forecast.step_s)
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
-        ego_forecast = forecast_ego(ego, time)
+        route: Route | None = (
+            getattr(self.strategy, "route", None) if config.forecast.ego == "route" else None
+        )
+        ego_forecast = forecast_ego_along(ego, route, time) if route else forecast_ego(ego, time)
         now = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
         relevance = area.relevance(now, tracks.category)
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
@@ -194,6 +207,12 @@ class Pipeline:
         lead = _lead(scene, ego)
         result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
         return PipelineState(tracker_state, aeb), result
+
+    def _forecast_ego(self, ego: EgoState, time_s: FloatArray) -> Forecast:
+        route: Route | None = getattr(self.strategy, "route", None)
+        if self.config.forecast.ego == "route" and route is not None:
+            return forecast_ego_along(ego, route, time_s)
+        return forecast_ego(ego, time_s)
 
     def _situation(self, area: MonitoredArea, scene: _Scene, ego: EgoState) -> Situation:
         ahead, on_way = scene.ahead_m, scene.on_way

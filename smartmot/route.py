@@ -69,6 +69,22 @@ class Route:
         k = int(np.argmin((u - on) ** 2 + lateral**2))
         return float(self.station_m[k] + on[k]), float(lateral[k])
 
+    def poses(self, station_m: FloatArray, offset_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Points beside the centre line (left positive) at many stations, straight on beyond its ends.
+
+        Args:
+            station_m: (T,) distances along it.
+            offset_m: to the left.
+
+        Returns:
+            (T, 2) points, map frame, and (T,) headings of the centre line there.
+        """
+        k = np.clip(np.searchsorted(self.station_m, station_m, side="right") - 1, 0, len(self._unit) - 1)
+        unit, along = self._unit[k], station_m - self.station_m[k]
+        normal = np.column_stack((-unit[:, 1], unit[:, 0]))
+        points = self.center_m[k] + unit * along[:, None] + normal * offset_m
+        return points, np.arctan2(unit[:, 1], unit[:, 0])
+
     def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
         """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame."""
         k = int(np.clip(np.searchsorted(self.station_m, station_m) - 1, 0, len(self.station_m) - 2))

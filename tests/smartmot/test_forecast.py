@@ -4,8 +4,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from opendrive import load_map
+from scenarios.map_builder import shipped_map
 from smartmot.errors import ConfigError
-from smartmot.forecast import ForecastConfig, forecast_ego, forecast_times, forecast_tracks
+from smartmot.forecast import (
+    ForecastConfig,
+    forecast_ego,
+    forecast_ego_along,
+    forecast_times,
+    forecast_tracks,
+)
+from smartmot.route import route_ahead
 from smartmot.types import Boxes, EgoState, FloatArray, Tracks
 
 TIMES = forecast_times(3.0, 0.1)
@@ -143,3 +152,39 @@ def test_no_tracks() -> None:
 def test_impossible_settings_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(ConfigError):
         ForecastConfig(**settings)
+
+
+# --- along the route ----------------------------------------------------------------------------------
+
+
+def test_ego_along_its_route_follows_the_bend() -> None:
+    """On the shipped bend's arc (radius 60 m, lane centre 1.75 m outside it) the ego stays on its circle."""
+    network = load_map(shipped_map("urban_bend"))
+    lane = network.lane_index_of(("1", 0, -1))
+    route = route_ahead(network, lane, s_m=240.0, ahead_m=100.0)
+    s_m = np.linspace(240.0, 280.0, 50)
+    x, y, _, heading = network.center_line(lane, s_m)
+    ego = EgoState(0.0, float(x[0]), float(y[0]), float(heading[0]), 8.0)
+    ahead = forecast_ego_along(ego, route, np.arange(31) * 0.1)
+    distance = np.hypot(ahead.center_m[0, :, None, 0] - x[None], ahead.center_m[0, :, None, 1] - y[None])
+    driven = np.hypot(*np.diff(ahead.center_m[0], axis=0).T)
+    assert distance.min(axis=1).max() < 0.5  # between samples of the lane, 0.8 m apart
+    np.testing.assert_allclose(driven, 0.8, rtol=1e-3)
+    turned = np.unwrap(ahead.yaw_rad[0])
+    assert turned[-1] - turned[0] == pytest.approx(24.0 / 61.75, abs=0.04)  # chords turn in steps of 0.03
+    straight = forecast_ego(ego, np.arange(31) * 0.1)
+    assert np.hypot(*(straight.center_m[0, -1] - ahead.center_m[0, -1])) > 4.0
+
+
+def test_ego_beside_its_route_keeps_its_offset() -> None:
+    network = load_map(shipped_map("urban_street"))
+    route = route_ahead(network, network.lane_index_of(("1", 0, -1)), s_m=100.0, ahead_m=200.0)
+    ego = EgoState(0.0, 100.0, -1.75 + 0.4, 0.1, 10.0)
+    ahead = forecast_ego_along(ego, route, np.array([0.0, 1.0, 3.0, 100.0]))
+    np.testing.assert_allclose(ahead.center_m[0], [[100, -1.35], [110, -1.35], [130, -1.35], [1100, -1.35]])
+    np.testing.assert_allclose(ahead.yaw_rad[0], 0.0, atol=1e-12)
+
+
+def test_unknown_ego_forecast_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"ego must be one of ctrv, route, got 'magic'"):
+        ForecastConfig(ego="magic")
