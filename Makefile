@@ -19,8 +19,10 @@ check: test
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
+# Each prints ratios against peers measured in the same run; peers come from PyPI into an environment of their own.
 bench: $(VENV)/.run
-	$(VENV)/bin/python -m benchmarks.cpna
+	for name in cpna opendrive tracking openscenario; do \
+		$(VENV)/bin/python -m benchmarks.$$name || exit 1; done
 
 clean:
 	rm -rf $(VENV) build dist results *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -63,8 +63,9 @@ def computing(directory: Path) -> tuple[float, float]:
     simulated = 0.0
     rows = []
     for record in runner.run_suite(job, site):
+        assert record.log is not None
         simulated += float(record.log["time_s"].max())
-        results.write_log(results.log_path(directory, record.row.log or ""), record.log)
+        results.write_log(results.log_path(directory, record.spec.log), record.log)
         rows.append(record.row)
     results.write_runs(directory, rows, runner.suite_configuration(job, site))
     return time.perf_counter() - start, simulated
@@ -88,7 +89,8 @@ def peer(simulated_s: float) -> float:
 
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
-    from evaluation import results, runner
+    from evaluation import results, runner, runs
+    from scenarios.openscenario.engine import Engine
     from scenarios.recording import RunLog
     from scenarios.sensors import Sensor
     from scenarios.simulation import Simulation
@@ -96,8 +98,13 @@ def stage_shares(directory: Path) -> dict[str, float]:
 
     stages = Stages()
     stages.wrap(runner, "load_site", "map and place")
-    stages.wrap(runner, "make_strategy", "map and place")
-    stages.wrap(Simulation, "run", "world: ego, actors, contact")
+    stages.wrap(runs, "definition_of", "scenario file")
+    stages.wrap(runs, "make_strategy", "map and place")
+    stages.wrap(Simulation, "scene", "map and place")
+    stages.wrap(Simulation, "run", "closed loop")
+    stages.wrap(Engine, "__init__", "world: engine")
+    stages.wrap(Engine, "advance", "world: engine")
+    stages.wrap(Simulation, "_world", "world: engine")
     stages.wrap(Sensor, "observe", "sensor")
     stages.wrap(pipeline.Pipeline, "step", "forecast, threats, decision")
     stages.wrap(tracker.Tracker, "step", "tracking")

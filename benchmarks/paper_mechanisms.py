@@ -12,9 +12,11 @@ from dataclasses import replace
 
 from evaluation.protocols.paper import PUBLISHED
 from opendrive import load_map
-from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy
+from scenarios.cpna import CpnaTest, build, find_site
 from scenarios.map_builder import shipped_map
+from scenarios.places import Site
 from scenarios.presets import PAPER, Preset
+from scenarios.strategies import make_strategy
 from smartmot.monitored_area import MapAreaConfig, RectangularConfig
 
 FRAME_S = 1 / PAPER.sensor.rate_hz

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,6 +89,32 @@ def parse_place(text: str) -> tuple[str, int, float]:
     if not math.isfinite(place[2]):
         raise ArgumentError(f"--at: expected ROAD,LANE,S such as 1,-1,250.0; got {text!r}")
     return place
+
+
+def parse_parameters(texts: Sequence[str]) -> dict[str, str]:
+    """`NAME=VALUE` each, as values by name.
+
+    Raises:
+        ArgumentError: not of that form, or a name twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        name = name.strip().removeprefix("$")
+        if not equals or not name:
+            raise ArgumentError(f"--param: expected NAME=VALUE such as Ego_speed_kmh=50, got {text!r}")
+        if name in values:
+            raise ArgumentError(f"--param: {name} is given twice; give it once")
+        values[name] = value.strip()
+    return values
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # systems without affinity
+        return os.cpu_count() or 1
 
 
 def writable_folder(path: Path) -> Path:

@@ -32,6 +32,28 @@ CPNA_EXAMPLES = """
 `smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`
 """
 
+RUN_EXAMPLES = """
+**Examples**
+
+`smartmot-eval run cpfa --preset physical --strategy rectangular,map`
+
+`smartmot-eval run my_test.xosc --param Ego_speed_kph=50 --no-aeb`
+
+`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`
+
+Names and parameters of the shipped scenarios: smartmot-eval list
+"""
+
+NCAP_EXAMPLES = """
+**Examples**
+
+`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`
+
+`smartmot-eval ncap --protocol 2026 --strategy map`
+
+`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`
+"""
+
 PLOT_EXAMPLES = """
 **Examples**
 
@@ -80,6 +102,22 @@ MOT_EXAMPLES = """
 Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install 'smartmot[mot]'.
 """
 
+COMPARE_EXAMPLES = """
+**Examples**
+
+`smartmot-eval compare`
+
+`smartmot-eval compare --vary margin_m=0..4:0.5 --vary ego_forecast=ctrv,route --strategies map`
+
+`smartmot-eval compare --scenes 'people at the kerb,crosses in a bend' --weather dry,rain --seeds 5`
+
+`smartmot-eval compare --ablation --out results/ablation`
+
+`smartmot-eval compare --growth --out results/growth`
+
+Scenes, parameters, measures and intervals: docs/study.md. A comparison that was killed goes on where it was.
+"""
+
 Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
 Strategy = Annotated[
     str, typer.Option(help="Monitored areas to compare, comma-separated: rectangular, map, all.")
@@ -106,6 +144,20 @@ Impact = Annotated[
         help="Euro NCAP impact location in % of the ego's width (25, 50, 75); default: the paper's test.",
     ),
 ]
+Night = Annotated[
+    str,
+    typer.Option(help="Sensor in the dark: lidar (sees as by day) or camera (as far as low beam lights)."),
+]
+PhaseMs = Annotated[
+    float,
+    typer.Option(min=0, max=50, help="Time of the first sensor frame, steps of 10 ms; shifts all frames."),
+]
+Seed = Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the sensor noise.")]
+Workers = Annotated[int, typer.Option(min=1, help="Processes; the results are the same for any number.")]
+AllWorkers = Annotated[
+    Optional[int],  # noqa: UP045
+    typer.Option(min=1, help="Processes, default: one per core; the results are the same for any number."),
+]
 PictureFormat = Annotated[str, typer.Option("--format", help="Pictures as png, svg or pdf.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
 
@@ -119,26 +171,24 @@ def cpna(
     map_file: MapFile = None,
     at: At = None,
     impact_point: Impact = None,
-    phase_ms: Annotated[
-        float,
-        typer.Option(
-            min=0, max=50, help="Time of the first sensor frame, steps of 10 ms; shifts all frames."
-        ),
-    ] = 0.0,
+    phase_ms: PhaseMs = 0.0,
     adversaries: Annotated[
         str, typer.Option(help="none, or static: parked cars and standing people.")
     ] = "none",
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the sensor noise.")] = 0,
+    seed: Seed = 0,
     out: Annotated[Path, typer.Option(help="Folder for tables, logs and pictures.")] = Path("results"),
     pictures: Annotated[bool, typer.Option(help="Draw the pictures.")] = True,
     form: PictureFormat = "png",
+    workers: Workers = 1,
     quiet: Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
     from evaluation.arguments import parse_name, parse_names, parse_place, parse_speeds, writable_folder
-    from evaluation.runner import CpnaSuite, Place
-    from scenarios.cpna import STRATEGIES
+    from evaluation.comparison import compare_cpna
+    from evaluation.runner import CpnaSuite
+    from scenarios.places import Place
     from scenarios.presets import PRESETS, WEATHER
+    from scenarios.strategies import STRATEGIES
 
     form = parse_name(form, PICTURE_FORMATS, "--format")
     suite = CpnaSuite(
@@ -153,47 +203,144 @@ def cpna(
         seed=seed,
         phase_s=phase_ms / 1000,
     )
-    _run(suite, writable_folder(out), form if pictures else None, quiet)
+    compare_cpna(suite, writable_folder(out), form if pictures else None, workers, quiet)
 
 
-def _run(suite, out: Path, pictures: str | None, quiet: bool) -> None:  # type: ignore[no-untyped-def]
-    """Run a suite behind a progress bar, write its files, print its table."""
+@app.command(epilog=RUN_EXAMPLES)
+def run(
+    scenario: Annotated[
+        str,
+        typer.Argument(help="Scenario or distribution file, or a shipped name.", metavar="FILE.xosc|NAME"),
+    ],
+    param: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(help="Value of a parameter of the scenario; may be repeated.", metavar="NAME=VALUE"),
+    ] = None,
+    no_aeb: Annotated[bool, typer.Option("--no-aeb", help="Nobody brakes: the unbraked run.")] = False,
+    strategy: Strategy = "rectangular,map",
+    preset: PresetName = "physical",
+    weather: WeatherNames = "dry",
+    hold_speed: Annotated[
+        bool,
+        typer.Option(
+            "--hold-speed", help="As in tests of Euro NCAP: no ACC, and the run ends when the ego stands."
+        ),
+    ] = False,
+    night: Night = "lidar",
+    map_file: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--map",
+            help="Map that perception uses; default: the scenario's own, or a street laid over a test track.",
+            metavar="FILE.xodr",
+        ),
+    ] = None,
+    phase_ms: PhaseMs = 0.0,
+    seed: Seed = 0,
+    out: Annotated[Path, typer.Option(help="Folder for tables, logs and pictures.")] = Path("results/run"),
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures.")] = True,
+    form: PictureFormat = "png",
+    workers: AllWorkers = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run an OpenSCENARIO file, or every variation that a file asks for."""
+    from evaluation.arguments import (
+        available_cores,
+        parse_name,
+        parse_names,
+        parse_parameters,
+        writable_folder,
+    )
+    from evaluation.comparison import compare_files
+    from evaluation.runner import Conditions, scenario_specs
+    from evaluation.runs import NO_AEB
+    from scenarios.presets import NIGHT, PRESETS, WEATHER
+    from scenarios.strategies import STRATEGIES
+
+    form = parse_name(form, PICTURE_FORMATS, "--format")
+    conditions = Conditions(
+        strategies=(NO_AEB,) if no_aeb else parse_names(strategy, STRATEGIES, "--strategy"),
+        preset=parse_name(preset, tuple(PRESETS), "--preset"),
+        weather=parse_names(weather, tuple(WEATHER), "--weather"),
+        map_name=str(map_file) if map_file else None,
+        seed=seed,
+        phase_s=phase_ms / 1000,
+        night=parse_name(night, tuple(NIGHT), "--night"),
+        adapts=not hold_speed,
+    )
+    specs = scenario_specs(scenario, parse_parameters(param or []), conditions)
+    processes = workers or available_cores()
+    compare_files(specs, writable_folder(out), form if pictures else None, processes, quiet)
+
+
+@app.command(epilog=NCAP_EXAMPLES)
+def ncap(
+    files: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Argument(
+            help="Folders or files of scenarios; none: the shipped ones.", metavar="[DIR|FILE ...]"
+        ),
+    ] = None,
+    protocol: Annotated[
+        str, typer.Option(help="2023, 2026 (Euro NCAP), paper (SmartMOT) or r152 (UN Regulation).")
+    ] = "2023",
+    strategy: Strategy = "rectangular,map",
+    preset: PresetName = "physical",
+    weather: WeatherNames = "dry",
+    night: Night = "lidar",
+    phase_ms: PhaseMs = 0.0,
+    seed: Seed = 0,
+    out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
+    workers: AllWorkers = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run every cell of a test protocol, score it, show its matrices."""
     import rich.console
-    import rich.progress
 
-    from evaluation import results, runner
-    from evaluation.protocols.paper import PUBLISHED
+    from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
+    from evaluation.ncap import run_grid
+    from evaluation.protocols.registry import PROTOCOLS
+    from evaluation.runner import Conditions
+    from scenarios.presets import NIGHT, PRESETS, WEATHER
+    from scenarios.strategies import STRATEGIES
 
+    name = parse_name(protocol, tuple(PROTOCOLS), "--protocol")
+    conditions = Conditions(
+        strategies=parse_names(strategy, STRATEGIES, "--strategy"),
+        preset=parse_name(preset, tuple(PRESETS), "--preset"),
+        weather=parse_names(weather, tuple(WEATHER), "--weather"),
+        seed=seed,
+        phase_s=phase_ms / 1000,
+        night=parse_name(night, tuple(NIGHT), "--night"),
+        adapts=name == "paper",
+    )
     console = rich.console.Console(quiet=quiet)
-    picture_count = 3 if pictures else 0
-    with rich.progress.Progress(console=console, transient=True, disable=quiet) as progress:
-        task = progress.add_task("loading", total=runner.count(suite) + picture_count)
-        site = runner.load_site(suite)
-        progress.update(task, description="running")
-        rows = []
-        for record in runner.run_suite(suite, site):
-            assert record.row.log is not None
-            results.write_log(results.log_path(out, record.row.log), record.log)
-            rows.append(record.row)
-            progress.advance(task)
-        results.write_runs(out, rows, runner.suite_configuration(suite, site))
-        runs = results.read_runs(out)
-        if pictures:
-            from evaluation.pictures import save_pictures
+    run_grid(files or [], name, conditions, writable_folder(out), workers or available_cores(), console)
 
-            progress.update(task, description="drawing")
-            logs = results.read_logs(out, runs)
-            save_pictures(out, runs, logs, site, suffix=pictures, done=lambda: progress.advance(task))
-    table = results.comparison_table(runs, PUBLISHED if runner.is_published(suite) else None)
-    results.write_table(out, table)
-    console.print(results.rich_table(table, f"{rows[0].scenario}, preset {suite.preset}"))
-    drawn = ", pictures" if pictures else ""
-    console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{drawn}")
+
+@app.command("list")
+def list_command(
+    scenario: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Argument(help="Only this one, with its parameters.", metavar="[FILE.xosc|NAME]"),
+    ] = None,
+) -> None:
+    """List the shipped scenarios: name, number of runs, description; or one with its parameters."""
+    from scenarios.library import SHIPPED_SCENARIOS, describe
+
+    for name in SHIPPED_SCENARIOS if scenario is None else (scenario,):
+        found = describe(name)
+        runs = f"{found.runs} run{'s' if found.runs > 1 else ''}"
+        typer.echo(f"{found.name:<20} {runs:>8}  {found.text}")
+        if scenario is None:
+            typer.echo(f"{'':<31}{', '.join(key for key, _ in found.parameters)}")
+        for key, value in found.parameters if scenario is not None else ():
+            typer.echo(f"  {key} = {value}")
 
 
 @app.command(epilog=PLOT_EXAMPLES)
 def plot(
-    directory: Annotated[Path, typer.Argument(help="Folder that `cpna --out` wrote.", metavar="DIR")],
+    directory: Annotated[Path, typer.Argument(help="Folder that `cpna` or `run` wrote.", metavar="DIR")],
     run: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(help="Log name (column log of runs.csv) for temporal diagram and bird's-eye view."),
@@ -202,14 +349,10 @@ def plot(
     quiet: Quiet = False,
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
-    from evaluation import results, runner
     from evaluation.arguments import parse_name
-    from evaluation.pictures import save_pictures
+    from evaluation.comparison import draw_again
 
-    form = parse_name(form, PICTURE_FORMATS, "--format")
-    runs = results.read_runs(directory)
-    site = runner.load_site(runner.read_suite(directory))
-    written = save_pictures(directory, runs, results.read_logs(directory, runs), site, shown=run, suffix=form)
+    written = draw_again(directory, run, parse_name(form, PICTURE_FORMATS, "--format"))
     if not quiet:
         for path in written:
             typer.echo(path)
@@ -293,13 +436,15 @@ def map_command(
     """Describe a map, and draw it with the monitored area at a pose."""
     from evaluation import runner
     from evaluation.arguments import parse_name, parse_place
-    from scenarios.cpna import STRATEGIES
+    from evaluation.runs import load_named_map
+    from scenarios.places import Place
     from scenarios.presets import PRESETS
+    from scenarios.strategies import STRATEGIES
 
     strategy = parse_name(strategy, STRATEGIES, "--strategy")
     preset = parse_name(preset, tuple(PRESETS), "--preset")
-    place = runner.Place(*parse_place(at)) if at is not None else None
-    network = runner.load_named_map(file)
+    place = Place(*parse_place(at)) if at is not None else None
+    network = load_named_map(file)
     if check:
         from opendrive.checks import warning_table
 
@@ -384,6 +529,80 @@ def mot(
             video=video,
             frames=frames,
             forecast=forecast,
+            quiet=quiet,
+        )
+    )
+
+
+@app.command(epilog=COMPARE_EXAMPLES)
+def compare(
+    strategies: Annotated[
+        str, typer.Option(help="Monitored areas to compare, comma-separated: rectangular, map, all.")
+    ] = "rectangular,map,all",
+    vary: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            help="Values of a parameter; may be repeated. Default: margin_m and half_width_m.",
+            metavar="NAME=VALUES",
+        ),
+    ] = None,
+    preset: PresetName = "physical",
+    weather: WeatherNames = "dry",
+    scenes: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Only these scenes, comma-separated; see docs/study.md. Default: all."),
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Every variant of the scenes, and outer maps where there are any.")
+    ] = False,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Repetitions, each with its own noise.")] = 2,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Change the paper's choices one at a time.")
+    ] = False,
+    growth: Annotated[
+        bool, typer.Option("--growth", help="0 to 200 other participants: time per frame, and the flag.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder for tables, figures and the journal.")] = Path(
+        "results/compare"
+    ),
+    workers: AllWorkers = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare strategies over scenes: who avoids contacts, and who stops for nobody."""
+    from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
+    from evaluation.errors import ArgumentError
+    from evaluation.study.command import CompareOptions
+    from evaluation.study.command import compare as carry_out
+    from evaluation.study.growth import compare_growth
+    from evaluation.study.parameters import parse_vary
+    from scenarios.presets import PRESETS, WEATHER
+    from scenarios.scenes.scenes import scene_names
+    from scenarios.strategies import STRATEGIES
+
+    if ablation + growth + bool(vary) > 1:
+        raise ArgumentError("--vary, --ablation and --growth exclude one another; give one of them")
+    chosen = parse_names(strategies, STRATEGIES, "--strategies")
+    preset = parse_name(preset, tuple(PRESETS), "--preset")
+    conditions = parse_names(weather, tuple(WEATHER), "--weather")
+    varied = parse_vary(vary or [])
+    only = parse_names(scenes, scene_names(), "--scenes") if scenes else ()
+    folder = writable_folder(out)
+    if growth:
+        compare_growth(chosen, preset, conditions[0], seeds, folder, quiet)
+        return
+    processes = workers or available_cores()
+    carry_out(
+        CompareOptions(
+            strategies=chosen,
+            vary=varied,
+            preset=preset,
+            weather=conditions,
+            scenes=only,
+            full=full,
+            seeds=seeds,
+            workers=processes,
+            out=folder,
+            ablation=ablation,
             quiet=quiet,
         )
     )

@@ -71,7 +71,12 @@ class RunRow:
         stop_gap_m: free distance left when the ego stood still.
         contact_time_s: time of contact.
         t0_s: time of stop or contact.
-        false_stop: whether the ego braked although nothing was in its way.
+        false_stop: whether the ego braked before the target, which stood at first, had set off.
+        target_start_time_s: when the target left standstill.
+        target_steady_time_s: since when its speed was constant at the contact, or else at the end.
+        ego_speed_at_contact_kmh: along its heading, negative in reverse.
+        target_speed_at_contact_kmh: of whom the ego hit.
+        impact_location_percent: where its centre met the ego's width; 0 the right edge, 100 the left one.
         log: name of the run's log, without folder and suffix.
     """
 
@@ -92,6 +97,11 @@ class RunRow:
     contact_time_s: float | None
     t0_s: float | None
     false_stop: bool
+    target_start_time_s: float | None
+    target_steady_time_s: float | None
+    ego_speed_at_contact_kmh: float | None
+    target_speed_at_contact_kmh: float | None
+    impact_location_percent: float | None
     log: str | None
 
 
@@ -300,6 +310,39 @@ def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | No
     repeats = int(runs.groupby([*conditions, "strategy", "v_test_kmh"]).size().max())
     caption = f"Means over up to {repeats} runs per speed and strategy." if repeats > 1 else ""
     return Table(tuple(header), tuple(rows), tuple(totals), caption)
+
+
+def impact_table(runs: pd.DataFrame) -> Table:
+    """Impact speed of each strategy, per scenario and test speed, for tests without a score.
+
+    Returns:
+        The table, with the contacts and, if there were any, the false stops at its foot.
+
+    Raises:
+        ResultsError: there are no runs or a column is missing.
+    """
+    _require_columns("comparison of runs", list(runs.columns), RUN_COLUMNS)
+    if runs.empty:
+        raise ResultsError("comparison of runs: the table of runs is empty; run at least one test")
+    strategies = ordered_strategies(runs)
+    conditions = varying_conditions(runs)
+    lead = [*conditions, "v_test_kmh"]
+    wide = runs.pivot_table(values="v_impact_kmh", index=lead, columns="strategy", aggfunc="mean", sort=True)
+    rows = []
+    for values, impacts in zip(wide.index, wide[strategies].to_numpy(), strict=True):
+        *names, speed = values if isinstance(values, tuple) else (values,)
+        rows.append((*map(str, names), f"{speed:g}", *(_number(float(v), ".2f") for v in impacts)))
+    totals = [("contacts", *[""] * len(conditions), *_shares(runs, strategies, "collided"))]
+    if runs["false_stop"].any():
+        totals.append(("false stops", *[""] * len(conditions), *_shares(runs, strategies, "false_stop")))
+    header = (*conditions, "v_test (km/h)", *(f"{strategy} v_impact (km/h)" for strategy in strategies))
+    return Table(header, tuple(rows), tuple(totals))
+
+
+def _shares(runs: pd.DataFrame, strategies: Sequence[str], column: str) -> list[str]:
+    """How many runs of each strategy are marked in a column."""
+    chosen = [runs.loc[runs["strategy"] == strategy, column] for strategy in strategies]
+    return [f"{int(marks.sum())} of {len(marks)}" for marks in chosen]
 
 
 def rich_table(table: Table, title: str | None = None) -> rich.table.Table:

@@ -1,42 +1,41 @@
-"""Runs every combination that a comparison asks for, on one place of one map."""
+"""What a user asks for, as runs: the CPNA comparison on one place of one map, and scenario files."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evaluation.arguments import DEFAULT_MAP
-from evaluation.protocols.paper import paper_score, paper_score_max
-from evaluation.results import RUNS_JSON, ResultsError, RunRow
-from opendrive import RoadNetwork, load_map
-from scenarios.cpna import CpnaTest, Site, build, find_site, make_strategy, near_side, site_at
+from evaluation.results import RUNS_JSON, ResultsError
+from evaluation.runs import (
+    RunRecord,
+    RunSpec,
+    definition_of,
+    execute_all,
+    initial_speed_kmh,
+    is_night,
+    load_named_map,
+    perception_map,
+)
+from opendrive import RoadNetwork
+from scenarios.cpna import CpnaTest, approach_m, scenario_parameters
 from scenarios.errors import ScenarioError
-from scenarios.map_builder import SHIPPED_MAPS, shipped_map
-from scenarios.presets import Preset, named_preset, named_weather, preset_in_weather
-from scenarios.simulation import Outcome
+from scenarios.library import scenario_name, scenario_path
+from scenarios.map_builder import SHIPPED_MAPS
+from scenarios.openscenario.distributions import Variation, expand
+from scenarios.openscenario.expressions import Value
+from scenarios.places import Place, Site, find_site, lane_at, near_side, site_at
+from scenarios.presets import Preset, named_light, named_preset, named_weather, preset_in_weather
 from smartmot.regulatory import regulatory_elements
 from smartmot.route import route_ahead
 
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A place on a map as the user names it.
-
-    Args:
-        road_id: id of the road.
-        lane_id: id of the lane on it.
-        s_m: road coordinate.
-    """
-
-    road_id: str
-    lane_id: int
-    s_m: float
+# ---- CPNA --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,60 +85,47 @@ class CpnaSuite:
         """The test at one speed."""
         return CpnaTest(speed_kmh, self.impact_point_percent, self.adversaries, self.seed)
 
+    def specs(self, site: Site) -> list[RunSpec]:
+        """The runs: by weather, then strategy, then speed.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RunRecord:
-    """One finished run.
-
-    Args:
-        row: its line in `runs.csv`.
-        outcome: what came out.
-        log: its log as columns.
-    """
-
-    row: RunRow
-    outcome: Outcome
-    log: dict[str, NDArray[Any]]
-
-
-def lane_at(network: RoadNetwork, place: Place) -> int:
-    """Index of the lane at a place.
-
-    Raises:
-        ScenarioError: there is no such road, lane or s; the message lists what there is.
-    """
-    roads = {key.road_id for key in network.lanes.key}
-    if place.road_id not in roads:
-        some = ", ".join(sorted(roads, key=lambda r: (len(r), r))[:12])
-        raise ScenarioError(f"the map has no road {place.road_id!r}; it has {len(roads)} roads: {some} ...")
-    found: list[str] = []
-    for index, key in enumerate(network.lanes.key):
-        if key.road_id != place.road_id:
-            continue
-        low, high = float(network.lanes.s_start_m[index]), float(network.lanes.s_end_m[index])
-        if key.lane_id == place.lane_id and low <= place.s_m <= high:
-            return index
-        found.append(f"{key.lane_id} ({network.lanes.lane_type[index]!s}, s {low:g}..{high:g})")
-    raise ScenarioError(
-        f"road {place.road_id} has no lane {place.lane_id} at s = {place.s_m:g} m; "
-        f"it has: {'; '.join(found[:12])}"
-    )
+        Args:
+            site: the suite's place.
+        """
+        # from the folder of the shipped scenarios
+        shipped = self.map_name in SHIPPED_MAPS
+        map_file = f"../maps/{self.map_name}.xodr" if shipped else str(Path(self.map_name).resolve())
+        preset = named_preset(self.preset)
+        specs = []
+        for weather in self.weather:
+            for strategy in self.strategies:
+                for speed in self.speeds_kmh:
+                    test = self.test(speed)
+                    values = {"Map": map_file, **scenario_parameters(test, site, preset)}
+                    specs.append(
+                        RunSpec(
+                            scenario=test.name,
+                            file=test.scenario,
+                            parameters=tuple(sorted(values.items())),
+                            strategy=strategy,
+                            preset=self.preset,
+                            weather=weather,
+                            v_test_kmh=speed,
+                            map_name=self.map_name,
+                            adversaries=self.adversaries,
+                            seed=self.seed,
+                            phase_s=self.phase_s,
+                            paper_points=True,
+                        )
+                    )
+        return specs
 
 
 def choose_site(network: RoadNetwork, place: Place | None, max_speed_kmh: float) -> Site:
     """The place of the test, given or found."""
+    needed = approach_m(max_speed_kmh)
     if place is None:
-        return find_site(network, max_speed_kmh)
-    return site_at(network, lane_at(network, place), place.s_m, max_speed_kmh)
-
-
-def load_named_map(name: str) -> RoadNetwork:
-    """Load a shipped map by its name, or any OpenDRIVE file.
-
-    Raises:
-        opendrive.OpenDriveError: the file cannot be read.
-    """
-    return load_map(shipped_map(name) if name in SHIPPED_MAPS else Path(name))
+        return find_site(network, needed)
+    return site_at(network, lane_at(network, place), place.s_m, needed)
 
 
 def load_site(suite: CpnaSuite) -> Site:
@@ -150,43 +136,6 @@ def load_site(suite: CpnaSuite) -> Site:
         opendrive.OpenDriveError: the file cannot be read.
     """
     return choose_site(load_named_map(suite.map_name), suite.place, max(suite.speeds_kmh))
-
-
-def pose_site(network: RoadNetwork, place: Place) -> Site:
-    """A place to look at, which need not be straight."""
-    lane = lane_at(network, place)
-    if network.lanes.lane_type[lane] != "driving":
-        raise ScenarioError(
-            f"lane {place.lane_id} of road {place.road_id} is of type {network.lanes.lane_type[lane]!s}; "
-            "choose a driving lane"
-        )
-    route = route_ahead(network, lane, place.s_m, ahead_m=200.0, behind_m=100.0)
-    station = float(route.entry_m[route.lanes.index(lane)]) + route.strips[
-        route.lanes.index(lane)
-    ].station_at(place.s_m)
-    return Site(network, route, station, near_side(network, lane))
-
-
-def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:
-    """What a map holds, and what the law says on the route ahead of a place, line by line."""
-    types, counts = np.unique(network.lanes.lane_type, return_counts=True)
-    lines = [
-        f"map: {network.name or '(unnamed)'}, {len(network.roads)} roads, {len(network.lanes.key)} lanes: "
-        + ", ".join(f"{n} {t}" for t, n in zip(types, counts, strict=True)),
-        f"crosswalks: {len(network.crosswalks)}, warnings: {len(network.warnings)}",
-    ]
-    lines += [f"  warning: {warning}" for warning in network.warnings[:20]]
-    if site is not None:
-        lines.append(
-            f"route: {len(site.route.strips)} lanes, {site.route.length_m - site.line_m:.0f} m ahead"
-        )
-        elements = regulatory_elements(network, site.route, site.line_m, 200.0)
-        for element in elements:
-            value = "" if element.value is None else f" {element.value:g}"
-            lines.append(f"  {element.kind}{value} in {element.distance_m:.1f} m (road {element.road_id})")
-        if not elements:
-            lines.append("  no regulatory element within 200 m")
-    return lines
 
 
 def is_published(suite: CpnaSuite) -> bool:
@@ -201,60 +150,19 @@ def is_published(suite: CpnaSuite) -> bool:
     )
 
 
-def count(suite: CpnaSuite) -> int:
-    """How many runs a suite has."""
-    return len(suite.speeds_kmh) * len(suite.strategies) * len(suite.weather)
-
-
-def run_suite(suite: CpnaSuite, site: Site | None = None) -> Iterator[RunRecord]:
+def run_suite(suite: CpnaSuite, site: Site | None = None, workers: int = 1) -> Iterator[RunRecord]:
     """Run a suite, one record after the other: by weather, then strategy, then speed.
 
     Args:
         suite: what to run.
         site: the place, when the caller has loaded the map already.
+        workers: processes.
 
     Raises:
         ScenarioError: a test cannot be set up.
         opendrive.OpenDriveError: the map cannot be read.
     """
-    if site is None:
-        site = load_site(suite)
-    for name in suite.weather:
-        preset = suite.preset_in(name)
-        for strategy_name in suite.strategies:
-            strategy = make_strategy(strategy_name, preset, site)
-            for speed in suite.speeds_kmh:
-                outcome = build(suite.test(speed), site, preset, strategy).run()
-                yield _record(suite, name, strategy_name, speed, outcome)
-
-
-def _record(suite: CpnaSuite, weather: str, strategy: str, speed: float, outcome: Outcome) -> RunRecord:
-    test = suite.test(speed)
-    impact = outcome.impact_speed_mps * 3.6
-    collided = outcome.contact_time_s is not None
-    row = RunRow(
-        scenario=test.name,
-        strategy=strategy,
-        preset=suite.preset,
-        weather=weather,
-        adversaries=suite.adversaries,
-        seed=suite.seed,
-        v_test_kmh=speed,
-        v_impact_kmh=impact,
-        collided=collided,
-        score=paper_score(speed, impact),
-        score_max=paper_score_max(speed),
-        flag_time_s=outcome.flag_time_s,
-        flag_distance_m=outcome.flag_distance_m,
-        stop_gap_m=outcome.stop_gap_m,
-        contact_time_s=outcome.contact_time_s,
-        t0_s=outcome.contact_time_s if collided else outcome.stop_time_s,
-        # a request before the pedestrian has started can only be meant for nobody
-        false_stop=outcome.flag_time_s is not None
-        and (outcome.trigger_time_s is None or outcome.flag_time_s < outcome.trigger_time_s),
-        log=f"{test.name}_{strategy}_{weather}_{suite.adversaries}_{speed:.10g}kmh_seed{suite.seed}",
-    )
-    return RunRecord(row, outcome, outcome.log.table())
+    return execute_all(suite.specs(load_site(suite) if site is None else site), workers)
 
 
 def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
@@ -287,10 +195,10 @@ def read_suite(directory: Path) -> CpnaSuite:
     """The suite that made a folder of results.
 
     Raises:
-        ResultsError: `runs.json` is missing or was not written by this program.
+        ResultsError: `runs.json` is missing or was not written by `smartmot-eval cpna`.
     """
     try:
-        values = dict(json.loads((directory / RUNS_JSON).read_text())["configuration"]["suite"])
+        values = dict(_configuration(directory)["suite"])
         place = values.pop("place")
         return CpnaSuite(
             speeds_kmh=tuple(values["speeds_kmh"]),
@@ -304,11 +212,225 @@ def read_suite(directory: Path) -> CpnaSuite:
             seed=values["seed"],
             phase_s=values["phase_s"],
         )
-    except OSError as error:
-        raise ResultsError(
-            f"{directory / RUNS_JSON}: {error.strerror}; run `smartmot-eval cpna` first"
-        ) from None
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultsError(
-            f"{directory / RUNS_JSON}: not a configuration of this program ({error!r}); run the test again"
-        ) from None
+        raise _not_ours(directory, error) from None
+
+
+# ---- scenario files ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What the user adds to a scenario file.
+
+    Args:
+        strategies: names of monitored areas, or `NO_AEB`.
+        preset: name of the preset.
+        weather: names of weather conditions.
+        map_name: map that perception uses; None: see `runs.perception_map`.
+        seed: of the sensor noise.
+        phase_s: time of the first sensor frame.
+        night: how the sensor takes the night.
+        adapts: see `RunSpec`.
+
+    Raises:
+        ScenarioError: an unknown name.
+    """
+
+    strategies: tuple[str, ...]
+    preset: str = "physical"
+    weather: tuple[str, ...] = ("dry",)
+    map_name: str | None = None
+    seed: int = 0
+    phase_s: float = 0.0
+    night: str = "lidar"
+    adapts: bool = True
+
+    def __post_init__(self) -> None:
+        named_preset(self.preset)
+        named_light(self.night)
+        for weather in self.weather:
+            named_weather(weather)
+
+    def specs(self, run: RunSpec) -> list[RunSpec]:
+        """One run in all its conditions."""
+        return [
+            replace(
+                run,
+                strategy=strategy,
+                preset=self.preset,
+                weather=weather,
+                map_name=self.map_name,
+                seed=self.seed,
+                phase_s=self.phase_s,
+                night=self.night,
+                adapts=self.adapts,
+            )
+            for weather in self.weather
+            for strategy in self.strategies
+        ]
+
+
+def scenario_specs(name: str, parameters: Mapping[str, Value], conditions: Conditions) -> list[RunSpec]:
+    """The runs of a scenario or distribution file, by weather, strategy and then as the file has them.
+
+    Args:
+        name: of a shipped scenario, or path of a file.
+        parameters: values in place of the declared and the distributed ones.
+        conditions: see `Conditions`.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the file cannot be read, or a parameter does not fit.
+    """
+    variations: list[Variation] = []
+    for variation in expand(scenario_path(name)):
+        values = {**variation.parameters, **parameters}
+        if all(values != dict(other.parameters) for other in variations):
+            variations.append(replace(variation, parameters=values))
+    bare = [
+        RunSpec("", scenario_name(v.path), tuple(sorted(v.parameters.items())), "", "", "", 0.0)
+        for v in variations
+    ]
+    speeds = [initial_speed_kmh(definition_of(run)) for run in bare]
+    names = _names(scenario_path(name).stem, variations, speeds)
+    runs = [
+        replace(run, scenario=label, v_test_kmh=speed)
+        for run, label, speed in zip(bare, names, speeds, strict=True)
+    ]
+    every = [conditions.specs(run) for run in runs]
+    return [specs[k] for k in range(len(every[0])) for specs in every]
+
+
+def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[float]) -> list[str]:
+    """A name for each run, the same for those that differ by the test speed alone.
+
+    The scenario's own name, if the parameter Scenario_ID has it, and what else distinguishes runs of one
+    speed; paths are left out.
+    """
+    told: list[str] = []
+    varied: dict[str, set[Value]] = {}
+    by_speed: dict[tuple[str, float], set[Value]] = {}
+    for variation, speed in zip(variations, speeds_kmh, strict=True):
+        for name, value in variation.parameters.items():
+            varied.setdefault(name, set()).add(value)
+            by_speed.setdefault((name, speed), set()).add(value)
+    for name, values in varied.items():
+        several = any(len(by_speed.get((name, speed), ())) > 1 for speed in speeds_kmh)
+        if several and name != "Scenario_ID" and not any("/" in str(value) for value in values):
+            told.append(name)
+    return [
+        " ".join(
+            [
+                str(variation.parameters.get("Scenario_ID", stem)),
+                *(f"{name}={variation.parameters[name]}" for name in told),
+            ]
+        )
+        for variation in variations
+    ]
+
+
+def scenario_configuration(specs: Sequence[RunSpec]) -> dict[str, object]:
+    """Everything that determines the results of runs of scenario files, as plain values."""
+    presets = {(spec.preset, spec.weather) for spec in specs}
+    return {
+        "specs": [dataclasses.asdict(spec) | {"parameters": dict(spec.parameters)} for spec in specs],
+        "perception": notes(specs),
+        "presets": {
+            f"{preset} {weather}": preset_in_weather(named_preset(preset), named_weather(weather))
+            for preset, weather in sorted(presets)
+        },
+    }
+
+
+def notes(specs: Sequence[RunSpec]) -> list[str]:
+    """What the reader has to know about maps and light of runs, one line each."""
+    lines: dict[str, None] = {}
+    seen: set[tuple[object, ...]] = set()
+    for spec in specs:
+        same = (spec.file, spec.parameters, spec.map_name, spec.night)
+        if same in seen:
+            continue
+        seen.add(same)
+        definition = definition_of(spec)
+        used = perception_map(definition, spec.map_name)
+        if used is not None and spec.map_name is None:
+            lines[f"perception uses the map {used}, laid over {definition.map_path.name}"] = None
+        elif used is not None:
+            lines[f"perception uses the map {used}"] = None
+        if is_night(definition):
+            lines[f"night: {named_light(spec.night).source}"] = None
+    return list(lines)
+
+
+def read_specs(directory: Path) -> list[RunSpec]:
+    """The runs that a folder of results holds.
+
+    Raises:
+        ResultsError: `runs.json` is missing or was not written by this program.
+    """
+    configuration = _configuration(directory)
+    if "suite" in configuration:
+        suite = read_suite(directory)
+        return suite.specs(load_site(suite))
+    try:
+        return [
+            RunSpec(**{**values, "parameters": tuple(sorted(values["parameters"].items()))})
+            for values in configuration["specs"]
+        ]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _not_ours(directory, error) from None
+
+
+def _configuration(directory: Path) -> dict[str, Any]:
+    path = directory / RUNS_JSON
+    try:
+        return dict(json.loads(path.read_text())["configuration"])
+    except OSError as error:
+        raise ResultsError(f"{path}: {error.strerror}; run the test first") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise _not_ours(directory, error) from None
+
+
+def _not_ours(directory: Path, error: Exception) -> ResultsError:
+    return ResultsError(
+        f"{directory / RUNS_JSON}: not a configuration of this program ({error!r}); run the test again"
+    )
+
+
+# ---- maps --------------------------------------------------------------------------------------------------
+
+
+def pose_site(network: RoadNetwork, place: Place) -> Site:
+    """A place to look at, which need not be straight."""
+    lane = lane_at(network, place)
+    if network.lanes.lane_type[lane] != "driving":
+        raise ScenarioError(
+            f"lane {place.lane_id} of road {place.road_id} is of type {network.lanes.lane_type[lane]!s}; "
+            "choose a driving lane"
+        )
+    route = route_ahead(network, lane, place.s_m, ahead_m=200.0, behind_m=100.0)
+    index = route.lanes.index(lane)
+    station = float(route.entry_m[index]) + route.strips[index].station_at(place.s_m)
+    return Site(network, route, station, near_side(network, lane))
+
+
+def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:
+    """What a map holds, and what the law says on the route ahead of a place, line by line."""
+    types, counts = np.unique(network.lanes.lane_type, return_counts=True)
+    lines = [
+        f"map: {network.name or '(unnamed)'}, {len(network.roads)} roads, {len(network.lanes.key)} lanes: "
+        + ", ".join(f"{n} {t}" for t, n in zip(types, counts, strict=True)),
+        f"crosswalks: {len(network.crosswalks)}, warnings: {len(network.warnings)}",
+    ]
+    lines += [f"  warning: {warning}" for warning in network.warnings[:20]]
+    if site is not None:
+        lines.append(
+            f"route: {len(site.route.strips)} lanes, {site.route.length_m - site.line_m:.0f} m ahead"
+        )
+        elements = regulatory_elements(network, site.route, site.line_m, 200.0)
+        for element in elements:
+            value = "" if element.value is None else f" {element.value:g}"
+            lines.append(f"  {element.kind}{value} in {element.distance_m:.1f} m (road {element.road_id})")
+        if not elements:
+            lines.append("  no regulatory element within 200 m")
+    return lines

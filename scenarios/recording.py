@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.actors import Actors
 from smartmot.pipeline import FrameResult
-from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast
+from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, IntArray, StrArray
 
 TEXT_COLUMNS = ("kind", "category", "label")
 COLUMNS = (
@@ -22,20 +21,25 @@ LOGGED = slice(5, None, 5)
 
 
 class RunLog:
-    """Keeps what happens while a run goes on; `table()` turns it into rows, all frames of a kind at once."""
+    """Keeps what happens while a run goes on; `table()` turns it into rows, all frames of a kind at once.
 
-    def __init__(self, actors: Actors) -> None:
-        self._actors = actors
-        self._truth: list[tuple[int, EgoState, Boxes, FloatArray]] = []
+    Args:
+        category: (N,) of all actors.
+        label: (N,) their parts in the test.
+    """
+
+    def __init__(self, category: StrArray, label: StrArray) -> None:
+        self._category, self._label = category, label
+        self._truth: list[tuple[int, EgoState, Boxes, FloatArray, IntArray]] = []
         self._frames: list[tuple[int, EgoState, FrameResult]] = []
 
     def _number(self) -> int:
         """Position of the next entry; rows are in this order."""
         return len(self._truth) + len(self._frames)
 
-    def frame(self, ego: EgoState, boxes: Boxes, speed_mps: FloatArray) -> None:
-        """Ground truth at one time."""
-        self._truth.append((self._number(), ego, boxes, speed_mps))
+    def frame(self, ego: EgoState, boxes: Boxes, speed_mps: FloatArray, index: IntArray) -> None:
+        """Ground truth at one time: boxes and speeds of the actors with these numbers."""
+        self._truth.append((self._number(), ego, boxes, speed_mps, index))
 
     def perception(self, ego: EgoState, result: FrameResult) -> None:
         """What perception and decision made of one frame."""
@@ -64,17 +68,18 @@ class RunLog:
             return []
         order = np.array([number for number, *_ in self._truth])
         fields = ("stamp_s", "x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps", "accel_mps2")
-        ego = np.array([[getattr(ego, name) for name in fields] for _, ego, _, _ in self._truth]).T
-        n = len(self._actors)
+        ego = np.array([[getattr(ego, name) for name in fields] for _, ego, *_ in self._truth]).T
+        counts = [len(index) for *_, index in self._truth]
+        actor = np.concatenate([index for *_, index in self._truth])
         actors = {
-            "order": np.repeat(order, n),
+            "order": np.repeat(order, counts),
             "kind": "actor",
-            "time_s": np.repeat(ego[0], n),
-            "id": np.tile(np.arange(n), len(order)),
-            "category": np.tile(self._actors.category, len(order)),
-            "label": np.tile(np.array([a.label for a in self._actors.actors], dtype=np.str_), len(order)),
-            "speed_mps": np.concatenate([speed for *_, speed in self._truth]),
-            **_box_columns([boxes for _, _, boxes, _ in self._truth]),
+            "time_s": np.repeat(ego[0], counts),
+            "id": actor,
+            "category": self._category[actor],
+            "label": self._label[actor],
+            "speed_mps": np.concatenate([speed for *_, speed, _ in self._truth]),
+            **_box_columns([boxes for _, _, boxes, *_ in self._truth]),
         }
         columns = dict(zip(("time_s", *fields[1:]), ego, strict=True))
         return [{"order": order, "kind": "ego", **columns}, actors]

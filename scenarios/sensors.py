@@ -85,7 +85,9 @@ class Sensor:
     def __init__(self, config: SensorConfig, seed: int) -> None:
         self.config, self.seed = config, seed
 
-    def observe(self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray) -> Detections:
+    def observe(
+        self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray, there: BoolArray | None = None
+    ) -> Detections:
         """Detections of one frame.
 
         Args:
@@ -93,12 +95,17 @@ class Sensor:
             ego: ego state at the measurement.
             boxes: N ground-truth boxes.
             category: (N,) names.
+            there: (N,) which of them can be seen at all; None: all.
         """
         config, n = self.config, len(boxes)
         rng = np.random.default_rng((self.seed, frame))
         noise = rng.standard_normal((n, 3))
         lucky = rng.random(n) < config.detection_probability
-        seen = self._visible(ego, boxes) & lucky
+        if there is None or there.all():
+            seen = self._visible(ego, boxes) & lucky
+        else:
+            seen = np.zeros(n, dtype=np.bool_)
+            seen[there] = self._visible(ego, boxes[there]) & lucky[there]
         noisy = Boxes(
             boxes.center_m[seen] + config.position_sigma_m * noise[seen, :2],
             boxes.size_m[seen],

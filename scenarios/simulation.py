@@ -1,43 +1,62 @@
-"""The closed loop: world, sensor, perception, brakes. Knows no particular scenario."""
+"""The closed loop: a scenario's world, sensor, perception, decision, brakes. Knows no particular scenario."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.actors import Actors
+from opendrive import RoadNetwork
+from scenarios.ego_drive import EgoDrive
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.engine import Contact, Engine, Entities
+from scenarios.openscenario.model import ScenarioDefinition, SpeedAction, SynchronizeAction
+from scenarios.openscenario.paths import Path
+from scenarios.openscenario.roads import Roads
+from scenarios.places import Scene
+from scenarios.presets import Preset
 from scenarios.recording import RunLog
 from scenarios.sensors import Sensor
-from scenarios.vehicle import EgoVehicle
-from smartmot.geometry import signed_gap_scalar
-from smartmot.monitored_area import ego_extent
+from smartmot.monitored_area import MonitoredAreaStrategy, ego_extent
 from smartmot.pipeline import Pipeline, PipelineState
-from smartmot.route import Route
-from smartmot.types import Boxes, Detections
+from smartmot.route import route_along
+from smartmot.types import Detections, EgoState
 
 STEP_S = 0.01
-"""Step of the world. Motion, trigger and contact are exact inside a step; its length only bounds how often
-contact is looked for and which frame rates divide it (100, 50, 25, 20, 10 Hz ...)."""
+"""Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
 
-CONTACT_TOLERANCE_S = 1e-7
+WAY_STEP_M = 2.0
+"""Spacing at which the ego's way is laid over the perception's map."""
+
+ROUTE_AHEAD_M, ROUTE_BEHIND_M = 100.0, 50.0
+"""The route goes on beyond the ego's way, so that the monitored area does not end with it."""
+
+WALKS_ALONG_MPS = 0.5
+"""A target that goes along the ego's way at less than that crosses it, or stands."""
+
+StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
 
 
 @dataclass(frozen=True, slots=True)
 class StopRule:
-    """When a run ends; a contact always ends it.
+    """When a run ends, unless the scenario ends it before; a contact always ends it.
+
+    A run in which the ego has braked and is no faster than a target that goes the same way ends too.
 
     Args:
         time_limit_s: at the latest.
         after_resume_s: this long after the ego drives on from a stop.
         after_pass_m: once the ego's centre is this far beyond the target's.
+        at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
     """
 
-    time_limit_s: float = 30.0
+    time_limit_s: float = 60.0
     after_resume_s: float = 1.5
     after_pass_m: float = 10.0
+    at_standstill: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,76 +64,114 @@ class Outcome:
     """What a run came to; None where it did not happen.
 
     Args:
-        contact_time_s: first contact with any actor.
-        impact_speed_mps: the ego's speed then; 0 without contact.
-        contact_actor: index of the actor hit.
+        contact: first contact of the ego with anybody.
         flag_time_s: first emergency request.
         flag_distance_m: free distance from the ego's front to the target's box then.
+        flag_ttc_s: that distance over the speed at which it shrinks.
         stop_time_s: when the ego first stood still after a request.
         stop_gap_m: that free distance then.
-        trigger_time_s: when the actors were set off.
+        target: name of the entity that the test is about.
+        target_start_time_s: when it left standstill.
+        target_steady_time_s: since when its speed was constant at the contact, or else at the end.
+        false_stop: whether the request came before a target that was to set off had done so: then it can only
+            have been meant for nobody.
         log: everything that happened.
     """
 
-    contact_time_s: float | None
-    impact_speed_mps: float
-    contact_actor: int | None
+    contact: Contact | None
     flag_time_s: float | None
     flag_distance_m: float | None
+    flag_ttc_s: float | None
     stop_time_s: float | None
     stop_gap_m: float | None
-    trigger_time_s: float | None
+    target: str | None
+    target_start_time_s: float | None
+    target_steady_time_s: float | None
+    false_stop: bool
     log: RunLog
+
+    @property
+    def contact_time_s(self) -> float | None:
+        """When the ego first touched anybody."""
+        return self.contact.time_s if self.contact else None
+
+    @property
+    def impact_speed_mps(self) -> float:
+        """How fast the ego was then, forward or in reverse; 0 without contact."""
+        return abs(self.contact.ego_speed_mps) if self.contact else 0.0
+
+
+class UntilContact(Engine):
+    """An engine that stops at the ego's first contact."""
+
+    @property
+    def over(self) -> bool:
+        """Whether there was a contact or the storyboard has ended."""
+        return self.contact is not None or super().over
 
 
 class Simulation:
-    """One run.
+    """One run of a scenario with the ego in our hands.
 
     Args:
-        ego: the vehicle.
-        actors: everybody else; they start when the trigger fires.
-        route: the ego's route.
-        trigger_station_m: the ego's front at this station sets off the actors.
-        target: index of the actor that the test is about.
-        sensor: what the ego sees with.
-        pipeline: perception and decision; None: nobody brakes.
+        definition: the scenario.
+        preset: brakes, sensor and settings of perception. The ego's outline is the scenario's.
+        strategy: makes the monitored area for the map and the ego's route on it; None: nobody brakes, as in
+            reverse, where this perception does not look.
+        seed: of the sensor noise.
+        network: the map that perception uses; None: the scenario's own.
         rule: when to end.
+        roads: the scenario's own map, if it is already loaded.
+        adapts: whether the ego adapts its speed to who is ahead, as ACC does.
+
+    Raises:
+        RunError: the scenario cannot begin.
+        ScenarioError: the sensor's times are not multiples of 10 ms.
     """
 
     def __init__(
         self,
-        ego: EgoVehicle,
-        actors: Actors,
-        route: Route,
-        trigger_station_m: float,
-        target: int,
-        sensor: Sensor,
-        pipeline: Pipeline | None,
-        rule: StopRule,
+        definition: ScenarioDefinition,
+        preset: Preset,
+        strategy: StrategyMaker | None,
+        seed: int = 0,
+        network: RoadNetwork | None = None,
+        rule: StopRule | None = None,
+        roads: Roads | None = None,
+        adapts: bool = True,
     ) -> None:
-        self._ego, self._actors, self._route, self._target = ego, actors, route, target
-        self._sensor, self._pipeline, self._rule = sensor, pipeline, rule
-        self._log = RunLog(actors)
-        self._state: PipelineState | None = pipeline.initial() if pipeline else None
-        self._waiting: deque[tuple[float, Detections]] = deque()
-        self._reach_m = 0.5 * (
-            np.hypot(ego.LENGTH, ego.WIDTH) + np.hypot(actors.size_m[:, 0], actors.size_m[:, 1])
+        ego = next((e for e in definition.entities if e.name == "Ego"), definition.entities[0])
+        self._drive = EgoDrive(preset.brakes, ego.length_m, adapts)
+        self.engine = UntilContact(definition, self._drive, roads=roads)
+        self.network = network or self.engine.world.locator.roads.network
+        self._preset, self._make_strategy = preset, strategy
+        self._sensor = Sensor(preset.sensor, seed)
+        self._rule = rule or StopRule()
+        names = [entity.name for entity in definition.entities]
+        self._own = names.index(self.engine.ego.name)
+        self._others = np.array([k for k in range(len(names)) if k != self._own], dtype=np.int64)
+        self._target = names.index(self.engine.target) if self.engine.target else None
+        self._log = RunLog(
+            np.array([definition.entities[k].category for k in self._others], dtype=np.str_),
+            np.array(["target" if k == self._target else "other" for k in self._others], dtype=np.str_),
         )
-        self._trigger_in_m = trigger_station_m - ego.LENGTH / 2 - route.project(*ego.position)[0]
-        self._top_mps = max((a.speed_mps for a in actors.actors), default=0.0)
-        self._no_contact_before_s = 0.0
-        self._trigger_time_s: float | None = None
-        self._flag: tuple[float, float] | None = None
-        self._stop: tuple[float, float] | None = None
+        self._backwards = self._drive.speed_mps < 0.0
+        self._way: Path | None = None
+        self._pipeline: Pipeline | None = None
+        self._state: PipelineState | None = None
+        self._waiting: deque[tuple[float, Detections]] = deque()
+        self._entities: Entities | None = None
+        self._ego: EgoState | None = None
+        self._flag: _Flag | None = None
+        self._stop: tuple[float, float | None] | None = None
         self._resumed_s: float | None = None
 
     def run(self) -> Outcome:
         """Run to the end."""
-        config = self._sensor.config
+        config, engine = self._sensor.config, self.engine
         steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
         first = _steps(config.phase_s, "frame phase")
         _steps(config.latency_s, "latency")
-        contact: tuple[float, int] | None = None
         for step in range(round(self._rule.time_limit_s / STEP_S)):
             now = step * STEP_S
             frame, between = divmod(step - first, steps_per_frame)
@@ -123,120 +180,182 @@ class Simulation:
                     break
                 self._measure(now, frame)
             self._decide(now)
-            self._fire_trigger(now)
-            contact = self._contact(now)
-            if contact is not None:
-                self._ego.advance(now, max(contact[0] - now, 1e-9))
-                self._log_truth(contact[0])
+            engine.advance(now + STEP_S - engine.time_s)
+            if engine.over:
                 break
-            self._ego.advance(now, STEP_S)
-            if self._stop is None and self._flag is not None and self._ego.speed <= 0.0:
+            if self._stop is None and self._flag is not None and self._drive.speed_mps <= 0.0:
                 self._stop = (now + STEP_S, self._gap_to_target(now + STEP_S))
+                if self._rule.at_standstill:
+                    break
+        if engine.contact is not None:
+            self._log_truth(engine.time_s)
+        run = engine.result()
         return Outcome(
-            contact_time_s=contact[0] if contact else None,
-            impact_speed_mps=float(self._ego.speed) if contact else 0.0,
-            contact_actor=contact[1] if contact else None,
-            flag_time_s=self._flag[0] if self._flag else None,
-            flag_distance_m=self._flag[1] if self._flag else None,
+            contact=engine.contact,
+            flag_time_s=self._flag.time_s if self._flag else None,
+            flag_distance_m=self._flag.distance_m if self._flag else None,
+            flag_ttc_s=self._flag.ttc_s if self._flag else None,
             stop_time_s=self._stop[0] if self._stop else None,
             stop_gap_m=self._stop[1] if self._stop else None,
-            trigger_time_s=self._trigger_time_s,
+            target=run.target,
+            target_start_time_s=run.target_start_time_s,
+            target_steady_time_s=run.target_steady_time_s,
+            false_stop=self._flag is not None
+            and (
+                _is_to_set_off(engine.definition, engine.target)
+                if run.target_start_time_s is None
+                else self._flag.time_s < run.target_start_time_s
+            ),
             log=self._log,
         )
 
-    def _since(self, time_s: float) -> float | None:
-        return None if self._trigger_time_s is None else time_s - self._trigger_time_s
+    def scene(self) -> Scene:
+        """Map and route of perception for the way that the ego is on now.
 
-    def _log_truth(self, time_s: float) -> Boxes:
-        boxes, speed = self._actors.state(self._since(time_s))
-        self._log.frame(self._ego.state(time_s), boxes, speed)
-        return boxes
+        Raises:
+            smartmot.route.RouteError: that way runs on no driving lane of the map.
+        """
+        way = self.engine.ego.path
+        station = self.engine.ego.state(self.engine.time_s).station_m
+        length = max(way.length_m - station, WAY_STEP_M)
+        stations = np.linspace(station, station + length, max(2, math.ceil(length / WAY_STEP_M) + 1))
+        points = np.array([way.pose(s)[:2] for s in stations.tolist()])
+        route = route_along(self.network, points, ROUTE_AHEAD_M, ROUTE_BEHIND_M)
+        return Scene(self.network, route)
+
+    def _world(self) -> Entities:
+        """Everybody now; made once for all who ask at the same time."""
+        if self._entities is None or self._entities.time_s != self.engine.time_s:
+            self._entities = self.engine.entities
+        return self._entities
+
+    def _odometry(self, time_s: float) -> EgoState:
+        """What the ego knows of itself; the turn rate is that since the last time it was asked for."""
+        before = self._ego
+        if before is not None and before.stamp_s == time_s:
+            return before
+        k, entities = self._own, self._world()
+        boxes = entities.boxes
+        yaw, rate = float(boxes.yaw_rad[k]), 0.0
+        if before is not None:
+            rate = math.remainder(yaw - before.yaw_rad, 2 * math.pi) / (time_s - before.stamp_s)
+        self._ego = EgoState(
+            stamp_s=time_s,
+            x_m=float(boxes.center_m[k, 0]),
+            y_m=float(boxes.center_m[k, 1]),
+            yaw_rad=yaw,
+            speed_mps=float(entities.speed_mps[k]),
+            accel_mps2=self._drive.accel_mps2,
+            yaw_rate_radps=rate,
+            length_m=float(boxes.size_m[k, 0]),
+            width_m=float(boxes.size_m[k, 1]),
+        )
+        return self._ego
+
+    def _log_truth(self, time_s: float) -> None:
+        entities = self._world()
+        there = np.flatnonzero(entities.exists[self._others])
+        shown = self._others[there]
+        self._log.frame(self._odometry(time_s), entities.boxes[shown], entities.speed_mps[shown], there)
 
     def _measure(self, now: float, number: int) -> None:
         """Take one sensor frame; perception gets it after the sensor's latency."""
-        boxes = self._log_truth(now)
-        if self._pipeline is None:
-            self._ego.control(now, False, None)  # nobody brakes, but it keeps to its lane
+        self._log_truth(now)
+        if self._make_strategy is None or self._backwards:
             return
-        seen = self._sensor.observe(number, self._ego.state(now), boxes, self._actors.category)
+        entities, others = self._world(), self._others
+        seen = self._sensor.observe(
+            number,
+            self._odometry(now),
+            entities.boxes[others],
+            entities.category[others],
+            entities.seen[others],
+        )
         self._waiting.append((now + self._sensor.config.latency_s, seen))
 
     def _decide(self, now: float) -> None:
-        """Perceive what has arrived, and hand the decision to the vehicle."""
-        while self._pipeline and self._state and self._waiting and self._waiting[0][0] <= now + 1e-9:
+        """Perceive what has arrived, and hand the decision to the drive."""
+        while self._waiting and self._waiting[0][0] <= now + 1e-9:
             detections = self._waiting.popleft()[1]
             if detections.stamp_s < now:
-                self._log_truth(now)  # so that every logged decision stands beside the truth of its time
-            odometry = self._ego.state(now)
-            self._state, result = self._pipeline.step(self._state, detections, odometry)
+                self._log_truth(now)  # so that every logged decision stands beside the truth
+            odometry = self._odometry(now)
+            pipeline = self._perception()
+            state = self._state or pipeline.initial()
+            self._state, result = pipeline.step(state, detections, odometry)
             self._log.perception(odometry, result)
-            self._ego.control(now, result.command.emergency, result.lead)
+            self._drive.control(now, result.command.emergency, result.lead)
             if result.command.emergency and self._flag is None:
-                self._flag = (now, self._gap_to_target(now))
+                self._flag = self._flag_now(now)
             if self._stop and self._resumed_s is None and not result.command.emergency:
                 self._resumed_s = now
 
-    def _fire_trigger(self, now: float) -> None:
-        """Set off the actors at the instant at which the ego's front passes the trigger station."""
-        if self._trigger_time_s is not None:
-            return
-        left, step = self._trigger_in_m, self._ego.travel(now, STEP_S)[0]
-        self._trigger_in_m -= step
-        if left <= 1e-9:
-            self._trigger_time_s = now
-        elif step > left:
-            low, high = 0.0, STEP_S
-            while high - low > CONTACT_TOLERANCE_S:
-                middle = (low + high) / 2
-                low, high = (middle, high) if self._ego.travel(now, middle)[0] < left else (low, middle)
-            self._trigger_time_s = now + high
+    def _perception(self) -> Pipeline:
+        """The pipeline for the way that the ego is on; the scenario may have given it a new one."""
+        if self._pipeline is None or self.engine.ego.path is not self._way:
+            assert self._make_strategy is not None
+            self._way = self.engine.ego.path
+            self._pipeline = Pipeline(self._make_strategy(self.scene()), self._preset.pipeline)
+        return self._pipeline
 
-    def _gap(self, now: float, after_s: float, actor: int) -> float:
-        """Signed distance between the ego's outline and an actor's a time into the step."""
-        x, y, yaw, _ = self._ego.pose_after(now, after_s)
-        center = self._actors.centers(self._since(now + after_s))[actor]
-        return signed_gap_scalar(
-            (x, y, self._ego.LENGTH, self._ego.WIDTH, yaw),
-            (center[0], center[1], *self._actors.size_m[actor], self._actors.yaw_rad[actor]),
-        )
+    def _flag_now(self, now: float) -> _Flag:
+        gap, closing = self._gap_to_target(now), self._odometry(now).speed_mps - self._target_along_mps(now)
+        return _Flag(now, gap, gap / closing if gap is not None and closing > 0.0 else None)
 
-    def _contact(self, now: float) -> tuple[float, int] | None:
-        """First contact within the step that starts now: (time, actor), found as the root of the gap."""
-        if now + STEP_S < self._no_contact_before_s:
-            return None
-        x, y, _, _ = self._ego.pose_after(now, STEP_S)
-        delta = self._actors.centers(self._since(now + STEP_S)) - (x, y)
-        apart = np.hypot(delta[:, 0], delta[:, 1]) - self._reach_m
-        # nobody can close the distance faster than this, so there is nothing to look for until then
-        fastest = self._ego.speed + self._ego.COMFORT_ACC_MAX + self._top_mps
-        self._no_contact_before_s = now + STEP_S + min(float(apart.min(initial=np.inf)) / fastest, 1.0)
-        near = np.flatnonzero(apart <= 0.0)
-        found: list[tuple[float, int]] = []
-        for actor in near.tolist():
-            if self._gap(now, STEP_S, actor) > 0.0:
-                continue
-            low, high = 0.0, STEP_S
-            while high - low > CONTACT_TOLERANCE_S:
-                middle = (low + high) / 2
-                low, high = (middle, high) if self._gap(now, middle, actor) > 0.0 else (low, middle)
-            found.append((now + high, actor))
-        return min(found, default=None)
+    def _target_along_mps(self, time_s: float) -> float:
+        """The target's speed along the ego's heading."""
+        if self._target is None:
+            return 0.0
+        world = self._world()
+        turn = float(world.boxes.yaw_rad[self._target]) - self._odometry(time_s).yaw_rad
+        return float(world.speed_mps[self._target]) * math.cos(turn)
 
-    def _gap_to_target(self, time_s: float) -> float:
+    def _gap_to_target(self, time_s: float) -> float | None:
         """Free distance along the ego's heading from its front to the target's box (0 beside it)."""
-        target = self._actors.boxes(self._since(time_s))[[self._target]]
-        return max(float(ego_extent(target, self._ego.state(time_s))[0][0]) - self._ego.LENGTH / 2, 0.0)
+        if self._target is None:
+            return None
+        ego = self._odometry(time_s)
+        ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
+        return max(float(ahead) - ego.length_m / 2, 0.0)
 
     def _over(self, time_s: float) -> bool:
         """Whether the run is finished."""
         if self._resumed_s is not None:
             return time_s >= self._resumed_s + self._rule.after_resume_s
-        to_target = self._actors.centers(self._since(time_s))[self._target] - self._ego.position
-        return float(to_target @ self._ego.direction) < -self._rule.after_pass_m
+        if self._target is None:
+            return False
+        ego, center = self._odometry(time_s), self._world().boxes.center_m[self._target]
+        if self._flag is not None and max(ego.speed_mps, WALKS_ALONG_MPS) <= self._target_along_mps(time_s):
+            return True
+        along = math.cos(ego.yaw_rad) * (center[0] - ego.x_m) + math.sin(ego.yaw_rad) * (center[1] - ego.y_m)
+        return float(-along if self._backwards else along) < -self._rule.after_pass_m
+
+
+def _is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:
+    """Whether an event of the scenario gives the target a speed."""
+    actions = (
+        action.action
+        for event in definition.events()
+        for action in event.actions
+        if target in action.entities
+    )
+    return any(
+        isinstance(action, SynchronizeAction) or (isinstance(action, SpeedAction) and action.target != 0.0)
+        for action in actions
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Flag:
+    """The first emergency request."""
+
+    time_s: float
+    distance_m: float | None
+    ttc_s: float | None
 
 
 def _steps(time_s: float, name: str) -> int:
-    """A time as a whole number of world steps.
+    """A time as a whole number of steps.
 
     Raises:
         ScenarioError: it is none.
@@ -244,7 +363,7 @@ def _steps(time_s: float, name: str) -> int:
     steps = round(time_s / STEP_S)
     if abs(steps * STEP_S - time_s) > 1e-9:
         raise ScenarioError(
-            f"sensor: the {name} must be a multiple of the world's step of {STEP_S * 1000:g} ms, "
+            f"sensor: the {name} must be a multiple of the step of {STEP_S * 1000:g} ms, "
             f"got {time_s * 1000:g} ms"
         )
     return steps

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -155,8 +156,9 @@ def route_along(
 ) -> Route:
     """Route over the driving lanes that a way runs on.
 
-    Where lanes overlap, as in junctions, the one is taken that follows the lane before and holds the way
-    longest. The route ends where the way leaves the lanes or changes into one that does not follow.
+    Where lanes overlap, as in junctions, the chain of lanes is taken that holds the way longest, and of
+    several the one in whose middle it runs. The route ends where the way leaves the lanes or changes into one
+    that does not follow.
 
     Args:
         network: the map.
@@ -171,36 +173,34 @@ def route_along(
     hits = network.locate(points_m)
     delta = np.gradient(points_m, axis=0)
     course = np.arctan2(delta[:, 1], delta[:, 0])
-    on: list[set[int]] = [set() for _ in range(len(points_m))]
+    on: list[dict[int, float]] = [{} for _ in range(len(points_m))]  # lanes, and how far inside each
     for lane in np.unique(hits.lane).tolist():
         if network.lanes.lane_type[lane] != "driving":
             continue
         mine = hits.lane == lane
         heading = network.center_line(lane, hits.s_m[mine])[3]
-        point = hits.point[mine]
-        for k in point[np.cos(heading - course[point]) > _SAME_WAY].tolist():
-            on[k].add(lane)
+        along = np.cos(heading - course[hits.point[mine]]) > _SAME_WAY
+        inside = zip(hits.point[mine][along].tolist(), hits.margin_m[mine][along].tolist(), strict=True)
+        for k, margin in inside:
+            on[k][lane] = margin
 
-    def stays(lane: int, k: int) -> int:
-        """How many points from the k-th on lie in a lane without a break."""
-        end = k
+    @cache
+    def longest(lane: int, k: int) -> tuple[int, float, tuple[int, ...]]:
+        """Where the best chain ends that enters a lane at the k-th point, how far inside, and the chain."""
+        end, inside = k, 0.0
         while end < len(on) and lane in on[end]:
+            inside += on[end][lane]
             end += 1
-        return end - k
+        follow = _chains(network, lane, on[end].keys()) if end < len(on) else []
+        options = [(longest(chain[-1], end), chain[:-1]) for chain in follow]
+        best = max(((*o[:2], (*short, *o[2])) for o, short in options), default=(end, 0.0, ()))
+        return best[0], inside + best[1], (lane, *best[2])
 
     first = next((k for k, lanes in enumerate(on) if lanes), None)
     if first is None:
         raise RouteError("route: the ego's way runs on no driving lane of the map")
-    chain = [max(sorted(on[first]), key=lambda lane: stays(lane, first))]
-    k = first + stays(chain[0], first)
-    while k < len(on):
-        options = _chains(network, chain[-1], on[k])
-        if not options:
-            break
-        here = k
-        best = max(options, key=lambda option: (stays(option[-1], here), -len(option)))
-        chain.extend(best)
-        k += stays(best[-1], k)
+    k, _, best = max(longest(lane, first) for lane in on[first])
+    chain = list(best)
     strip = lane_strip(network, chain[-1], 0.0)
     end = float(np.clip(_station_near(strip, points_m[min(k, len(on)) - 1]), 0.0, strip.length_m))
     start = lane_strip(network, chain[0], 0.0)
@@ -212,20 +212,21 @@ def route_along(
 
 _SAME_WAY = 0.5
 """Cosine of 60 degrees: a way that crosses a lane at more than that does not run along it."""
-_MAX_SHORT_LANES = 3
-"""So many lanes in a row may be shorter than the distance between two points of a way."""
+_MAX_SHORT_LANES, _SHORT_M = 3, 5.0
+"""So many lanes in a row, each shorter than that, may lie between two points of a way."""
 
 
-def _chains(network: RoadNetwork, lane: int, wanted: set[int]) -> list[list[int]]:
-    """Shortest chains of successors that lead from a lane to each wanted one."""
-    found: list[list[int]] = []
+def _chains(network: RoadNetwork, lane: int, wanted: Collection[int]) -> list[list[int]]:
+    """The shortest chain of successors that leads from a lane to each wanted one, over short lanes alone."""
+    found: dict[int, list[int]] = {}
     front = [[lane]]
     for _ in range(_MAX_SHORT_LANES + 1):
         front = [[*chain, c] for chain in front for c in network.successors(chain[-1]) if c not in chain]
-        found += [chain[1:] for chain in front if chain[-1] in wanted]
-        if found:
-            break
-    return found
+        for chain in front:
+            if chain[-1] in wanted:
+                found.setdefault(chain[-1], chain[1:])
+        front = [chain for chain in front if _length(network, chain[-1]) < _SHORT_M]
+    return list(found.values())
 
 
 def _station_near(strip: LaneStrip, point_m: FloatArray) -> float:

@@ -18,9 +18,24 @@ def _blocks() -> list[str]:
 
 def test_own_conditions_run_as_printed() -> None:
     names: dict[str, Any] = {}
-    exec(_blocks()[0], names)
-    assert names["outcome"].contact_time_s is None
+    exec(_blocks()[2], names)
+    assert names["outcome"].contact is None
     assert names["outcome"].stop_gap_m > 0
+
+
+def test_the_tracker_alone_runs_as_printed() -> None:
+    """A car at 5 m/s, in frames of uneven times, and a box that no detector should have made."""
+
+    def my_detections() -> Iterator[tuple[Any, ...]]:
+        for stamp_s in (0.0, 0.1, 0.23, 0.3):
+            place = [[10.0 + 5.0 * stamp_s, 2.0], [np.nan, 0.0]]
+            yield stamp_s, place, [[4.5, 1.8], [1.0, 1.0]], [0.0, 0.0], [0.9, 0.9], ["car", "car"]
+
+    names: dict[str, Any] = {"my_detections": my_detections}
+    exec(_blocks()[0], names)
+    assert names["tracks"].track_id.tolist() == [1]
+    np.testing.assert_allclose(names["tracks"].velocity_mps, [[5.0, 0.0]], atol=0.1)
+    assert names["tracker"].rejected == 4
 
 
 def test_own_detections_run_as_printed() -> None:

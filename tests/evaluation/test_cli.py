@@ -12,6 +12,7 @@ import pytest
 
 from evaluation.cli import main
 from evaluation.results import read_log
+from scenarios.library import DEFINITIONS
 from scenarios.map_builder import shipped_map
 
 ISSUE_COLUMNS = [
@@ -150,6 +151,120 @@ def test_conditions_reach_the_rows(command: Command, tmp_path: Path) -> None:
     assert "published" not in answer.out
 
 
+def test_number_of_processes_changes_no_byte(results: Path, tmp_path: Path) -> None:
+    assert call(*GOOD_RUN, "--out", tmp_path, "--quiet", "--workers", 2) == 0
+    names = sorted(str(p.relative_to(results)) for p in results.rglob("*") if p.is_file())
+    assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()) == names
+    assert [n for n in names if (results / n).read_bytes() != (tmp_path / n).read_bytes()] == []
+
+
+# ---- scenario files ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def file_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two variations of a shipped test, with perception."""
+    folder = tmp_path_factory.mktemp("files") / "results"
+    arguments = ("run", "cpna", "--param", "Ego_speed_kmh=50", "--strategy", "map", "--workers", 1)
+    assert call(*arguments, "--out", folder, "--quiet") == 0
+    return folder
+
+
+def test_a_shipped_test_is_run_with_every_variation(file_results: Path) -> None:
+    rows = rows_of(file_results)
+    assert [(r["scenario"], r["v_test_kmh"], r["preset"]) for r in rows] == [
+        ("cpna Impact_percent=25", "50.0", "physical"),
+        ("cpna Impact_percent=75", "50.0", "physical"),
+    ]
+    assert {r["score"] for r in rows} == {""}
+    assert all(float(r["target_start_time_s"]) == pytest.approx(2.0) for r in rows)
+    assert {p.name for p in file_results.glob("*.png")} == PICTURES
+
+
+def test_plot_draws_a_folder_of_scenario_files_again(
+    command: Command, file_results: Path, tmp_path: Path
+) -> None:
+    before = {name: (file_results / name).read_bytes() for name in PICTURES}
+    answer = command("plot", file_results)
+    assert answer.status == 0, answer.err
+    assert {name: (file_results / name).read_bytes() for name in PICTURES} == before
+    answer = command("plot", file_results, "--run", "nope")
+    assert answer.status == 2
+    assert "--run: no run 'nope'" in answer.err
+
+
+def test_without_aeb_the_ego_hits_at_test_speed(command: Command, tmp_path: Path) -> None:
+    answer = command("run", "crossing", "--no-aeb", "--param", "Impact_percent=10", "--out", "here")
+    assert answer.status == 0, answer.err
+    assert "1 of 1" in answer.out  # contacts
+    (row,) = rows_of(tmp_path / "here")
+    assert (row["strategy"], row["v_impact_kmh"], row["flag_time_s"]) == ("none", "40.0", "")
+    # the middle of the box is 0.06 m farther than the H-point, of a width of 1.8 m
+    assert float(row["impact_location_percent"]) == pytest.approx(10 + 100 * 0.06 / 1.8, abs=0.01)
+    # 4.0 m + 0.06 m - 0.72 m of walking and 1 m of run-up at 5 km/h, after 2 s
+    assert float(row["contact_time_s"]) == pytest.approx(2 + (4.06 - 0.72 + 1.0) * 3.6 / 5, abs=1e-3)
+    assert float(row["target_speed_at_contact_kmh"]) == pytest.approx(5.0)
+    assert not list((tmp_path / "here").glob("*.png"))
+
+
+def test_shipped_scenarios_are_listed(command: Command) -> None:
+    answer = command("list")
+    assert answer.status == 0
+    for name, runs in (
+        ("cpna_paper", "1 run"),
+        ("cpna", "22 runs"),
+        ("cbla", "8 runs"),
+        ("cpnco", "11 runs"),
+    ):
+        assert any(
+            line.split()[0] == name and runs in line for line in answer.out.splitlines() if line.strip()
+        )
+    one = command("list", "cpfa")
+    assert "Target_speed_kmh = 8" in one.out
+    assert "cpna" not in one.out
+
+
+# ---- protocols ---------------------------------------------------------------------------------------------
+
+
+def test_a_protocol_is_run_scored_and_drawn(command: Command, tmp_path: Path) -> None:
+    """The paper's protocol gives the paper's total; its cells are the runs of `cpna`."""
+    answer = command(
+        *("ncap", "--protocol", "paper", "--preset", "paper", "--strategy", "map", "--out", "here")
+    )
+    assert answer.status == 0, answer.err
+    assert "dry 10 of 10" in " ".join(answer.out.split())
+    rows = rows_of(tmp_path / "here")
+    assert [r["v_test_kmh"] for r in rows] == ["10.0", "20.0", "30.0", "40.0", "50.0", "60.0"]
+    assert {(r["strategy"], r["collided"], r["log"]) for r in rows} == {("map", "false", "")}
+    assert (tmp_path / "here" / "matrix_paper.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert "SmartMOT paper" in (tmp_path / "here" / "matrix_paper.html").read_text()
+
+
+def test_scenario_files_are_run_by_a_protocol(command: Command, tmp_path: Path) -> None:
+    """Two rows of CPNA at 50 %, the same whatever the number of processes."""
+    (tmp_path / "mine.xosc").write_text(
+        (DEFINITIONS / "cpna.xosc")
+        .read_text()
+        .replace('filepath="crossing.xosc"', f'filepath="{DEFINITIONS}/crossing.xosc"')
+        .replace('<Element value="25"/>', '<Element value="50"/>')
+        .replace('<Element value="75"/>', "")
+        .replace('lowerLimit="10" upperLimit="60"', 'lowerLimit="40" upperLimit="50"')
+    )
+    (tmp_path / "cpna.xosc").write_text((tmp_path / "mine.xosc").read_text())
+    arguments = ("ncap", "cpna.xosc", "--protocol", "r152", "--strategy", "rectangular,map")
+    one = command(*arguments, "--out", "one", "--workers", 1)
+    two = command(*arguments, "--out", "two", "--workers", 2)
+    assert (one.status, two.status) == (0, 0), one.err + two.err
+    rows = rows_of(tmp_path / "one")
+    assert [(r["strategy"], r["v_test_kmh"]) for r in rows] == [
+        (strategy, speed) for strategy in ("rectangular", "map") for speed in ("40.0", "45.0", "50.0")
+    ]
+    for name in ("runs.csv", "runs.json", "matrix_r152.png", "matrix_r152.html"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    assert command("ncap", "mine.xosc", "--protocol", "r152").status == 2  # no test's name
+
+
 # ---- plot and map ------------------------------------------------------------------------------------------
 
 
@@ -207,7 +322,7 @@ def test_help_lists_the_commands_and_no_arguments_give_help(command: Command) ->
     for arguments in (["--help"], ["-h"]):
         answer = command(*arguments)
         assert answer.status == 0
-        assert all(name in answer.out for name in ("cpna", "plot", "map"))
+        assert all(name in answer.out for name in ("cpna", "run", "ncap", "list", "plot", "map"))
     bare = command()
     assert "Usage" in bare.out + bare.err
 
@@ -248,6 +363,31 @@ MISTAKES = {
     "no such road": (["cpna", "--at", "99,-1,250"], "the map has no road '99'; it has 1 roads: 1"),
     "no such lane": (["cpna", "--at", "1,-9,250"], "road 1 has no lane -9 at s = 250 m"),
     "s beyond the road": (["cpna", "--at", "1,-1,6000"], "road 1 has no lane -1 at s = 6000 m"),
+    "missing scenario": (["run", "nope.xosc"], "nope.xosc: "),
+    "broken scenario": (["run", "broken.xodr"], "broken.xodr"),
+    "no scenario": (["run", "other.xml"], "other.xml"),
+    "unknown parameter": (["run", "cpna", "--param", "Speed=3"], "parameter 'Speed' is not declared"),
+    "parameter without value": (["run", "cpna", "--param", "Speed"], "--param: expected NAME=VALUE"),
+    "parameter twice": (["run", "cpna", "--param", "a=1", "--param", "a=2"], "--param: a is given twice"),
+    "parameter outside": (["run", "crossing", "--param", "Impact_percent=120"], "Impact_percent"),
+    "parameter as text": (["run", "crossing", "--param", "Ego_speed_kmh=fast"], "Ego_speed_kmh"),
+    "missing map of the scenario": (["run", "crossing", "--param", "Map=no.xodr"], "no.xodr does not exist"),
+    "missing map of perception": (["run", "crossing", "--map", "no.xodr"], "no.xodr: cannot be opened"),
+    "map elsewhere": (["run", "crossing", "--map", "elsewhere.xodr"], "no driving lane of the map"),
+    "night": (["run", "crossing", "--night", "owl"], "--night: unknown 'owl'; use one of: lidar, camera"),
+    "run without strategy": (["run", "crossing", "--strategy", "x"], "--strategy: unknown 'x'"),
+    "list of nothing": (["list", "nope"], "nope"),
+    "unknown protocol": (
+        ["ncap", "--protocol", "2019"],
+        "--protocol: unknown '2019'; use one of: 2026, 2023",
+    ),
+    "protocol without weather": (["ncap", "--weather", "dry,wet"], "give one --weather, not dry, wet"),
+    "no such scenarios": (["ncap", "nowhere"], "nowhere"),
+    "folder without scenarios": (["ncap", "folder"], "folder: no .xosc files in this folder"),
+    "scenario of no protocol": (
+        ["ncap", "cbna", "--protocol", "r152"],
+        "no scenario belongs to the protocol",
+    ),
     "plot of nothing": (["plot", "nowhere"], "nowhere: no such folder"),
     "plot of an empty folder": (["plot", "folder"], "folder"),
     "map missing": (["map", "nope.xodr"], "nope.xodr: cannot be opened"),
@@ -270,8 +410,10 @@ def test_a_mistake_is_one_line_and_status_two(command: Command, tmp_path: Path, 
     (tmp_path / "other.xml").write_text("<html/>")
     (tmp_path / "empty.xodr").touch()
     (tmp_path / "folder").mkdir()
+    text = shipped_map("urban_street").read_text()
+    (tmp_path / "elsewhere.xodr").write_text(text.replace('y="0" hdg="0"', 'y="9000" hdg="0"'))
     arguments, message = MISTAKES[name]
-    if arguments[0] == "cpna" and "--out" not in arguments:
+    if arguments[0] in ("cpna", "run", "ncap") and "--out" not in arguments:
         arguments = [*arguments, "--out", "out"]
     answer = command(*arguments)
     assert answer.status == 2, answer

@@ -35,7 +35,8 @@ from evaluation.results import (
 
 DOCUMENTED_RUNS = (
     "scenario,strategy,preset,weather,adversaries,seed,v_test_kmh,v_impact_kmh,collided,score,score_max,"
-    "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,false_stop,log"
+    "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,false_stop,target_start_time_s,"
+    "target_steady_time_s,ego_speed_at_contact_kmh,target_speed_at_contact_kmh,impact_location_percent,log"
 )
 DOCUMENTED_LOG = (
     "time_s,kind,id,category,label,x_m,y_m,yaw_rad,length_m,width_m,speed_mps,accel_mps2,horizon_s"
@@ -58,6 +59,11 @@ STOPPED = RunRow(
     contact_time_s=None,
     t0_s=4.25,
     false_stop=False,
+    target_start_time_s=2.0,
+    target_steady_time_s=None,
+    ego_speed_at_contact_kmh=None,
+    target_speed_at_contact_kmh=None,
+    impact_location_percent=None,
     log="cpna-map-50",
 )
 HIT = replace(
@@ -69,6 +75,10 @@ HIT = replace(
     stop_gap_m=None,
     contact_time_s=4.1,
     t0_s=4.1,
+    target_steady_time_s=2.5,
+    ego_speed_at_contact_kmh=23.0,
+    target_speed_at_contact_kmh=5.0,
+    impact_location_percent=48.3,
     log=None,
 )
 PUBLISHED: dict[str, dict[float, tuple[float, float | None]]] = {
@@ -95,6 +105,8 @@ def some_log(count: int = 3) -> dict[str, np.ndarray[Any, Any]]:
 def test_columns_are_those_of_the_documentation() -> None:
     assert ",".join(RUN_COLUMNS) == DOCUMENTED_RUNS
     assert ",".join(LOG_COLUMNS) == DOCUMENTED_LOG
+    document = (Path(__file__).parents[2] / "docs" / "run-log.md").read_text()
+    assert ", ".join(RUN_COLUMNS) in " ".join(document.split())
 
 
 def test_runs_come_back_as_they_were_written(tmp_path: Path) -> None:
@@ -231,7 +243,7 @@ def test_missing_folder_and_files_are_named(tmp_path: Path) -> None:
         (b"\xff\xfe\x00broken", "not a readable table"),
         (f"{DOCUMENTED_RUNS}\ncpna,map,paper\n".encode(), "not a readable table"),
         (
-            f"{DOCUMENTED_RUNS}\ncpna,map,p,c,0,1,fast,0,false,1,1,,,,,,false,\n".encode(),
+            f"{DOCUMENTED_RUNS}\ncpna,map,p,c,0,1,fast,0,false,1,1,,,,,,false,,,,,,\n".encode(),
             "not a readable table",
         ),
     ],

@@ -9,22 +9,24 @@ import pytest
 
 from evaluation.results import ResultsError, write_runs
 from evaluation.runner import (
+    Conditions,
     CpnaSuite,
-    Place,
-    RunRecord,
-    count,
     describe_map,
     is_published,
-    lane_at,
-    load_named_map,
     load_site,
+    notes,
     pose_site,
+    read_specs,
     read_suite,
     run_suite,
+    scenario_configuration,
+    scenario_specs,
     suite_configuration,
 )
-from scenarios.cpna import Site
+from evaluation.runs import RunRecord, load_named_map
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.errors import ParameterError
+from scenarios.places import Place, Site, lane_at
 
 PAPER_TABLE = CpnaSuite(
     (10.0, 20.0, 30.0, 40.0, 50.0, 60.0), ("rectangular", "map"), "paper", ("dry",), "urban_street"
@@ -63,7 +65,7 @@ def of(records: list[RunRecord], strategy: str) -> list[RunRecord]:
 def test_runs_come_by_strategy_then_speed(paper_records: list[RunRecord]) -> None:
     order = [(r.row.strategy, r.row.v_test_kmh) for r in paper_records]
     assert order == [(s, v) for s in PAPER_TABLE.strategies for v in PAPER_TABLE.speeds_kmh]
-    assert len(order) == count(PAPER_TABLE)
+    assert [r.spec for r in paper_records] == PAPER_TABLE.specs(load_site(PAPER_TABLE))
 
 
 @pytest.mark.parametrize(("strategy", "total"), [("rectangular", 9.0), ("map", 10.0)])
@@ -84,22 +86,27 @@ def test_paper_preset_hits_as_fast_as_the_paper_did(paper_records: list[RunRecor
     }
 
 
-def test_rows_agree_with_outcomes(paper_records: list[RunRecord]) -> None:
+def test_rows_agree_with_themselves(paper_records: list[RunRecord]) -> None:
     for record in paper_records:
-        row, outcome = record.row, record.outcome
-        assert row.collided == (outcome.contact_time_s is not None)
-        assert row.v_impact_kmh == pytest.approx(3.6 * outcome.impact_speed_mps)
-        assert row.t0_s == (outcome.contact_time_s if row.collided else outcome.stop_time_s)
+        row = record.row
+        assert row.collided == (row.contact_time_s is not None) == (row.ego_speed_at_contact_kmh is not None)
+        assert row.v_impact_kmh == (row.ego_speed_at_contact_kmh or 0.0)
         assert (row.stop_gap_m is None) == row.collided
         assert row.collided or (row.v_impact_kmh == 0.0 and row.stop_gap_m is not None and row.stop_gap_m > 0)
+        assert row.target_start_time_s == pytest.approx(2.0)
+        assert row.target_steady_time_s == pytest.approx(2.0)
         assert not row.false_stop
-        assert row.log is not None
+        if row.collided:
+            assert row.t0_s == row.contact_time_s
+            assert row.target_speed_at_contact_kmh == pytest.approx(5.0)
+        assert row.log == record.spec.log
         assert f"{row.v_test_kmh:g}kmh" in row.log
     assert len({r.row.log for r in paper_records}) == len(paper_records)
 
 
 def test_log_of_a_row_shows_the_stop(paper_records: list[RunRecord]) -> None:
     record = of(paper_records, "map")[-1]
+    assert record.log is not None
     ego = record.log["kind"] == "ego"
     time, speed = record.log["time_s"][ego], record.log["speed_mps"][ego]
     assert record.row.t0_s is not None
@@ -115,7 +122,8 @@ def test_bystanders_and_weather_reach_the_row(site: Site) -> None:
     assert (row.scenario, row.preset, row.weather, row.adversaries, row.seed) == (
         "CPNA-75", "physical", "wet", "static", 3,
     )  # fmt: skip
-    assert (record.log["label"] == "adversary").any()
+    assert record.log is not None
+    assert (record.log["label"] == "other").any()
 
 
 def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
@@ -145,14 +153,90 @@ def test_configuration_names_the_place_and_the_conditions(site: Site, tmp_path: 
     assert written["presets"]["dry"]["brakes"]["max_decel_mps2"] == 14.5
 
 
+def test_a_folder_of_cpna_runs_tells_its_runs(tmp_path: Path, site: Site) -> None:
+    write_runs(tmp_path, [], suite_configuration(PAPER_TABLE, site))
+    assert read_specs(tmp_path) == PAPER_TABLE.specs(site)
+
+
+# ---- scenario files ----------------------------------------------------------------------------------------
+
+BOTH = Conditions(("rectangular", "map"), weather=("dry", "snow"), seed=3, phase_s=0.02, night="camera")
+
+
+def test_a_distribution_becomes_runs_by_weather_strategy_and_file() -> None:
+    specs = scenario_specs("cpna", {}, BOTH)
+    assert len(specs) == 2 * 2 * 22
+    assert len({spec.log for spec in specs}) == len(specs)
+    order = [(s.weather, s.strategy) for s in specs[::22]]
+    assert order == [("dry", "rectangular"), ("dry", "map"), ("snow", "rectangular"), ("snow", "map")]
+    first, last = specs[0], specs[21]
+    assert (first.scenario, first.v_test_kmh) == ("cpna Impact_percent=25", 10.0)
+    assert (last.scenario, last.v_test_kmh) == ("cpna Impact_percent=75", 60.0)
+    assert {(s.seed, s.phase_s, s.night, s.preset, s.file) for s in specs} == {
+        (3, 0.02, "camera", "physical", "crossing")
+    }
+
+
+def test_a_given_value_takes_the_place_of_the_distributed_ones() -> None:
+    specs = scenario_specs("cpna", {"Ego_speed_kmh": "42"}, Conditions(("map",)))
+    assert [(s.scenario, s.v_test_kmh) for s in specs] == [
+        ("cpna Impact_percent=25", 42.0),
+        ("cpna Impact_percent=75", 42.0),
+    ]
+    (single,) = scenario_specs("crossing", {"Ego_speed_kmh": "42"}, Conditions(("map",)))
+    assert (single.scenario, single.v_test_kmh) == ("crossing", 42.0)
+
+
+def test_wrong_parameters_are_refused_before_the_first_run() -> None:
+    with pytest.raises(ParameterError, match="'Speed' is not declared"):
+        scenario_specs("cpna", {"Speed": "42"}, Conditions(("map",)))
+    with pytest.raises(ParameterError, match="Impact_percent"):
+        scenario_specs("crossing", {"Impact_percent": "120"}, Conditions(("map",)))
+    for wrong in ({"preset": "x"}, {"weather": ("hail",)}, {"night": "owl"}):
+        with pytest.raises(ScenarioError, match="unknown"):
+            Conditions(("map",), **wrong)  # type: ignore[arg-type]
+
+
+def test_runs_of_files_are_read_back(tmp_path: Path) -> None:
+    specs = scenario_specs("cbla", {"Ego_speed_kmh": "30"}, BOTH)
+    write_runs(tmp_path, [], scenario_configuration(specs))
+    assert read_specs(tmp_path) == specs
+
+
+def test_maps_laid_over_a_test_track_and_the_night_are_told(ncap: Path) -> None:
+    track = str(ncap / "AEB_VRU_2023" / "NCAP_AEB_VRU_CPNA_2023.xosc")
+    over = "perception uses the map euro_ncap_street, laid over StraightRoad_NCAP_noRoadmarks.xodr"
+    assert notes(scenario_specs(track, {}, Conditions(("map",)))) == [over]
+    street = Conditions(("map",), map_name="urban_street")
+    assert notes(scenario_specs(track, {}, street)) == ["perception uses the map urban_street"]
+    night = str(ncap / "CA-FC_2026" / "CPNA.xosc")
+    told = notes(scenario_specs(night, {"LightingConditions": "Night"}, Conditions(("map",), night="camera")))
+    assert told[0] == over
+    assert told[1].startswith("night: night range 46 m")
+    junction = str(ncap / "AEB_VRU_2023" / "NCAP_AEB_VRU_CPTA_2023.xosc")
+    assert notes(scenario_specs(junction, {}, Conditions(("map",)))) == []
+
+
+@pytest.fixture(scope="session")
+def ncap() -> Path:
+    folder = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
+    if not folder.is_dir():
+        pytest.skip(f"no reference scenarios at {folder}")
+    return folder
+
+
+# ---- broken folders ----------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     "content", [None, "", "{}", "[]", '{"configuration": 3}', '{"configuration": {"suite": {}}}']
 )
 def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "runs.json").write_text(content)
-    with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
-        read_suite(tmp_path)
+    for read in (read_suite, read_specs):
+        with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
+            read(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -189,26 +273,11 @@ def test_published_numbers_belong_to_the_conditions_of_the_paper() -> None:
         assert not is_published(CpnaSuite(**{**values, **changes}))
 
 
-def test_a_place_is_found_by_road_lane_and_s() -> None:
+def test_a_suite_takes_the_place_that_it_names() -> None:
     network = load_named_map("urban_street")
-    assert tuple(network.lanes.key[lane_at(network, Place("1", 1, 10.0))]) == ("1", 0, 1)
     site = load_site(CpnaSuite((30.0,), ("map",), "paper", ("dry",), "urban_street", Place("1", 1, 300.0)))
     x, y = (float(v[0]) for v in network.center_line(lane_at(network, Place("1", 1, 300.0)), [300.0])[:2])
     assert site.route.pose(site.line_m)[:2] == pytest.approx((x, y))
-
-
-@pytest.mark.parametrize(
-    ("place", "message"),
-    [
-        (Place("9", -1, 10.0), r"the map has no road '9'; it has 1 roads: 1"),
-        (Place("1", -7, 10.0), r"road 1 has no lane -7 at s = 10 m; it has: .*driving, s 0\.\.600"),
-        (Place("1", -1, 601.0), r"no lane -1 at s = 601 m"),
-        (Place("1", -1, -1.0), r"no lane -1 at s = -1 m"),
-    ],
-)
-def test_a_wrong_place_is_answered_with_what_there_is(place: Place, message: str) -> None:
-    with pytest.raises(ScenarioError, match=message):
-        lane_at(load_named_map("urban_street"), place)
 
 
 def test_a_pose_to_look_at_need_not_be_straight() -> None:

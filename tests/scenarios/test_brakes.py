@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from scenarios.actors import KMH
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
+
+KMH = 1 / 3.6
 
 PROFILES = {
     "ideal": BrakeConfig(0.0, 0.0, 9.0),

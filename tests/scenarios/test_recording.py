@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from opendrive import load_map
-from scenarios.actors import Actors
-from scenarios.cpna import CpnaTest, build, find_site, make_strategy
+from scenarios.cpna import CpnaTest, build, find_site
 from scenarios.map_builder import shipped_map
 from scenarios.presets import PAPER
 from scenarios.recording import COLUMNS, TEXT_COLUMNS, RunLog
 from scenarios.simulation import Outcome
+from scenarios.strategies import make_strategy
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "run-log.md").read_text()
 Table = dict[str, NDArray[np.generic]]
@@ -69,7 +69,7 @@ def test_ego_is_logged_at_every_frame_and_at_the_contact(outcome: Outcome, table
 
 def test_ground_truth_has_every_actor_in_every_frame(table: Table) -> None:
     actors, frames = of_kind(table, "actor"), len(of_kind(table, "ego")["time_s"])
-    assert set(actors["label"].tolist()) == {"target", "adversary"}
+    assert set(actors["label"].tolist()) == {"target", "other"}
     ids, counts = np.unique(actors["id"], return_counts=True)
     assert (actors["label"] == "target").sum() == frames
     assert counts.tolist() == [frames] * len(ids)
@@ -92,7 +92,7 @@ def test_detections_are_kept_or_dropped(outcome: Outcome, table: Table) -> None:
     (target,) = places[now[0] & (actors["label"] == "target")]
     assert label_at(*target) == "kept"
     # the lane centre of this street is 1.75 m from its middle, the kerb 3.5 m
-    beyond = now[0] & (actors["label"] == "adversary") & (np.abs(np.abs(places[:, 1]) - 5.7) < 0.01)
+    beyond = now[0] & (actors["label"] == "other") & (np.abs(np.abs(places[:, 1]) - 5.7) < 0.01)
     assert beyond.any()
     assert {label_at(*place) for place in places[beyond]} == {"dropped"}
 
@@ -129,6 +129,7 @@ def test_boxes_are_complete_where_there_is_a_box(table: Table) -> None:
 
 
 def test_nothing_logged_is_an_empty_table() -> None:
-    assert {name: len(column) for name, column in RunLog(Actors([])).table().items()} == dict.fromkeys(
+    nobody = np.array([], dtype=np.str_)
+    assert {name: len(column) for name, column in RunLog(nobody, nobody).table().items()} == dict.fromkeys(
         COLUMNS, 0
     )

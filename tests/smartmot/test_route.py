@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from opendrive import RoadNetwork, load_map
 from smartmot.errors import SmartMotError
-from smartmot.route import Route, RouteError, route_ahead, route_from_lanes
+from smartmot.route import Route, RouteError, route_ahead, route_along, route_from_lanes
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"
 TOWN = Path(__file__).parents[3] / "shared" / "opendrive" / "maps" / "Town03.xodr"
@@ -138,3 +138,107 @@ def test_bad_routes_are_refused() -> None:
     with pytest.raises(RouteError, match=r"'3', 0, -1.*does not follow.*'1', 0, -1"):
         route_from_lanes(network, apart)
     assert issubclass(RouteError, SmartMotError)
+
+
+# ---- the lanes under a way ---------------------------------------------------------------------------------
+
+
+def _driving(network: RoadNetwork) -> list[int]:
+    return np.flatnonzero(network.lanes.lane_type == "driving").tolist()
+
+
+def _walk(network: RoadNetwork, start: int, turns: list[int]) -> list[int]:
+    """A chain of lanes: at every fork one of the successors, until the map ends."""
+    lanes = [start]
+    for turn in turns:
+        following = network.successors(lanes[-1])
+        if not following:
+            break
+        lanes.append(following[turn % len(following)])
+    return lanes
+
+
+def _way(route: Route, spacing_m: float, offset_m: float, margin_m: float = 0.0) -> np.ndarray:
+    """(K, 2) points beside a route's centre line, from a margin after its start to one before its end."""
+    length = route.length_m - 2 * margin_m
+    stations = margin_m + np.linspace(0.0, length, max(2, round(length / spacing_m) + 1))
+    return np.array([route.pose(float(s), offset_m)[:2] for s in stations])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    name=st.sampled_from(["urban_street", "urban_street_parking", "urban_bend", "urban_intersection"]),
+    pick=st.integers(0, 10_000),
+    turns=st.lists(st.integers(0, 2), min_size=2, max_size=2),
+    spacing=st.floats(0.5, 2.5),
+    offset=st.floats(-0.6, 0.6),
+)
+def test_a_way_along_lanes_gives_these_lanes(
+    name: str, pick: int, turns: list[int], spacing: float, offset: float
+) -> None:
+    """The centre line of any chain of lanes, or a line beside it, is the route over these lanes."""
+    network = _network(name)
+    starts = [lane for lane in _driving(network) if network.lanes.junction_id[lane] is None]
+    lanes = _walk(network, starts[pick % len(starts)], turns)
+    known = route_from_lanes(network, lanes)
+    assert route_along(network, _way(known, spacing, offset, margin_m=3.0)).lanes == tuple(lanes)
+
+
+@pytest.mark.parametrize("name", ["Town01", "Town03", "Town04"])
+def test_ways_on_public_maps_stay_in_their_lanes(name: str) -> None:
+    """Junction lanes lie on one another there: whatever is chosen, every point is in a lane of the route."""
+    path = TOWN.with_stem(name)
+    if not path.is_file():
+        pytest.skip(f"reference map is absent: {path}")
+    network = load_map(path)
+    rng = np.random.default_rng(4)
+    starts = [
+        lane
+        for lane in _driving(network)
+        if network.lanes.junction_id[lane] is None and network.lanes.s_end_m[lane] > 20.0
+    ]
+    for lane in rng.choice(starts, 20).tolist():
+        lanes = _walk(network, lane, rng.integers(0, 4, 3).tolist())
+        way = _way(route_from_lanes(network, lanes), 2.0, 0.0, margin_m=3.0)
+        found = route_along(network, way)
+        assert found.lanes[0] == lane
+        beside = [abs(found.project(*point)[1]) for point in way]
+        assert max(beside) < 1.0, (name, lanes, found.lanes)
+
+
+def test_a_way_goes_on_straight_where_it_is_asked_to() -> None:
+    network = _network("urban_intersection")
+    across = _crossing("1", "13", "3")
+    first = across.lanes[0]
+    way = _way(route_from_lanes(network, [first]), 2.0, 0.0, margin_m=20.0)
+    assert route_along(network, way).lanes == (first,)
+    # its last point is 20 m before the end of the first lane, the junction is 24 m wide
+    assert route_along(network, way, ahead_m=19.0).lanes == (first,)
+    assert route_along(network, way, ahead_m=30.0).lanes == across.lanes[:2]
+    assert route_along(network, way, ahead_m=60.0).lanes == across.lanes
+    last = across.lanes[-1]
+    back = _way(route_from_lanes(network, [last]), 2.0, 0.0, margin_m=20.0)
+    assert route_along(network, back, behind_m=60.0).lanes == across.lanes
+
+
+def test_a_way_against_the_traffic_across_or_beside_it_is_on_no_lane() -> None:
+    network = _network("urban_street")
+    way = _way(route_from_lanes(network, [network.lane_index_of(("1", 0, -1))]), 2.0, 0.0)
+    for wrong in (
+        way[::-1],
+        way - np.array([0.0, 5.0]),
+        np.column_stack((np.full(9, 300.0), np.linspace(-4, 0, 9))),
+    ):
+        with pytest.raises(RouteError, match="the ego's way runs on no driving lane of the map"):
+            route_along(network, wrong)
+
+
+def test_a_route_ends_where_the_way_leaves_the_lane() -> None:
+    """Over the kerb, or into a lane that does not follow, as in a lane change."""
+    network = _network("urban_street")
+    lane = network.lane_index_of(("1", 0, -1))
+    x = np.arange(50.0, 400.0, 2.0)
+    leaving = np.column_stack((x, np.where(x < 250.0, -1.75, -9.0)))
+    assert route_along(network, leaving).lanes == (lane,)
+    late = np.column_stack((x, np.where(x < 120.0, -9.0, -1.75)))
+    assert route_along(network, late).lanes == (lane,)

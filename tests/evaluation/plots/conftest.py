@@ -197,6 +197,11 @@ def _run_row(strategy: str, v_test: float, v_impact: float, t0: float) -> RunRow
         contact_time_s=t0 if v_impact else None,
         t0_s=t0,
         false_stop=False,
+        target_start_time_s=None,
+        target_steady_time_s=None,
+        ego_speed_at_contact_kmh=v_impact if v_impact else None,
+        target_speed_at_contact_kmh=5.0 if v_impact else None,
+        impact_location_percent=50.0 if v_impact else None,
         log=f"{strategy}-{v_test:g}",
     )
 

@@ -1,0 +1,123 @@
+"""Which cell of a protocol a scenario with its parameters is, and the shipped scenario of a cell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from evaluation.protocols.grid import Cell, Function, Lighting
+from evaluation.runs import NIGHT_LX, initial_speed_kmh, is_night
+from scenarios.library import shipped_scenario
+from scenarios.openscenario.distributions import Variation, expand
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model import ScenarioDefinition
+
+_FCW_PERCENT_2023 = {("CPLA", "25"), ("CBLA", "25")}
+"""Rows that Euro NCAP 2023 drives as warning tests alone; their files tell it by the impact location."""
+
+_IMPACT = ("Impact_percent", "ImpactLocation", "Overlap")
+_TARGET_SPEED = (
+    *("Target_speed_kmh", "VRU_finalSpeed_kph", "Target_init_speed_kph", "GVT_init_speed_kph"),
+    *("Target_finalSpeed_kph", "Target_final_speed_kph"),
+)
+"""Parameters that hold the impact location and the target's test speed, the first that is there."""
+
+
+def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinition) -> dict[str, object]:
+    """What tells the cell of a run: the columns that `protocols.table.measurements` asks for.
+
+    The scenario's name is taken from the parameter Scenario_ID that Vector's files of Euro NCAP's tests set,
+    or else from the name of the file (`cpfa`, `NCAP_AEB_VRU_CPRA_Cm_Variation_2023`).
+
+    Args:
+        variation: the run, with its parameters.
+        file: that asked for it.
+        definition: the scenario with its final parameters.
+    """
+    values = definition.parameters
+    told = str(variation.parameters.get("Scenario_ID", "")) or _name_in(file)
+    match = re.fullmatch(r"(?P<name>[A-Za-z_]+?)(?:-(?P<percent>\d+))?(?P<fcw>_FCW)?", told, re.IGNORECASE)
+    name, percent, fcw = (match["name"], match["percent"], match["fcw"]) if match else (told, None, None)
+    warned = fcw or file.stem.upper().endswith("_FCW") or (name, percent) in _FCW_PERCENT_2023
+    columns: dict[str, object] = {
+        "scenario": _SPELLED.get(name.lower(), name),
+        "v_test_kmh": initial_speed_kmh(definition),
+        "lighting": str(Lighting.NIGHT if is_night(definition) else Lighting.DAY),
+        "function": str(Function.FCW if warned else Function.AEB),
+    }
+    impact = percent or _first(values, _IMPACT)
+    if impact is not None:
+        columns["impact_location_percent"] = float(impact)
+    target = _first(values, _TARGET_SPEED)
+    if target is not None:
+        columns["target_speed_kmh"] = float(target)
+    if name == "CCRb" and "GVT_headway" in values:
+        gap, decel = float(values["GVT_headway"]), float(values["GVT_deceleration"])
+        columns["condition"] = f"gap {gap:g} m, {decel:g} m/s2"
+    return columns
+
+
+def _first(values: Mapping[str, Value], names: tuple[str, ...]) -> Value | None:
+    return next((values[name] for name in names if name in values), None)
+
+
+_SCENARIOS = (
+    *("CPNA", "CPFA", "CPNCO", "CPLA", "CPTAfs", "CPTAfo", "CPTAns", "CPTAno", "CPRA_Cm", "CPRA_Cs"),
+    *("CBNAO", "CBNA", "CBFA", "CBLA", "CCRs", "CCRm", "CCRb", "CCFtap", "CCFhos", "CCFhol", "CCCscp"),
+    *("CMRs", "CMRb", "CMFtap", "CMCscp"),
+)
+_SPELLED = {name.lower(): name for name in _SCENARIOS}
+
+
+def _name_in(file: Path) -> str:
+    """The test's abbreviation in the name of a file; the whole name if there is none."""
+    found = re.search(f"(?<![A-Za-z])({'|'.join(_SCENARIOS)})(?![A-Za-z])", file.stem, re.IGNORECASE)
+    return found[1] if found else file.stem
+
+
+# ---- shipped scenarios -------------------------------------------------------------------------------------
+
+_SHIPPED = {
+    ("CPNA", Function.AEB): "cpna",
+    ("CPFA", Function.AEB): "cpfa",
+    ("CPNCO", Function.AEB): "cpnco",
+    ("CPLA", Function.AEB): "cpla",
+    ("CPLA", Function.FCW): "cpla_fcw",
+    ("CBNA", Function.AEB): "cbna",
+    ("CBLA", Function.AEB): "cbla",
+    ("CBLA", Function.FCW): "cbla_fcw",
+}
+NIGHT_TEST_LX = 0.1
+assert NIGHT_TEST_LX < NIGHT_LX
+
+
+def shipped_run(cell: Cell, steady_distance_m: float | None = None) -> Variation | None:
+    """The shipped scenario of a cell, with its parameters; None if there is none.
+
+    Args:
+        cell: of any protocol.
+        steady_distance_m: of the target's constant speed in tests along the lane, where the protocol wants
+            another than the shipped grid.
+    """
+    name = _SHIPPED.get((cell.scenario, cell.function))
+    if name is None or cell.impact_percent is None:
+        return None
+    first = _expanded(name)[0]
+    values = dict(first.parameters) | {
+        "Ego_speed_kmh": cell.speed_kmh,
+        "Impact_percent": cell.impact_percent,
+    }
+    if cell.target_speed_kmh is not None:
+        values["Target_speed_kmh"] = cell.target_speed_kmh
+    if cell.lighting is Lighting.NIGHT:
+        values["Illuminance"] = NIGHT_TEST_LX
+    if steady_distance_m is not None and name in ("cpla_fcw", "cbla_fcw", "cpla", "cbla"):
+        values["Steady_distance"] = steady_distance_m
+    return Variation(f"{name}_{cell.speed_kmh:g}", first.path, values)
+
+
+@cache
+def _expanded(name: str) -> list[Variation]:
+    return expand(shipped_scenario(name))

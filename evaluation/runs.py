@@ -1,0 +1,263 @@
+"""One run as a plain value, and carrying runs out, in this process or in several."""
+
+from __future__ import annotations
+
+import multiprocessing
+import re
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.protocols.paper import paper_score, paper_score_max
+from evaluation.results import RunRow
+from opendrive import RoadNetwork, load_map
+from scenarios.bystanders import with_bystanders
+from scenarios.library import scenario_path
+from scenarios.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model import EnvironmentAction, ScenarioDefinition, SpeedAction
+from scenarios.openscenario.reader import load
+from scenarios.openscenario.roads import load_roads
+from scenarios.places import Scene
+from scenarios.presets import (
+    Preset,
+    named_light,
+    named_preset,
+    named_weather,
+    preset_at_night,
+    preset_in_weather,
+)
+from scenarios.simulation import Outcome, Simulation, StopRule
+from scenarios.strategies import make_strategy
+from smartmot.monitored_area import MonitoredAreaStrategy
+
+NO_AEB = "none"
+"""Stands for the strategy in runs in which nobody perceives and nobody brakes."""
+
+NCAP_MAP = "euro_ncap_street"
+TEST_TRACK_LANE_M = 8.0
+"""A driving lane wider than this is a test track, not a lane of a street: no HD map would show it."""
+NIGHT_LX = 10.0
+"""Darker than this is night (Euro NCAP: day tests at more than 2000 lx, night tests below 1 lx)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """Everything that determines one run.
+
+    Args:
+        scenario: name in tables.
+        file: name of a shipped scenario, or path of a file.
+        parameters: values in place of the declared ones.
+        strategy: monitored area, or `NO_AEB`.
+        preset, weather: names.
+        v_test_kmh: test speed, for tables.
+        map_name: OpenDRIVE file or shipped map that perception uses; None: see `perception_map`.
+        adversaries: none or static.
+        seed: of the sensor noise.
+        phase_s: time of the first sensor frame.
+        night: how the sensor takes the night (`scenarios.presets.NIGHT`), where the scenario is at night.
+        paper_points: whether the paper's score applies.
+        adapts: whether the ego adapts its speed to who is ahead, as ACC does; else, as in tests of Euro NCAP,
+            it holds it until it brakes, and the run ends when it stands.
+    """
+
+    scenario: str
+    file: str
+    parameters: tuple[tuple[str, Value], ...]
+    strategy: str
+    preset: str
+    weather: str
+    v_test_kmh: float
+    map_name: str | None = None
+    adversaries: str = "none"
+    seed: int = 0
+    phase_s: float = 0.0
+    night: str = "lidar"
+    paper_points: bool = False
+    adapts: bool = True
+
+    @property
+    def log(self) -> str:
+        """Name of the run's log."""
+        conditions = f"{self.weather}_{self.adversaries}_{self.v_test_kmh:.10g}kmh_seed{self.seed}"
+        return re.sub(r"[^\w.=+-]+", "-", f"{self.scenario}_{self.strategy}_{conditions}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunRecord:
+    """One finished run.
+
+    Args:
+        spec: what was run.
+        row: its line in `runs.csv`.
+        flag_ttc_s: time to collision with the target at the first emergency request.
+        log: its log as columns; None if it was not asked for.
+    """
+
+    spec: RunSpec
+    row: RunRow
+    flag_ttc_s: float | None
+    log: dict[str, NDArray[Any]] | None
+
+
+def load_named_map(name: str) -> RoadNetwork:
+    """Load a shipped map by its name, or any OpenDRIVE file; an unchanged file is loaded once.
+
+    Raises:
+        opendrive.OpenDriveError: the file cannot be opened.
+        scenarios.openscenario.errors.RunError: it cannot be read.
+    """
+    path = shipped_map(name) if name in SHIPPED_MAPS else Path(name)
+    return load_roads(path).network if path.is_file() else load_map(path)
+
+
+def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str | None:
+    """Name of the map that perception uses; None for the scenario's own.
+
+    The test tracks of Euro NCAP's pedestrian scenarios are one wide lane without marks, on which a map tells
+    nothing. Unless another map is asked for, a street is laid over them, in whose lane the ego drives.
+    """
+    if map_name is not None:
+        return map_name
+    network = load_named_map(str(definition.map_path))
+    lanes = network.lanes
+    driving = np.flatnonzero(np.asarray(lanes.lane_type) == "driving")
+    width = [float(network.lane_width(int(k), lanes.s_start_m[k])) for k in driving.tolist()]
+    return NCAP_MAP if width and min(width) > TEST_TRACK_LANE_M else None
+
+
+def is_night(definition: ScenarioDefinition) -> bool:
+    """Whether the scenario starts in the dark."""
+    light = [
+        action.environment.illuminance_lx
+        for _, action in definition.init
+        if isinstance(action, EnvironmentAction)
+    ]
+    return bool(light) and light[-1] is not None and light[-1] < NIGHT_LX
+
+
+def initial_speed_kmh(definition: ScenarioDefinition) -> float:
+    """Speed that the ego has at the start."""
+    names = [entity.name for entity in definition.entities]
+    ego = "Ego" if "Ego" in names else names[0]
+    speeds = [
+        action.target
+        for entity, action in definition.init
+        if entity == ego and isinstance(action, SpeedAction) and isinstance(action.target, float)
+    ]
+    return round(abs(speeds[-1]) * 3.6, 6) if speeds else 0.0
+
+
+def preset_of(spec: RunSpec, definition: ScenarioDefinition) -> Preset:
+    """Preset in the run's weather and light."""
+    preset = preset_in_weather(named_preset(spec.preset), named_weather(spec.weather))
+    if is_night(definition):
+        preset = preset_at_night(preset, named_light(spec.night))
+    return replace(preset, sensor=replace(preset.sensor, phase_s=spec.phase_s))
+
+
+def definition_of(spec: RunSpec) -> ScenarioDefinition:
+    """The scenario with the run's parameters, and with its bystanders.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the file cannot be read or run.
+    """
+    definition = load(scenario_path(spec.file), dict(spec.parameters))
+    if spec.adversaries == "static":
+        return with_bystanders(definition, load_named_map(str(definition.map_path)))
+    return definition
+
+
+def simulation_of(spec: RunSpec) -> Simulation:
+    """A run, ready to start.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the scenario cannot begin.
+        opendrive.OpenDriveError: a map cannot be read.
+        ScenarioError: unknown preset, weather or strategy.
+    """
+    definition = definition_of(spec)
+    preset = preset_of(spec, definition)
+    name = perception_map(definition, spec.map_name)
+
+    def strategy(scene: Scene) -> MonitoredAreaStrategy:
+        return make_strategy(spec.strategy, preset, scene)
+
+    return Simulation(
+        definition,
+        preset,
+        None if spec.strategy == NO_AEB else strategy,
+        spec.seed,
+        load_named_map(name) if name else None,
+        rule=StopRule(at_standstill=not spec.adapts),
+        adapts=spec.adapts,
+    )
+
+
+def scene_of(spec: RunSpec) -> Scene:
+    """Map and route of a run, without running it; see `simulation_of` for what it raises."""
+    return simulation_of(spec).scene()
+
+
+def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
+    """Carry out one run; see `simulation_of` for what it raises."""
+    outcome = simulation_of(spec).run()
+    log = outcome.log.table() if keep_log else None
+    return RunRecord(spec, _row(spec, outcome, keep_log), outcome.flag_ttc_s, log)
+
+
+def execute_all(specs: Sequence[RunSpec], workers: int = 1, keep_log: bool = True) -> Iterator[RunRecord]:
+    """Carry out runs; the records come in the order of the specs, whatever the number of processes.
+
+    Args:
+        specs: what to run.
+        workers: processes.
+        keep_log: whether the records hold the logs.
+    """
+    job = partial(execute, keep_log=keep_log)
+    workers = min(workers, len(specs))
+    if workers <= 1:
+        yield from map(job, specs)
+        return
+    # a forked copy of a process with threads may hang; these start from a clean one, which imports once
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        yield from pool.map(job, specs, chunksize=1)
+
+
+def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
+    contact = outcome.contact
+    impact = outcome.impact_speed_mps * 3.6
+    return RunRow(
+        scenario=spec.scenario,
+        strategy=spec.strategy,
+        preset=spec.preset,
+        weather=spec.weather,
+        adversaries=spec.adversaries,
+        seed=spec.seed,
+        v_test_kmh=spec.v_test_kmh,
+        v_impact_kmh=impact,
+        collided=contact is not None,
+        score=paper_score(spec.v_test_kmh, impact) if spec.paper_points else None,
+        score_max=paper_score_max(spec.v_test_kmh) if spec.paper_points else None,
+        flag_time_s=outcome.flag_time_s,
+        flag_distance_m=outcome.flag_distance_m,
+        stop_gap_m=outcome.stop_gap_m,
+        contact_time_s=outcome.contact_time_s,
+        t0_s=contact.time_s if contact else outcome.stop_time_s,
+        false_stop=outcome.false_stop,
+        target_start_time_s=outcome.target_start_time_s,
+        target_steady_time_s=outcome.target_steady_time_s,
+        ego_speed_at_contact_kmh=contact.ego_speed_mps * 3.6 if contact else None,
+        target_speed_at_contact_kmh=contact.entity_speed_mps * 3.6 if contact else None,
+        impact_location_percent=contact.impact_location_percent if contact else None,
+        log=spec.log if has_log else None,
+    )

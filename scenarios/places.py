@@ -1,0 +1,218 @@
+"""Places on maps for tests: straight stretches of driving lanes, and what lies beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from opendrive import RoadNetwork
+from scenarios.errors import ScenarioError
+from scenarios.openscenario.paths import Pose
+from smartmot.route import Route, route_ahead
+from smartmot.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
+
+STRAIGHT_M = 0.05
+"""A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle
+under test may leave its path in a Euro NCAP test."""
+RUN_OUT_M = 20.0
+"""Straight length that a test needs after its line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on a map as the user names it.
+
+    Args:
+        road_id: id of the road.
+        lane_id: id of the lane on it.
+        s_m: road coordinate.
+    """
+
+    road_id: str
+    lane_id: int
+    s_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Map and route of perception.
+
+    Args:
+        network: the map.
+        route: the ego's way on it.
+    """
+
+    network: RoadNetwork
+    route: Route
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Site(Scene):
+    """Where a test takes place: a stretch of a map, straight before and after a line across the ego's lane.
+
+    Args:
+        network: the map.
+        route: the ego's way.
+        line_m: station of the line on it.
+        near_side: -1 where traffic keeps right (the near side is to the right), +1 where it keeps left.
+    """
+
+    line_m: float
+    near_side: int
+
+    @property
+    def line(self) -> Pose:
+        """Where the line crosses the lane's centre, heading along it."""
+        return Pose(*self.route.pose(self.line_m))
+
+
+def lane_at(network: RoadNetwork, place: Place) -> int:
+    """Index of the lane at a place.
+
+    Raises:
+        ScenarioError: there is no such road, lane or s; the message lists what there is.
+    """
+    roads = {key.road_id for key in network.lanes.key}
+    if place.road_id not in roads:
+        some = ", ".join(sorted(roads, key=lambda r: (len(r), r))[:12])
+        raise ScenarioError(f"the map has no road {place.road_id!r}; it has {len(roads)} roads: {some} ...")
+    found: list[str] = []
+    for index, key in enumerate(network.lanes.key):
+        if key.road_id != place.road_id:
+            continue
+        low, high = float(network.lanes.s_start_m[index]), float(network.lanes.s_end_m[index])
+        if key.lane_id == place.lane_id and low <= place.s_m <= high:
+            return index
+        found.append(f"{key.lane_id} ({network.lanes.lane_type[index]!s}, s {low:g}..{high:g})")
+    raise ScenarioError(
+        f"road {place.road_id} has no lane {place.lane_id} at s = {place.s_m:g} m; "
+        f"it has: {'; '.join(found[:12])}"
+    )
+
+
+def lane_under(network: RoadNetwork, pose: Pose) -> tuple[int, float]:
+    """Driving lane under a pose that runs along its heading, and s there.
+
+    Raises:
+        ScenarioError: there is none.
+    """
+    hits = network.locate([[pose.x_m, pose.y_m]])
+    for lane, s_m in zip(hits.lane.tolist(), hits.s_m.tolist(), strict=True):
+        heading = float(network.center_line(lane, s_m)[3])
+        if network.lanes.lane_type[lane] == "driving" and np.cos(heading - pose.yaw_rad) > 0.5:
+            return lane, s_m
+    raise ScenarioError(
+        f"no driving lane runs at x = {pose.x_m:g} m, y = {pose.y_m:g} m "
+        f"with heading {np.degrees(pose.yaw_rad):g} degrees"
+    )
+
+
+def site_at(network: RoadNetwork, lane: int, s_m: float, approach_m: float) -> Site:
+    """Take a place on a lane for the line.
+
+    Args:
+        network: the map.
+        lane: index of the lane.
+        s_m: road coordinate of the line.
+        approach_m: straight length that is needed before it.
+
+    Raises:
+        ScenarioError: the lane is not for driving, or is not straight for long enough around the place.
+    """
+    name = tuple(network.lanes.key[lane])
+    if network.lanes.lane_type[lane] != "driving":
+        raise ScenarioError(
+            f"lane {name} is of type {network.lanes.lane_type[lane]!s}; choose a driving lane"
+        )
+    route = route_ahead(network, lane, s_m, ahead_m=RUN_OUT_M + 60.0, behind_m=approach_m + 5.0)
+    index = route.lanes.index(lane)
+    line = float(route.entry_m[index]) + route.strips[index].station_at(s_m)
+    free = straight_around(route, line)
+    if free[0] < approach_m or free[1] < RUN_OUT_M:
+        raise ScenarioError(
+            f"no straight stretch: at lane {name}, s = {s_m:g} m the route is straight for {free[0]:.0f} m "
+            f"before and {free[1]:.0f} m after; the test needs {approach_m:.0f} m and {RUN_OUT_M:.0f} m"
+        )
+    return Site(network, route, line, near_side(network, lane))
+
+
+def straight_around(route: Route, station_m: float) -> tuple[float, float]:
+    """Lengths before and after a station over which the route stays on the tangent there."""
+    x, y, yaw = route.pose(station_m)
+    delta = route.center_m - np.array([x, y])
+    aside = np.abs(np.cos(yaw) * delta[:, 1] - np.sin(yaw) * delta[:, 0]) > STRAIGHT_M
+    before = np.flatnonzero(aside & (route.station_m < station_m))
+    after = np.flatnonzero(aside & (route.station_m > station_m))
+    start = route.station_m[before[-1] + 1] if len(before) else 0.0
+    end = route.station_m[after[0] - 1] if len(after) else route.length_m
+    return station_m - float(start), float(end) - station_m
+
+
+def find_site(network: RoadNetwork, approach_m: float) -> Site:
+    """Choose a place: the longest straight driving lane outside junctions, beside a sidewalk if there is one.
+
+    Raises:
+        ScenarioError: no lane is straight for long enough.
+    """
+    lanes = network.lanes
+    length = lanes.s_end_m - lanes.s_start_m
+    candidates = [
+        i
+        for i in np.argsort(-length, kind="stable").tolist()
+        if lanes.lane_type[i] == "driving" and lanes.junction_id[i] is None
+    ]
+    middle = (lanes.s_start_m + lanes.s_end_m) / 2
+    beside = [
+        i
+        for i in candidates
+        if kerb_m(network, i, float(middle[i]), near_side(network, i), over_lanes=False)[1]
+    ]
+    for lane in (beside or candidates)[:60]:
+        low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+        for share in (0.75, 0.5, 0.9, 0.99):
+            s = low + share * (high - low) if lanes.direction[lane] > 0 else high - share * (high - low)
+            try:
+                return site_at(network, lane, s, approach_m)
+            except ScenarioError:
+                continue
+    raise ScenarioError(
+        f"no straight stretch of {approach_m:.0f} m among the longest lanes of map "
+        f"{network.name or '(unnamed)'}; use lower speeds, another map, or --at ROAD,LANE,S"
+    )
+
+
+def kerb_m(
+    network: RoadNetwork, lane: int, s_m: float, side: int, *, over_lanes: bool = True
+) -> tuple[float, bool]:
+    """Distance from a lane's centre over the carriageway to the kerb, and whether a sidewalk begins there.
+
+    Args:
+        network: the map.
+        lane: index of the lane.
+        s_m: road coordinate.
+        side: +1 to the left of the lane's travel direction, -1 to the right.
+        over_lanes: go on over further driving lanes; else the search ends at the first.
+    """
+    along = int(network.lanes.direction[lane])
+    here = np.array([s_m])
+    distance = float(network.lane_width(lane, here)[0]) / 2
+    current = lane
+    while True:
+        same_way = int(network.lanes.direction[current]) == along
+        outward = network.left_neighbour if (side > 0) == same_way else network.right_neighbour
+        following = outward(current)
+        if following is None:
+            return distance, False
+        kind = str(network.lanes.lane_type[following])
+        if kind in SIDEWALK_TYPES:
+            return distance, True
+        if kind not in KERBSIDE_TYPES and not (over_lanes and kind == "driving"):
+            return distance, False
+        distance += float(network.lane_width(following, here)[0])
+        current = following
+
+
+def near_side(network: RoadNetwork, lane: int) -> int:
+    """Side of a lane's near side: -1 (right) where traffic keeps right, +1 (left) where it keeps left."""
+    return 1 if int(network.lanes.direction[lane]) * network.lanes.key[lane].lane_id > 0 else -1

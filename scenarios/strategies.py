@@ -1,0 +1,30 @@
+"""Monitored-area strategies by name."""
+
+from __future__ import annotations
+
+from scenarios.errors import ScenarioError
+from scenarios.places import Scene
+from scenarios.presets import Preset
+from smartmot.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
+
+STRATEGIES = ("rectangular", "map", "all")
+
+
+def make_strategy(name: str, preset: Preset, scene: Scene) -> MonitoredAreaStrategy:
+    """Build a monitored-area strategy.
+
+    Args:
+        name: one of `STRATEGIES`.
+        preset: its settings.
+        scene: map and route of perception.
+
+    Raises:
+        ScenarioError: there is none of that name.
+    """
+    if name == "rectangular":
+        return RectangularArea(preset.rectangular, preset.pipeline.braking_distance)
+    if name == "map":
+        return MapArea(scene.network, scene.route, preset.map_area)
+    if name == "all":
+        return EverythingArea()
+    raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")

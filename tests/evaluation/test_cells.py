@@ -1,0 +1,179 @@
+"""Which cells of the protocols scenario files are, against the grids of the protocols themselves."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from evaluation.cells import cell_columns, shipped_run
+from evaluation.ncap import grid_of_files, grid_of_shipped, protocol_for, scenario_files, specs_of
+from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.grid import Cell, Function, Lighting
+from evaluation.protocols.table import measurements
+from evaluation.runner import Conditions
+from scenarios.openscenario.distributions import expand
+from scenarios.openscenario.reader import load
+
+NCAP = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
+
+
+@pytest.fixture(scope="module")
+def ncap() -> Path:
+    if not NCAP.is_dir():
+        pytest.skip(f"no reference scenarios at {NCAP}")
+    return NCAP
+
+
+def columns(file: Path, number: int) -> dict[str, object]:
+    variation = expand(file)[number]
+    return cell_columns(variation, file, load(variation.path, variation.parameters))
+
+
+@pytest.mark.parametrize(
+    ("file", "number", "expected"),
+    [
+        (
+            "AEB_VRU_2023/Variations/NCAP_AEB_VRU_CPNA-25_Variation_2023.xosc",
+            0,
+            ("CPNA", 10.0, 25.0, 5.0, "day", "AEB"),
+        ),
+        (
+            "AEB_VRU_2023/Variations/NCAP_AEB_VRU_CBLA-25_Variation_2023.xosc",
+            6,
+            ("CBLA", 80.0, 25.0, 20.0, "day", "FCW"),
+        ),
+        ("CA-FC_2026/Variations/StandardRange/CPLA_FCW.xosc", 0, ("CPLA", 50.0, 25.0, 5.0, "day", "FCW")),
+        (
+            "AEB_C2C_2023/Variations/NCAP_AEB_C2C_CCRs_FCW_Variation_2023.xosc",
+            0,
+            ("CCRs", 55.0, -50.0, 0.0, "day", "FCW"),
+        ),
+        (
+            "AEB_C2C_2023/Variations/NCAP_AEB_C2C_CCRm_Variation_2023.xosc",
+            0,
+            ("CCRm", 30.0, -50.0, 20.0, "day", "AEB"),
+        ),
+        (
+            "AEB_VRU_2023/Variations/NCAP_AEB_VRU_CPRA_Cm_Variation_2023.xosc",
+            0,
+            ("CPRA_Cm", 4.0, None, None, "day", "AEB"),
+        ),
+    ],
+)
+def test_columns_by_hand(ncap: Path, file: str, number: int, expected: tuple[object, ...]) -> None:
+    found = columns(ncap / file, number)
+    keys = ("scenario", "v_test_kmh", "impact_location_percent", "target_speed_kmh", "lighting", "function")
+    for key, value in zip(keys, expected, strict=True):
+        if value is not None:
+            assert found[key] == value, key
+
+
+def test_braking_cars_are_told_by_gap_and_deceleration(ncap: Path) -> None:
+    file = ncap / "AEB_C2C_2023" / "Variations" / "NCAP_AEB_C2C_CCRb_Variation_2023.xosc"
+    told = {columns(file, k)["condition"] for k in range(4)}
+    assert told == {f"gap {gap} m, {decel} m/s2" for gap in (12, 40) for decel in (2, 6)}
+
+
+def test_night_is_read_from_the_light_of_the_file(ncap: Path) -> None:
+    file = ncap / "CA-FC_2026" / "Variations" / "StandardRange" / "CPNA.xosc"
+    lighting = Counter(columns(file, k)["lighting"] for k in range(36))
+    assert lighting == {"day": 18, "night": 18}
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"), [("2023", "AEB_VRU_2023"), ("2023", "AEB_C2C_2023"), ("2026", "CA-FC_2026")]
+)
+def test_the_files_are_the_cells_of_the_protocol(ncap: Path, name: str, folder: str) -> None:
+    """Every run is in a cell, and every cell of the scenarios that have files is run."""
+    protocol = protocol_for(name, ("dry",))
+    grid = grid_of_files(scenario_files([str(ncap / folder)]), protocol)
+    assert grid.strange == ()
+    covered = set()
+    for run in grid.runs:
+        columns = dict(run.columns)
+        impact = float(str(columns.get("impact_location_percent", 50.0)))
+        fitting = {
+            cell
+            for cell in protocol.cells(str(columns["scenario"]))
+            if cell.speed_kmh == columns["v_test_kmh"]
+            and cell.impact_percent in (None, impact)
+            and cell.target_speed_kmh in (None, columns.get("target_speed_kmh", cell.target_speed_kmh))
+            and (cell.lighting, cell.function) == (columns["lighting"], columns["function"])
+            and cell.condition == columns.get("condition", "")
+        }
+        assert len(fitting) == 1
+        covered |= fitting
+    scenarios = {cell.scenario for cell in covered}
+    assert {cell for cell in protocol.cells() if cell.scenario in scenarios} == covered
+
+
+def test_equal_runs_of_several_files_are_run_once(ncap: Path) -> None:
+    grid = grid_of_files(scenario_files([str(ncap / "AEB_VRU_2023")]), protocol_for("2023", ("dry",)))
+    assert grid.asked == 149  # 34 files
+    named = [dict(run.columns) for run in grid.runs if dict(run.columns)["scenario"] == "CPNA"]
+    assert len(named) == 22  # and not 24, with the two files of a single run
+    assert len({run.spec.log for run in grid.runs if run.spec.scenario.startswith("CPNA")}) == 22
+
+
+def test_files_of_another_protocol_are_told_or_refused(ncap: Path) -> None:
+    r152 = protocol_for("r152", ("dry",))
+    rear = ncap / "AEB_VRU_2023" / "Variations" / "NCAP_AEB_VRU_CBNA-50_Variation_2023.xosc"
+    with pytest.raises(ProtocolError, match=r"no scenario belongs to the protocol: .*CBNA"):
+        grid_of_files([rear], r152)
+    both = grid_of_files([rear, ncap / "CA-FC_2026" / "Variations" / "StandardRange" / "CPNA.xosc"], r152)
+    assert len(both.strange) > 0
+    assert {dict(run.columns)["impact_location_percent"] for run in both.runs} == {50.0}
+
+
+# ---- shipped scenarios -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["2023", "2026", "r152"])
+def test_shipped_scenarios_are_the_cells_that_they_are_taken_for(name: str) -> None:
+    protocol = protocol_for(name, ("dry",))
+    own = ("CPNA", "CPFA", "CPNCO", "CPLA", "CBNA", "CBLA")
+    wanted = [cell for cell in protocol.cells() if cell.scenario in own]
+    grid = grid_of_shipped(protocol, name)
+    assert len(grid.runs) == len(wanted)
+    for cell, run in zip(wanted, grid.runs, strict=True):
+        definition = load(*_path_and_values(cell))
+        variation = shipped_run(cell)
+        assert variation is not None
+        # a warning test is no other scenario: what is tested is not in the file
+        read = cell_columns(variation, variation.path, definition) | {
+            "scenario": cell.scenario,
+            "function": str(cell.function),
+        }
+        told = dict(run.columns)
+        assert {key: read[key] for key in told} == told
+        assert measurements([told | {"v_impact_kmh": 0.0}], [cell]).keys() == {cell}
+
+
+def _path_and_values(cell: Cell) -> tuple[Path, dict[str, object]]:
+    variation = shipped_run(cell)
+    assert variation is not None
+    return variation.path, dict(variation.parameters)
+
+
+def test_cells_without_a_shipped_scenario_are_told_apart() -> None:
+    assert shipped_run(Cell("CCRs", 50.0, 50.0, 0.0)) is None
+    assert shipped_run(Cell("CPTAfs", 10.0, 50.0, 5.0)) is None
+    night = shipped_run(Cell("CPNA", 30.0, 50.0, 5.0, Lighting.NIGHT))
+    assert night is not None
+    assert night.parameters["Illuminance"] == 0.1
+    warned = shipped_run(Cell("CPLA", 50.0, 25.0, 5.0, function=Function.FCW), steady_distance_m=18.0)
+    assert warned is not None
+    assert warned.parameters["Steady_distance"] == 18.0
+
+
+def test_the_paper_is_run_in_every_weather_it_is_asked_for() -> None:
+    protocol = protocol_for("paper", ("dry", "snow"))
+    grid = grid_of_shipped(protocol, "paper")
+    conditions = Conditions(("map", "rectangular"), "paper", ("dry", "snow"))
+    specs = [spec for _, spec in specs_of(grid, conditions, "paper")]
+    assert len(specs) == 2 * 2 * 6
+    assert Counter((s.strategy, s.weather) for s in specs) == {
+        (strategy, weather): 6 for strategy in ("map", "rectangular") for weather in ("dry", "snow")
+    }
+    with pytest.raises(ProtocolError, match="give one --weather, not dry, snow"):
+        protocol_for("2023", ("dry", "snow"))

@@ -1,0 +1,131 @@
+"""One run as a value: what determines it, on which map and in which light, and its row."""
+
+import dataclasses
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluation.runs import (
+    NO_AEB,
+    RunSpec,
+    definition_of,
+    execute,
+    execute_all,
+    initial_speed_kmh,
+    is_night,
+    perception_map,
+    preset_of,
+    scene_of,
+)
+from scenarios.errors import ScenarioError
+from scenarios.presets import NIGHT, PHYSICAL
+
+NCAP = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
+CPNA = RunSpec("CPNA", "crossing", (("Ego_speed_kmh", 50.0),), "map", "physical", "dry", 50.0)
+
+
+def with_values(**values: float | str) -> RunSpec:
+    return dataclasses.replace(CPNA, parameters=tuple(values.items()))
+
+
+@pytest.fixture(scope="module")
+def track() -> RunSpec:
+    """A scenario on a lane 28 m wide."""
+    file = NCAP / "AEB_VRU_2023" / "NCAP_AEB_VRU_CPNA_2023.xosc"
+    if not file.is_file():
+        pytest.skip(f"no reference scenarios at {NCAP}")
+    return dataclasses.replace(CPNA, file=str(file), parameters=(("Ego_speed_kph", 50.0),))
+
+
+def test_the_map_is_laid_over_a_test_track_alone(track: RunSpec) -> None:
+    assert perception_map(definition_of(track), None) == "euro_ncap_street"
+    assert perception_map(definition_of(track), "urban_street") == "urban_street"
+    assert perception_map(definition_of(CPNA), None) is None
+
+
+def test_the_ego_of_a_test_track_drives_in_a_lane_of_the_street(track: RunSpec) -> None:
+    scene = scene_of(track)
+    assert scene.network.name == "euro_ncap_street"
+    (lane,) = scene.route.lanes
+    assert float(scene.network.lane_width(lane, 100.0)) == pytest.approx(3.5)
+    # the test path: middle of a lane of 28 m to the right of the reference line
+    assert scene.route.project(100.0, -14.0)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("lux", "night"), [(100_000, False), (2000, False), (0.1, True), (0, True)])
+def test_dark_is_night(lux: float, night: bool) -> None:
+    assert is_night(definition_of(with_values(Illuminance=lux))) == night
+
+
+def test_night_limits_the_sensor_that_needs_light() -> None:
+    dark = dataclasses.replace(with_values(Illuminance=0.1), night="camera")
+    assert preset_of(dark, definition_of(dark)).sensor.range_m == NIGHT["camera"].range_m == 46.0
+    for same in (dataclasses.replace(dark, night="lidar"), dataclasses.replace(CPNA, night="camera")):
+        assert preset_of(same, definition_of(same)).sensor == PHYSICAL.sensor
+    with pytest.raises(ScenarioError, match="unknown night sensor 'owl'; use one of: lidar, camera"):
+        preset_of(dataclasses.replace(dark, night="owl"), definition_of(dark))
+
+
+@pytest.mark.parametrize("speed_kmh", [10.0, 33.3, 55.0])
+def test_test_speed_is_the_speed_at_the_start(speed_kmh: float, track: RunSpec) -> None:
+    assert initial_speed_kmh(definition_of(with_values(Ego_speed_kmh=speed_kmh))) == pytest.approx(speed_kmh)
+    faster = dataclasses.replace(track, parameters=(("Ego_speed_kph", speed_kmh),))
+    assert initial_speed_kmh(definition_of(faster)) == pytest.approx(speed_kmh)
+
+
+def test_a_row_tells_the_contact() -> None:
+    """Unbraked, 5 km/h: 4.06 m of walking and 1 m of run-up after 2 s."""
+    record = execute(dataclasses.replace(CPNA, strategy=NO_AEB))
+    row = record.row
+    assert row.contact_time_s == pytest.approx(2.0 + 5.06 * 3.6 / 5, abs=1e-3)
+    assert row.v_impact_kmh == row.ego_speed_at_contact_kmh == pytest.approx(50.0)
+    assert row.target_speed_at_contact_kmh == pytest.approx(5.0)
+    assert row.target_start_time_s == pytest.approx(2.0)
+    assert row.target_steady_time_s == pytest.approx(2.0 + 2 * 3.6 / 5)
+    assert row.impact_location_percent == pytest.approx(50 + 100 * 0.06 / 1.8, abs=0.01)
+    assert row.score is row.flag_time_s is record.flag_ttc_s is None
+
+
+def test_as_in_tests_of_euro_ncap_a_run_ends_when_the_ego_stands() -> None:
+    driven, held = (execute(dataclasses.replace(CPNA, adapts=adapts)) for adapts in (True, False))
+    assert driven.log is not None
+    assert held.log is not None
+    assert held.row.t0_s is not None
+    assert held.row.flag_time_s == driven.row.flag_time_s
+    assert held.log["time_s"].max() < held.row.t0_s + 1e-9 < driven.log["time_s"].max()
+    assert held.flag_ttc_s == pytest.approx((held.row.flag_distance_m or 0.0) / (50 / 3.6))
+
+
+def test_the_log_is_left_out_where_nobody_wants_it() -> None:
+    record = execute(dataclasses.replace(CPNA, strategy=NO_AEB), keep_log=False)
+    assert record.log is None
+    assert record.row.log is None
+
+
+def test_records_come_in_order_and_alike_from_any_number_of_processes() -> None:
+    specs = [
+        dataclasses.replace(with_values(Ego_speed_kmh=v), v_test_kmh=v, seed=seed)
+        for v in (60.0, 20.0)
+        for seed in (0, 1)
+    ]
+    alone, together = (list(execute_all(specs, workers)) for workers in (1, 3))
+    assert [r.spec for r in together] == specs
+    for one, other in zip(alone, together, strict=True):
+        assert pickle.dumps(one.row) == pickle.dumps(other.row)
+        assert one.log is not None
+        assert other.log is not None
+        for name, column in one.log.items():
+            assert np.asarray(column).tobytes() == np.asarray(other.log[name]).tobytes()
+
+
+def test_a_mistake_in_another_process_is_the_same_named_error() -> None:
+    wrong = [with_values(Impact_percent=120.0), with_values(Impact_percent=130.0)]
+    with pytest.raises(ScenarioError, match="Impact_percent"):
+        list(execute_all(wrong, 2))
+
+
+def test_names_of_logs_are_names_of_files() -> None:
+    spec = dataclasses.replace(CPNA, scenario="a b/c %=1")
+    assert spec.log == "a-b-c-=1_map_dry_none_50kmh_seed0"

@@ -1,0 +1,151 @@
+"""Where a test can take place: straight stretches, what lies beside them, and places that users name."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opendrive import RoadNetwork, load_map
+from scenarios.cpna import LEAD_S, CpnaTest, build
+from scenarios.errors import ScenarioError
+from scenarios.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.openscenario.paths import Pose
+from scenarios.places import (
+    RUN_OUT_M,
+    STRAIGHT_M,
+    Place,
+    Site,
+    find_site,
+    kerb_m,
+    lane_at,
+    lane_under,
+    near_side,
+    site_at,
+    straight_around,
+)
+from scenarios.presets import PAPER
+
+PUBLIC_MAPS = Path(__file__).parents[3] / "shared" / "opendrive" / "maps"
+NEEDED_M = 115.0
+
+
+def street(name: str = "urban_street") -> RoadNetwork:
+    return load_map(shipped_map(name))
+
+
+@pytest.mark.parametrize("name", SHIPPED_MAPS)
+def test_every_shipped_map_has_a_place(name: str) -> None:
+    check_site(find_site(street(name), NEEDED_M), NEEDED_M)
+
+
+@pytest.mark.parametrize("name", ["Town01", "Town04", "CampusUAH_v1_7"])
+def test_public_maps_have_a_place(name: str) -> None:
+    path = PUBLIC_MAPS / f"{name}.xodr"
+    if not path.is_file():
+        pytest.skip(f"map {name}.xodr is not in ../shared/opendrive/maps")
+    found = find_site(load_map(path), NEEDED_M)
+    check_site(found, NEEDED_M)
+    outcome = build(CpnaTest(60.0), found, PAPER, None).run()
+    expected = LEAD_S + 4.0 / (5 / 3.6) - 0.25 / (60 / 3.6)
+    assert outcome.contact_time_s == pytest.approx(expected, abs=1e-3)
+
+
+def check_site(site: Site, needed_m: float) -> None:
+    """Driving lanes, straight as far as needed on the network's own centre line, room for the pedestrian."""
+    before, after = straight_around(site.route, site.line_m)
+    assert before >= needed_m
+    assert after >= RUN_OUT_M
+    assert all(site.network.lanes.lane_type[lane] == "driving" for lane in site.route.lanes)
+    stations = np.linspace(site.line_m - needed_m + 0.1, site.line_m + RUN_OUT_M - 0.1, 50)
+    x, y, yaw = site.route.pose(site.line_m)
+    points = np.array([site.route.pose(float(s))[:2] for s in stations]) - (x, y)
+    assert np.abs(points @ (-math.sin(yaw), math.cos(yaw))).max() <= STRAIGHT_M + 1e-6
+    assert (site.line.x_m, site.line.y_m, site.line.yaw_rad) == (x, y, yaw)
+
+
+@pytest.mark.parametrize("s_m", [205.0, 240.0, 280.0])
+def test_a_bend_is_refused(s_m: float) -> None:
+    network = street("urban_bend")
+    with pytest.raises(ScenarioError, match=r"no straight stretch: .* the test needs 115 m"):
+        site_at(network, network.lane_index_of(("1", 0, -1)), s_m, NEEDED_M)
+
+
+def test_the_end_of_the_road_is_refused() -> None:
+    network = street()
+    lane = network.lane_index_of(("1", 0, -1))
+    for s in (50.0, 590.0):
+        with pytest.raises(ScenarioError, match="no straight stretch"):
+            site_at(network, lane, s, NEEDED_M)
+    site_at(network, lane, 300.0, NEEDED_M)
+
+
+def test_a_sidewalk_is_refused() -> None:
+    network = street()
+    with pytest.raises(ScenarioError, match="is of type sidewalk; choose a driving lane"):
+        site_at(network, network.lane_index_of(("1", 0, -2)), 300.0, NEEDED_M)
+
+
+def test_a_map_without_a_straight_stretch_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "short.xodr"
+    text = shipped_map("urban_street").read_text()
+    path.write_text(text.replace('"600"', '"80"'))
+    network = load_map(path)
+    assert network.lanes.s_end_m.max() < 100
+    with pytest.raises(ScenarioError, match=r"no straight stretch of 115 m .* --at ROAD,LANE,S"):
+        find_site(network, NEEDED_M)
+
+
+def test_both_directions_of_a_street_have_their_near_side_right() -> None:
+    network = street()
+    for lane_id in (-1, 1):
+        lane = network.lane_index_of(("1", 0, lane_id))
+        assert near_side(network, lane) == -1
+        outer = network.lane_index_of(("1", 0, 2 * lane_id))
+        x, y = (float(v[0]) for v in network.center_line(outer, [300.0])[:2])
+        assert site_at(network, lane, 300.0, 60.0).route.project(x, y)[1] < 0
+
+
+def test_distance_to_the_kerb_counts_every_lane_of_the_carriageway() -> None:
+    network = street("urban_street_parking")
+    lane = network.lane_index_of(("1", 0, -1))
+    x, y, _, yaw = (float(v[0]) for v in network.center_line(lane, [300.0]))
+    for side in (-1, 1):
+        distance, sidewalk = kerb_m(network, lane, 300.0, side)
+        assert sidewalk
+        for beyond, kinds in ((-0.05, {"driving", "parking"}), (0.05, {"sidewalk"})):
+            across = side * (distance + beyond)
+            hits = network.locate([[x - across * math.sin(yaw), y + across * math.cos(yaw)]])
+            assert set(network.lanes.lane_type[hits.lane].tolist()) <= kinds
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi])
+def test_the_lane_under_a_pose_runs_along_its_heading(heading: float) -> None:
+    network = street()
+    side = -1 if heading == 0.0 else 1
+    lane, s_m = lane_under(network, Pose(300.0, side * 1.75, heading + 0.1))
+    assert tuple(network.lanes.key[lane]) == ("1", 0, side)
+    assert s_m == pytest.approx(300.0)
+    with pytest.raises(ScenarioError, match="no driving lane runs at x = 300 m, y = 4 m"):
+        lane_under(network, Pose(300.0, 4.0, heading))  # a sidewalk
+    with pytest.raises(ScenarioError, match="no driving lane runs at"):
+        lane_under(network, Pose(300.0, side * 1.75, heading + math.pi / 2))
+
+
+def test_a_place_is_found_by_road_lane_and_s() -> None:
+    network = street()
+    assert tuple(network.lanes.key[lane_at(network, Place("1", 1, 10.0))]) == ("1", 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        (Place("9", -1, 10.0), r"the map has no road '9'; it has 1 roads: 1"),
+        (Place("1", -7, 10.0), r"road 1 has no lane -7 at s = 10 m; it has: .*driving, s 0\.\.600"),
+        (Place("1", -1, 601.0), r"no lane -1 at s = 601 m"),
+        (Place("1", -1, -1.0), r"no lane -1 at s = -1 m"),
+    ],
+)
+def test_a_wrong_place_is_answered_with_what_there_is(place: Place, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        lane_at(street(), place)
