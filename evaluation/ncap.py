@@ -91,7 +91,7 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol) -> Grid:
         scenarios.openscenario.errors.OpenScenarioError: a file cannot be read.
         ProtocolError: no run belongs to the protocol.
     """
-    cells = _cells(protocol)
+    cells = protocol.cells()
     runs: dict[tuple[object, ...], GridRun] = {}
     strange: dict[str, None] = {}
     asked = 0
@@ -130,16 +130,6 @@ def grid_of_shipped(protocol: Protocol, name: str) -> Grid:
         if variation is not None:
             runs.append(_grid_run(_columns_of(cell), variation))
     return Grid(tuple(runs), len(runs), ())
-
-
-def _cells(protocol: Protocol) -> list[Cell]:
-    """The grid with every speed as a float, as `measurements` compares them; the cells stay equal."""
-    return [
-        cell
-        if cell.target_speed_kmh is None
-        else replace(cell, target_speed_kmh=float(cell.target_speed_kmh))
-        for cell in protocol.cells()
-    ]
 
 
 def _columns_of(cell: Cell) -> dict[str, object]:
@@ -217,7 +207,7 @@ def assess(protocol: Protocol, finished: Iterable[tuple[GridRun, RunRecord]]) ->
             "warning_ttc_s": record.flag_ttc_s,
         }
         tables.setdefault(record.spec.strategy, []).append(told)
-    cells = _cells(protocol)
+    cells = protocol.cells()
     return {name: protocol.assess(measurements(table, cells)) for name, table in tables.items()}
 
 

@@ -261,7 +261,7 @@ def _block(
                 line.scenario or scenario,
                 float(line.speed),
                 None if by_target else float(column),
-                float(column) if by_target else line.target,
+                float(column) if by_target else None if line.target is None else float(line.target),
                 lighting,
                 line.function,
                 Layer.STANDARD if column in line.standard else Layer.EXTENDED,

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from evaluation import results, runner
 from evaluation.results import ResultsError
+from evaluation.runs import NO_AEB, definition_of, preset_of, scene_of
 from opendrive import OpenDriveError, RoadNetwork
 from scenarios.brakes import BrakeConfig
-from scenarios.cpna import make_strategy
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.errors import OpenScenarioError
+from scenarios.places import Scene
 from scenarios.presets import Preset
+from scenarios.strategies import make_strategy
 from smartmot.aeb import AebConfig
 from smartmot.braking import BrakingDistance
 from smartmot.errors import SmartMotError
@@ -96,10 +99,18 @@ def read_folder(path: Path) -> RunFolder:
     published = False
     try:
         settings = read_settings(path, runs)
-        published = runner.is_published(runner.read_suite(path))
-    except (ResultsError, OpenDriveError, ScenarioError, SmartMotError) as error:
+        published = _is_published(path)
+    except (ResultsError, OpenDriveError, OpenScenarioError, ScenarioError, SmartMotError) as error:
         notes.append(f"Lanes and monitored areas are not drawn: {error}")
     return RunFolder(path, runs, settings, published, _version(path), tuple(notes))
+
+
+def _is_published(path: Path) -> bool:
+    """Whether the paper printed results for these runs; scenario files have none."""
+    try:
+        return runner.is_published(runner.read_suite(path))
+    except ResultsError:
+        return False
 
 
 def _version(path: Path) -> str:
@@ -116,26 +127,31 @@ def read_settings(path: Path, runs: pd.DataFrame) -> dict[str, Setting]:
     Raises:
         ResultsError: the configuration is missing or not of this program.
         opendrive.OpenDriveError: a map cannot be read.
+        OpenScenarioError: a scenario cannot be read.
         ScenarioError: the place does not exist on the map.
         SmartMotError: a setting of an area is impossible.
     """
-    suite = runner.read_suite(path)
-    site = runner.load_site(suite)
     stored = json.loads((path / results.RUNS_JSON).read_text())["configuration"].get("presets", {})
-    presets = {}
-    for weather in suite.weather:
-        preset = suite.preset_in(weather)
-        presets[weather] = _as_stored(preset, stored[weather], path) if weather in stored else preset
+    named = set(runs["log"].dropna())
+    scenes: dict[object, Scene] = {}
     settings = {}
-    for run in runs[runs["log"].notna()].to_dict("records"):
-        preset = presets.get(str(run["weather"]), suite.preset_in(str(run["weather"])))
+    for spec in runner.read_specs(path):
+        if spec.log not in named:
+            continue
+        preset = preset_of(spec, definition_of(spec))
+        if spec.weather in stored:
+            preset = _as_stored(preset, stored[spec.weather], path)
+        # the place does not depend on what perceives there
+        place = replace(spec, strategy=NO_AEB, weather="dry", seed=0, phase_s=0.0)
+        scene = scenes.get(place)
+        if scene is None:
+            scene = scenes[place] = scene_of(place)
         try:
-            strategy = make_strategy(str(run["strategy"]), preset, site)
+            strategy = make_strategy(spec.strategy, preset, scene)
         except ScenarioError:
             strategy = None
-        settings[str(run["log"])] = Setting(
-            Path(suite.map_name).name, site.network, site.route, preset, strategy
-        )
+        name = spec.map_name or scene.network.name or ""
+        settings[spec.log] = Setting(Path(name).name, scene.network, scene.route, preset, strategy)
     return settings
 
 
