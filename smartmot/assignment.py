@@ -7,7 +7,7 @@ import numpy as np
 from smartmot.types import BoolArray, FloatArray, IntArray
 
 _TABLE_CELLS = 2048
-"""Up to this size one small table is solved at once; splitting it would take longer."""
+"""Up to this size one table is solved at once; taking it apart would take longer."""
 
 
 def contested(row: IntArray, column: IntArray) -> BoolArray:
@@ -24,6 +24,20 @@ def contested(row: IntArray, column: IntArray) -> BoolArray:
     return shared
 
 
+def is_one_to_one(row: IntArray, column: IntArray) -> bool:
+    """Whether no pair is contested.
+
+    Args:
+        row: (P,) rows of the pairs.
+        column: (P,) columns of the pairs.
+
+    Returns:
+        True if every row and every column comes once.
+    """
+    n = len(row)
+    return bool(np.count_nonzero(np.bincount(row)) == n and np.count_nonzero(np.bincount(column)) == n)
+
+
 def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "hungarian") -> IntArray:
     """Pairs that are matched, at most one per row and one per column.
 
@@ -36,7 +50,10 @@ def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "
     Returns:
         (K,) positions of the matched pairs, ascending.
     """
-    pair = np.flatnonzero(affinity > 0.0)
+    shape = (int(row.max()) + 1, int(column.max()) + 1) if len(row) else (0, 0)
+    if method == "hungarian" and shape[0] * shape[1] <= _TABLE_CELLS:
+        return _table(row, column, affinity, shape)
+    pair = (affinity > 0.0).nonzero()[0]
     if len(pair) == 0:
         return pair
     if len(pair) < len(affinity):
@@ -48,10 +65,10 @@ def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "
     row, column, affinity = _compact(row[left]), _compact(column[left]), affinity[left]
     if method == "greedy":
         won = _greedy(row, column, affinity)
-    elif (int(row.max()) + 1) * (int(column.max()) + 1) <= _TABLE_CELLS:
-        won = _table(row, column, affinity)
     else:
-        won = _components(row, column, affinity)
+        shape = (int(row.max()) + 1, int(column.max()) + 1)
+        small = shape[0] * shape[1] <= _TABLE_CELLS
+        won = _table(row, column, affinity, shape) if small else _components(row, column, affinity)
     matched = ~open_pairs
     matched[left[won]] = True
     return pair[matched]
@@ -78,16 +95,18 @@ def _greedy(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
     return np.array(won, dtype=np.int64)
 
 
-def _table(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
+def _table(row: IntArray, column: IntArray, affinity: FloatArray, shape: tuple[int, int]) -> IntArray:
     """Positions of the pairs of greatest total affinity, by the Hungarian algorithm on a table."""
     from scipy.optimize import linear_sum_assignment
 
-    table = np.zeros((int(row.max()) + 1, int(column.max()) + 1))
-    table[row, column] = affinity
+    table = np.zeros(shape)
+    table[row, column] = np.maximum(affinity, 0.0)
     i, j = linear_sum_assignment(table, maximize=True)
-    partner = np.full(len(table), -1)
-    partner[i] = j
-    return np.flatnonzero(partner[row] == column)
+    # Cells of affinity 0 fill the assignment up and match nothing.
+    chosen = np.zeros(shape, dtype=np.bool_)
+    chosen[i, j] = table[i, j] > 0.0
+    won: IntArray = chosen[row, column].nonzero()[0]
+    return won
 
 
 def _components(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
@@ -110,5 +129,6 @@ def _components(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArr
     ends = np.append(starts[1:], len(order))
     for k in np.flatnonzero(~star).tolist():
         pairs = order[starts[k] : ends[k]]
-        won.append(pairs[_table(_compact(row[pairs]), _compact(column[pairs]), affinity[pairs])])
+        i, j = _compact(row[pairs]), _compact(column[pairs])
+        won.append(pairs[_table(i, j, affinity[pairs], (int(i.max()) + 1, int(j.max()) + 1))])
     return np.concatenate(won)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from smartmot.assignment import contested, solve
+from smartmot.assignment import contested, is_one_to_one, solve
 from smartmot.errors import ConfigError
 from smartmot.geometry import bev_giou, iou_exact, near_pairs
 from smartmot.kalman import Estimate
@@ -144,9 +144,16 @@ class Pairs:
 
     def iou(self, which: IntArray) -> FloatArray:
         """(K,) overlaps of some of the pairs."""
-        i, j = self.track[which], self.detection[which]
+        i, j = self.track.take(which), self.detection.take(which)
         a, b = self.tracks, self.detections
-        return iou_exact(_ORIGIN, a.size_m[i], a.yaw_rad[i], self.offset_m[which], b.size_m[j], b.yaw_rad[j])
+        return iou_exact(
+            _ORIGIN,
+            a.size_m.take(i, axis=0),
+            a.yaw_rad.take(i),
+            self.offset_m.take(which, axis=0),
+            b.size_m.take(j, axis=0),
+            b.yaw_rad.take(j),
+        )
 
 
 _ORIGIN = np.zeros(2)
@@ -174,10 +181,10 @@ def overlap_then_distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     nearness = np.maximum(1.0 - pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M), 0.0)
     # All distance matches of a frame together stay below the least overlap.
     affinity: FloatArray = nearness * (threshold / (min(len(pairs.tracks), len(pairs.detections)) + 1.0))
-    exact = np.flatnonzero(pairs.touching & (pairs.contested | (nearness == 0.0)))
+    exact = (pairs.touching & (pairs.contested | (nearness == 0.0))).nonzero()[0]
     if len(exact):
         iou = pairs.iou(exact)
-        affinity[exact] = np.where(iou >= threshold[exact], iou, affinity[exact])
+        affinity[exact] = np.where(iou >= threshold.take(exact), iou, affinity.take(exact))
     return affinity
 
 
@@ -213,6 +220,9 @@ AFFINITIES: dict[str, Affinity] = {
 }
 """Affinities by name."""
 
+_BY_DISTANCE = (overlap_then_distance, distance)
+"""Affinities under which a pair within its gate that competes with no other matches in any case."""
+
 
 class Associator:
     """Matches predicted tracks with detections.
@@ -243,6 +253,7 @@ class Associator:
             )
             for rule in dict.fromkeys(zip(costs, methods, strict=True))
         ]
+        self._by_distance = all(rule[1] in _BY_DISTANCE for rule in self._rules)
         # Circles of boxes matter only where overlap does.
         self._overlaps = affinity is not None or any("overlap" in cost for cost in costs)
 
@@ -272,13 +283,13 @@ class Associator:
             (M,) metres; 0 where distance matches are switched off.
         """
         if self._fixed is not None:
-            return self._fixed[code]
+            return self._fixed.take(code)
         if self._chi2 == 0.0:
             return np.zeros(len(code))
-        statistical = np.sqrt(self._chi2 * (variance_m2 + self._variance[code]))
-        sudden = 0.5 * longest_m + self._sudden[code] * dt_s
-        reach: FloatArray = np.minimum(np.maximum(statistical, sudden), self._widest[code])
-        return reach
+        reach: FloatArray = np.sqrt(self._chi2 * (variance_m2 + self._variance.take(code)))
+        sudden = 0.5 * longest_m + (self._sudden * dt_s).take(code)
+        np.maximum(reach, sudden, out=reach)
+        return np.minimum(reach, self._widest.take(code), out=reach)
 
     def match(
         self,
@@ -312,20 +323,21 @@ class Associator:
         if self._overlaps:
             radius = 0.5 * np.hypot(size[:, 0], size[:, 1])
             other = 0.5 * np.hypot(detections.size_m[:, 0], detections.size_m[:, 1])
-            i, j = near_pairs(tracks.center_m, center, np.maximum(radius, reach), other)
         else:
             radius, other = np.zeros(len(size)), np.zeros(len(center))
-            i, j = near_pairs(tracks.center_m, center, reach, other)
-        offset = center.take(j, axis=0) - tracks.center_m.take(i, axis=0)
-        distance_m = np.hypot(offset[:, 0], offset[:, 1])
-        touching, gate = distance_m <= radius[i] + other[j], reach[i]
-        possible = (touching | (distance_m <= gate)) & COMPATIBLE[track_code[i], detection_code[j]]
+        i, j = near_pairs(tracks.center_m, center, radius, other, reach)
+        possible = COMPATIBLE[track_code.take(i), detection_code.take(j)]
         if np.count_nonzero(possible) < len(i):
-            i, j, offset, distance_m = i[possible], j[possible], offset[possible], distance_m[possible]
-            touching, gate = touching[possible], gate[possible]
+            i, j = i[possible], j[possible]
         if len(i) == 0:
             return i, j
-        code = track_code[i]
+        offset = center.take(j, axis=0) - tracks.center_m.take(i, axis=0)
+        distance_m = np.hypot(offset[:, 0], offset[:, 1])
+        gate = reach.take(i)
+        clear = is_one_to_one(i, j)
+        if clear and self._by_distance and np.count_nonzero(distance_m < gate) == len(i):
+            return i, j
+        code = track_code.take(i)
         pairs = unchecked(
             Pairs,
             unchecked(Boxes, tracks.center_m, size, tracks.yaw_rad),
@@ -335,15 +347,15 @@ class Associator:
             offset,
             distance_m,
             gate,
-            touching,
+            distance_m <= radius.take(i) + other.take(j),
             covariance,
-            self._variance[code],
-            contested(i, j),
+            self._variance.take(code),
+            np.zeros(len(i), dtype=np.bool_) if clear else contested(i, j),
         )
         if len(self._rules) == 1:
             _, affinity, threshold, method = self._rules[0]
-            pair = _stages(pairs, affinity(pairs, threshold[code]), method, first)
-            return i[pair], j[pair]
+            pair = _stages(pairs, affinity(pairs, threshold.take(code)), method, first)
+            return i.take(pair), j.take(pair)
         chosen, free = [], np.ones(len(center), dtype=np.bool_)
         for members, affinity, threshold, method in self._rules:
             own = members[code] & free[j]
@@ -361,9 +373,12 @@ def _stages(pairs: Pairs, affinity: FloatArray, method: str, first: BoolArray | 
         return (affinity > 0.0).nonzero()[0]
     if first is None:
         return solve(track, detection, affinity, method)
-    early = first[detection]
+    early = first.take(detection)
     won = solve(track, detection, np.where(early, affinity, 0.0), method)
     free = np.ones(int(track.max()) + 1, dtype=np.bool_)
-    free[track[won]] = False
-    late = solve(track, detection, np.where(~early & free[track], affinity, 0.0), method)
-    return np.sort(np.concatenate((won, late)))
+    free[track.take(won)] = False
+    left = (~early & free.take(track)).nonzero()[0]
+    if len(left) == 0:
+        return won
+    late = solve(track.take(left), detection.take(left), affinity.take(left), method)
+    return np.sort(np.concatenate((won, left.take(late))))

@@ -13,7 +13,18 @@ from functools import lru_cache
 import numpy as np
 
 from smartmot.kalman import BevFilterConfig, Estimate, heading_innovation, sizes
-from smartmot.motion_models import AREA, CHANNELS, RATIO, YAW, ConstantAcceleration, LinearMotion, X, Y, table
+from smartmot.motion_models import (
+    AREA,
+    CHANNELS,
+    RATIO,
+    YAW,
+    ConstantAcceleration,
+    LinearMotion,
+    X,
+    Y,
+    process_noise,
+    table,
+)
 from smartmot.types import FloatArray, IntArray
 
 _RATED = [X, Y, AREA, YAW]
@@ -34,9 +45,14 @@ class ChannelFilter:
 
     def __init__(self, motion: LinearMotion, config: BevFilterConfig) -> None:
         self._motion, self._config = motion, config
+        self._densities = motion.densities()
         k = self._k = motion.order
         self._upper = np.triu_indices(k)
         self._parts = k + len(self._upper[0])
+        # Out of all K * K entries of a covariance the upper triangle, and the reverse.
+        i, j = self._upper
+        pick = np.eye(k * k)[i * k + j]
+        self._triangle = pick, np.maximum(pick, np.eye(k * k)[j * k + i]).T
         self._noise = config.measurement_variance()
         self._velocity_noise = table(config.velocity_sigma_mps) ** 2
         self._initial = self._initial_covariance()
@@ -45,6 +61,7 @@ class ChannelFilter:
             for c, used in ((AREA, config.use_size), (RATIO, config.use_size), (YAW, config.use_yaw))
             if not used
         ]
+        self._places = _places(k)
         self._step = lru_cache(maxsize=8)(self._uncached_step)
 
     @property
@@ -71,16 +88,15 @@ class ChannelFilter:
 
     def _uncached_step(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
         """(parts, parts) matrix and (C, 5, parts) offset that carry mean and upper triangle over dt_s."""
-        f, (i, j) = self._motion.transition(dt_s), self._upper
-        k, count = self._k, self._parts - self._k
+        f, k = self._motion.transition(dt_s), self._k
+        pick, spread = self._triangle
         matrix = np.zeros((self._parts, self._parts))
         matrix[:k, :k] = f
-        for column in range(count):
-            unit = np.zeros((k, k))
-            unit[i[column], j[column]] = unit[j[column], i[column]] = 1.0
-            matrix[k:, k + column] = (f @ unit @ f.T)[i, j]
-        noise = self._motion.process_noise(dt_s)[..., i, j]
-        return matrix.T.copy(), np.concatenate((np.zeros((*noise.shape[:-1], k)), noise), axis=-1)
+        # F P F^T, from upper triangle to upper triangle.
+        matrix[k:, k:] = pick @ (f[:, None, :, None] * f[:, None, :]).reshape(k * k, k * k) @ spread
+        offset = np.zeros((*self._noise.shape, self._parts))
+        offset[..., k:] = process_noise(self._densities, dt_s).reshape(*self._noise.shape, k * k) @ pick.T
+        return matrix.T.copy(), offset
 
     def _channels(self, state: FloatArray) -> FloatArray:
         """(M, 5, parts) view of the states."""
@@ -213,8 +229,8 @@ class ChannelFilter:
         Returns:
             (M, D) and (M, D, D).
         """
-        mean_from, covariance_from = _places(self._k)
-        d = len(self.names)
+        mean_from, covariance_from = self._places
+        d = len(mean_from)
         return state.take(mean_from, axis=1), state.take(covariance_from, axis=1).reshape(-1, d, d)
 
 

@@ -57,14 +57,20 @@ def detections_from_arrays(
     lengths = {len(part) for part in (size, yaw, confidence, names, velocity) if part is not None}
     if lengths != {n}:
         raise ShapeError(f"detections: expected {n} rows in every array, got {sorted(lengths)}")
-    good = (np.abs(center) <= MAX_POSITION_M).all(axis=1) & np.isfinite(yaw)
-    good &= ((size > 0.0) & (size <= MAX_SIZE_M)).all(axis=1)
-    good &= (confidence >= 0.0) & (confidence <= 1.0)
-    good &= np.fromiter((name in _KNOWN for name in names.tolist()), dtype=np.bool_, count=n)
     if velocity is not None:
         velocity = np.where(np.isfinite(velocity).all(axis=1, keepdims=True), velocity, np.nan)
-    rejected = n - int(np.count_nonzero(good))
-    if rejected:
+    possible = (
+        np.abs(center) <= MAX_POSITION_M, size > 0.0, size <= MAX_SIZE_M, np.isfinite(yaw),
+        confidence >= 0.0, confidence <= 1.0,
+    )  # fmt: skip
+    rejected = 0
+    # Mostly all is well; which rows are not is asked only when something is wrong.
+    given = names.tolist()
+    if any(np.count_nonzero(flags) < flags.size for flags in possible) or not _KNOWN.issuperset(given):
+        good = np.fromiter((name in _KNOWN for name in given), dtype=np.bool_, count=n)
+        for flags in possible:
+            good &= flags.reshape(n, -1).all(axis=1)
+        rejected = n - int(np.count_nonzero(good))
         center, size, yaw, confidence, names = (
             center[good], size[good], yaw[good], confidence[good], names[good]
         )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
-from smartmot.types import BoolArray, Boxes, FloatArray, IntArray
+from smartmot.types import BoolArray, Boxes, ComplexArray, FloatArray, IntArray
 
 _CORNER_SIGNS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 """Half lengths and half widths from the centre to the corners: front left, then counter-clockwise."""
@@ -21,18 +21,22 @@ _CORNER_SIGNS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 _LEAST_AREA_M2 = 1e-300
 """Stands for a union of 0 in a division."""
 
-_CHUNK = 768
-"""Pairs treated at once: larger intermediate arrays are mapped anew each time, three times slower."""
+_CHUNK = 1024
+"""Pairs treated at once: their intermediate arrays stay in the cache, and none is so large (128 KiB) that the
+allocator maps it anew each time."""
 
 _DENSE_PAIRS = 20_000
 """Up to this many pairs a table of all distances is faster than a tree."""
 
-_LEAST_RUN_M = 1e-100
+_LEAST_SIZE_M = 1e-100
+"""Stands for a size of 0 in a division."""
+
+_LEAST_RUN = 1e-100
 """Stands for a run of 0 in a division."""
 
 _LEAST_RISE = 1e-12
-"""An edge that rises less than this counts as parallel to the border: the area it could add, its length times
-this, is far under the rounding error of map coordinates (1e-9 m at 1,000 km)."""
+"""An edge that rises less than this, in half widths of the other rectangle, counts as rising so much: what
+this could add to the area is far under the rounding error of map coordinates (1e-9 m at 1,000 km)."""
 
 
 def wrap_angle(angle_rad: FloatArray) -> FloatArray:
@@ -118,12 +122,6 @@ def intersection_area(
 ) -> FloatArray:
     """Exact common area of rectangles a and b.
 
-    Clamping both coordinates, in b's frame, to b's extent moves every point outside b onto its border and
-    leaves the inside as it is. The image of a's outline therefore winds once around the points of a that lie
-    in b and around no others, and its signed area, the integral of x dy, is the common area. Along an edge y
-    changes only between the borders, and there the mean of the clamped x has a closed form. The outline
-    stays closed whatever is rounded, so touching and coincident edges need no special case.
-
     Args:
         a_center_m: (..., 2) centres, map frame.
         a_size_m: (..., 2) length and width.
@@ -135,45 +133,102 @@ def intersection_area(
     Returns:
         (...) areas in square metres, shape of the broadcast inputs.
     """
-    dx, dy = a_center_m[..., 0] - b_center_m[..., 0], a_center_m[..., 1] - b_center_m[..., 1]
-    turn = a_yaw_rad - b_yaw_rad
-    c, s = np.cos(b_yaw_rad), np.sin(b_yaw_rad)
-    turn_c, turn_s = np.cos(turn), np.sin(turn)
-    half_l, half_w = 0.5 * a_size_m[..., 0], 0.5 * a_size_m[..., 1]
-    limit_x, limit_y = 0.5 * b_size_m[..., 0], 0.5 * b_size_m[..., 1]
-    shape = np.broadcast(dx, turn, half_l, limit_x).shape
-    # Corners of a in b's frame: the centre and the two half axes, (lx, ly) and (-wx, wy).
-    lx, ly, wx, wy = turn_c * half_l, turn_s * half_l, turn_s * half_w, turn_c * half_w
-    x, y = np.empty((5, *shape)), np.empty((5, *shape))
-    for corner, middle, along, across in ((x, dx * c + dy * s, lx, -wx), (y, dy * c - dx * s, ly, wy)):
-        to_left, to_right = along + across, along - across
-        corner[0] = middle + to_left
-        corner[1] = middle - to_right
-        corner[2] = middle - to_left
-        corner[3] = middle + to_right
-        corner[4] = corner[0]
-    # Where each edge lies between b's borders along y.
-    clamped_y = np.minimum(np.maximum(y, -limit_y), limit_y)
-    slope = np.empty((2, *shape))
-    slope[0] = lx / np.where(np.abs(ly) > _LEAST_RISE, ly, np.inf)
-    slope[1] = -wx / np.where(np.abs(wy) > _LEAST_RISE, wy, np.inf)
-    cut = clamped_y - y
+    # Around b's centre: far from the map's origin the products would lose digits.
+    subject = _subject(a_center_m - b_center_m, a_size_m, a_yaw_rad)
+    share = _common_share(subject, *_clip(b_size_m, b_yaw_rad))
+    share *= b_size_m[..., 0] * b_size_m[..., 1]
+    return share
+
+
+def _subject(center_m: FloatArray, size_m: FloatArray, yaw_rad: FloatArray) -> ComplexArray:
+    """(4, ...) centres, half axes along and across the heading, and the first reversed, as x + iy."""
+    heading = _heading(yaw_rad)
+    half = 0.5 * size_m
+    x, y = center_m[..., 0], center_m[..., 1]
+    subject = np.empty((4, *np.broadcast(x, half[..., 0], heading).shape), dtype=np.complex128)
+    subject.real[0], subject.imag[0] = x, y
+    subject[1] = heading * half[..., 0]
+    subject[2] = heading * (1j * half[..., 1])
+    subject[3] = -subject[1]
+    return subject
+
+
+def _clip(size_m: FloatArray, yaw_rad: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """(...) what turns a vector x + iy into a rectangle's frame, (..., 2) what makes it 2 long and 2 wide."""
+    return _heading(-yaw_rad), 2.0 / np.maximum(size_m, _LEAST_SIZE_M)
+
+
+def _heading(yaw_rad: FloatArray) -> ComplexArray:
+    """(...) unit vectors x + iy."""
+    heading = np.empty(yaw_rad.shape, dtype=np.complex128)
+    np.cos(yaw_rad, out=heading.real)
+    np.sin(yaw_rad, out=heading.imag)
+    return heading
+
+
+def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray) -> FloatArray:
+    """Common areas of rectangles a, given around the centres of b, and of b, over the areas of b.
+
+    Clamping both coordinates, in b's frame, to b's extent moves every point outside b onto its border and
+    leaves the inside as it is. The image of a's outline therefore winds once around the points of a that lie
+    in b and around no others, and its signed area, the integral of x dy, is the common area. Along an edge y
+    changes only between the borders, and there the mean of the clamped x has a closed form. Touching and
+    coincident edges need no special case. The frame is stretched so that b spans -1 to 1 both ways.
+
+    Args:
+        subject: (4, ...) see `_subject`.
+        axis: (...) see `_clip`.
+        stretch: (..., 2) see `_clip`.
+
+    Returns:
+        (...) values in [0, 1].
+    """
+    turned = subject * axis
+    x, y = turned.real * stretch[..., 0], turned.imag * stretch[..., 1]
+    shape = x.shape[1:]
+    # Corners from front left counter-clockwise, closed: y clamped to b's borders.
+    ring = np.empty((5, *shape))
+    to_left = y[1::2] + y[2]
+    np.add(y[0], to_left, out=ring[:2])
+    np.subtract(y[0], to_left, out=ring[2:4])
+    ring[4] = ring[0]
+    np.minimum(ring, 1.0, out=ring)
+    np.maximum(ring, -1.0, out=ring)
+    # The lines that carry the edges, x = base + slope * y: two directions, each on two sides.
+    along_y = y[1:3]
+    rise = np.abs(along_y)
+    np.maximum(rise, _LEAST_RISE, out=rise)
+    np.copysign(rise, along_y, out=rise)
+    slope = x[1:3] / rise
+    middle, beside = x[0] - y[0] * slope, x[2:] - y[2:] * slope
+    base = np.empty((2, 2, *shape))
+    np.add(middle, beside, out=base[0])
+    np.subtract(middle, beside, out=base[1])
+    # Where each edge enters and leaves the strip between b's borders.
     end = np.empty((2, 2, 2, *shape))
-    np.multiply(cut[:4].reshape(2, 2, *shape), slope, out=end[0])
-    np.multiply(cut[1:].reshape(2, 2, *shape), slope, out=end[1])
-    end = end.reshape(2, 4, *shape)
-    end[0] += x[:4]
-    end[1] += x[1:]
+    np.multiply(ring[:4].reshape(2, 2, *shape), slope, out=end[0])
+    np.multiply(ring[1:].reshape(2, 2, *shape), slope, out=end[1])
+    end += base
     # The mean of clamp(x) over an edge is the mean of x less that of the excess over the border. The excess
     # grows linearly from 0 at the border: its mean is half its sum, times the share of the edge outside.
-    excess = end - np.minimum(np.maximum(end, -limit_x), limit_x)
-    outside = np.abs(excess)
-    run = np.maximum(np.abs(end[1] - end[0]), _LEAST_RUN_M)
-    share = np.minimum((outside[0] + outside[1]) / run, 1.0)
-    twice_mean = end[0] + end[1] - (excess[0] + excess[1]) * share
-    twice = ((clamped_y[1:] - clamped_y[:4]) * twice_mean).sum(axis=0)
-    area: FloatArray = np.maximum(0.5 * twice, 0.0)
-    return area
+    excess = np.minimum(end, 1.0)
+    np.maximum(excess, -1.0, out=excess)
+    np.subtract(end, excess, out=excess)
+    run = end[1] - end[0]
+    np.abs(run, out=run)
+    np.maximum(run, _LEAST_RUN, out=run)
+    twice_mean = end[0] + end[1]
+    outside = excess[0] + excess[1]
+    np.abs(excess, out=excess)
+    share = excess[0] + excess[1]
+    share /= run
+    np.minimum(share, 1.0, out=share)
+    outside *= share
+    twice_mean -= outside
+    twice_mean *= (ring[1:] - ring[:4]).reshape(2, 2, *shape)
+    # Half of it is the area, a quarter of b's is 1.
+    common: FloatArray = 0.125 * np.add.reduce(twice_mean.reshape(4, *shape), axis=0)
+    return np.maximum(common, 0.0)
 
 
 def circles_touch(
@@ -259,9 +314,13 @@ def iou_exact(
         (...) values in [0, 1], shape of the broadcast inputs; 0 where both rectangles have no area.
     """
     common = intersection_area(a_center_m, a_size_m, a_yaw_rad, b_center_m, b_size_m, b_yaw_rad)
-    union = a_size_m[..., 0] * a_size_m[..., 1] + b_size_m[..., 0] * b_size_m[..., 1] - common
-    iou: FloatArray = np.minimum(common / np.maximum(union, _LEAST_AREA_M2), 1.0)
-    return iou
+    return _iou(common, a_size_m[..., 0] * a_size_m[..., 1], b_size_m[..., 0] * b_size_m[..., 1])
+
+
+def _iou(common_m2: FloatArray, a_area_m2: FloatArray, b_area_m2: FloatArray) -> FloatArray:
+    """(...) intersection over union, from areas."""
+    union_m2 = np.maximum(a_area_m2 + b_area_m2 - common_m2, _LEAST_AREA_M2)
+    return np.minimum(common_m2 / union_m2, 1.0)
 
 
 def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
@@ -279,14 +338,24 @@ def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
     Raises:
         ShapeError: Rows have another length, or a value is not finite or a size negative.
     """
-    first, second = _rectangles(a), _rectangles(b)
-    i, j = _near_pairs(first[0], first[1], second[0], second[1])
-    iou = np.zeros((len(first[2]), len(second[2])))
+    (a_center, a_size, a_yaw), (b_center, b_size, b_yaw) = _rectangles(a), _rectangles(b)
+    iou = np.zeros((len(a_yaw), len(b_yaw)))
+    i, j = _near_pairs(a_center, a_size, b_center, b_size)
+    if len(i) == 0:
+        return iou
+    # Everything that belongs to one box is computed once, not once for each of its pairs.
+    subject, (axis, stretch) = _subject(a_center, a_size, a_yaw), _clip(b_size, b_yaw)
+    b_place = b_center[:, 0] + 1j * b_center[:, 1]
+    a_area, b_area = a_size[:, 0] * a_size[:, 1], b_size[:, 0] * b_size[:, 1]
+    found = np.empty(len(i))
     for start in range(0, len(i), _CHUNK):
         k, m = i[start : start + _CHUNK], j[start : start + _CHUNK]
-        iou[k, m] = iou_exact(
-            *(part.take(k, axis=0) for part in first), *(part.take(m, axis=0) for part in second)
-        )
+        near = subject.take(k, axis=1)
+        near[0] -= b_place.take(m)
+        size_b = b_area.take(m)
+        common = _common_share(near, axis.take(m), stretch.take(m, axis=0)) * size_b
+        found[start : start + _CHUNK] = _iou(common, a_area.take(k), size_b)
+    iou[i, j] = found
     return iou
 
 
@@ -315,7 +384,11 @@ def _near_pairs(
 
 
 def near_pairs(
-    a_center_m: FloatArray, b_center_m: FloatArray, a_reach_m: FloatArray, b_reach_m: FloatArray
+    a_center_m: FloatArray,
+    b_center_m: FloatArray,
+    a_reach_m: FloatArray,
+    b_reach_m: FloatArray,
+    least_m: FloatArray | None = None,
 ) -> tuple[IntArray, IntArray]:
     """Pairs of points no farther apart than the sum of their reaches.
 
@@ -327,30 +400,39 @@ def near_pairs(
         b_center_m: (M, 2) points, map frame.
         a_reach_m: (N,) reaches.
         b_reach_m: (M,) reaches.
+        least_m: (N,) distance within which a point of a takes every point of b, whatever that one's reach.
 
     Returns:
         (P,) indices into a and (P,) into b, sorted by the first, then by the second.
     """
     n, m = len(a_center_m), len(b_center_m)
     if n * m <= _DENSE_PAIRS:
-        dx = a_center_m[:, 0, None] - b_center_m[:, 0]
+        squared = a_center_m[:, 0, None] - b_center_m[:, 0]
         dy = a_center_m[:, 1, None] - b_center_m[:, 1]
-        reach = a_reach_m[:, None] + b_reach_m
-        i, j = (dx * dx + dy * dy <= reach * reach).nonzero()
+        limit = a_reach_m[:, None] + b_reach_m
+        if least_m is not None:
+            np.maximum(limit, least_m[:, None], out=limit)
+        squared *= squared
+        dy *= dy
+        squared += dy
+        limit *= limit
+        i, j = (squared <= limit).nonzero()
         return i, j
     from scipy.spatial import KDTree
 
     # The widest reach would make every search wide: each power of two is searched on its own.
-    octave = np.frexp(a_reach_m)[1]
-    tree = KDTree(b_center_m)
+    least_m = np.zeros(n) if least_m is None else least_m
     widest_b = float(b_reach_m.max())
+    farthest = np.maximum(a_reach_m + widest_b, least_m)
+    octave = np.frexp(farthest)[1]
+    tree = KDTree(b_center_m)
     found: list[tuple[IntArray, IntArray]] = []
     for power in np.unique(octave).tolist():
         rows = np.flatnonzero(octave == power)
-        limit = float(a_reach_m[rows].max()) + widest_b
-        near = KDTree(a_center_m[rows]).sparse_distance_matrix(tree, limit, output_type="ndarray")
+        widest = float(farthest[rows].max())
+        near = KDTree(a_center_m[rows]).sparse_distance_matrix(tree, widest, output_type="ndarray")
         i, j, distance = rows[near["i"]], near["j"].astype(np.int64), near["v"]
-        inside = distance <= a_reach_m[i] + b_reach_m[j]
+        inside = distance <= np.maximum(a_reach_m[i] + b_reach_m[j], least_m[i])
         found.append((i[inside], j[inside]))
     i, j = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(i * m + j)

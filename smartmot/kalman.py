@@ -256,8 +256,8 @@ def measurements(boxes: Boxes) -> FloatArray:
     z = np.empty((len(boxes), len(CHANNELS)))
     length, width = boxes.size_m[:, 0], boxes.size_m[:, 1]
     z[:, :AREA] = boxes.center_m
-    z[:, AREA] = length * width
-    z[:, RATIO] = length / width
+    np.multiply(length, width, out=z[:, AREA])
+    np.divide(length, width, out=z[:, RATIO])
     z[:, YAW] = boxes.yaw_rad
     return z
 
@@ -274,8 +274,10 @@ def sizes(area_m2: FloatArray, ratio: FloatArray) -> FloatArray:
     """
     ratio = np.maximum(ratio, MIN_RATIO)
     size = np.empty((len(ratio), 2))
-    size[:, 0] = np.sqrt(np.maximum(area_m2, MIN_AREA_M2) * ratio)
-    size[:, 1] = size[:, 0] / ratio
+    length = np.maximum(area_m2, MIN_AREA_M2)
+    length *= ratio
+    np.sqrt(length, out=size[:, 0])
+    np.divide(size[:, 0], ratio, out=size[:, 1])
     return size
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from smartmot.motion_models import Setting, check_range, table
 from smartmot.types import BoolArray, FloatArray, IntArray
 
@@ -41,45 +43,50 @@ class LifecycleConfig:
         check_range(self, "birth_score", 0.0, 1.0)
 
 
-def confirm(
-    confirmed: BoolArray, age_s: FloatArray, coasted_s: FloatArray, code: IntArray, config: LifecycleConfig
-) -> BoolArray:
-    """Which tracks are confirmed now; a confirmed track stays so.
+class Lifecycle:
+    """The rules for M tracks at a time.
 
     Args:
-        confirmed: (M,) before this frame.
-        age_s: (M,) time since birth.
-        coasted_s: (M,) time since the last match.
-        code: (M,) positions in CATEGORIES.
         config: Times.
-
-    Returns:
-        (M,) flags.
     """
-    return confirmed | ((coasted_s <= 0.0) & (age_s >= table(config.confirm_s)[code] - _ROUNDING_S))
 
+    def __init__(self, config: LifecycleConfig) -> None:
+        self._confirm_s = table(config.confirm_s) - _ROUNDING_S
+        self._max_age_s = table(config.max_age_s) + _ROUNDING_S
+        tentative = config.tentative_max_age_s
+        self._tentative_max_age_s = None if tentative is None else table(tentative) + _ROUNDING_S
 
-def survives(
-    confirmed: BoolArray,
-    coasted_s: FloatArray,
-    outside_s: FloatArray,
-    code: IntArray,
-    config: LifecycleConfig,
-) -> BoolArray:
-    """Which tracks live on.
+    def confirm(
+        self, confirmed: BoolArray, age_s: FloatArray, coasted_s: FloatArray, code: IntArray
+    ) -> BoolArray:
+        """Which tracks are confirmed now; a confirmed track stays so.
 
-    Args:
-        confirmed: (M,) flags.
-        coasted_s: (M,) time since the last match.
-        outside_s: (M,) time since the track was last seen inside the monitored area.
-        code: (M,) positions in CATEGORIES.
-        config: Times.
+        Args:
+            confirmed: (M,) before this frame.
+            age_s: (M,) time since birth.
+            coasted_s: (M,) time since the last match.
+            code: (M,) positions in CATEGORIES.
 
-    Returns:
-        (M,) flags; False for tracks unmatched or outside for longer than they may be.
-    """
-    limit = table(config.max_age_s)[code] + _ROUNDING_S
-    alive: BoolArray = (coasted_s <= limit) & (outside_s <= limit)
-    if config.tentative_max_age_s is not None:
-        alive &= confirmed | (coasted_s <= table(config.tentative_max_age_s)[code] + _ROUNDING_S)
-    return alive
+        Returns:
+            (M,) flags.
+        """
+        return confirmed | ((coasted_s <= 0.0) & (age_s >= self._confirm_s.take(code)))
+
+    def survives(
+        self, confirmed: BoolArray, coasted_s: FloatArray, outside_s: FloatArray, code: IntArray
+    ) -> BoolArray:
+        """Which tracks live on.
+
+        Args:
+            confirmed: (M,) flags.
+            coasted_s: (M,) time since the last match.
+            outside_s: (M,) time since the track was last seen inside the monitored area.
+            code: (M,) positions in CATEGORIES.
+
+        Returns:
+            (M,) flags; False for tracks unmatched or outside for longer than they may be.
+        """
+        alive: BoolArray = np.maximum(coasted_s, outside_s) <= self._max_age_s.take(code)
+        if self._tentative_max_age_s is not None:
+            alive &= confirmed | (coasted_s <= self._tentative_max_age_s.take(code))
+        return alive

@@ -102,8 +102,8 @@ class LinearMotion(Protocol):
         """(K, K) matrix that carries a channel's mean over dt_s seconds."""
         ...
 
-    def process_noise(self, dt_s: float) -> FloatArray:
-        """(C, 5, K, K) covariance that dt_s seconds of unknown motion add, for each category and channel."""
+    def densities(self) -> FloatArray:
+        """(C, 5, K) densities of the white noise on each derivative, for each category and channel."""
         ...
 
 
@@ -167,15 +167,16 @@ class ConstantVelocity:
         """(2, 2) matrix that adds dt_s times the rate to the value."""
         return np.array([[1.0, dt_s], [0.0, 1.0]])
 
-    def process_noise(self, dt_s: float) -> FloatArray:
-        """(C, 5, 2, 2) integral of F(t) diag(densities) F(t)^T over dt_s."""
-        value = _densities(
-            self.position_m2ps, self.position_m2ps, self.area_m4ps, self.ratio_ps, self.yaw_rad2ps
+    def densities(self) -> FloatArray:
+        """(C, 5, 2) noise on values and rates."""
+        position, velocity = self.position_m2ps, self.velocity_m2ps3
+        return np.stack(
+            (
+                _densities(position, position, self.area_m4ps, self.ratio_ps, self.yaw_rad2ps),
+                _densities(velocity, velocity, self.area_rate_m4ps3, 0.0, self.yaw_rate_rad2ps3),
+            ),
+            axis=-1,
         )
-        rate = _densities(
-            self.velocity_m2ps3, self.velocity_m2ps3, self.area_rate_m4ps3, 0.0, self.yaw_rate_rad2ps3
-        )
-        return value[..., None, None] * _walk(dt_s, 2, 0) + rate[..., None, None] * _walk(dt_s, 2, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,15 +214,15 @@ class ConstantAcceleration:
         """(3, 3) matrix of uniformly accelerated motion."""
         return np.array([[1.0, dt_s, 0.5 * dt_s**2], [0.0, 1.0, dt_s], [0.0, 0.0, 1.0]])
 
-    def process_noise(self, dt_s: float) -> FloatArray:
-        """(C, 5, 3, 3) integral of F(t) diag(densities) F(t)^T over dt_s."""
-        value = _densities(0.0, 0.0, self.area_m4ps, self.ratio_ps, 0.0)
-        rate = _densities(0.0, 0.0, 0.0, 0.0, self.yaw_rate_rad2ps3)
-        jerk = _densities(self.jerk_m2ps5, self.jerk_m2ps5, 0.0, 0.0, 0.0)
-        return (
-            value[..., None, None] * _walk(dt_s, 3, 0)
-            + rate[..., None, None] * _walk(dt_s, 3, 1)
-            + jerk[..., None, None] * _walk(dt_s, 3, 2)
+    def densities(self) -> FloatArray:
+        """(C, 5, 3) noise on values, rates and accelerations."""
+        return np.stack(
+            (
+                _densities(0.0, 0.0, self.area_m4ps, self.ratio_ps, 0.0),
+                _densities(0.0, 0.0, 0.0, 0.0, self.yaw_rate_rad2ps3),
+                _densities(self.jerk_m2ps5, self.jerk_m2ps5, 0.0, 0.0, 0.0),
+            ),
+            axis=-1,
         )
 
 
@@ -256,18 +257,36 @@ def _densities(*channels: Setting) -> FloatArray:
     return np.stack([table(channel) for channel in channels], axis=-1)
 
 
-def _walk(dt_s: float, order: int, noisy: int) -> FloatArray:
-    """(K, K) covariance that white noise of density 1 on one derivative adds to a chain of integrators.
+def process_noise(densities: FloatArray, dt_s: float) -> FloatArray:
+    """Covariance that white noise on the derivatives adds to a chain of K integrators.
 
     A unit impulse on derivative n has moved derivative k <= n by t^(n - k) / (n - k)! after the time t; the
     integral of the products over the step is the covariance.
+
+    Args:
+        densities: (..., K) noise density of each derivative.
+        dt_s: Time step.
+
+    Returns:
+        (..., K, K) integral of F(t) diag(densities) F(t)^T over dt_s.
     """
-    noise = np.zeros((order, order))
-    for i in range(noisy + 1):
-        for j in range(noisy + 1):
-            p, q = noisy - i, noisy - j
-            noise[i, j] = dt_s ** (p + q + 1) / (math.factorial(p) * math.factorial(q) * (p + q + 1))
-    return noise
+    k = densities.shape[-1]
+    power, divisor = _impulses(k)
+    noise: FloatArray = densities @ (dt_s**power / divisor).reshape(k, -1)
+    return noise.reshape(*densities.shape[:-1], k, k)
+
+
+@lru_cache(maxsize=4)
+def _impulses(order: int) -> tuple[FloatArray, FloatArray]:
+    """(K, K, K) power of the time step and divisor of each derivative's noise in the covariance."""
+    power, divisor = np.ones((order, order, order)), np.full((order, order, order), np.inf)
+    for noisy in range(order):
+        for i in range(noisy + 1):
+            for j in range(noisy + 1):
+                p, q = noisy - i, noisy - j
+                power[noisy, i, j] = p + q + 1
+                divisor[noisy, i, j] = math.factorial(p) * math.factorial(q) * (p + q + 1)
+    return power, divisor
 
 
 def ctrv_positions(

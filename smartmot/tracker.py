@@ -7,6 +7,7 @@ never enters a velocity; detections in the vehicle's frame work too, with veloci
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,8 +20,8 @@ from smartmot.channel_filter import ChannelFilter
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.geometry import wrap_angle
-from smartmot.kalman import BevFilterConfig, BoxFilter, Estimate, measurements
-from smartmot.lifecycle import LifecycleConfig, confirm, survives
+from smartmot.kalman import BevFilterConfig, BoxFilter, measurements
+from smartmot.lifecycle import Lifecycle, LifecycleConfig
 from smartmot.motion_models import (
     ConstantTurnRate,
     ConstantVelocity,
@@ -66,6 +67,8 @@ _CODES = {name: code for code, name in enumerate(CATEGORIES)}
 _UNKNOWN = _CODES["unknown"]
 _COASTED = -1
 """In place of a detection's position: the track had none in this frame."""
+
+_NONE = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,12 +193,18 @@ class _Measured:
 
 @dataclass(slots=True, eq=False)
 class _Frame:
-    """M tracks while a frame is worked on: rows and filter states, and the detection each track has."""
+    """M tracks while a frame is worked on: rows and filter states, and the detection each track has.
+
+    `coasting` says whether a track is without detection, `born` counts the tracks of this frame. Most frames
+    bring no births, and in many nothing coasts: what that rules out is not computed.
+    """
 
     rows: FloatArray
     filtered: FloatArray
     code: IntArray
     source: IntArray
+    coasting: bool = True
+    born: int = 0
 
 
 class Tracker:
@@ -220,14 +229,18 @@ class Tracker:
         self._associator = Associator(
             config.association, config.filter.measurement_variance()[:, X], affinity
         )
+        self._lifecycle = Lifecycle(config.lifecycle)
         self._yaw_entry = self._filter.names.index("yaw_rad")
-        self._score = table(config.score_threshold)
+        self._score = _unless_zero(config.score_threshold)
         self._first_stage = table(config.second_stage_score)
         self._two_stages = bool(self._first_stage.any())
         self._birth = np.maximum(table(config.lifecycle.birth_score), self._first_stage)
-        self._birth_limited = bool(self._birth.any())
         self._outlier = table(config.outlier_speed_mps)
         self._dynamic = table(config.dynamic_speed_mps)
+        report = config.report
+        self._shown_coasted = None if report.coasted_s is None else table(report.coasted_s) + 1e-6
+        self._shown_score = _unless_zero(report.score)
+        self._shown_mean_score = _unless_zero(report.mean_score)
 
     def reset(self) -> None:
         """Forget all tracks; identifiers start at 1 again."""
@@ -311,26 +324,35 @@ class Tracker:
         unmatched = self._correct(frame, measured, dt_s)
         if len(unmatched):
             self._start(frame, measured, unmatched)
-        next_id, estimate = self._live(frame, measured.stamp_s, state.next_id, monitored)
-        after = unchecked(TrackerState, measured.stamp_s, next_id, frame.rows, frame.filtered)
-        return after, self._report(frame, measured, estimate)
+        self._live(frame, measured.stamp_s, monitored)
+        if frame.born:
+            # Newborn tracks stand at the end; some may have died at once, outside the monitored area.
+            frame.rows[len(frame.rows) - frame.born :, ID] = np.arange(
+                state.next_id, state.next_id + frame.born
+            )
+        after = unchecked(
+            TrackerState, measured.stamp_s, state.next_id + frame.born, frame.rows, frame.filtered
+        )
+        return after, self._report(frame, measured)
 
     def _measured(self, detections: Detections) -> _Measured:
         """Detections over the score threshold."""
         # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
         code = np.array([_CODES[name] for name in detections.category.tolist()], dtype=np.int64)
         boxes, score, velocity = detections.boxes, detections.score, detections.velocity_mps
-        sure = score >= self._score[code]
-        if np.count_nonzero(sure) < len(score):
-            boxes, score, code = boxes[sure], score[sure], code[sure]
-            velocity = None if velocity is None else velocity[sure]
+        if self._score is not None:
+            sure = score >= self._score.take(code)
+            if np.count_nonzero(sure) < len(score):
+                boxes, score, code = boxes[sure], score[sure], code[sure]
+                velocity = None if velocity is None else velocity[sure]
         return _Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity)
 
     def _predicted(self, state: TrackerState, dt_s: float) -> _Frame:
         """Tracks carried over the time step."""
         rows = state.rows.copy()
         code = rows[:, CODE].astype(np.int64)
-        source = np.full(len(rows), _COASTED)
+        source = np.empty(len(rows), dtype=np.int64)
+        source.fill(_COASTED)
         if len(rows) == 0:
             return _Frame(rows, np.zeros((0, self._filter.width)), code, source)
         if state.filtered.shape[1] != self._filter.width:
@@ -347,7 +369,7 @@ class Tracker:
             return np.arange(n)
         first = None
         if self._two_stages:
-            first = measured.score >= self._first_stage[measured.code]
+            first = measured.score >= self._first_stage.take(measured.code)
             first = None if np.count_nonzero(first) == n else first
         track, detection = self._associator.match(
             self._filter.estimate(frame.filtered),
@@ -361,31 +383,42 @@ class Tracker:
         if len(track) == 0:
             return np.arange(n)
         velocity = None if measured.velocity_mps is None else measured.velocity_mps[detection]
-        rows, code, score = frame.rows, frame.code[track], measured.score[detection]
+        rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
+        measurement = measured.measurement.take(detection, axis=0)
         # Tracks come in order: where all are matched, whole columns take the place of index arrays.
-        where = slice(None) if len(track) == len(rows) else track
-        frame.filtered[where] = self._filter.update(
-            frame.filtered[where], measured.measurement.take(detection, axis=0), velocity, code
-        )
+        where: slice | IntArray = track
+        frame.coasting = len(track) < len(rows)
+        if not frame.coasting:
+            where = slice(None)
+            frame.filtered = self._filter.update(frame.filtered, measurement, velocity, code)
+            frame.source = detection
+        else:
+            frame.filtered[track] = self._filter.update(
+                frame.filtered.take(track, axis=0), measurement, velocity, code
+            )
+            frame.source[track] = detection
         rows[where, SCORE] = score
         rows[where, SCORE_SUM] += score
         rows[where, HITS] += 1.0
         rows[where, MATCHED_S] = measured.stamp_s
-        frame.source[where] = detection
         unknown = code == _UNKNOWN
         if np.count_nonzero(unknown):
             # An unknown track learns its category from the first detection that knows it.
             frame.code[track[unknown]] = measured.code[detection[unknown]]
             rows[:, CODE] = frame.code
+        if len(track) == n:
+            return _NONE
         left = np.ones(n, dtype=np.bool_)
         left[detection] = False
         return left.nonzero()[0]
 
     def _start(self, frame: _Frame, measured: _Measured, new: IntArray) -> None:
         """Append a track for every unmatched detection, without identifier and never inside so far."""
-        if self._birth_limited:
+        if self._birth.any():
             new = new[measured.score[new] >= self._birth[measured.code[new]]]
-        n = len(new)
+        n = frame.born = len(new)
+        if n == 0:
+            return
         rows = np.zeros((n, len(COLUMNS)))
         code, score = measured.code[new], measured.score[new]
         velocity = None if measured.velocity_mps is None else measured.velocity_mps[new]
@@ -400,59 +433,97 @@ class Tracker:
         frame.code = np.concatenate((frame.code, code))
         frame.source = np.concatenate((frame.source, new))
 
-    def _live(
-        self, frame: _Frame, now_s: float, next_id: int, monitored: Monitored | None
-    ) -> tuple[int, Estimate]:
-        """Confirm tracks, drop dead ones and number newborn ones, in place; the next identifier."""
-        config, rows = self.config.lifecycle, frame.rows
-        estimate = self._filter.estimate(frame.filtered)
+    def _live(self, frame: _Frame, now_s: float, monitored: Monitored | None) -> None:
+        """Confirm tracks and drop dead ones, in place."""
+        rows, code = frame.rows, frame.code
+        inside_all = monitored is None
         if monitored is None:
             rows[:, INSIDE_S] = now_s
         else:
-            boxes = unchecked(Boxes, estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad))
-            inside = np.asarray(monitored(boxes, _NAMES[frame.code]), dtype=np.bool_)
-            if inside.shape != (len(rows),):
-                raise ShapeError(f"monitored: expected {(len(rows),)} flags, got {inside.shape}")
+            inside = self._inside(frame, monitored)
             rows[inside, INSIDE_S] = now_s
+            inside_all = np.count_nonzero(inside) == len(rows)
+        confirmed = rows[:, CONFIRMED] > 0.0
+        may_confirm = np.count_nonzero(confirmed) < len(rows)
+        may_die = frame.coasting or not inside_all
+        if not (may_confirm or may_die):
+            return
         coasted_s = now_s - rows[:, MATCHED_S]
-        confirmed = confirm(rows[:, CONFIRMED] > 0.0, now_s - rows[:, BIRTH_S], coasted_s, frame.code, config)
-        alive = survives(confirmed, coasted_s, now_s - rows[:, INSIDE_S], frame.code, config)
-        rows[:, CONFIRMED] = confirmed
-        if np.count_nonzero(alive) < len(rows):
-            frame.rows = rows = rows[alive]
-            frame.filtered, frame.code = frame.filtered[alive], frame.code[alive]
-            frame.source = frame.source[alive]
-            estimate = self._filter.estimate(frame.filtered)
-        # Newborn tracks stand at the end.
-        count = len(rows) - int(np.count_nonzero(rows[:, ID]))
-        if count:
-            rows[-count:, ID] = np.arange(next_id, next_id + count)
-        return next_id + count, estimate
+        if may_confirm:
+            confirmed = self._lifecycle.confirm(confirmed, now_s - rows[:, BIRTH_S], coasted_s, code)
+            rows[:, CONFIRMED] = confirmed
+        if not may_die:
+            return
+        outside_s = coasted_s if inside_all else now_s - rows[:, INSIDE_S]
+        alive = self._lifecycle.survives(confirmed, coasted_s, outside_s, code)
+        if np.count_nonzero(alive) == len(rows):
+            return
+        if frame.born:
+            frame.born = int(np.count_nonzero(alive[-frame.born :]))
+        left = alive.nonzero()[0]
+        frame.rows, frame.filtered = rows.take(left, axis=0), frame.filtered.take(left, axis=0)
+        frame.code, frame.source = code.take(left), frame.source.take(left)
 
-    def _report(self, frame: _Frame, measured: _Measured, estimate: Estimate) -> Tracks:
+    def _inside(self, frame: _Frame, monitored: Monitored) -> BoolArray:
+        """(M,) which tracks the monitored area takes."""
+        estimate = self._filter.estimate(frame.filtered)
+        boxes = unchecked(Boxes, estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad))
+        inside = np.asarray(monitored(boxes, _NAMES[frame.code]), dtype=np.bool_)
+        if inside.shape != (len(frame.rows),):
+            raise ShapeError(f"monitored: expected {(len(frame.rows),)} flags, got {inside.shape}")
+        return inside
+
+    def _shown(self, frame: _Frame, now_s: float) -> IntArray | None:
+        """(K,) the tracks that the configuration wants to see; None: all."""
+        rows, code, conditions = frame.rows, frame.code, []
+        if not self.config.report.tentative:
+            conditions.append(rows[:, CONFIRMED] > 0.0)
+        if self._shown_coasted is not None and frame.coasting:
+            conditions.append(now_s - rows[:, MATCHED_S] <= self._shown_coasted.take(code))
+        if self._shown_score is not None:
+            conditions.append(rows[:, SCORE] >= self._shown_score.take(code))
+        if self._shown_mean_score is not None:
+            conditions.append(rows[:, SCORE_SUM] >= self._shown_mean_score.take(code) * rows[:, HITS])
+        if not conditions:
+            return None
+        shown: BoolArray = functools.reduce(np.logical_and, conditions)
+        return None if np.count_nonzero(shown) == len(rows) else shown.nonzero()[0]
+
+    def _report(self, frame: _Frame, measured: _Measured) -> Tracks:
         """What the tracks say at the frame's time."""
-        config, rows, code, now_s = self.config, frame.rows, frame.code, measured.stamp_s
-        mean, covariance = self._filter.moments(frame.filtered)
+        config, now_s = self.config, measured.stamp_s
+        rows, filtered, code, source = frame.rows, frame.filtered, frame.code, frame.source
+        shown = self._shown(frame, now_s)
+        if shown is not None:
+            rows, filtered = rows.take(shown, axis=0), filtered.take(shown, axis=0)
+            code, source = code.take(shown), source.take(shown)
+        estimate = self._filter.estimate(filtered)
+        mean, covariance = self._filter.moments(filtered)
         velocity = estimate.velocity_mps
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        outlier = speed > self._outlier[code]
+        threshold = self._dynamic.take(code)
+        if config.dynamic_sigmas > 0.0:
+            sigma = np.sqrt(self._filter.speed_variance(filtered))
+            sigma *= config.dynamic_sigmas
+            np.maximum(threshold, sigma, out=threshold)
+        dynamic = speed > threshold
+        outlier = speed > self._outlier.take(code)
         if np.count_nonzero(outlier):
             velocity = np.where(outlier[:, None], 0.0, velocity)
-        sigma = np.sqrt(self._filter.speed_variance(frame.filtered))
-        threshold = np.maximum(self._dynamic[code], config.dynamic_sigmas * sigma)
+            dynamic &= ~outlier
         center, size, yaw = estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad)
         mean[:, self._yaw_entry] = yaw
         if config.report.detected_boxes:
             center = center.copy()
-            seen = np.flatnonzero(frame.source != _COASTED)
-            boxes = measured.boxes[frame.source[seen]]
+            seen = np.flatnonzero(source != _COASTED)
+            boxes = measured.boxes[source[seen]]
             center[seen], size[seen], yaw[seen] = boxes.center_m, boxes.size_m, boxes.yaw_rad
-        tracks = unchecked(
+        return unchecked(
             Tracks,
             now_s,
             rows[:, ID].astype(np.int64),
             unchecked(Boxes, center, size, yaw),
-            _NAMES[code],
+            _NAMES.take(code),
             rows[:, SCORE],
             mean,
             covariance,
@@ -461,25 +532,14 @@ class Tracker:
             now_s - rows[:, BIRTH_S],
             now_s - rows[:, MATCHED_S],
             rows[:, CONFIRMED] > 0.0,
-            (speed > threshold) & ~outlier,
+            dynamic,
         )
-        return self._chosen(tracks, rows, code)
 
-    def _chosen(self, tracks: Tracks, rows: FloatArray, code: IntArray) -> Tracks:
-        """The tracks that the configuration wants to see."""
-        report = self.config.report
-        if report.tentative and report.coasted_s is None and report.mean_score == report.score == 0.0:
-            return tracks
-        shown = np.ones(len(tracks), dtype=np.bool_)
-        if not report.tentative:
-            shown &= tracks.confirmed
-        if report.coasted_s is not None:
-            shown &= tracks.coasted_s <= table(report.coasted_s)[code] + 1e-6
-        if report.score != 0.0:
-            shown &= tracks.score >= table(report.score)[code]
-        if report.mean_score != 0.0:
-            shown &= rows[:, SCORE_SUM] >= table(report.mean_score)[code] * rows[:, HITS]
-        return tracks if np.count_nonzero(shown) == len(shown) else tracks[shown]
+
+def _unless_zero(setting: Setting) -> FloatArray | None:
+    """(C,) values of a threshold; None where it lets everything pass."""
+    values = table(setting)
+    return values if values.any() else None
 
 
 def _elapsed_s(last_s: float | None, now_s: float) -> float:

@@ -8,7 +8,9 @@ construction.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from smartmot.errors import ShapeError
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 StrArray = NDArray[np.str_]
@@ -60,15 +63,17 @@ def _set(target: object, name: str, value: object) -> None:
 
 def _subset(whole: T, index: Any, names: tuple[str, ...]) -> T:
     """A frozen value with the named arrays indexed: parts of checked arrays need no second check."""
-    part = object.__new__(type(whole))
-    for name in whole.__slots__:  # type: ignore[attr-defined]
-        value = getattr(whole, name)
-        if name in names and value is not None:
-            value = value[index]
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-        _set(part, name, value)
-    return part
+    values = {name: getattr(whole, name) for name in whole.__slots__}  # type: ignore[attr-defined]
+    for name in names:
+        if values[name] is not None:
+            values[name] = values[name][index]
+    return unchecked(type(whole), *values.values())
+
+
+@cache
+def _setters(cls: type) -> tuple[Callable[[object, object], None], ...]:
+    """What sets the fields of a frozen slotted class: half the time of object.__setattr__."""
+    return tuple(getattr(cls, name).__set__ for name in cls.__slots__)  # type: ignore[attr-defined]
 
 
 def unchecked(cls: type[T], *values: object) -> T:
@@ -78,10 +83,11 @@ def unchecked(cls: type[T], *values: object) -> T:
     arrays whose kind and shape are known.
     """
     made = object.__new__(cls)
-    for name, value in zip(cls.__slots__, values, strict=True):  # type: ignore[attr-defined]
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-        _set(made, name, value)
+    # mypy takes type[T] for unhashable
+    for put, value in zip(_setters(cls), values, strict=True):  # type: ignore[arg-type]
+        if type(value) is np.ndarray:
+            value.setflags(write=False)
+        put(made, value)
     return made
 
 

@@ -16,6 +16,7 @@ from smartmot.motion_models import (
     PerCategory,
     X,
     Y,
+    process_noise,
 )
 from smartmot.types import FloatArray
 
@@ -54,7 +55,7 @@ class _Full:
         self.filter.R = np.diag(config.measurement_variance()[code])
 
     def step(self, dt_s: float, z: FloatArray, velocity: FloatArray | None = None) -> None:
-        blocks = self.motion.process_noise(dt_s)[self.code]
+        blocks = process_noise(self.motion.densities(), dt_s)[self.code]
         transition = np.kron(np.eye(len(CHANNELS)), self.motion.transition(dt_s))
         noise = np.zeros_like(transition)
         for c, block in enumerate(blocks):

@@ -238,6 +238,38 @@ def test_the_tree_finds_the_pairs_of_the_table(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(tree, table)
 
 
+@pytest.mark.parametrize("dense", [10**9, 0])
+def test_a_least_distance_adds_pairs_to_those_within_reach(
+    monkeypatch: pytest.MonkeyPatch, dense: int
+) -> None:
+    monkeypatch.setattr(geometry, "_DENSE_PAIRS", dense)
+    rng = np.random.default_rng(6)
+    a, b = rng.uniform(0, 30, (40, 2)), rng.uniform(0, 30, (50, 2))
+    reach_a, reach_b, least = rng.uniform(0, 3, 40), rng.uniform(0, 2, 50), rng.uniform(0, 6, 40)
+    found = set(zip(*(part.tolist() for part in near_pairs(a, b, reach_a, reach_b, least)), strict=True))
+    distance = np.hypot(*(a[:, None] - b).transpose(2, 0, 1))
+    near = (distance <= reach_a[:, None] + reach_b) | (distance <= least[:, None])
+    assert found == {(i, j) for i, j in np.argwhere(near).tolist()}
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 1e-30, 1e-17, 1e-13, 1e-12, 1e-9, np.pi / 2, np.pi])
+@pytest.mark.parametrize("shift_m", [(0.0, 0.0), (1.0, 0.0), (0.0, 2.0), (3.999999, 0.5)])
+def test_almost_parallel_rectangles_have_the_area_of_parallel_ones(
+    turn_rad: float, shift_m: tuple[float, float]
+) -> None:
+    size, b_size = np.array([4.0, 2.0]), np.array([4.0, 4.0])
+    for offset in (0.0, 1e5):
+        area = intersection_area(
+            np.array(shift_m) + offset, size, np.array(0.3 + turn_rad),
+            np.array([offset, offset]), b_size, np.array(0.3),
+        )  # fmt: skip
+        x, y = (np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]]) @ shift_m).tolist()
+        length, width = (2.0, 4.0) if turn_rad == np.pi / 2 else (4.0, 2.0)
+        common_x = max(0.0, min(x + length / 2, 2.0) - max(x - length / 2, -2.0))
+        common_y = max(0.0, min(y + width / 2, 2.0) - max(y - width / 2, -2.0))
+        assert area == pytest.approx(common_x * common_y, abs=1e-8 if turn_rad == 1e-9 or offset else 1e-11)
+
+
 def test_generalised_iou_laws() -> None:
     rng = np.random.default_rng(10)
     a, b = Boxes(*_random(rng, 200)), Boxes(*_random(rng, 200))

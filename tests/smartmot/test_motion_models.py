@@ -14,6 +14,7 @@ from smartmot.motion_models import (
     PerCategory,
     X,
     ctrv_positions,
+    process_noise,
     table,
 )
 
@@ -33,14 +34,15 @@ def test_two_steps_equal_one(
 ) -> None:
     f1, f2 = model.transition(first), model.transition(second)
     np.testing.assert_allclose(f2 @ f1, model.transition(first + second), atol=1e-12)
-    added = f2 @ model.process_noise(first) @ f2.T + model.process_noise(second)
-    np.testing.assert_allclose(added, model.process_noise(first + second), rtol=1e-9, atol=1e-12)
+    noise = model.densities()
+    added = f2 @ process_noise(noise, first) @ f2.T + process_noise(noise, second)
+    np.testing.assert_allclose(added, process_noise(noise, first + second), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("dt_s", [0.0, 1e-3, 0.05, 1.0])
 def test_process_noise_is_a_covariance(model: ConstantVelocity | ConstantAcceleration, dt_s: float) -> None:
-    noise = model.process_noise(dt_s)
+    noise = process_noise(model.densities(), dt_s)
     assert noise.shape == (6, 5, model.order, model.order)
     np.testing.assert_allclose(noise, np.swapaxes(noise, -1, -2))
     assert np.linalg.eigvalsh(noise).min() >= -1e-15
@@ -48,7 +50,7 @@ def test_process_noise_is_a_covariance(model: ConstantVelocity | ConstantAcceler
 
 def test_paper_noise_is_the_diagonal_of_the_reference_code() -> None:
     # One pixel is 0.05 m and one frame 0.05 s: a pixel per frame is 1 m/s.
-    noise = ConstantVelocity.paper().process_noise(0.05)
+    noise = process_noise(ConstantVelocity.paper().densities(), 0.05)
     for channel in (X, AREA, YAW):
         assert noise[0, channel, 0, 0] == pytest.approx(0.05**2, rel=0.01)
         assert noise[0, channel, 1, 1] == pytest.approx(0.01)

@@ -391,6 +391,28 @@ def test_detected_boxes_have_no_lag_and_coasted_ones_are_predicted() -> None:
     np.testing.assert_allclose(detected.update(end).boxes.center_m, filtered.update(end).boxes.center_m)
 
 
+def test_detected_boxes_are_reported_with_a_monitored_area_too() -> None:
+    tracker = Tracker(TrackerConfig(report=ReportConfig(detected_boxes=True)))
+    for k in range(3):
+        detections = _frame(0.1 * k, [[0.1 * k, 0.0], [5.0, 0.0]])
+        tracks = tracker.update(detections, lambda boxes, category: boxes.center_m[:, 0] > -1.0)
+        np.testing.assert_array_equal(tracks.boxes.center_m, detections.boxes.center_m)
+
+
+def test_a_coasting_track_stays_hidden_when_another_dies_in_the_same_frame() -> None:
+    # One track has no detection, another has one but has left the monitored area: two rules in one frame.
+    tracker = Tracker(
+        TrackerConfig(lifecycle=LifecycleConfig(max_age_s=0.1), report=ReportConfig(coasted_s=0.0))
+    )
+    all_three = [[0, 0], [5, 0], [10, 0]]
+    tracker.update(_frame(0.0, all_three))
+    for stamp in (0.05, 0.1):
+        tracker.update(_frame(stamp, all_three), lambda boxes, category: boxes.center_m[:, 0] < 9.0)
+    tracks = tracker.update(_frame(0.15, all_three[1:]), lambda boxes, category: boxes.center_m[:, 0] < 9.0)
+    assert tracker.state.track_id.tolist() == [1, 2]
+    assert tracks.track_id.tolist() == [2]
+
+
 def test_weak_detections_start_nothing_and_come_second() -> None:
     tracker = Tracker(TrackerConfig(score_threshold=0.0, second_stage_score=0.5))
     assert len(tracker.update(_frame(0.0, [[0, 0]], score=0.4))) == 0
