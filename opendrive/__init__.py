@@ -7,6 +7,7 @@
 Positions are metres in the map's right-handed frame, angles radians.
 """
 
+from opendrive.border_sampling import SampledBorders
 from opendrive.errors import (
     LaneNotFoundError,
     MapContentError,
@@ -18,20 +19,25 @@ from opendrive.errors import (
     RouteNotFoundError,
     WarningKind,
 )
+from opendrive.geo import GeoReferenceError
 from opendrive.lane_index import LaneHits, NearestLanes
 from opendrive.lanes import LaneKey, LaneTable
 from opendrive.loading import load_map
 from opendrive.network import RoadNetwork
 from opendrive.objects import Crosswalk, RoadSignal
 from opendrive.reader import read_map
-from opendrive.road_geometry import RoadGeometry, SurfacePoints
+from opendrive.road_geometry import RoadGeometry, SurfaceAttitudes, SurfacePoints
+from opendrive.travel import LanePlaces, LaneRoute
 from opendrive.writer import write_map
 
 __all__ = [
     "Crosswalk",
+    "GeoReferenceError",
     "LaneHits",
     "LaneKey",
     "LaneNotFoundError",
+    "LanePlaces",
+    "LaneRoute",
     "LaneTable",
     "MapContentError",
     "MapReadError",
@@ -44,6 +50,8 @@ __all__ = [
     "RoadNotFoundError",
     "RoadSignal",
     "RouteNotFoundError",
+    "SampledBorders",
+    "SurfaceAttitudes",
     "SurfacePoints",
     "WarningKind",
     "load_map",

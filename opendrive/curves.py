@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opendrive.arrays import FloatArray, IntArray
-from opendrive.model import Arc, Geometry, ParamPoly3, Poly3, Spiral
+from opendrive.model import Arc, Geometry, Line, ParamPoly3, Poly3, Shape, Spiral
 from opendrive.profiles import sort_keys
 
 CIRCULAR, CLOTHOID, CUBIC = 0, 1, 2
@@ -171,33 +171,37 @@ class CurveTable:
     first: IntArray
 
     @classmethod
-    def stack(cls, roads: Sequence[Sequence[Geometry]]) -> "CurveTable":
-        """Stack the pieces of R roads, each ascending in s."""
-        count = np.array([len(road) for road in roads], dtype=np.int64)
-        pieces = [piece for road in roads for piece in road]
-        poses = np.array([(p.s_m, p.x_m, p.y_m, p.heading_rad, p.length_m) for p in pieces]).reshape(-1, 5)
-        kind = np.zeros(len(pieces), dtype=np.int8)
-        curvature, rate = np.zeros(len(pieces)), np.zeros(len(pieces))
-        cubic = np.zeros(len(pieces), dtype=np.int64)
+    def build(cls, road: IntArray, rows: FloatArray, shapes: Sequence[Shape], roads: int) -> "CurveTable":
+        """Make the table from pieces, ascending in road and s.
+
+        Args:
+            road: (G,) road index.
+            rows: (G, 5) s, x, y, heading and length.
+            shapes: (G,) shape of each piece.
+            roads: number of roads R.
+        """
+        count = len(rows)
+        kind, cubic = np.zeros(count, dtype=np.int8), np.zeros(count, dtype=np.int64)
+        curvature, rate = np.zeros(count), np.zeros(count)
         u: list[tuple[float, ...]] = []
         v: list[tuple[float, ...]] = []
-        for i, piece in enumerate(pieces):
-            shape = piece.shape
+        for i, shape in enumerate(shapes):
+            if isinstance(shape, Line):
+                continue
             if isinstance(shape, Arc):
                 curvature[i] = shape.curvature_per_m
             elif isinstance(shape, Spiral):
                 curvature[i] = shape.curvature_start_per_m
-                if piece.length_m > 0.0:
-                    rate[i] = (shape.curvature_end_per_m - shape.curvature_start_per_m) / piece.length_m
+                if rows[i, 4] > 0.0:
+                    rate[i] = (shape.curvature_end_per_m - shape.curvature_start_per_m) / rows[i, 4]
                 kind[i] = CLOTHOID if rate[i] else CIRCULAR
             elif isinstance(shape, Poly3 | ParamPoly3):
                 kind[i] = CUBIC
                 cubic[i] = len(u)
-                u_of_q, v_of_q = _unit_coefficients(shape, piece.length_m)
+                u_of_q, v_of_q = _unit_coefficients(shape, float(rows[i, 4]))
                 u.append(u_of_q)
                 v.append(v_of_q)
-        road = np.repeat(np.arange(len(roads), dtype=np.int64), count)
-        s, x, y, heading, length = (column.copy() for column in poses.T)
+        s, x, y, heading, length = (column.copy() for column in rows.T)
         return cls(
             key=sort_keys(road, s),
             road=road,
@@ -211,12 +215,16 @@ class CurveTable:
             rate_per_m2=rate,
             cubic=cubic,
             cubics=CubicCurves.tabulate(np.array(u).reshape(-1, 4), np.array(v).reshape(-1, 4)),
-            first=np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)]),
+            first=np.searchsorted(road, np.arange(roads + 1)),
         )
 
-    def starts_of(self, road: int) -> FloatArray:
-        """Return where the pieces of one road start."""
-        return self.start_m[self.first[road] : self.first[road + 1]]
+    @classmethod
+    def stack(cls, roads: Sequence[Sequence[Geometry]]) -> "CurveTable":
+        """Stack the pieces of R roads, each ascending in s."""
+        road = np.repeat(np.arange(len(roads)), [len(pieces) for pieces in roads])
+        pieces = [piece for road in roads for piece in road]
+        rows = np.array([(p.s_m, p.x_m, p.y_m, p.heading_rad, p.length_m) for p in pieces]).reshape(-1, 5)
+        return cls.build(road, rows, [piece.shape for piece in pieces], len(roads))
 
     def evaluate(self, road: IntArray, s_m: FloatArray) -> Poses:
         """Return the poses at `s_m` on the reference lines of `road`, both (N,).

@@ -75,5 +75,5 @@ class MapWarning:
     road_id: str
     element: str
     message: str
-    kind: WarningKind = WarningKind.LINK
+    kind: WarningKind
     s_m: float | None = None

@@ -1,9 +1,8 @@
 """Between the map frame and latitude and longitude (WGS 84), by way of the file's geoReference.
 
 Positions of the map stay in the file's own inertial frame. Its header offset is applied only here, as the
-standard
-says: rotated by the offset's heading, then moved by its x and y, and after that projected (ASAM OpenDRIVE
-1.8, chapter "Coordinate systems", "Georeferencing").
+standard says: rotated by the offset's heading, then moved by its x and y, and after that projected (ASAM
+OpenDRIVE 1.8, section 8.5).
 """
 
 import re

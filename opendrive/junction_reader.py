@@ -11,29 +11,12 @@ from opendrive.model import (
     JunctionController,
     JunctionGroup,
     JunctionPriority,
-    RoadLink,
 )
+from opendrive.road_reader import read_link
 from opendrive.values import Element, Values, children, first, others, xml_of
 
 JUNCTION_TYPES = ("default", "direct", "virtual", "crossing")
 _CONNECTION_PARTS = ("laneLink", "predecessor", "successor")
-
-
-def read_link(values: Values, parent: Element | None, tag: str) -> RoadLink | None:
-    """Return the link of a road or connection to its predecessor or successor, or None."""
-    element = first(parent, tag)
-    if element is None:
-        return None
-    get = element.get
-    element_type = get("elementType", "road")
-    element_id = values.text(element, "elementId")
-    contact_point = values.contact_point(element)
-    s_m = values.number(element, "elementS", None)
-    if element_type == "road" and contact_point is None and s_m is None:
-        values.warn(
-            WarningKind.LINK, element, f"no contactPoint for road {element_id!r}; the link is not followed"
-        )
-    return RoadLink(element_type, element_id, contact_point, s_m, get("elementDir", ""))
 
 
 def read_junction(values: Values, element: Element) -> Junction:
@@ -90,8 +73,8 @@ def _connection(values: Values, element: Element) -> Connection | None:
     connecting = get("connectingRoad", linked)
     contact_point = values.contact_point(element)
     kind = get("type", "default") or "default"
-    predecessor = read_link(values, element, "predecessor")
-    successor = read_link(values, element, "successor")
+    predecessor = read_link(values, first(element, "predecessor"))
+    successor = read_link(values, first(element, "successor"))
     if kind == "virtual" and incoming is None and predecessor is not None:
         incoming = predecessor.element_id
     if kind == "virtual" and contact_point is None:

@@ -31,7 +31,7 @@ class BorderTable:
         first_lane: (P,) first of its lanes, which are numbered without gap.
         lane_count: (P,) number of its lanes.
         first_row: (P + 1,) row of its first lane; the other lanes follow.
-        coefficients: (Q, 2, 4) a, b, c, d of the inner and of the outer border's t over s - low.
+        coefficients: (2, 4, Q) a, b, c, d of the inner and of the outer border's t over s - low.
         first_stretch: (L,) first stretch of each lane.
         last_stretch: (L,) last stretch of each lane.
         is_slanted: (Q,) whether a border of the row is not parallel to the reference line.
@@ -112,7 +112,7 @@ class BorderTable:
             first_lane=first_lane[of_section],
             lane_count=count,
             first_row=first_row,
-            coefficients=coefficients,
+            coefficients=np.ascontiguousarray(coefficients.transpose(1, 2, 0)),
             first_stretch=np.concatenate([np.zeros(1, dtype=np.int64), ends[:-1]])[dense],
             last_stretch=ends[dense] - 1,
             is_slanted=np.asarray(coefficients[:, :, 1:].any(axis=(1, 2)), dtype=np.bool_),
@@ -130,17 +130,17 @@ class BorderTable:
 
     def offsets(self, row: IntArray, ds_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return t of the inner and outer border at `ds_m` after the start of the stretch, (N,) each."""
-        k = self.coefficients[row]
-        ds = ds_m[:, None]
-        t = k[..., 0] + ds * (k[..., 1] + ds * (k[..., 2] + ds * k[..., 3]))
-        return t[:, 0], t[:, 1]
+        inner, outer = (
+            a[row] + ds_m * (b[row] + ds_m * (c[row] + ds_m * d[row])) for a, b, c, d in self.coefficients
+        )
+        return inner, outer
 
     def slopes(self, row: IntArray, ds_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dt/ds of the inner and outer border at `ds_m` after the start of the stretch."""
-        k = self.coefficients[row]
-        ds = ds_m[:, None]
-        slope = k[..., 1] + ds * (2.0 * k[..., 2] + ds * 3.0 * k[..., 3])
-        return slope[:, 0], slope[:, 1]
+        inner, outer = (
+            b[row] + ds_m * (2.0 * c[row] + ds_m * 3.0 * d[row]) for _, b, c, d in self.coefficients
+        )
+        return inner, outer
 
     def extremes(self) -> tuple[FloatArray, FloatArray]:
         """Return bounds of t, (Q,) each, that hold for both borders of a row over its stretch.
@@ -148,11 +148,11 @@ class BorderTable:
         A cubic lies within the hull of its Bezier control values.
         """
         counts = np.diff(self.first_row)
-        span = np.repeat(self.high_m - self.low_m, counts)[:, None]
-        a, b, c, d = np.moveaxis(self.coefficients, -1, 0)
+        span = np.repeat(self.high_m - self.low_m, counts)
+        a, b, c, d = np.moveaxis(self.coefficients, 1, 0)
         b, c, d = b * span, c * span**2, d * span**3
-        control = np.concatenate([a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d], axis=1)
-        return control.min(axis=1), control.max(axis=1)
+        control = np.concatenate([a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d])
+        return control.min(axis=0), control.max(axis=0)
 
 
 def _about(table: CubicTable, profile: IntArray, s_m: FloatArray) -> FloatArray:

@@ -5,16 +5,16 @@ graph: a lane leads to another if its exit touches the other's entry (ASAM OpenD
 chapters "Roads", "Lanes" and "Junctions").
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from opendrive.arrays import FloatArray, IntArray
-from opendrive.errors import MapWarning
-from opendrive.lanes import LaneKey, LaneTable
-from opendrive.model import Connection, ContactPoint, Lane, MapModel, Road, RoadLink
+from opendrive.errors import MapWarning, WarningKind
+from opendrive.lanes import LaneKey, LaneTable, RoadTable
+from opendrive.model import Connection, ContactPoint, Junction, MapModel, RoadLink
 
 Side: TypeAlias = Literal["left", "right"]
 LanePlace: TypeAlias = tuple[int, ContactPoint | float]
@@ -44,13 +44,13 @@ class LaneGraph:
     warnings: tuple[MapWarning, ...]
 
     @classmethod
-    def build(cls, model: MapModel, lanes: LaneTable) -> "LaneGraph":
+    def build(cls, roads: RoadTable, lanes: LaneTable, junctions: Iterable[Junction]) -> "LaneGraph":
         """Build the graph from the links of roads, lanes and junctions."""
-        builder = _Builder(model, lanes)
+        builder = _Builder(roads, lanes)
         start_m, end_m, direction = lanes.s_start_m.tolist(), lanes.s_end_m.tolist(), lanes.direction.tolist()
         exits = ["end" if along > 0 else "start" for along in direction]
         edges: set[tuple[int, int, float, float]] = set()
-        for (a, at_a), (b, at_b) in builder.touching_places():
+        for (a, at_a), (b, at_b) in builder.touching_places(junctions):
             s_a, s_b = (
                 at if isinstance(at, float) else (start_m if at == "start" else end_m)[lane]
                 for lane, at in ((a, at_a), (b, at_b))
@@ -87,143 +87,153 @@ def _enters(at: ContactPoint | float, lane_exit: str) -> bool:
 class _Builder:
     """Walks through the links of a map."""
 
-    def __init__(self, model: MapModel, lanes: LaneTable) -> None:
-        self.model = model
+    def __init__(self, roads: RoadTable, lanes: LaneTable) -> None:
+        self.roads = roads
         self.lanes = lanes
+        self.road_of = {road_id: r for r, road_id in enumerate(roads.id)}
+        sections = lanes.sections
+        self.first_section = np.searchsorted(sections.road, np.arange(len(roads.id) + 1)).tolist()
+        self.first_lane = np.searchsorted(lanes.section, np.arange(len(sections.road) + 1)).tolist()
         self.warnings: list[MapWarning] = []
 
-    def touching_places(self) -> Iterator[tuple[LanePlace, LanePlace]]:
+    def touching_places(self, junctions: Iterable[Junction]) -> Iterator[tuple[LanePlace, LanePlace]]:
         """Yield every pair of places that the map links."""
-        for road in self.model.roads.values():
+        for road, links in enumerate(zip(self.roads.predecessor, self.roads.successor, strict=True)):
             yield from self._between_sections(road)
-            yield from self._between_roads(road, "start", road.predecessor)
-            yield from self._between_roads(road, "end", road.successor)
-        for junction in self.model.junctions.values():
+            yield from self._between_roads(road, "start", links[0])
+            yield from self._between_roads(road, "end", links[1])
+        for junction in junctions:
             for connection in junction.connections:
                 yield from self._through_junction(junction.id, connection)
 
-    def _end(self, road: Road, end: ContactPoint, lane_id: int, source: str) -> LanePlace | None:
-        section = 0 if end == "start" else len(road.sections) - 1
-        return self._lane_end(LaneKey(road.id, section, lane_id), end, source)
+    def _warn(self, road_id: str, element: str, message: str, s_m: float | None = None) -> None:
+        self.warnings.append(MapWarning(road_id, element, message, WarningKind.LINK, s_m))
 
-    def _met(self, road: Road, link: RoadLink, lane_id: int, source: str) -> LanePlace | None:
+    def _section_at(self, road: int, end: ContactPoint) -> int:
+        return 0 if end == "start" else self.first_section[road + 1] - self.first_section[road] - 1
+
+    def _lanes_of(self, road: int, section: int) -> range:
+        k = self.first_section[road] + section
+        return range(self.first_lane[k], self.first_lane[k + 1])
+
+    def _end(self, road: int, end: ContactPoint, lane_id: int, source: str) -> LanePlace | None:
+        return self._lane_end(road, self._section_at(road, end), lane_id, end, source)
+
+    def _met(self, road: int, link: RoadLink, lane_id: int, source: str) -> LanePlace | None:
         """Return the place of a lane that a link to its road meets."""
         if link.contact_point is not None:
             return self._end(road, link.contact_point, lane_id, source)
-        s_m = float(np.clip(link.s_m or 0.0, 0.0, road.length_m))
-        section = max(k for k, record in enumerate(road.sections) if k == 0 or record.s_m <= s_m)
-        found = self._lane_end(LaneKey(road.id, section, lane_id), "start", source)
+        s_m = min(max(link.s_m or 0.0, 0.0), float(self.roads.length_m[road]))
+        starts = self.lanes.sections.start_m[self.first_section[road] : self.first_section[road + 1]]
+        section = max(int(np.searchsorted(starts, s_m, side="right")) - 1, 0)
+        found = self._lane_end(road, section, lane_id, "start", source)
         return None if found is None else (found[0], s_m)
 
-    def _lane_end(self, key: LaneKey, end: ContactPoint, source: str) -> LanePlace | None:
-        lane = self.lanes.lane_of_key.get(key)
+    def _lane_end(
+        self, road: int, section: int, lane_id: int, end: ContactPoint, source: str
+    ) -> LanePlace | None:
+        road_id = self.roads.id[road]
+        lane = self.lanes.lane_of_key.get(LaneKey(road_id, section, lane_id))
         if lane is None:
-            if key.lane_id != 0:
-                self.warnings.append(
-                    MapWarning(
-                        key.road_id,
-                        source,
-                        f"links to lane {key.lane_id} of section {key.section}, not there",
-                    )
-                )
+            if lane_id != 0:
+                s_m = float(self.lanes.sections.start_m[self.first_section[road] + section])
+                self._warn(road_id, source, f"links to lane {lane_id} of section {section}, not there", s_m)
             return None
         return lane, end
 
-    def _between_sections(self, road: Road) -> Iterator[tuple[LanePlace, LanePlace]]:
-        for k in range(len(road.sections) - 1):
-            before, after = road.sections[k], road.sections[k + 1]
-            pairs = [(lane.id, link) for lane in before.lanes if lane.id for link in lane.successors]
-            pairs += [(link, lane.id) for lane in after.lanes if lane.id for link in lane.predecessors]
+    def _between_sections(self, road: int) -> Iterator[tuple[LanePlace, LanePlace]]:
+        for k in range(self._section_at(road, "end")):
+            lanes = self.lanes
+            pairs = [
+                (lanes.key[i].lane_id, link) for i in self._lanes_of(road, k) for link in lanes.successors[i]
+            ]
+            pairs += [
+                (link, lanes.key[i].lane_id)
+                for i in self._lanes_of(road, k + 1)
+                for link in lanes.predecessors[i]
+            ]
             for earlier, later in dict.fromkeys(pairs):
-                a = self._lane_end(LaneKey(road.id, k, earlier), "end", "lane/link")
-                b = self._lane_end(LaneKey(road.id, k + 1, later), "start", "lane/link")
+                a = self._lane_end(road, k, earlier, "end", "lane/link")
+                b = self._lane_end(road, k + 1, later, "start", "lane/link")
                 if a is not None and b is not None:
                     yield a, b
 
     def _between_roads(
-        self, road: Road, end: ContactPoint, link: RoadLink | None
+        self, road: int, end: ContactPoint, link: RoadLink | None
     ) -> Iterator[tuple[LanePlace, LanePlace]]:
         if link is None or link.element_type != "road" or (link.contact_point is None and link.s_m is None):
             return
-        other = self.model.roads.get(link.element_id)
+        s_m = 0.0 if end == "start" else float(self.roads.length_m[road])
+        other = self.road_of.get(link.element_id)
         if other is None:
-            self.warnings.append(
-                MapWarning(road.id, "road/link", f"links to road {link.element_id!r}, not in the map")
-            )
+            message = f"links to road {link.element_id!r}, not in the map"
+            self._warn(self.roads.id[road], "road/link", message, s_m)
             return
-        section = road.sections[0 if end == "start" else -1]
-        for lane in section.lanes:
-            for lane_id in _links(lane, end) if lane.id else ():
-                a = self._end(road, end, lane.id, "lane/link")
-                b = self._met(other, link, lane_id, "lane/link")
-                if a is not None and b is not None:
-                    yield a, b
+        links = self.lanes.predecessors if end == "start" else self.lanes.successors
+        for lane in self._lanes_of(road, self._section_at(road, end)):
+            for lane_id in links[lane]:
+                met = self._met(other, link, lane_id, "lane/link")
+                if met is not None:
+                    yield (lane, end), met
 
     def _through_junction(
         self, junction_id: str, connection: Connection
     ) -> Iterator[tuple[LanePlace, LanePlace]]:
-        incoming = self.model.roads.get(connection.incoming_road)
-        connecting = self.model.roads.get(connection.connecting_road)
+        incoming = self.road_of.get(connection.incoming_road)
+        connecting = self.road_of.get(connection.connecting_road)
         if incoming is None or connecting is None:
             missing = connection.incoming_road if incoming is None else connection.connecting_road
-            self.warnings.append(
-                MapWarning(junction_id, "junction/connection", f"road {missing!r} is not in the map")
-            )
+            self._warn(junction_id, "junction/connection", f"road {missing!r} is not in the map")
             return
-        link = _link_into_junction(junction_id, incoming, connecting, connection.contact_point)
+        link = self._link_into_junction(junction_id, incoming, connecting, connection.contact_point)
         if link is None:
-            self.warnings.append(
-                MapWarning(
-                    junction_id, "junction/connection", f"road {incoming.id!r} does not touch the junction"
-                )
-            )
+            message = f"road {connection.incoming_road!r} does not touch the junction"
+            self._warn(junction_id, "junction/connection", message)
             return
-        for from_lane, to_lane in connection.lane_links or _same_ids(incoming, link, connecting, connection):
-            a = self._met(incoming, link, from_lane, "junction/connection/laneLink")
-            b = self._end(connecting, connection.contact_point, to_lane, "junction/connection/laneLink")
+        source = "junction/connection/laneLink"
+        for from_lane, to_lane in connection.lane_links or self._same_ids(
+            incoming, link.contact_point or "end", connecting, connection.contact_point
+        ):
+            a = self._met(incoming, link, from_lane, source)
+            b = self._end(connecting, connection.contact_point, to_lane, source)
             if a is not None and b is not None:
                 yield a, b
 
+    def _same_ids(
+        self, incoming: int, leaves_at: ContactPoint, connecting: int, enters_at: ContactPoint
+    ) -> list[tuple[int, int]]:
+        """Return the links of a connection that lists none: lanes of equal id belong together."""
+        before, after = (
+            {self.lanes.key[lane].lane_id for lane in self._lanes_of(road, self._section_at(road, end))}
+            for road, end in ((incoming, leaves_at), (connecting, enters_at))
+        )
+        return [(lane_id, lane_id) for lane_id in sorted(before & after)]
 
-def _same_ids(
-    incoming: Road, link: RoadLink, connecting: Road, connection: Connection
-) -> tuple[tuple[int, int], ...]:
-    """Return the links of a connection that lists none: lanes of equal id belong together."""
-    before = incoming.sections[0 if link.contact_point == "start" else -1]
-    after = connecting.sections[0 if connection.contact_point == "start" else -1]
-    common = {lane.id for lane in before.lanes} & {lane.id for lane in after.lanes} - {0}
-    return tuple((lane_id, lane_id) for lane_id in sorted(common))
+    def _link_into_junction(
+        self, junction_id: str, incoming: int, connecting: int, contact_point: ContactPoint
+    ) -> RoadLink | None:
+        """Return a link to the place of the incoming road that a connection starts from.
 
-
-def _links(lane: Lane, end: ContactPoint) -> tuple[int, ...]:
-    return lane.predecessors if end == "start" else lane.successors
-
-
-def _link_into_junction(
-    junction_id: str, incoming: Road, connecting: Road, contact_point: ContactPoint
-) -> RoadLink | None:
-    """Return a link to the place of the incoming road that a connection starts from.
-
-    The connecting road's own link is the best witness: a road can touch the same junction with both ends, and
-    the main road of a virtual junction has no end there.
-    """
-    back = connecting.predecessor if contact_point == "start" else connecting.successor
-    if (
-        back is not None
-        and back.element_type == "road"
-        and back.element_id == incoming.id
-        and (back.contact_point or back.s_m is not None)
-    ):
-        return back
-    if incoming.successor is not None and _is_junction(incoming.successor, junction_id):
-        return RoadLink("road", incoming.id, "end")
-    if incoming.predecessor is not None and _is_junction(incoming.predecessor, junction_id):
-        return RoadLink("road", incoming.id, "start")
-    return None
-
-
-def _is_junction(link: RoadLink, junction_id: str) -> bool:
-    return link.element_type == "junction" and link.element_id == junction_id
+        The connecting road's own link is the best witness: a road can touch the same junction with both ends,
+        and the main road of a virtual junction has no end there.
+        """
+        roads = self.roads
+        back = (roads.predecessor if contact_point == "start" else roads.successor)[connecting]
+        if (
+            back is not None
+            and back.element_type == "road"
+            and back.element_id == roads.id[incoming]
+            and (back.contact_point or back.s_m is not None)
+        ):
+            return back
+        ends: tuple[tuple[RoadLink | None, ContactPoint], ...] = (
+            (roads.successor[incoming], "end"),
+            (roads.predecessor[incoming], "start"),
+        )
+        for link, end in ends:
+            if link is not None and link.element_type == "junction" and link.element_id == junction_id:
+                return RoadLink("road", roads.id[incoming], end)
+        return None
 
 
 def neighbour_key(key: LaneKey, direction: int, side: Side) -> LaneKey:

@@ -101,16 +101,22 @@ class _CellTree:
         cell: (C',) their cells.
         frame: (C', 4) x, y, cos and sin of the heading of the frames of the boxes around these lanes.
         box: (C', 4) least and greatest u, least and greatest v of the boxes.
+        circle: x, y and radius of the circles around the boxes, (C',) each.
         tree: tree over the boxes.
-        samples: tree over points within these lanes, one or more in each.
+        samples: tree over points within these lanes, one in each lane of each cell.
+        cell_of_sample: cell of each sample.
+        lane_of_sample: its lane.
     """
 
     lane_wanted: BoolArray
     cell: IntArray
     frame: FloatArray
     box: FloatArray
+    circle: tuple[FloatArray, FloatArray, FloatArray]
     tree: shapely.STRtree
     samples: cKDTree
+    cell_of_sample: IntArray
+    lane_of_sample: IntArray
 
     def candidates(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """Return pairs of point and row whose box holds the point."""
@@ -119,22 +125,24 @@ class _CellTree:
         inside = np.flatnonzero((beside_u <= 0.0) & (beside_v <= 0.0))
         return point[inside], row[inside]
 
-    def within(
-        self, xy_m: FloatArray, reach_m: FloatArray
-    ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
-        """Yield pairs of point and row whose box is within reach, and their distance, block by block."""
+    def within(self, xy_m: FloatArray, reach_m: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+        """Yield pairs of point and row whose box is within reach, block by block."""
         for start in range(0, len(xy_m), _BLOCK):
             xy, reach = xy_m[start : start + _BLOCK], reach_m[start : start + _BLOCK]
             # A square around the point is the quicker question, but far off the map too many boxes meet it.
             if reach.max() > _FAR_M:
                 point, row = self.tree.query(shapely.points(xy), predicate="dwithin", distance=reach)
             else:
-                x, y = xy.T
-                point, row = self.tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
-            beside_u, beside_v = self._beside(xy[point], row)
-            distance = np.hypot(np.maximum(beside_u, 0.0), np.maximum(beside_v, 0.0))
-            near = np.flatnonzero(distance <= reach[point])
-            yield start + point[near], row[near], distance[near]
+                # The tree looks at envelopes alone, and a diagonal has that of its square.
+                diagonals = np.stack([xy - reach[:, None], xy + reach[:, None]], axis=1)
+                point, row = self.tree.query(shapely.linestrings(diagonals))
+            # Most of them are further off than the circle around the box already is.
+            dx, dy = xy[point, 0] - self.circle[0][row], xy[point, 1] - self.circle[1][row]
+            near = np.flatnonzero(dx**2 + dy**2 <= (reach[point] + self.circle[2][row]) ** 2)
+            point, row = point[near], row[near]
+            beside_u, beside_v = np.maximum(self._beside(xy[point], row), 0.0)
+            near = np.flatnonzero(beside_u**2 + beside_v**2 <= reach[point] ** 2)
+            yield start + point[near], row[near]
 
     def _beside(self, xy_m: FloatArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return how far points lie outside boxes along u and along v; negative if between the sides."""
@@ -168,15 +176,6 @@ class LaneIndex:
         cells = RoadCells.cut(geometry.curves, geometry.parts)
         low_m, high_m = _extremes(geometry, np.ones(len(geometry.lanes), dtype=np.bool_))
         return cls(geometry, cells, cells.overhang(low_m[cells.stretch], high_m[cells.stretch]) + _FOOT_M)
-
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """Least and greatest x and y of all lanes: xmin, ymin, xmax, ymax."""
-        tree = self._tree(None)
-        if not tree.cell.size:
-            return (0.0, 0.0, 0.0, 0.0)
-        x_min, y_min, x_max, y_max = shapely.total_bounds(tree.tree.geometries).tolist()
-        return (x_min, y_min, x_max, y_max)
 
     def containing(self, xy_m: FloatArray) -> LaneHits:
         """Return every lane that contains each point (N, 2); borders belong to the lane."""
@@ -219,38 +218,32 @@ class LaneIndex:
         tree = self._tree(frozenset(lane_types))
         if not tree.cell.size or not n:
             return result
-        # The boxes that hold a point settle it if it lies in a lane. For the others everything counts that is
-        # as near as the nearest sample.
-        self._settle(result, xy_m, *tree.candidates(xy_m), tree)
-        outside = np.flatnonzero(~result.found | (result.distance_m > 0.0))
-        if outside.size:
-            reach, _ = tree.samples.query(xy_m[outside])
-            reach = np.where(result.found[outside], np.minimum(reach, result.distance_m[outside]), reach)
-            # Far points last, so that few blocks have any.
-            order = np.argsort(reach, kind="stable")
-            outside, reach = outside[order], reach[order]
-            for k, row, distance in tree.within(xy_m[outside], reach + _BOX_M):
-                point = outside[k]
-                # The lanes in the nearest box tell how far the others have to be looked at.
-                first = _least(distance, k)
-                self._settle(result, xy_m, point[first], row[first], tree)
-                near = np.flatnonzero(distance <= np.minimum(reach[k], result.distance_m[point]) + _BOX_M)
-                self._settle(result, xy_m, point[near], row[near], tree, follow_borders=True)
+        reach = self._reach(xy_m, tree) + _BOX_M
+        # Far points last, so that few blocks have any.
+        order = np.argsort(reach, kind="stable")
+        for k, row in tree.within(xy_m[order], reach[order]):
+            self._settle(result, xy_m, order[k], row, tree)
         return result
 
-    def _settle(
-        self,
-        result: NearestLanes,
-        xy_m: FloatArray,
-        point: IntArray,
-        row: IntArray,
-        tree: _CellTree,
-        follow_borders: bool = False,
-    ) -> None:
-        """Enter the nearest of the lanes that rows of a tree offer to points.
+    def _reach(self, xy_m: FloatArray, tree: _CellTree) -> FloatArray:
+        """Return how far points (N, 2) at most are from the lane of the nearest sample."""
+        distance, sample = tree.samples.query(xy_m)
+        reach = np.asarray(distance)
+        if self.geometry.is_banked:
+            return reach
+        borders = self.geometry.lanes.borders
+        feet = self._feet(xy_m, np.arange(len(xy_m)), tree.cell_of_sample[sample])
+        stretch = self.cells.stretch[feet.cell]
+        row = borders.rows(stretch, tree.lane_of_sample[sample])
+        inner, outer = borders.offsets(row, feet.s_m - borders.low_m[stretch])
+        beside = np.clip(feet.t_m, np.minimum(inner, outer), np.maximum(inner, outer))
+        nearer: FloatArray = np.minimum(reach, np.hypot(feet.left_over_m, feet.t_m - beside))
+        return nearer
 
-        Distances are measured along t, and are bounds, unless the borders are followed.
-        """
+    def _settle(
+        self, result: NearestLanes, xy_m: FloatArray, point: IntArray, row: IntArray, tree: _CellTree
+    ) -> None:
+        """Enter the nearest of the lanes that rows of a tree offer to points."""
         feet = self._feet(xy_m, point, tree.cell[row])
         offers = self._offers(feet, tree.lane_wanted)
         low, high = np.minimum(offers.inner_m, offers.outer_m), np.maximum(offers.inner_m, offers.outer_m)
@@ -266,9 +259,8 @@ class LaneIndex:
             distance[outside] = np.hypot(at[:, 0] - surface.x_m, at[:, 1] - surface.y_m)
         if not distance.size:
             return
+        self._follow_borders(xy_m, feet, offers, beside, distance)
         # The offers of a point lie together: the trees answer point by point.
-        if follow_borders:
-            self._follow_borders(xy_m, feet, offers, beside, distance)
         point = feet.point[offers.foot]
         behind = distance > _per_group(np.minimum, distance, point)
         first = _least(np.where(behind, np.inf, np.abs(t - 0.5 * (low + high))), point)
@@ -347,25 +339,32 @@ class LaneIndex:
         t_low, t_high = _extremes(geometry, wanted)
         cell = np.flatnonzero(np.isfinite(t_low)[cells.stretch])
         stretch = cells.stretch[cell]
-        slack = geometry.greatest_shear[cells.road[cell]] * np.maximum(-t_low[stretch], t_high[stretch])
-        box = cells.boxes(cell, t_low[stretch], t_high[stretch], slack)
+        raised = geometry.greatest_raise[cells.road[cell]]
+        slack = (
+            geometry.greatest_shear[cells.road[cell]] * np.maximum(-t_low[stretch], t_high[stretch]) + raised
+        )
+        box = cells.boxes(cell, t_low[stretch] - raised, t_high[stretch] + raised, slack)
         frame = cells.frame[cell]
         x, y, cos, sin = frame[:, :, None].transpose(1, 0, 2)
         u, v = box[:, [0, 1, 1, 0]], box[:, [2, 2, 3, 3]]
         corners = np.stack([x + cos * u - sin * v, y + sin * u + cos * v], axis=-1)
         rings = np.concatenate([corners, corners[:, :1]], axis=1)
         polygons = np.asarray(shapely.polygons(rings), dtype=np.object_)
-        return _CellTree(wanted, cell, frame, box, shapely.STRtree(polygons), self._samples(cell, wanted))
+        middle = 0.5 * (corners[:, 0] + corners[:, 2])
+        radius = np.hypot(*(corners[:, 0] - middle).T) + _BOX_M
+        circle = (middle[:, 0].copy(), middle[:, 1].copy(), radius)
+        tree = shapely.STRtree(polygons)
+        return _CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
 
-    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> cKDTree:
-        """Return the middles of the wanted lanes half-way along the cells."""
+    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> tuple[cKDTree, IntArray, IntArray]:
+        """Return the middles of the wanted lanes half-way along cells, with their cells and lanes."""
         cells, low_m, high_m = self.cells, self.cells.low_m[cell], self.cells.high_m[cell]
         nothing = np.zeros(len(cell))
         feet = _Feet(np.arange(len(cell)), cell, 0.5 * (low_m + high_m), nothing, nothing)
         offers = self._offers(feet, lane_wanted)
         middle = 0.5 * (offers.inner_m + offers.outer_m)
         points = self.geometry.surface(cells.road[cell][offers.foot], feet.s_m[offers.foot], middle)
-        return cKDTree(np.stack([points.x_m, points.y_m], axis=1))
+        return cKDTree(np.stack([points.x_m, points.y_m], axis=1)), cell[offers.foot], offers.lane
 
 
 def _per_group(reduction: np.ufunc, value: FloatArray, group: IntArray) -> FloatArray:

@@ -1,16 +1,15 @@
 """Lane sections and their lanes (chapter "Lanes").
 
-Ids, links, widths and borders are read at once, everything else when it is first asked for.
+What shapes and links a lane is read at once, everything else when it is first asked for.
 """
 
 from functools import partial
 from itertools import pairwise
 from operator import attrgetter
-from typing import TypeAlias
 
 import numpy as np
 
-from opendrive.arrays import read_only
+from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import WarningKind
 from opendrive.model import (
     NO_HEIGHTS,
@@ -25,7 +24,16 @@ from opendrive.model import (
     RoadMarkLine,
 )
 from opendrive.object_reader import read_material
-from opendrive.values import ROWS, Element, Values, children, first, others
+from opendrive.values import (
+    CUBIC_OFFSET,
+    NO_CUBICS,
+    Element,
+    Values,
+    children,
+    first,
+    other_attributes,
+    others,
+)
 
 LATE_M = 1e-6
 """A width that starts this much after its lane section is still taken to start with it."""
@@ -43,17 +51,9 @@ LANE_TYPES = frozenset(
 )  # fmt: skip
 """Lane types of OpenDRIVE 1.4 to 1.8."""
 
-LANE_ATTRIBUTES = {"id", "type", "level", "direction"}
-_SIGNS = {"left": 1, "center": 0, "right": -1}
-
-
-_LaneDraft: TypeAlias = tuple[Element, int, range, range, tuple[int, ...], tuple[int, ...], bool]
-"""Element, id, rows of width and of border, predecessors, successors, and whether there are details."""
-
-SectionDraft: TypeAlias = tuple[Element, list[_LaneDraft]]
-"""A lane section whose numbers are collected, but not yet converted."""
-
-_NO_ROWS = range(0)
+LANE_NAMES = ("id", "type", "level", "direction")
+SHAPE_TAGS = {"width", "border", "height"}
+SIDES = {"left": 1, "center": 0, "right": -1}
 
 
 class LaneReader:
@@ -65,142 +65,107 @@ class LaneReader:
         # Most marks of a map are alike, and records cannot change: equal ones are one.
         self._marks: dict[tuple[tuple[str | bytes, str | bytes], ...], RoadMark] = {}
 
-    def drafts(self, lanes: Element) -> list[SectionDraft]:
-        """Collect the numbers of a road's lanes, section by section.
-
-        Raises:
-            MapContentError: there is no section, or the id of a lane is wrong.
-        """
-        drafts = [(section, self._lane_drafts(section)) for section in children(lanes, "laneSection")]
-        if not drafts:
-            raise self.values.error(lanes, "no <laneSection>; a road needs at least one")
-        return drafts
-
-    def _lane_drafts(self, section: Element) -> list[_LaneDraft]:
-        values = self.values
-        drafts: dict[int, _LaneDraft] = {}
-        for group in section:
-            sign = _SIGNS.get(str(group.tag))
-            for element in group if sign is not None else ():
-                if element.tag != "lane":
-                    continue
-                lane_id = values.integer(element, "id")
-                if (lane_id > 0) - (lane_id < 0) != sign:
-                    raise values.error(element, f"lane id {lane_id} has the wrong sign for <{group.tag}>")
-                if lane_id in drafts:
-                    message = f"lane id {lane_id} is used twice in one lane section; the first is kept"
-                    values.warn(WarningKind.DUPLICATE_ID, element, message)
-                else:
-                    drafts[lane_id] = self._draft(element, lane_id)
-        return [drafts[lane_id] for lane_id in sorted(drafts, reverse=True)]
-
-    def _draft(self, element: Element, lane_id: int) -> _LaneDraft:
-        values = self.values
-        widths: list[Element] = []
-        borders: list[Element] = []
-        predecessors: list[int] = []
-        successors: list[int] = []
-        has_details = False
-        for child in element:
-            tag = child.tag
-            if tag == "width":
-                widths.append(child)
-            elif tag == "link":
-                for link in child:
-                    if link.tag == "predecessor":
-                        predecessors.append(values.integer(link, "id"))
-                    elif link.tag == "successor":
-                        successors.append(values.integer(link, "id"))
-                    else:
-                        has_details = True
-            elif tag == "border":
-                borders.append(child)
-            else:
-                has_details = True
-        return (
-            element,
-            lane_id,
-            values.add_rows(widths, ROWS["width"]) if widths else _NO_ROWS,
-            values.add_rows(borders, ROWS["border"]) if borders else _NO_ROWS,
-            tuple(predecessors),
-            tuple(successors),
-            has_details or len(element.attrib) > 3,
-        )
-
-    def sections(self, drafts: list[SectionDraft], length_m: float) -> tuple[LaneSection, ...]:
-        """Return the lane sections of a road, by s, once their numbers are converted.
+    def sections(self, lanes: Element, length_m: float) -> tuple[LaneSection, ...]:
+        """Return the lane sections of a road, by s.
 
         Raises:
             MapContentError: none of them starts on the road, or a value is missing or impossible.
         """
+        elements = children(lanes, "laneSection")
+        if not elements:
+            raise self.values.error(lanes, "no <laneSection>; a road needs at least one")
         sections: list[LaneSection] = []
-        for element, lanes in drafts:
-            section = self._section(element, lanes)
+        for element in elements:
+            section = self._section(element)
             if -OFF_ROAD_M <= section.s_m <= length_m + OFF_ROAD_M:
                 sections.append(section)
             else:
                 message = f"lane section starts off the road, which is {length_m:.6g} m long; left out"
                 self.values.warn(WarningKind.LEFT_OUT, element, message, section.s_m)
         if not sections:
-            raise self.values.error(
-                drafts[0][0], f"no lane section starts on the road, 0 to {length_m:.6g} m"
-            )
+            raise self.values.error(elements[0], f"no lane section starts on the road, 0 to {length_m:.6g} m")
         if any(later.s_m < earlier.s_m for earlier, later in pairwise(sections)):
             message = "lane sections are not in ascending s; sorted"
-            self.values.warn(WarningKind.ORDER, drafts[0][0], message)
+            self.values.warn(WarningKind.ORDER, elements[0], message)
             sections.sort(key=lambda section: section.s_m)
         return tuple(sections)
 
-    def _section(self, element: Element, drafts: list[_LaneDraft]) -> LaneSection:
+    def _section(self, element: Element) -> LaneSection:
         values = self.values
         s_m = values.number(element, "s")
-        ids = {0, *[draft[1] for draft in drafts]}
-        if max(ids) - min(ids) != len(ids) - 1:
-            message = f"lane ids are not consecutive: {sorted(ids, reverse=True)}; taken in this order"
+        lanes: dict[int, Element] = {}
+        rest: list[Element] = []
+        for group in element:
+            sign = SIDES.get(str(group.tag))
+            if sign is None:
+                rest.append(group)
+                continue
+            rest += others(group, "lane")
+            for child in children(group, "lane"):
+                lane_id = values.integer(child, "id")
+                if (lane_id > 0) - (lane_id < 0) != sign:
+                    raise values.error(child, f"lane id {lane_id} has the wrong sign for <{group.tag}>")
+                if lane_id in lanes:
+                    message = f"lane id {lane_id} is used twice in one lane section; the first is kept"
+                    values.warn(WarningKind.DUPLICATE_ID, child, message)
+                else:
+                    lanes[lane_id] = child
+        ids = sorted({0, *lanes}, reverse=True)
+        if ids[0] - ids[-1] != len(ids) - 1:
+            message = f"lane ids are not consecutive: {ids}; taken in this order"
             values.warn(WarningKind.LANE_IDS, element, message, s_m)
-        rest = [child for child in element if child.tag not in _SIGNS]
-        rest += [child for group in element if group.tag in _SIGNS for child in group if child.tag != "lane"]
         return LaneSection(
             s_m,
             values.flag(element, "singleSide"),
-            tuple([self._lane(draft, s_m) for draft in drafts]),
-            values.extra(rest) if rest else (),
+            tuple(self._lane(lanes[lane_id], lane_id, s_m) for lane_id in ids if lane_id in lanes),
+            values.extra(rest),
         )
 
-    def _lane(self, draft: _LaneDraft, s_m: float) -> Lane:
+    def _lane(self, element: Element, lane_id: int, s_m: float) -> Lane:
         values = self.values
-        element, lane_id, width, border, predecessors, successors, has_details = draft
         get = element.get
+        parts: dict[str, list[Element]] = {}
+        for child in element:
+            parts.setdefault(str(child.tag), []).append(child)
         lane_type = get("type", "none")
         if lane_type not in LANE_TYPES:
             message = f"lane {lane_id} is of the unknown type {lane_type!r:.40}; kept"
             values.warn(WarningKind.UNKNOWN_LANE_TYPE, element, message, s_m)
-        if lane_id and (not width or border or values.starts_m[width.start] > LATE_M):
-            self._check_width(draft, s_m)
+        links = [link for parent in parts.get("link", ()) for link in parent]
+        width, border = (
+            values.cubics(parts[tag], CUBIC_OFFSET) if tag in parts else NO_CUBICS
+            for tag in ("width", "border")
+        )
+        if lane_id:
+            self._check_width(element, lane_id, width, border, s_m)
+        heights = values.each(self._height, parts.get("height", ()))
+        plain = parts.keys() <= SHAPE_TAGS and len(element.attrib) <= 3
         return Lane(
             lane_id,
             lane_type,
             get("level") in ("true", "1"),
-            predecessors,
-            successors,
-            values.cubics(width),
-            values.cubics(border),
+            tuple(values.integer(link, "id") for link in links if link.tag == "predecessor"),
+            tuple(values.integer(link, "id") for link in links if link.tag == "successor"),
+            width,
+            border,
             get("direction", "standard"),
-            Deferred(partial(self._details, element)) if has_details else _NO_DETAILS,
+            read_only(np.array(sorted(heights))) if heights else NO_HEIGHTS,
+            _NO_DETAILS if plain else Deferred(partial(self._details, element)),
         )
 
-    def _check_width(self, draft: _LaneDraft, s_m: float) -> None:
+    def _check_width(
+        self, element: Element, lane_id: int, width: FloatArray, border: FloatArray, s_m: float
+    ) -> None:
         warn = self.values.warn
-        element, lane_id, width, border, *_ = draft
-        records = width or border
-        if not records:
+        records = width if len(width) else border
+        if not len(records):
             message = f"lane {lane_id} has neither width nor border; its width is read as 0"
             warn(WarningKind.NO_WIDTH, element, message, s_m)
             return
-        if width and border:
+        if len(width) and len(border):
             message = f"lane {lane_id} has both width and border; the width is used"
             warn(WarningKind.WIDTH_AND_BORDER, element, message, s_m)
-        late_m = min(self.values.starts_m[row] for row in records)
+        late_m = float(records[0, 0])
         if late_m > LATE_M:
             message = f"the width of lane {lane_id} starts {late_m} m late; it is read as 0 before"
             warn(WarningKind.LATE_RECORD, element, message, s_m)
@@ -213,19 +178,17 @@ class LaneReader:
             parts.setdefault(str(child.tag), []).append(child)
         rest = others(parts.pop("link", [None])[0], "predecessor", "successor")
         take = parts.pop
-        heights = values.each(self._height, take("height", ()))
         marks = values.each(self._road_mark, take("roadMark", ()))
         speeds = values.each(self._speed, take("speed", ()))
         return LaneDetails(
-            height=read_only(np.array(sorted(heights))) if heights else NO_HEIGHTS,
             road_marks=tuple(sorted(marks, key=_start)),
             speeds=tuple(sorted(speeds, key=_start)),
             materials=values.each(partial(read_material, values), take("material", ())),
             accesses=values.each(self._access, take("access", ())),
             rules=values.each(self._rule, take("rule", ())),
-            flags=tuple((str(k), str(v)) for k, v in element.items() if k not in LANE_ATTRIBUTES),
+            flags=other_attributes(element, LANE_NAMES),
             extra=values.extra(
-                rest + [child for tag in parts if tag not in ("width", "border") for child in parts[tag]]
+                rest + [child for tag in parts if tag not in SHAPE_TAGS for child in parts[tag]]
             ),
         )
 

@@ -57,6 +57,18 @@ class ShapeTable:
     def __bool__(self) -> bool:
         return bool(len(self.s_m))
 
+    def greatest_heights(self, reach_m: float) -> FloatArray:
+        """Return bounds (R,) of the magnitude of the heights within `reach_m` of the reference lines."""
+        place = np.repeat(np.arange(len(self.s_m)), np.diff(self.heights.first))
+        start, (a, b, c, d) = self.heights.start_m, np.abs(self.heights.coefficients).T
+        # The last cubic of a place goes on; the others end where the next one starts.
+        end = np.where(np.append(np.diff(place) == 0, False), np.append(start[1:], 0.0), reach_m)
+        span = np.maximum(np.minimum(end, reach_m) - start, 0.0)
+        greatest = np.zeros(len(self.first) - 1)
+        road = np.searchsorted(self.first, place, side="right") - 1
+        np.maximum.at(greatest, road, a + span * (b + span * (c + span * d)))
+        return greatest
+
     def height(self, road: IntArray, s_m: FloatArray, t_m: FloatArray) -> FloatArray:
         """Return the heights (N,) at (s, t) of roads.
 

@@ -278,7 +278,6 @@ class LaneDetails:
     """What a lane has besides its shape and links (chapter "Lanes").
 
     Attributes:
-        height: (K, 3) rows ``s, inner, outer``: height of the lane's borders above the road.
         road_marks: marks on the outer border, by s.
         speeds: speed limits, by s.
         materials: materials, by s.
@@ -288,7 +287,6 @@ class LaneDetails:
         extra: other elements, such as user data.
     """
 
-    height: FloatArray = field(default_factory=lambda: NO_HEIGHTS)
     road_marks: tuple[RoadMark, ...] = ()
     speeds: tuple[LaneSpeed, ...] = ()
     materials: tuple[LaneMaterial, ...] = ()
@@ -311,6 +309,7 @@ class Lane:
         width: (K, 5) cubics of the width; s counts from the start of the section.
         border: (K, 5) cubics of the t coordinate of the outer border; used only without `width`.
         direction: ``standard``, ``reversed`` or ``both`` (since 1.8).
+        height: (K, 3) rows ``s, inner, outer``: height of the lane's borders above the road.
         details: everything else, read when first asked for.
     """
 
@@ -322,12 +321,8 @@ class Lane:
     width: FloatArray
     border: FloatArray
     direction: str = "standard"
+    height: FloatArray = field(default_factory=lambda: NO_HEIGHTS)
     details: Deferred[LaneDetails] = field(default_factory=lambda: Deferred.of(LaneDetails()))
-
-    @property
-    def height(self) -> FloatArray:
-        """(K, 3) rows ``s, inner, outer``: height of the lane's borders above the road."""
-        return self.details().height
 
     @property
     def road_marks(self) -> tuple[RoadMark, ...]:
@@ -449,6 +444,7 @@ class Signal:
         links: objects and signals it belongs with.
         position: where it physically stands, if elsewhere.
         extra: other elements, such as user data and semantics.
+        attributes: further attributes, with their values.
     """
 
     id: str
@@ -476,6 +472,7 @@ class Signal:
     links: tuple[SignalLink, ...] = ()
     position: SignalPosition | None = None
     extra: tuple[str, ...] = ()
+    attributes: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -590,7 +587,7 @@ class RoadObject:
     """Object beside or on the road (chapter "Objects"): crosswalk, pole, parking space and so on.
 
     Sizes are None when absent. `heading_rad` is relative to the road's heading. `valid_length_m` is the
-    stretch of road that the object applies to.
+    stretch of road that the object applies to. `attributes` holds further attributes, with their values.
     """
 
     id: str
@@ -619,6 +616,7 @@ class RoadObject:
     materials: tuple[LaneMaterial, ...] = ()
     parking_space: ParkingSpace | None = None
     extra: tuple[str, ...] = ()
+    attributes: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -864,6 +862,7 @@ class RoadDetails:
         tunnels: tunnels.
         switches: railroad switches.
         extra: other elements, such as surfaces and user data.
+        attributes: further attributes of the road, with their values.
     """
 
     signals: tuple[Signal, ...] = ()
@@ -874,6 +873,7 @@ class RoadDetails:
     tunnels: tuple[Structure, ...] = ()
     switches: tuple[Switch, ...] = ()
     extra: tuple[str, ...] = ()
+    attributes: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -958,6 +958,11 @@ class Road:
         """Other elements, such as surfaces and user data."""
         return self.details().extra
 
+    @property
+    def attributes(self) -> tuple[tuple[str, str], ...]:
+        """Further attributes, with their values."""
+        return self.details().attributes
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapModel:
@@ -986,7 +991,8 @@ class MapModel:
     def __post_init__(self) -> None:
         """Protect the mappings against writing."""
         for name in ("roads", "junctions", "controllers"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            if isinstance(value := getattr(self, name), dict):
+                object.__setattr__(self, name, MappingProxyType(dict(value)))
 
     @property
     def warnings(self) -> tuple[MapWarning, ...]:
@@ -996,6 +1002,4 @@ class MapModel:
     def __reduce__(self) -> tuple[type["MapModel"], tuple[object, ...]]:
         """Pickle the mappings as plain dictionaries."""
         values = (getattr(self, item.name) for item in fields(self))
-        return MapModel, tuple(
-            dict(value) if isinstance(value, MappingProxyType) else value for value in values
-        )
+        return MapModel, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)

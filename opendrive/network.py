@@ -28,6 +28,7 @@ from opendrive.road_geometry import (
     SurfacePoints,
     within,
 )
+from opendrive.road_records import RoadRecords
 from opendrive.travel import (
     LANE_CHANGE_COST_M,
     ROUTE_LANE_TYPES,
@@ -36,6 +37,8 @@ from opendrive.travel import (
     lane_route,
     travelled,
 )
+
+_BOUNDS_TOLERANCE_M = 5e-3
 
 
 class RoadNetwork:
@@ -50,8 +53,8 @@ class RoadNetwork:
 
     def __init__(self, model: MapModel) -> None:
         self._model = model
-        self._records = tuple(model.roads.values())
-        self._geometry = NetworkGeometry.collect(self._records)
+        geometry = model.roads.geometry if isinstance(model.roads, RoadRecords) else None
+        self._geometry = geometry or NetworkGeometry.collect(tuple(model.roads.values()))
         refuse_impossible_lanes(self._geometry)
 
     def __reduce__(self) -> tuple[type["RoadNetwork"], tuple[MapModel]]:
@@ -59,7 +62,7 @@ class RoadNetwork:
         return RoadNetwork, (self._model,)
 
     def __repr__(self) -> str:
-        return f"<RoadNetwork {self.name!r}: {len(self._records)} roads, {len(self.lanes)} lanes>"
+        return f"<RoadNetwork {self.name!r}: {len(self._model.roads)} roads, {len(self.lanes)} lanes>"
 
     # Content
 
@@ -82,7 +85,10 @@ class RoadNetwork:
     def roads(self) -> Mapping[str, RoadGeometry]:
         """Roads by id."""
         return MappingProxyType(
-            {road.id: RoadGeometry(road, r, self._geometry) for r, road in enumerate(self._records)}
+            {
+                road_id: RoadGeometry(road_id, r, self._geometry, self._model.roads)
+                for r, road_id in enumerate(self._geometry.roads.id)
+            }
         )
 
     @cached_property
@@ -90,7 +96,7 @@ class RoadNetwork:
         """Defects of the map that are tolerated."""
         return (
             *self._model.warnings,
-            *curve_warnings(self._geometry.curves, self._records),
+            *curve_warnings(self._geometry.curves, tuple(self._model.roads.values())),
             *self._graph.warnings,
         )
 
@@ -98,14 +104,16 @@ class RoadNetwork:
     def bounds(self) -> tuple[float, float, float, float]:
         """Least and greatest coordinates of all lanes: xmin, ymin, xmax, ymax, metres.
 
-        Taken from the borders at every metre, or at a million points of a map with more; 0 without lanes.
+        Exact where the borders are straight, within 5 mm where they bend; 0 without lanes.
         """
-        length_m = float((self.lanes.s_end_m - self.lanes.s_start_m).sum())
-        borders = self.sampled_borders(max(1.0, length_m / 1e6))
-        if not len(borders.s_m):
+        every = np.arange(len(self.lanes), dtype=np.int64)
+        if not every.size:
             return (0.0, 0.0, 0.0, 0.0)
-        xy_m = np.concatenate([borders.left_m[:, :2], borders.right_m[:, :2]])
-        (x_min, y_min), (x_max, y_max) = xy_m.min(axis=0).tolist(), xy_m.max(axis=0).tolist()
+        stretches = self._geometry.knots(every)
+        lane, s_m, _ = self._geometry.refine(*stretches, np.zeros(2), _BOUNDS_TOLERANCE_M)
+        lane, s_m = np.append(lane, every), np.append(s_m, self.lanes.s_end_m)
+        xy_m = self._geometry.border_points(lane, s_m)
+        (x_min, y_min), (x_max, y_max) = xy_m.min(axis=(0, 1)).tolist(), xy_m.max(axis=(0, 1)).tolist()
         return (x_min, y_min, x_max, y_max)
 
     @cached_property
@@ -118,7 +126,7 @@ class RoadNetwork:
 
     @cached_property
     def _graph(self) -> LaneGraph:
-        return LaneGraph.build(self._model, self.lanes)
+        return LaneGraph.build(self._geometry.roads, self.lanes, self._model.junctions.values())
 
     # Lanes
 
@@ -288,10 +296,14 @@ class RoadNetwork:
         """
         s = float(self._on_lane(lane, s_m))
         start = float(self.lanes.s_start_m[lane])
-        speeds = [speed for speed in self.lanes.records[lane].speeds if start + speed.s_offset_m <= s]
+        key = self.lanes.key[lane]
+        record = self._model.roads[key.road_id]
+        lanes = record.sections[key.section].lanes
+        limits = next(other.speeds for other in lanes if other.id == key.lane_id)
+        speeds = [speed for speed in limits if start + speed.s_offset_m <= s]
         if speeds:
             return speeds[-1].speed_mps
-        types = [kind for kind in self._records[int(self.lanes.road[lane])].types if kind.s_m <= s]
+        types = [kind for kind in record.types if kind.s_m <= s]
         return types[-1].speed_mps if types else None
 
     # Roads
@@ -575,7 +587,7 @@ class RoadNetwork:
 
     @cached_property
     def _signals(self) -> Mapping[str, Signal]:
-        return {signal.id: signal for road in self._records for signal in road.signals}
+        return {signal.id: signal for road in self._model.roads.values() for signal in road.signals}
 
     def signals_of(self, road_id: str) -> tuple[RoadSignal, ...]:
         """Return the signals placed on a road and those referenced from it, by s.

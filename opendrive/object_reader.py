@@ -26,9 +26,16 @@ from opendrive.model import (
     Switch,
     Track,
 )
-from opendrive.values import Element, Values, children, first, others
+from opendrive.values import Element, Values, children, first, other_attributes, others
 
 OUTLINE_NAMES = ("id", "closed")
+PLACED_NAMES = (
+    "id", "name", "s", "t", "zOffset", "type", "subtype", "dynamic", "orientation", "height", "width",
+    "length", "pitch", "roll",
+)  # fmt: skip
+"""Attributes that signals and objects have in common."""
+SIGNAL_NAMES = (*PLACED_NAMES, "hOffset", "country", "countryRevision", "value", "unit", "text")
+OBJECT_NAMES = (*PLACED_NAMES, "hdg", "radius", "perpToRoad", "validLength")
 
 
 def read_signal(values: Values, element: Element) -> Signal:
@@ -72,6 +79,7 @@ def read_signal(values: Values, element: Element) -> Signal:
         ),
         position=_position(values, element),
         extra=values.extra(others(element, *known)),
+        attributes=other_attributes(element, SIGNAL_NAMES),
     )
 
 
@@ -162,6 +170,7 @@ def read_object(values: Values, element: Element) -> RoadObject:
                 for child in others(member, inner, "cornerLocal", "cornerRoad", "cornerReference")
             ]
         ),
+        attributes=other_attributes(element, OBJECT_NAMES),
     )
 
 
@@ -196,7 +205,7 @@ def _outline(values: Values, element: Element) -> Outline:
         heights_m=read_only(np.array([values.number(corner, "height", 0.0) for corner in corners])),
         corner_ids=ids if any(ids) else (),
         id=element.get("id", ""),
-        attributes=tuple((str(k), str(v)) for k, v in element.items() if k not in OUTLINE_NAMES),
+        attributes=other_attributes(element, OUTLINE_NAMES),
     )
 
 

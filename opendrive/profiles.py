@@ -42,40 +42,44 @@ class CubicTable:
     first: IntArray
 
     @classmethod
-    def stack(cls, profiles: Sequence[FloatArray], origin_m: Sequence[float] | None = None) -> "CubicTable":
-        """Stack profiles into a table.
+    def of_rows(
+        cls, owner: IntArray, rows: FloatArray, profiles: int, origin_m: FloatArray | None = None
+    ) -> "CubicTable":
+        """Sort records into profiles.
 
         Args:
-            profiles: P arrays of shape (K, 5), columns ``s, a, b, c, d``, ascending in s.
+            owner: (R,) profile of each record.
+            rows: (R, 5) columns ``s, a, b, c, d``, ascending in s within a profile.
+            profiles: number of profiles P.
             origin_m: (P,) added to the s of each profile; 0 when absent.
         """
-        count = np.array([len(profile) for profile in profiles], dtype=np.int64)
-        rows = np.concatenate([np.empty((0, 5)), *profiles])
-        owner = np.repeat(np.arange(len(profiles), dtype=np.int64), count)
-        start_m = rows[:, 0].copy()
-        if origin_m is not None:
-            start_m += np.repeat(np.asarray(origin_m, dtype=np.float64), count)
-        first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)])
-        return cls(sort_keys(owner, start_m), start_m, rows[:, 1:].copy(), first)
+        order = np.argsort(owner, kind="stable")
+        owner, rows = owner[order], rows[order]
+        start_m = rows[:, 0] if origin_m is None else rows[:, 0] + origin_m[owner]
+        return cls(
+            sort_keys(owner, start_m),
+            np.ascontiguousarray(start_m),
+            np.ascontiguousarray(rows[:, 1:]),
+            np.searchsorted(owner, np.arange(profiles + 1)),
+        )
 
-    def starts_of(self, profile: int) -> FloatArray:
-        """Return where the records of one profile start."""
-        return self.start_m[self.first[profile] : self.first[profile + 1]]
+    @classmethod
+    def stack(cls, profiles: Sequence[FloatArray], origin_m: FloatArray | None = None) -> "CubicTable":
+        """Stack P profiles, arrays (K, 5) with columns ``s, a, b, c, d``, ascending in s; see `of_rows`."""
+        owner = np.repeat(np.arange(len(profiles)), [len(profile) for profile in profiles])
+        return cls.of_rows(owner, np.concatenate([np.empty((0, 5)), *profiles]), len(profiles), origin_m)
 
     def find(self, profile: IntArray, s_m: FloatArray) -> tuple[IntArray, BoolArray]:
         """Return the record that holds at `s_m`, and whether there is one."""
         row = np.searchsorted(self.key, sort_keys(profile, s_m), side="right") - 1
         return row, row >= self.first[profile]
 
-    def value_and_slope(
-        self, profile: IntArray, s_m: FloatArray, lookup_s_m: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def value_and_slope(self, profile: IntArray, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Evaluate profiles; a profile is 0 before its first record.
 
         Args:
             profile: (N,) indices of profiles.
             s_m: (N,) where to evaluate.
-            lookup_s_m: (N,) where to look for the record instead of at `s_m`, for limits from the left.
 
         Returns:
             value (N,) and derivative by s (N,).
@@ -83,11 +87,11 @@ class CubicTable:
         if not len(self.start_m):
             zero = np.zeros(np.broadcast(profile, s_m).shape)
             return zero, zero
-        row, found = self.find(profile, s_m if lookup_s_m is None else lookup_s_m)
+        row, found = self.find(profile, s_m)
         ds = np.where(found, s_m - self.start_m[row], 0.0)
         a, b, c, d = np.where(found[..., None], self.coefficients[row], 0.0).T
         return a + ds * (b + ds * (c + ds * d)), b + ds * (2.0 * c + ds * 3.0 * d)
 
-    def value(self, profile: IntArray, s_m: FloatArray, lookup_s_m: FloatArray | None = None) -> FloatArray:
+    def value(self, profile: IntArray, s_m: FloatArray) -> FloatArray:
         """Evaluate profiles; see `value_and_slope`."""
-        return self.value_and_slope(profile, s_m, lookup_s_m)[0]
+        return self.value_and_slope(profile, s_m)[0]

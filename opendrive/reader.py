@@ -9,21 +9,16 @@ from functools import partial
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import MapContentError, MapWarning, WarningKind
-from opendrive.junction_reader import (
-    read_controller,
-    read_junction,
-    read_junction_group,
-    read_link,
-)
-from opendrive.lane_reader import LaneReader, SectionDraft
+from opendrive.geometry_reader import read_geometry
+from opendrive.junction_reader import read_controller, read_junction, read_junction_group
+from opendrive.lane_reader import LaneReader
 from opendrive.model import (
-    Arc,
     Controller,
     Deferred,
     Geometry,
@@ -31,17 +26,10 @@ from opendrive.model import (
     Header,
     Junction,
     JunctionGroup,
-    Line,
     MapModel,
-    ParamPoly3,
-    Poly3,
     Road,
     RoadDetails,
-    RoadType,
-    Shape,
-    Spiral,
     Station,
-    TrafficRule,
 )
 from opendrive.object_reader import (
     read_object,
@@ -52,15 +40,13 @@ from opendrive.object_reader import (
     read_structure,
     read_switch,
 )
-from opendrive.values import MAX_LENGTH_M, NO_CUBICS, ROWS, Element, Values, children, first, others
+from opendrive.road_reader import read_link, read_road_type, read_shape
+from opendrive.road_records import RoadRecords
+from opendrive.values import NO_CUBICS, Element, Values, children, first, other_attributes, others
 from opendrive.xml_document import parse
 
-MAX_TURN_RAD = 1000.0
-"""A piece of reference line that turns further than this is refused."""
-
 _NO_SHAPES = read_only(np.empty((0, 6)))
-_LINE = Line()
-_Named = TypeVar("_Named", Road, Junction, Controller)
+_Record = TypeVar("_Record")
 
 
 def read_map(path: str | PathLike[str]) -> MapModel:
@@ -76,19 +62,6 @@ def read_map(path: str | PathLike[str]) -> MapModel:
     return _MapReader(Path(path)).read()
 
 
-class _RoadDraft(NamedTuple):
-    """A road whose numbers are collected, but not yet converted."""
-
-    element: Element
-    parts: dict[str, Element]
-    pieces: list[Element]
-    piece_rows: range
-    elevation: range
-    superelevation: range
-    lane_offset: range
-    sections: list[SectionDraft]
-
-
 class _MapReader:
     """Turns the children of the root into records."""
 
@@ -97,7 +70,6 @@ class _MapReader:
         self.values = Values(str(file))
         self.lanes = LaneReader(self.values)
         self.header: Header | None = None
-        self.roads: dict[str, Road] = {}
         self.junctions: dict[str, Junction] = {}
         self.controllers: dict[str, Controller] = {}
         self.groups: list[JunctionGroup] = []
@@ -106,15 +78,18 @@ class _MapReader:
 
     def read(self) -> MapModel:
         values = self.values
-        drafts: list[_RoadDraft] = []
-        for element in parse(self.file):
+        root = parse(self.file)
+        elements: dict[str, Element] = {}
+        for element in root:
             match element.tag:
                 case "road":
-                    drafts.append(self.draft(element))
+                    self.add(element, elements, values.text(element, "id"), element)
                 case "junction":
-                    self.add(element, self.junctions, read_junction(values, element))
+                    junction = read_junction(values, element)
+                    self.add(element, self.junctions, junction.id, junction)
                 case "controller":
-                    self.add(element, self.controllers, read_controller(values, element))
+                    controller = read_controller(values, element)
+                    self.add(element, self.controllers, controller.id, controller)
                 case "junctionGroup":
                     self.groups.append(read_junction_group(values, element))
                 case "station":
@@ -123,13 +98,15 @@ class _MapReader:
                     self.header = self.read_header(element)
                 case _:
                     self.extra.extend(values.extra([element]))
-        values.convert_rows()
-        for draft in drafts:
-            self.add(draft.element, self.roads, self.road(draft))
         if self.header is None:
             raise MapContentError(f"{self.file}: <header> is missing; it may be truncated or not OpenDRIVE")
-        if not self.roads:
+        if not elements:
             raise MapContentError(f"{self.file}: the map has no <road>; it may be truncated")
+        geometry = read_geometry(root, list(elements.values()))
+        self.roads = RoadRecords(elements, self.road, geometry)
+        if geometry is None:
+            for road_id in elements:
+                self.roads[road_id]
         return MapModel(
             self.header,
             self.roads,
@@ -159,12 +136,12 @@ class _MapReader:
                     lane.details()
         return tuple(warnings)
 
-    def add(self, element: Element, records: dict[str, _Named], record: _Named) -> None:
-        if record.id in records:
-            message = f"{element.tag} id {record.id!r:.80} is used twice; the first is kept"
+    def add(self, element: Element, records: dict[str, _Record], name: str, record: _Record) -> None:
+        if name in records:
+            message = f"{element.tag} id {name!r:.80} is used twice; the first is kept"
             self.values.warn(WarningKind.DUPLICATE_ID, element, message)
         else:
-            records[record.id] = record
+            records[name] = record
 
     def read_header(self, element: Element) -> Header:
         values = self.values
@@ -193,60 +170,34 @@ class _MapReader:
             extra=values.extra(others(element, "geoReference", "offset")),
         )
 
-    def draft(self, element: Element) -> _RoadDraft:
-        """Collect the numbers of a road."""
+    def road(self, element: Element) -> Road:
         values = self.values
+        get = element.get
         parts: dict[str, Element] = {str(child.tag): child for child in reversed(element)}
-        lanes = parts.get("lanes")
+        lateral, lanes = parts.get("lateralProfile"), parts.get("lanes")
         if lanes is None:
             raise values.error(element, "<lanes> is missing; a road needs at least one lane section")
-        pieces = children(parts.get("planView"), "geometry")
-        if not pieces:
-            raise values.error(element, "<planView> has no <geometry>; a road needs a reference line")
-        return _RoadDraft(
-            element,
-            parts,
-            pieces,
-            values.add_rows(pieces, ROWS["geometry"]),
-            self.rows(parts.get("elevationProfile"), "elevation"),
-            self.rows(parts.get("lateralProfile"), "superelevation"),
-            self.rows(lanes, "laneOffset"),
-            self.lanes.drafts(lanes),
-        )
-
-    def road(self, draft: _RoadDraft) -> Road:
-        """Return a road, once its numbers are converted."""
-        values = self.values
-        element, parts = draft.element, draft.parts
-        get = element.get
-        lateral, link = parts.get("lateralProfile"), parts.get("link")
         length_m = values.length_m(element)
         left, right = self.crossfall(lateral)
-        junction = get("junction", "-1")
         return Road(
             id=values.text(element, "id"),
             name=get("name", ""),
             length_m=length_m,
-            junction_id=None if junction in ("-1", "") else junction,
-            rule=self.rule(element),
-            predecessor=read_link(values, link, "predecessor"),
-            successor=read_link(values, link, "successor"),
-            geometries=self.geometries(draft.pieces, draft.piece_rows),
-            elevation=values.cubics(draft.elevation),
-            superelevation=values.cubics(draft.superelevation),
+            junction_id=values.junction_id(element),
+            rule=values.rule(element),
+            predecessor=read_link(values, first(parts.get("link"), "predecessor")),
+            successor=read_link(values, first(parts.get("link"), "successor")),
+            geometries=self.geometries(element, parts.get("planView")),
+            elevation=values.cubics(children(parts.get("elevationProfile"), "elevation")),
+            superelevation=values.cubics(children(lateral, "superelevation")),
             crossfall_left=left,
             crossfall_right=right,
             shape=self.cross_sections(lateral),
-            lane_offset=values.cubics(draft.lane_offset),
-            types=tuple([self.road_type(child) for child in children(element, "type")])
-            if "type" in parts
-            else (),
-            sections=self.lanes.sections(draft.sections, length_m),
+            lane_offset=values.cubics(children(lanes, "laneOffset")),
+            types=tuple([read_road_type(values, child) for child in children(element, "type")]),
+            sections=self.lanes.sections(lanes, length_m),
             details=Deferred(partial(self.details, element)),
         )
-
-    def rows(self, parent: Element | None, tag: str) -> range:
-        return self.values.add_rows(children(parent, tag), ROWS[tag])
 
     def details(self, element: Element) -> RoadDetails:
         """Return what is not needed to place the road."""
@@ -269,22 +220,7 @@ class _MapReader:
             tunnels=values.each(partial(read_structure, values), children(objects, "tunnel")),
             switches=values.each(partial(read_switch, values), children(railroad, "switch")),
             extra=values.extra(rest),
-        )
-
-    def rule(self, element: Element) -> TrafficRule:
-        value = element.get("rule", "RHT")
-        if value not in ("RHT", "LHT"):
-            raise self.values.error(element, f"attribute 'rule' is {value!r:.40}, expected 'RHT' or 'LHT'")
-        return "LHT" if value == "LHT" else "RHT"
-
-    def road_type(self, element: Element) -> RoadType:
-        speed = first(element, "speed")
-        get = element.get
-        return RoadType(
-            s_m=self.values.number(element, "s", 0.0),
-            type=get("type", "unknown"),
-            country=get("country", ""),
-            speed_mps=None if speed is None else self.values.speed_mps(speed),
+            attributes=other_attributes(element, _ROAD_NAMES),
         )
 
     # Profiles
@@ -302,7 +238,7 @@ class _MapReader:
                 )
             for name in sides if side == "both" else (side,):
                 sides[name].append(record)
-        left, right = (self.values.sorted_table(side, ("s", "a", "b", "c", "d")) for side in sides.values())
+        left, right = (self.values.cubics(side) for side in sides.values())
         return left, right
 
     def cross_sections(self, lateral: Element | None) -> FloatArray:
@@ -313,73 +249,24 @@ class _MapReader:
             else _NO_SHAPES
         )
 
-    # Reference line
-
-    def geometries(self, elements: list[Element], rows: range) -> tuple[Geometry, ...]:
-        numbers = self.values.table[rows.start : rows.stop].tolist()
-        records = [self.geometry(element, row) for element, row in zip(elements, numbers, strict=True)]
+    def geometries(self, road: Element, plan: Element | None) -> tuple[Geometry, ...]:
+        values = self.values
+        elements = children(plan, "geometry")
+        if not elements:
+            raise values.error(road, "<planView> has no <geometry>; a road needs a reference line")
+        records = []
+        for element in elements:
+            s, x, y, heading = (values.number(element, name) for name in ("s", "x", "y", "hdg"))
+            length = values.length_m(element)
+            records.append(Geometry(s, x, y, heading, length, read_shape(values, element, s, length)))
         if any(later.s_m < earlier.s_m for earlier, later in pairwise(records)):
             message = "pieces of the reference line are not in ascending s; sorted"
-            self.values.warn(WarningKind.ORDER, elements[0], message)
+            values.warn(WarningKind.ORDER, elements[0], message)
             records.sort(key=lambda record: record.s_m)
         return tuple(records)
 
-    def geometry(self, element: Element, row: list[float]) -> Geometry:
-        values = self.values
-        if not 0.0 <= row[4] <= MAX_LENGTH_M:
-            raise values.error(element, f"attribute 'length' is {row[4]:g}, expected 0 to {MAX_LENGTH_M:g} m")
-        child = next((child for child in element if child.tag != "userData"), None)
-        if child is None:
-            raise values.error(element, "has no shape; expected line, arc, spiral, poly3 or paramPoly3")
-        shape = _LINE if child.tag == "line" else self.shape(child, row[0], row[4])
-        return Geometry(row[0], row[1], row[2], row[3], row[4], shape)
 
-    def shape(self, element: Element, s_m: float, length_m: float) -> Shape:
-        values = self.values
-        number = values.number
-        shape: Shape
-        turn_rad = 0.0
-        match element.tag:
-            case "arc":
-                shape = Arc(number(element, "curvature"))
-                turn_rad = abs(shape.curvature_per_m) * length_m
-                if shape.curvature_per_m == 0.0:
-                    kind = WarningKind.ARC_WITHOUT_CURVATURE
-                    values.warn(kind, element, "arc of curvature 0; read as a line", s_m)
-            case "spiral":
-                start, end = number(element, "curvStart"), number(element, "curvEnd")
-                shape = Spiral(start, end)
-                turn_rad = max(abs(start), abs(end)) * length_m
-                if start == end:
-                    read_as = "an arc" if start else "a line"
-                    kind = WarningKind.CONSTANT_SPIRAL
-                    values.warn(kind, element, f"spiral of constant curvature; read as {read_as}", s_m)
-            case "poly3":
-                shape = Poly3(
-                    (number(element, "a"), number(element, "b"), number(element, "c"), number(element, "d"))
-                )
-            case "paramPoly3":
-                u0, u1, u2, u3 = (number(element, name) for name in ("aU", "bU", "cU", "dU"))
-                v0, v1, v2, v3 = (number(element, name) for name in ("aV", "bV", "cV", "dV"))
-                # Before 1.4 the attribute did not exist; the range was [0, 1].
-                p_range = element.get("pRange", "normalized")
-                if p_range not in ("normalized", "arcLength"):
-                    raise values.error(
-                        element,
-                        f"attribute 'pRange' is {p_range!r:.40}, expected 'normalized' or 'arcLength'",
-                    )
-                shape = ParamPoly3((u0, u1, u2, u3), (v0, v1, v2, v3), p_range == "normalized")
-            case other:
-                raise values.error(
-                    element, f"has the shape <{other:.40}>, expected line, arc, spiral, poly3 or paramPoly3"
-                )
-        if turn_rad > MAX_TURN_RAD:
-            raise values.error(
-                element, f"the piece turns by {turn_rad:.3g} rad; check its curvature and length"
-            )
-        return shape
-
-
+_ROAD_NAMES = ("name", "length", "id", "junction", "rule")
 _ROAD_PARTS = {
     "link": ("predecessor", "successor"),
     "planView": ("geometry",),

@@ -1,6 +1,6 @@
 """From (s, t) to the map frame and back, for roads and lanes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, finite, points_xy, wrapped
 from opendrive.curves import CurveTable, Poses
 from opendrive.errors import PositionError
-from opendrive.lanes import LaneTable
+from opendrive.lanes import LaneTable, RoadTable
 from opendrive.lateral_shape import ShapeTable
 from opendrive.model import Road
 from opendrive.profiles import CubicTable
@@ -21,6 +21,7 @@ S_TOLERANCE_M = 1e-3
 """A position this far off the end of a road or lane is moved onto it; further off is an error."""
 
 _FOOT_STEPS = 30
+_SHAPE_STEPS = 12
 _KINK_STEP_M = 1e-7
 _SLOPE_STEP_M = 1e-3
 
@@ -91,7 +92,7 @@ class NetworkGeometry:
         crossfall_right: slope right of it, rad.
         shapes: lateral shapes.
         lanes: all lanes.
-        length_m: (R,) lengths of the roads.
+        roads: all roads.
     """
 
     curves: CurveTable
@@ -101,7 +102,7 @@ class NetworkGeometry:
     crossfall_right: CubicTable
     shapes: ShapeTable
     lanes: LaneTable
-    length_m: FloatArray
+    roads: RoadTable
 
     @classmethod
     def collect(cls, roads: Sequence[Road]) -> "NetworkGeometry":
@@ -114,8 +115,13 @@ class NetworkGeometry:
             crossfall_right=CubicTable.stack([road.crossfall_right for road in roads]),
             shapes=ShapeTable.stack([road.shape for road in roads]),
             lanes=LaneTable.collect(roads),
-            length_m=np.array([road.length_m for road in roads]),
+            roads=RoadTable.collect(roads),
         )
+
+    @property
+    def length_m(self) -> FloatArray:
+        """(R,) lengths of the roads."""
+        return self.roads.length_m
 
     @cached_property
     def is_banked(self) -> bool:
@@ -147,19 +153,9 @@ class NetworkGeometry:
         return bool(self.crossfall_left.coefficients.any() or self.crossfall_right.coefficients.any())
 
     @cached_property
-    def _lane_heights(self) -> tuple[CubicTable, CubicTable] | None:
-        """Heights of the lanes' inner and outer borders above the road, if any lane has some."""
-        rows = [lane.height for lane in self.lanes.records]
-        if not any(map(len, rows)):
-            return None
-        start_m = self.lanes.s_start_m.tolist()
-        inner, outer = (CubicTable.stack([_ramps(row[:, [0, k]]) for row in rows], start_m) for k in (1, 2))
-        return inner, outer
-
-    @cached_property
     def _level_base(self) -> IntArray | None:
         """(L,) the lane from whose inner border on each is kept level, -1 for none; None if none is."""
-        level = np.array([lane.level for lane in self.lanes.records], dtype=np.bool_)
+        level = self.lanes.level
         if not level.any():
             return None
         base = np.full(len(level), -1, dtype=np.int64)
@@ -182,21 +178,40 @@ class NetworkGeometry:
         """Return x, y and z of the surface at `t_m` (N,) of cross sections.
 
         The t axis is the reference line's normal, rolled by the superelevation about the reference line with
-        its grade (chapter "Roads"). Crossfall lowers the surface on both sides, the lateral shape adds to it.
+        its grade (chapter "Roads"). Crossfall lowers the surface on both sides; the lateral shape raises it
+        along the rolled normal of a banked road, and upwards elsewhere.
         """
         x, y, across, z = sections.x_m, sections.y_m, t_m, sections.z_m
+        if self.shapes:
+            height = self.shapes.height(sections.road, sections.s_m, t_m)
+            z = z + np.where(self.banked_roads[sections.road], 0.0, height)
         if self.is_banked:
             sin_roll, cos_roll = np.sin(sections.roll_rad), np.cos(sections.roll_rad)
             steep = np.hypot(1.0, sections.grade)
-            along, across = -t_m * sin_roll * sections.grade / steep, t_m * cos_roll
-            x, y, z = x + sections.cos * along, y + sections.sin * along, z + t_m * sin_roll / steep
+            raised = self._raised(sections.road, sections.s_m, t_m)
+            across, up = t_m * cos_roll - raised * sin_roll, t_m * sin_roll + raised * cos_roll
+            along = -up * sections.grade / steep
+            x, y, z = x + sections.cos * along, y + sections.sin * along, z + up / steep
         if self._has_crossfall:
             left = self.crossfall_left.value(sections.road, sections.s_m)
             right = self.crossfall_right.value(sections.road, sections.s_m)
             z = z - np.abs(t_m) * np.tan(np.where(t_m > 0.0, left, right))
-        if self.shapes:
-            z = z + self.shapes.height(sections.road, sections.s_m, t_m)
         return x - sections.sin * across, y + sections.cos * across, z + np.zeros_like(t_m)
+
+    def _raised(self, road: IntArray, s_m: FloatArray, t_m: FloatArray) -> FloatArray:
+        """Return by how much the lateral shape of banked roads moves points along the rolled normal."""
+        if not self.shapes:
+            return np.zeros_like(t_m)
+        return np.where(self.banked_roads[road], self.shapes.height(road, s_m, t_m), 0.0)
+
+    @cached_property
+    def greatest_raise(self) -> FloatArray:
+        """(R,) bound of how far the lateral shape moves points of banked roads."""
+        if not self.shapes:
+            return np.zeros(len(self.length_m))
+        low, high = self.lanes.borders.extremes()
+        reach_m = np.maximum(np.abs(low), np.abs(high)).max(initial=0.0)
+        return np.where(self.banked_roads, self.shapes.greatest_heights(reach_m), 0.0)
 
     def surface(
         self, road: IntArray, s_m: FloatArray, t_m: FloatArray, slope: FloatArray | float = 0.0
@@ -224,7 +239,16 @@ class NetworkGeometry:
         across, d_across = t_m, slope + np.zeros_like(t_m)
         if self.is_banked:
             cos_roll, sin_roll = np.cos(sections.roll_rad), np.sin(sections.roll_rad)
-            across, d_across = t_m * cos_roll, d_across * cos_roll - t_m * sin_roll * sections.d_roll
+            raised, d_raised = np.zeros_like(t_m), np.zeros_like(t_m)
+            if self.shapes:
+                step, shift = _SLOPE_STEP_M, _SLOPE_STEP_M * d_across
+                road, s_m = sections.road, sections.s_m
+                raised = self._raised(road, s_m, t_m)
+                d_raised = self._raised(road, s_m + step, t_m + shift)
+                d_raised = (d_raised - self._raised(road, s_m - step, t_m - shift)) / (2.0 * step)
+            across = t_m * cos_roll - raised * sin_roll
+            d_across = (d_across - raised * sections.d_roll) * cos_roll
+            d_across = d_across - (t_m * sections.d_roll + d_raised) * sin_roll
         turn = np.arctan2(d_across, 1.0 - sections.curvature_per_m * across)
         return SurfacePoints(x, y, z, wrapped(sections.heading_rad + turn))
 
@@ -239,8 +263,9 @@ class NetworkGeometry:
             edge = self.lanes.offsets_and_slopes(self._level_base[lane[some]], sections.s_m[some])[0]
             z_m = z_m.copy()
             z_m[some] = self.place(sections.take(some), edge)[2]
-        if self._lane_heights is not None:
-            inner, outer = (table.value(lane, sections.s_m) for table in self._lane_heights)
+        lanes = self.lanes
+        if len(lanes.inner_height.start_m):
+            inner, outer = (t.value(lane, sections.s_m) for t in (lanes.inner_height, lanes.outer_height))
             t_inner, t_outer, _, _ = self.lanes.offsets_and_slopes(lane, sections.s_m)
             width = t_outer - t_inner
             share = np.divide(t_m - t_inner, width, out=np.zeros_like(width), where=width != 0.0)
@@ -304,8 +329,13 @@ class NetworkGeometry:
         if self.is_banked:
             roll = self.superelevation.value(road, s_m)
             grade = self.elevation.value_and_slope(road, s_m)[1]
-            across = across / np.maximum(np.cos(roll), 1e-3)
-            along = along + across * np.sin(roll) * grade / np.hypot(1.0, grade)
+            sin_roll, cos_roll = np.sin(roll), np.maximum(np.cos(roll), 1e-3)
+            plan, across = across, across / cos_roll
+            raised = np.zeros_like(across)
+            for _ in range(_SHAPE_STEPS if self.shapes else 0):
+                raised = self._raised(road, s_m, across)
+                across = (plan + raised * sin_roll) / cos_roll
+            along = along + (across * sin_roll + raised * cos_roll) * grade / np.hypot(1.0, grade)
         return along, across, poses.curvature_per_m
 
     def refine(
@@ -371,9 +401,9 @@ class NetworkGeometry:
         """Return first chord of each road (R + 1,), and the s (C,) and xy (C, 2) of the chords' ends."""
         roads: list[FloatArray] = []
         for r, length in enumerate(self.length_m.tolist()):
-            starts = self.curves.starts_of(r)
-            ends = np.append(starts[1:], max(length, starts[-1]))
             pieces = slice(self.curves.first[r], self.curves.first[r + 1])
+            starts = self.curves.start_m[pieces]
+            ends = np.append(starts[1:], max(length, starts[-1]))
             span = ends - starts
             bend = (
                 np.abs(self.curves.curvature_per_m[pieces]) + np.abs(self.curves.rate_per_m2[pieces]) * span
@@ -438,24 +468,26 @@ class RoadGeometry:
     """Geometry of one road.
 
     Attributes:
-        record: the road as read.
+        id: id of the road.
         index: its index in the network.
         geometry: geometry of the network.
+        records: roads as read, by id.
     """
 
-    record: Road
+    id: str
     index: int
     geometry: NetworkGeometry
+    records: Mapping[str, Road]
 
     @property
-    def id(self) -> str:
-        """Id of the road."""
-        return self.record.id
+    def record(self) -> Road:
+        """The road as read."""
+        return self.records[self.id]
 
     @property
     def length_m(self) -> float:
         """Length of the reference line."""
-        return self.record.length_m
+        return float(self.geometry.length_m[self.index])
 
     def reference_line(self, s_m: ArrayLike) -> Poses:
         """Return poses and curvature of the reference line at `s_m`, of any shape.
@@ -525,15 +557,6 @@ class RoadGeometry:
     def _on_road(self, s_m: ArrayLike) -> FloatArray:
         s = finite(s_m, "s_m")
         return within(s, 0.0, self.length_m, f"road {self.id!r}")
-
-
-def _ramps(rows: FloatArray) -> FloatArray:
-    """Return (K, 5) records that join the points (K, 2) of s and value by straight lines."""
-    records = np.zeros((len(rows), 5))
-    records[:, :2] = rows
-    run, rise = np.diff(rows[:, 0]), np.diff(rows[:, 1])
-    records[:-1, 2] = np.divide(rise, run, out=np.zeros_like(run), where=run > 0.0)
-    return records
 
 
 def _greatest_values(table: CubicTable, length_m: FloatArray, slope: bool = False) -> FloatArray:

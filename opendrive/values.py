@@ -1,7 +1,7 @@
 """Attributes of elements as checked values, and what is tolerated on the way."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Literal, TypeAlias, TypeVar, overload
 
 import numpy as np
@@ -9,7 +9,7 @@ from lxml import etree
 
 from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import MapContentError, MapWarning, WarningKind
-from opendrive.model import ContactPoint, LaneRange
+from opendrive.model import ContactPoint, LaneRange, TrafficRule
 
 Element: TypeAlias = etree._Element
 _Record = TypeVar("_Record")
@@ -18,26 +18,12 @@ MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
 MAX_NUMBER = 1e9
 """A greater number is refused: no quantity of a road map comes near it."""
 
-_MAX_MEMO = 10_000
 MAX_INTEGER = 10**6
 MAX_LENGTH_M = 1e6
 """A road that is longer is refused."""
 
-_CUBIC = ("s", "a", "b", "c", "d")
-_CUBIC_OFFSET = ("sOffset", "a", "b", "c", "d")
-
-Names: TypeAlias = tuple[str, str, str, str, str]
-
-ROWS: dict[str, Names] = {
-    "geometry": ("s", "x", "y", "hdg", "length"),
-    "elevation": _CUBIC,
-    "superelevation": _CUBIC,
-    "laneOffset": _CUBIC,
-    "width": _CUBIC_OFFSET,
-    "border": _CUBIC_OFFSET,
-}
-"""Elements of five numbers each; they are most of a map, and are converted all at once per road."""
-
+CUBIC = ("s", "a", "b", "c", "d")
+CUBIC_OFFSET = ("sOffset", "a", "b", "c", "d")
 NO_CUBICS = read_only(np.empty((0, 5)))
 
 _KEPT_AS_THEY_ARE = {
@@ -46,17 +32,8 @@ _KEPT_AS_THEY_ARE = {
 }  # fmt: skip
 
 
-_SMALL_INTEGERS = {str(value): value for value in range(-30, 31)}
-
-
-class _Numbers(dict[str, float]):
-    """Numbers by their text: most of the coefficients in a map are some text for 0."""
-
-    def __missing__(self, text: str) -> float:
-        number = float(text)
-        if len(self) < _MAX_MEMO:
-            self[text] = number
-        return number
+SMALL_INTEGERS = {str(value): value for value in range(-30, 31)}
+"""By their text: ids of lanes are converted thousands of times."""
 
 
 class Values:
@@ -65,20 +42,13 @@ class Values:
     Attributes:
         file: name of the file, for messages.
         warnings: what was tolerated so far.
-        table: (K, 5) numbers of the whole map, one row per element of `ROWS`.
-        starts_m: (K,) its first column.
     """
 
     def __init__(self, file: str) -> None:
         """Start without warnings."""
         self.file = file
         self.warnings: list[MapWarning] = []
-        self.table: FloatArray = NO_CUBICS
-        self.starts_m: list[float] = []
-        self._elements: list[Element] = []
-        self._texts: list[str | None] = []
         self._unknown: set[str] = set()
-        self._numbers = _Numbers()
 
     # Where
 
@@ -108,51 +78,6 @@ class Values:
                 message = f"{str(error).removeprefix(self.file + ': ')}; left out"
                 self.warn(WarningKind.LEFT_OUT, element, message)
         return tuple(records)
-
-    # Rows of five numbers
-
-    def add_rows(self, elements: Iterable[Element], names: Names) -> range:
-        """Collect one row per element; return their indices."""
-        collected, texts = self._elements, self._texts
-        first_row = len(collected)
-        name_0, name_1, name_2, name_3, name_4 = names
-        for element in elements:
-            get = element.get
-            texts += (get(name_0), get(name_1), get(name_2), get(name_3), get(name_4))
-            collected.append(element)
-        return range(first_row, len(collected))
-
-    def convert_rows(self) -> None:
-        """Turn the collected rows into numbers, `table` and `rows`.
-
-        Raises:
-            MapContentError: one of them is missing, no number, or not one a map can hold.
-        """
-        try:
-            table = np.array(list(map(self._numbers.__getitem__, self._texts))).reshape(-1, 5)  # type: ignore[arg-type]
-        except (ValueError, TypeError):
-            table = None
-        if table is None or not (np.abs(table) <= MAX_NUMBER).all():
-            for element in self._elements:
-                for name in ROWS[str(element.tag)]:
-                    self.number(element, name)
-        assert table is not None
-        self.table = read_only(table)
-        self.starts_m = table[:, 0].tolist()
-
-    def cubics(self, rows: range) -> FloatArray:
-        """Return the piecewise cubic made of some rows, ascending in s."""
-        if not rows:
-            return NO_CUBICS
-        part = self.table[rows.start : rows.stop]
-        if len(rows) > 1:
-            starts = self.starts_m[rows.start : rows.stop]
-            if starts != sorted(starts):
-                element = self._elements[rows.start]
-                name = ROWS[str(element.tag)][0]
-                self.warn(WarningKind.ORDER, element, f"records are not in ascending {name}; sorted")
-                return read_only(part[np.argsort(part[:, 0], kind="stable")])
-        return part
 
     # Single values
 
@@ -199,7 +124,7 @@ class Values:
     ) -> int | None:
         """Return an attribute as an integer, or `default` when it is absent."""
         text = element.get(name)
-        if (known := _SMALL_INTEGERS.get(text or "")) is not None:
+        if (known := SMALL_INTEGERS.get(text or "")) is not None:
             return known
         if text is None:
             if default is None:
@@ -227,6 +152,18 @@ class Values:
         if not 0.0 <= value <= MAX_LENGTH_M:
             raise self.error(element, f"attribute 'length' is {value:g}, expected 0 to {MAX_LENGTH_M:g} m")
         return value
+
+    def junction_id(self, element: Element) -> str | None:
+        """Return the junction that a road is part of, or None."""
+        junction = element.get("junction", "-1")
+        return None if junction in ("-1", "") else junction
+
+    def rule(self, element: Element) -> TrafficRule:
+        """Return the traffic rule of a road."""
+        value = element.get("rule", "RHT")
+        if value not in ("RHT", "LHT"):
+            raise self.error(element, f"attribute 'rule' is {value!r:.40}, expected 'RHT' or 'LHT'")
+        return "LHT" if value == "LHT" else "RHT"
 
     def contact_point(self, element: Element) -> ContactPoint | None:
         """Return the attribute contactPoint, or None when it is absent."""
@@ -263,6 +200,10 @@ class Values:
         )
 
     # Tables and the rest
+
+    def cubics(self, records: list[Element], names: tuple[str, ...] = CUBIC) -> FloatArray:
+        """Return a piecewise cubic, ascending in s."""
+        return self.sorted_table(records, names) if records else NO_CUBICS
 
     def sorted_table(self, records: list[Element], names: tuple[str, ...], keys: int = 1) -> FloatArray:
         """Return one row of numbers per record, ascending in the first `keys` columns."""
@@ -308,6 +249,11 @@ def first(element: Element | None, tag: str) -> Element | None:
 def others(element: Element | None, *tags: str) -> list[Element]:
     """Return the children of any other name."""
     return [] if element is None else [child for child in element if child.tag not in tags]
+
+
+def other_attributes(element: Element, known: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Return the attributes of any other name, with their values."""
+    return tuple((str(name), str(value)) for name, value in element.items() if name not in known)
 
 
 def _owner(element: Element) -> Element | None:

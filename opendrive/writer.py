@@ -107,6 +107,11 @@ def _extra(parent: Element, texts: Iterable[str]) -> None:
         parent.append(etree.fromstring(text))
 
 
+def _attributes(element: Element, attributes: Iterable[tuple[str, str]]) -> None:
+    for name, value in attributes:
+        element.set(name, value)
+
+
 def _rows(parent: Element, tag: str, rows: FloatArray, names: tuple[str, ...], **attributes: Value) -> None:
     for row in rows.tolist():
         _add(parent, tag, **attributes, **dict(zip(names, row, strict=True)))
@@ -148,6 +153,7 @@ def _road(root: Element, road: Road) -> None:
         junction=road.junction_id or "-1",
         rule=road.rule,
     )
+    _attributes(element, road.attributes)
     # An id may be empty, but never absent.
     element.set("id", road.id)
     link = _add(element, "link")
@@ -221,8 +227,7 @@ def _lane(parent: Element, lane: Lane) -> None:
     direction = lane.direction if lane.direction != "standard" else None
     element = _add(parent, "lane", id=lane.id, type=lane.type, level=lane.level, direction=direction)
     element.set("type", lane.type)
-    for name, value in lane.flags:
-        element.set(name, value)
+    _attributes(element, lane.flags)
     if lane.predecessors or lane.successors:
         link = _add(element, "link")
         for lane_id in lane.predecessors:
@@ -370,6 +375,7 @@ def _object(parent: Element, item: RoadObject) -> None:
     )
     element.set("type", item.type)
     element.set("orientation", item.orientation)
+    _attributes(element, item.attributes)
     for repeat in item.repeats:
         changes = {
             f"{name}{end}": value
@@ -435,8 +441,7 @@ def _object(parent: Element, item: RoadObject) -> None:
 
 def _outline(parent: Element, outline: Outline) -> None:
     element = _add(parent, "outline", id=outline.id, closed=outline.closed)
-    for name, value in outline.attributes:
-        element.set(name, value)
+    _attributes(element, outline.attributes)
     tag, names = (
         ("cornerRoad", ("s", "t", "dz")) if outline.in_road_frame else ("cornerLocal", ("u", "v", "z"))
     )
@@ -486,6 +491,7 @@ def _signal(parent: Element, signal: Signal) -> None:
     )
     element.set("id", signal.id)
     element.set("orientation", signal.orientation)
+    _attributes(element, signal.attributes)
     _validity(element, signal.validity)
     for dependency in signal.dependencies:
         _add(element, "dependency", type=dependency.type).set("id", dependency.signal_id)

@@ -4,7 +4,6 @@ No entity is expanded, no document type or include followed, no network used; si
 length of texts are limited, so that no file takes unbounded time or memory.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from lxml import etree
@@ -15,12 +14,9 @@ MAX_FILE_BYTES = 256 * 2**20
 MAX_TAGS = 5_000_000
 """A file with more tags is refused; a real map of 200 MB has 4 million."""
 
-MAX_DEPTH = 32
-"""Deeper elements are refused; those of the standard end at 9, the rest is left to user data."""
 
-
-def parse(file: Path) -> Iterator[etree._Element]:
-    """Yield the children of a map's root element.
+def parse(file: Path) -> etree._Element:
+    """Return the root element of a map.
 
     Raises:
         MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
@@ -60,7 +56,7 @@ def parse(file: Path) -> Iterator[etree._Element]:
                 f"{file}: includes {include.get('file', '?')!r:.80} (<include>, line {include.sourceline}), "
                 "which is not followed; merge the files"
             )
-    return iter(root)
+    return root
 
 
 def _read(file: Path) -> bytes:

@@ -315,3 +315,16 @@ def test_user_data_and_unknown_elements_are_kept_as_they_are(read, text):
 def test_a_map_pickles_with_everything_in_it(read, text):
     model = read(text.road(extra=OBJECT))
     assert_equal(pickle.loads(pickle.dumps(model)), model)
+
+
+def test_attributes_of_no_known_name_are_kept(read, text, tmp_path):
+    beside = (
+        '<signals><signal id="1" s="5" t="0" temporary="true"/></signals>'
+        '<objects><object id="2" type="pole" s="5" t="0" mass="12 kg"/></objects>'
+    )
+    model = read(text.road(extra=beside, attributes='surveyed="2024"'))
+    write_map(model, tmp_path / "again.xodr")
+    for road in (model.roads["r"], read_map(tmp_path / "again.xodr").roads["r"]):
+        assert road.attributes == (("surveyed", "2024"),)
+        assert road.signals[0].attributes == (("temporary", "true"),)
+        assert road.objects[0].attributes == (("mass", "12 kg"),)

@@ -346,3 +346,25 @@ def test_virtual_junctions_meet_the_main_road_on_its_way(load, text):
     assert network.route(main, 10.0, yard, 5.0).length_m == pytest.approx(30.0 + 20.0 + 5.0)
     with pytest.raises(RouteNotFoundError):
         network.route(main, 45.0, yard, 5.0)
+
+
+@pytest.mark.parametrize(("direction", "along"), [("standard", 1), ("both", 1), ("reversed", -1)])
+def test_lanes_of_other_direction(load, text, direction, along):
+    """A reversed lane is entered where others are left; one for both directions is used as a standard one."""
+    attribute = f'type="driving" direction="{direction}"'
+    network = load(*(road.replace('type="driving"', attribute) for road in two_roads(text)))
+    right_a, right_b = (network.lane_index_of(LaneKey(road, 0, -1)) for road in "ab")
+    assert network.lanes.direction[right_a] == along
+    first, second = (right_a, right_b) if along > 0 else (right_b, right_a)
+    assert network.successors(first) == (second,)
+    assert network.successors(second) == ()
+    assert network.predecessors(second) == (first,)
+    heading = float(network.center_line(right_a, 10.0)[3])
+    assert np.cos(heading - 0.3) == pytest.approx(along)
+
+
+def test_a_reversed_lane_does_not_lead_into_one_that_comes_towards_it(load, text):
+    first, second = two_roads(text)
+    network = load(first.replace('type="driving"', 'type="driving" direction="reversed"'), second)
+    right_a, right_b = (network.lane_index_of(LaneKey(road, 0, -1)) for road in "ab")
+    assert network.successors(right_a) == network.successors(right_b) == ()

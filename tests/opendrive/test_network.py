@@ -66,7 +66,7 @@ def test_poses_against_libcarla(network_of, oracle, map_name):
     assert np.hypot(*(poses - expected)[:, :2].T).max() < CUBIC_XY_M
     # Widths come from a float32 s: a steep width record makes an error of 1e-5 out of it.
     assert np.abs(poses[:, 4] - expected[:, 4]).max() < 2e-5
-    raised = np.array([len(network.lanes.records[i].height) > 0 for i in lane])
+    raised = np.diff(network.lanes.inner_height.first)[lane] > 0
     assert np.abs(poses[:, 2] - expected[:, 2])[~raised].max(initial=0.0) < 1e-3
     # libcarla's heading is only right where the lane is parallel to the road.
     turned = angle_between(poses[:, 3], expected[:, 3])
@@ -335,3 +335,30 @@ def test_lanes_with_too_many_records_are_refused(load, text, monkeypatch):
     sections = text.section(left=text.lane(1, width), right=text.lane(-1, width))
     with pytest.raises(MapContentError, match="6 border curves, expected at most 5"):
         load(text.road(sections=sections))
+
+
+def test_bounds_of_straight_lanes_are_exact(load, text):
+    plan = '<geometry s="0" x="10" y="5" hdg="0" length="100"><line/></geometry>'
+    widths = text.record("width", 3.0) + text.record("width", 4.0, 0.05, s=40.0)
+    lanes = text.section(left=text.lane(1, widths), right=text.lane(-1, text.record("width", 3.5)))
+    network = load(text.road(plan, sections=lanes))
+    np.testing.assert_allclose(network.bounds, [10.0, 1.5, 110.0, 12.0], atol=1e-9)
+
+
+def test_bounds_of_a_bend_are_those_of_its_outer_border(load, text):
+    """Half a circle of radius 20 m to the left, with a lane of 3 m outside and one of 2 m inside."""
+    length = 20.0 * np.pi
+    plan = f'<geometry s="0" x="0" y="0" hdg="0" length="{length!r}"><arc curvature="0.05"/></geometry>'
+    lanes = text.section(
+        left=text.lane(1, text.record("width", 2.0)), right=text.lane(-1, text.record("width", 3.0))
+    )
+    network = load(text.road(plan, sections=lanes, length=length))
+    np.testing.assert_allclose(network.bounds, [0.0, -3.0, 23.0, 43.0], atol=6e-3)
+
+
+def test_bounds_of_a_very_long_road_take_no_time(load, text):
+    plan = '<geometry s="0" x="0" y="0" hdg="0" length="1e6"><line/></geometry>'
+    network = load(text.road(plan, length=1e6))
+    start = time.process_time()
+    np.testing.assert_allclose(network.bounds, [0.0, -3.5, 1e6, 3.5], atol=1e-9)
+    assert time.process_time() - start < 1.0

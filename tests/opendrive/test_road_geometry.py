@@ -289,3 +289,75 @@ def test_heights_of_lanes_rise_between_their_borders(load, text):
     borders = network.sampled_borders(50.0)
     np.testing.assert_allclose(borders.left_m[borders.first[1] :, 2], [0.1, 0.2, 0.3])
     np.testing.assert_allclose(borders.right_m[borders.first[1] :, 2], 0.3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    curvature=st.floats(0.02, 0.2),
+    side=st.sampled_from([-1, 1]),
+    closeness=st.floats(0.9, 0.999),
+    where=st.lists(st.tuples(st.floats(0.01, 0.99), st.floats(0.05, 0.999)), min_size=1, max_size=8),
+)
+def test_lanes_that_reach_almost_to_the_centre_of_a_bend_contain_their_points(
+    curvature, side, closeness, where
+):
+    network = made_network(
+        Arc(side * curvature), length_m=2.0 / curvature, width_m=float(closeness / curvature)
+    )
+    s, share = np.array(where).T
+    s, t = s * network.roads["r"].length_m, side * share * closeness / curvature
+    points = network.road_point("r", s, t)
+    xy = np.stack([points.x_m, points.y_m], axis=1)
+    hits = network.locate(xy)
+    np.testing.assert_array_equal(hits.point, np.arange(len(s)))
+    np.testing.assert_allclose(hits.s_m, s, atol=1e-8)
+    np.testing.assert_allclose(hits.t_m, t, atol=1e-9)
+    np.testing.assert_array_equal(network.nearest_lane(xy).distance_m, 0.0)
+
+
+RAISED = (
+    '<elevationProfile><elevation s="0" a="2" b="0.1" c="0" d="0"/></elevationProfile><lateralProfile>'
+    '<superelevation s="0" a="0.12" b="0" c="0" d="0"/>'
+    '<shape s="0" t="-3" a="0.4" b="-0.1" c="0.02" d="0"/></lateralProfile>'
+)
+
+
+def test_the_shape_of_a_banked_road_rises_along_the_rolled_normal(load, text):
+    """Turned by roll and grade as one body; a height of 0.4 m at t = -3 m, falling to the left."""
+    network = profiled(load, text, RAISED)
+    s, t = np.array([0.0, 40.0, 99.0]), np.array([-0.5, -2.0, -2.9])
+    height = 0.4 - 0.1 * (t + 3.0) + 0.02 * (t + 3.0) ** 2
+    ahead = np.array([1.0, 0.0, 0.1]) / np.hypot(1.0, 0.1)
+    level = np.array([0.0, 1.0, 0.0])
+    upright = np.cross(ahead, level)
+    left = np.cos(0.12) * level + np.sin(0.12) * upright
+    normal = np.cos(0.12) * upright - np.sin(0.12) * level
+    along, across, up = (t[:, None] * left + height[:, None] * normal).T
+    along = along + s
+    points = network.road_point("r", s, t)
+    cos, sin = np.cos(0.5), np.sin(0.5)
+    np.testing.assert_allclose(points.x_m, cos * along - sin * across, atol=1e-12)
+    np.testing.assert_allclose(points.y_m, sin * along + cos * across, atol=1e-12)
+    np.testing.assert_allclose(points.z_m, 2.0 + 0.1 * s + up, atol=1e-12)
+    # The surface's own slope across: dh/dt = -0.1 + 0.04 (t + 3) turns the normal further.
+    slope = -0.1 + 0.04 * (t + 3.0)
+    tilted = normal - slope[:, None] * left
+    tilted /= np.linalg.norm(tilted, axis=1)[:, None]
+    expected = np.stack(
+        [cos * tilted[:, 0] - sin * tilted[:, 1], sin * tilted[:, 0] + cos * tilted[:, 1], tilted[:, 2]],
+        axis=1,
+    )
+    np.testing.assert_allclose(network.attitude("r", s, t).normal, expected, atol=1e-6)
+
+
+def test_a_raised_and_banked_road_is_found_again_from_above(load, text):
+    network = profiled(load, text, RAISED)
+    s, t = (grid.ravel() for grid in np.meshgrid(np.linspace(2.0, 98.0, 9), np.linspace(-2.99, -0.01, 9)))
+    points = network.road_point("r", s, t)
+    xy = np.stack([points.x_m, points.y_m], axis=1)
+    back_s, back_t = network.road_coordinates("r", xy)
+    np.testing.assert_allclose(back_s, s, atol=1e-9)
+    np.testing.assert_allclose(back_t, t, atol=1e-9)
+    hits = network.locate(xy)
+    np.testing.assert_array_equal(hits.point, np.arange(len(s)))
+    np.testing.assert_allclose(hits.t_m, t, atol=1e-9)
