@@ -11,7 +11,6 @@ taken if they are there, else the ones that are shipped.
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import math
 import statistics
@@ -25,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from opendrive import RoadNetwork, load_map
 
@@ -34,7 +32,7 @@ REFERENCE = ROOT.parent / "shared" / "opendrive" / "maps"
 REFERENCE_NAMES = ("esmini_fabriksgatan", "Town01", "c0910_Town10HD", "Town03", "Town04", "Town05")
 PEER = "carla==0.9.16"
 POINTS = 10_000
-ROUNDS = 5
+ROUNDS = 7
 STEP_M = 1.0
 
 _MEMORY = """
@@ -51,6 +49,19 @@ loaded = resident_mb()
 points = np.zeros((1, 2))
 network.locate(points), network.nearest_lane(points), network.successors(0)
 print(loaded - bare, resident_mb() - bare)
+"""
+
+
+_LOAD = """
+import statistics, sys, time
+from lxml import etree
+from opendrive import load_map
+def spent(work):
+    start = time.process_time()
+    result = work(sys.argv[1])
+    return time.process_time() - start
+rows = [(spent(etree.parse), spent(load_map)) for _ in range(int(sys.argv[2]) + 1)][1:]
+print(*(statistics.median(column) for column in zip(*rows)))
 """
 
 
@@ -90,21 +101,21 @@ def places_of(network: RoadNetwork) -> list[tuple[int, int, float]]:
 
 def ours(path: Path, rounds: int) -> dict[str, float]:
     """Seconds of each task on one map; the first query of a network includes making its index."""
-    gc.collect()
-    parsing, loading = seconds(lambda: etree.parse(path), rounds), seconds(lambda: load_map(path), rounds)
+    parsing, loading = load_times(path, rounds)
     network = load_map(path)
     points = points_of(network)
-    first: dict[str, list[float]] = {"inside_first_s": [], "nearest_first_s": [], "borders_first_s": []}
+    first: dict[str, list[float]] = {}
     for _ in range(rounds):
         for name, query in (
             ("inside_first_s", lambda fresh: fresh.locate(points)),
             ("nearest_first_s", lambda fresh: fresh.nearest_lane(points)),
             ("borders_first_s", lambda fresh: fresh.sampled_borders(STEP_M)),
+            ("graph_first_s", lambda fresh: fresh.successors(0)),
         ):
             fresh = load_map(path)
             start = time.process_time()
             query(fresh)
-            first[name].append(time.process_time() - start)
+            first.setdefault(name, []).append(time.process_time() - start)
     return {
         "lanes": len(network.lanes),
         "lxml_s": parsing,
@@ -114,6 +125,14 @@ def ours(path: Path, rounds: int) -> dict[str, float]:
         "borders_s": seconds(lambda: network.sampled_borders(STEP_M), rounds),
         **{name: statistics.median(spent) for name, spent in first.items()},
     }
+
+
+def load_times(path: Path, rounds: int) -> tuple[float, float]:
+    """Median seconds of lxml's parsing and of loading, in turns, in a process of their own."""
+    command = [sys.executable, "-c", _LOAD, str(path), str(rounds)]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
+    parsing, loading = (float(value) for value in result.stdout.split())
+    return parsing, loading
 
 
 def memory_mb(path: Path) -> tuple[float, float] | None:
@@ -195,6 +214,7 @@ def report(path: Path, rounds: int, python: str | None) -> dict[str, float]:
         print(f"  {label:<20} {steady:8.2f} us   {first:6.2f} us with the index made")
     steady, first = 1e3 * mine["borders_s"], 1e3 * mine["borders_first_s"]
     print(f"  borders at 1 m       {steady:8.1f} ms   {first:6.1f} ms the first time")
+    print(f"  lane graph           {1e3 * mine['graph_first_s']:8.1f} ms to make")
     used = memory_mb(path)
     if used is None:
         print("  memory               cannot be read on this system")
