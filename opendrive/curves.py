@@ -55,14 +55,15 @@ def clothoid(
         rate_per_m2: (N,) change of curvature per metre.
     """
     turn = np.abs(curvature_per_m * ds_m) + np.abs(0.5 * rate_per_m2 * ds_m**2)
-    panels = max(1, int(np.ceil(turn.max(initial=0.0) / _PANEL_TURN_RAD)))
+    panels = np.maximum(np.ceil(turn / _PANEL_TURN_RAD), 1.0)
     step = ds_m / panels
     u, v = np.zeros_like(ds_m), np.zeros_like(ds_m)
-    for panel in range(panels):
-        at = step[:, None] * (panel + _UNIT_NODES)
-        heading = at * (curvature_per_m[:, None] + 0.5 * rate_per_m2[:, None] * at)
-        u += step * (np.cos(heading) @ _UNIT_WEIGHTS)
-        v += step * (np.sin(heading) @ _UNIT_WEIGHTS)
+    for panel in range(int(panels.max(initial=0.0))):
+        some = np.flatnonzero(panels > panel)
+        at = step[some, None] * (panel + _UNIT_NODES)
+        heading = at * (curvature_per_m[some, None] + 0.5 * rate_per_m2[some, None] * at)
+        u[some] += step[some] * (np.cos(heading) @ _UNIT_WEIGHTS)
+        v[some] += step[some] * (np.sin(heading) @ _UNIT_WEIGHTS)
     return u, v
 
 

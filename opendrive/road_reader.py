@@ -4,7 +4,7 @@ from opendrive.errors import WarningKind
 from opendrive.model import Arc, Line, ParamPoly3, Poly3, RoadLink, RoadType, Shape, Spiral
 from opendrive.values import Element, Values, first
 
-MAX_TURN_RAD = 1000.0
+MAX_TURN_RAD = 100.0
 """A piece of reference line that turns further than this is refused."""
 
 LINE = Line()

@@ -22,7 +22,7 @@ import numpy as np
 
 from smartmot.assignment import contested, is_one_to_one, solve
 from smartmot.errors import ConfigError
-from smartmot.geometry import bev_giou, iou_exact, near_pairs
+from smartmot.geometry import bev_giou, iou_exact, iou_scalar, near_pairs
 from smartmot.kalman import Estimate
 from smartmot.motion_models import PerCategory, Setting, check_range, table
 from smartmot.types import CATEGORIES, BoolArray, Boxes, FloatArray, IntArray, unchecked
@@ -145,18 +145,24 @@ class Pairs:
     def iou(self, which: IntArray) -> FloatArray:
         """(K,) overlaps of some of the pairs."""
         i, j = self.track.take(which), self.detection.take(which)
-        a, b = self.tracks, self.detections
-        return iou_exact(
-            _ORIGIN,
-            a.size_m.take(i, axis=0),
-            a.yaw_rad.take(i),
-            self.offset_m.take(which, axis=0),
-            b.size_m.take(j, axis=0),
-            b.yaw_rad.take(j),
+        a, b, offset = self.tracks, self.detections, self.offset_m.take(which, axis=0)
+        a_size, a_yaw = a.size_m.take(i, axis=0), a.yaw_rad.take(i)
+        b_size, b_yaw = b.size_m.take(j, axis=0), b.yaw_rad.take(j)
+        if len(which) > _FEW_PAIRS:
+            return iou_exact(_ORIGIN, a_size, a_yaw, offset, b_size, b_yaw)
+        columns = (part.tolist() for part in (a_size, a_yaw, offset, b_size, b_yaw))
+        return np.array(
+            [
+                iou_scalar((0.0, 0.0, *size, yaw), (*shift, *other_size, other_yaw))
+                for size, yaw, shift, other_size, other_yaw in zip(*columns, strict=True)
+            ]
         )
 
 
 _ORIGIN = np.zeros(2)
+
+_FEW_PAIRS = 20
+"""Up to so many overlaps are computed faster one by one than as arrays."""
 
 Affinity = Callable[[Pairs, FloatArray], FloatArray]
 """(P,) affinities of P pairs, at most 1, 0 for pairs that must not match; (P,) thresholds of the cost."""

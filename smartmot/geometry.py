@@ -323,6 +323,58 @@ def _iou(common_m2: FloatArray, a_area_m2: FloatArray, b_area_m2: FloatArray) ->
     return np.minimum(common_m2 / union_m2, 1.0)
 
 
+def iou_scalar(
+    a: tuple[float, float, float, float, float], b: tuple[float, float, float, float, float]
+) -> float:
+    """`iou_exact` of one pair without arrays, some twenty times faster: for the few pairs of a small frame.
+
+    Args:
+        a: Centre x, centre y, length, width in metres and yaw in radians, map frame.
+        b: The same of the other rectangle.
+
+    Returns:
+        Value in [0, 1].
+    """
+    ax, ay, la, wa, ya = a
+    bx, by, lb, wb, yb = b
+    la, wa, lb, wb = 0.5 * la, 0.5 * wa, 0.5 * lb, 0.5 * wb
+    dx, dy, turn = ax - bx, ay - by, ya - yb
+    cb, sb, turn_c, turn_s = math.cos(yb), math.sin(yb), math.cos(turn), math.sin(turn)
+    x, y = dx * cb + dy * sb, dy * cb - dx * sb
+    c, s = abs(turn_c), abs(turn_s)
+    # Apart along an axis of b or of a; two rectangles without area overlap nothing.
+    if (
+        abs(x) >= lb + la * c + wa * s
+        or abs(y) >= wb + la * s + wa * c
+        or abs(x * turn_c + y * turn_s) >= la + lb * c + wb * s
+        or abs(y * turn_c - x * turn_s) >= wa + lb * s + wb * c
+    ):
+        return 0.0
+    lx, ly, wx, wy = turn_c * la, turn_s * la, -turn_s * wa, turn_c * wa
+    # The integral of `_common_share`, edge after edge.
+    twice = 0.0
+    x0, y0 = x + lx - wx, y + ly - wy
+    for x1, y1 in (
+        (x + lx + wx, y + ly + wy),
+        (x - lx + wx, y - ly + wy),
+        (x - lx - wx, y - ly - wy),
+        (x0, y0),
+    ):
+        low = y0 if -wb < y0 < wb else math.copysign(wb, y0)
+        high = y1 if -wb < y1 < wb else math.copysign(wb, y1)
+        if low != high:
+            slope = (x1 - x0) / (y1 - y0) if abs(y1 - y0) > _LEAST_RISE else 0.0
+            start, end = x0 + (low - y0) * slope, x1 + (high - y1) * slope
+            over_start = start - math.copysign(lb, start) if abs(start) > lb else 0.0
+            over_end = end - math.copysign(lb, end) if abs(end) > lb else 0.0
+            outside, run = abs(over_start) + abs(over_end), abs(end - start)
+            share = outside / run if outside < run else 1.0
+            twice += (high - low) * (start + end - (over_start + over_end) * share)
+        x0, y0 = x1, y1
+    common = max(0.5 * twice, 0.0)
+    return min(common / max(4.0 * (la * wa + lb * wb) - common, _LEAST_AREA_M2), 1.0)
+
+
 def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
     """Intersection over union on the ground of every box of a with every box of b.
 

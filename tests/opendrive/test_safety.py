@@ -155,3 +155,18 @@ def test_a_map_without_lanes_is_refused_by_road(tmp_path, text):
     file.write_text(content, encoding="utf-8")
     with pytest.raises(MapContentError, match=r"road '7', <road>, line 2: <lanes> is missing"):
         load_map(file)
+
+
+def test_a_spiral_that_turns_as_far_as_is_allowed_takes_a_second_or_so(load, text):
+    def plan(turn_rad):
+        spiral = f'<spiral curvStart="0" curvEnd="{turn_rad / 100.0!r}"/>'
+        return f'<geometry s="0" x="0" y="0" hdg="0" length="100">{spiral}</geometry>'
+
+    with pytest.raises(MapContentError, match="turns by 101 rad"):
+        load(text.road(plan(101.0)))
+    network = load(text.road(plan(99.0)))
+    start = time.process_time()
+    assert np.isfinite(network.bounds).all()
+    assert len(network.lane_polygons()) == 2
+    assert network.locate([[0.0, 1.0]]).lane.size
+    assert time.process_time() - start < 10.0

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from smartmot import association
 from smartmot.assignment import solve
 from smartmot.association import COMPATIBLE, AssociationConfig, Associator
 from smartmot.errors import ConfigError
@@ -72,8 +73,12 @@ def test_distance_matches_never_cost_overlap(seed: int) -> None:
     assert len(found) >= len(_assign(iou))
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_overlaps_left_out_for_uncontested_pairs_change_no_match(seed: int) -> None:
+@pytest.mark.parametrize("few_pairs", [0, 1000])
+@pytest.mark.parametrize("seed", range(20))
+def test_overlaps_left_out_for_uncontested_pairs_change_no_match(
+    monkeypatch: pytest.MonkeyPatch, seed: int, few_pairs: int
+) -> None:
+    monkeypatch.setattr(association, "_FEW_PAIRS", few_pairs)
     rng = np.random.default_rng(seed)
     m, n = rng.integers(1, 12, 2)
     extent = float(rng.choice([2.0, 6.0, 20.0]))

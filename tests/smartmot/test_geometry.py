@@ -16,6 +16,7 @@ from smartmot.geometry import (
     from_frame,
     intersection_area,
     iou_pairs,
+    iou_scalar,
     near_pairs,
     signed_gap,
     signed_gap_scalar,
@@ -87,6 +88,7 @@ def test_area_iou_and_gap_equal_shapely(a: tuple[float, ...], b: tuple[float, ..
     assert intersection_area(*first, *second) == pytest.approx(common, abs=1e-9)
     union = polygon_a.area + polygon_b.area - common
     assert iou_pairs(*first, *second) == pytest.approx(common / union, abs=1e-6)
+    assert iou_scalar(a, b) == pytest.approx(common / union, abs=1e-6)  # type: ignore[arg-type]
     gap = signed_gap(*first, *second)
     assert max(float(gap), 0.0) == pytest.approx(shapely.distance(polygon_a, polygon_b), abs=1e-9)
     assert signed_gap_scalar(a, b) == pytest.approx(float(gap), abs=1e-12)  # type: ignore[arg-type]
@@ -109,6 +111,8 @@ def test_area_iou_and_gap_equal_shapely(a: tuple[float, ...], b: tuple[float, ..
 )
 def test_known_cases(a: tuple[float, ...], b: tuple[float, ...], area: float, gap: float | None) -> None:
     assert intersection_area(*_arrays(a), *_arrays(b)) == pytest.approx(area, abs=1e-12)
+    iou = area / (a[2] * a[3] + b[2] * b[3] - area)
+    assert iou_scalar(a, b) == pytest.approx(iou, abs=1e-12)  # type: ignore[arg-type]
     if gap is not None:
         assert signed_gap(*_arrays(a), *_arrays(b)) == pytest.approx(gap, abs=1e-12)
         assert signed_gap_scalar(a, b) == pytest.approx(gap, abs=1e-12)  # type: ignore[arg-type]
@@ -212,6 +216,8 @@ def test_bev_iou_equals_shapely(spacing_m: float, counts: tuple[int, int]) -> No
 def test_bev_iou_takes_rows_and_degenerate_boxes() -> None:
     rows = np.array([[0, 0, 4, 2, 0.3], [0, 0, 0, 2, 0.0], [0, 0, 0, 0, 1.0], [0, 0, 1e-9, 1e-9, 0.0]])
     iou = bev_iou(rows, rows)
+    one_by_one = [[iou_scalar(tuple(a), tuple(b)) for b in rows.tolist()] for a in rows.tolist()]
+    np.testing.assert_allclose(one_by_one, iou, atol=1e-12)
     assert np.isfinite(iou).all()
     np.testing.assert_allclose(np.diag(iou), [1, 0, 0, 1], atol=1e-9)
     assert not iou[1:3].any()

@@ -1,0 +1,1 @@
+"""The comparison of strategies over scenes: avoidance against false stops."""

@@ -1,0 +1,229 @@
+"""The command `smartmot-eval compare`: runs with progress and a journal, tables, figures, the answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rich.console
+import rich.progress
+
+from evaluation.results import ResultsError, Table, markdown_table, rich_table
+from evaluation.study import figures
+from evaluation.study.answer import answer
+from evaluation.study.grid import (
+    FRONTIER,
+    Point,
+    StudyRun,
+    ablation_points,
+    points_of,
+    study_runs,
+    version,
+)
+from evaluation.study.journal import Journal
+from evaluation.study.measures import FrameTime, RunMeasures, measure_all
+from evaluation.study.parameters import PARAMETERS, Setting, preset_with
+from evaluation.study.table import (
+    Summary,
+    runs_csv,
+    scene_table,
+    short_table,
+    summaries,
+    summary_csv,
+    summary_table,
+)
+from scenarios.presets import named_preset, named_weather, preset_in_weather
+from scenarios.scenes.scenes import SceneRun, choose_scenes
+
+
+@dataclass(frozen=True, slots=True)
+class CompareOptions:
+    """What the user asked for; the command's help says what each option means."""
+
+    strategies: tuple[str, ...]
+    vary: dict[str, tuple[Setting, ...]]
+    preset: str
+    weather: tuple[str, ...]
+    scenes: tuple[str, ...]
+    full: bool
+    seeds: int
+    workers: int
+    out: Path
+    ablation: bool
+    quiet: bool
+
+
+def compare(options: CompareOptions) -> list[Summary]:
+    """Carry a comparison out, or go on with it.
+
+    Returns:
+        The summaries, in the order of the table.
+
+    Raises:
+        ScenarioError: an unknown scene, preset or weather.
+        smartmot.errors.ConfigError: a setting is out of range.
+        ResultsError: the folder cannot be written.
+    """
+    scenes = choose_scenes(options.scenes, full=options.full)
+    points = points_for(options)
+    runs = study_runs(points, scenes, options.preset, options.weather, options.seeds)
+    console = rich.console.Console(quiet=options.quiet)
+    measures, spent, before = carry_out(runs, options.out, options.workers, console)
+    rows = summaries(measures)
+    written = write(options, scenes, points, measures, rows, spent)
+    console.print(rich_table(short_table(rows), _title(options, scenes)))
+    for line in answer(rows, points):
+        console.print(line, highlight=False)
+    done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
+    console.print(f"{done}; in {options.out}: {', '.join(path.name for path in written)}", highlight=False)
+    return rows
+
+
+def points_for(options: CompareOptions) -> tuple[Point, ...]:
+    """Strategies and settings of a comparison."""
+    if options.ablation:
+        return ablation_points(options.strategies, options.preset)
+    return points_of(options.strategies, options.vary or FRONTIER)
+
+
+def carry_out(
+    runs: Sequence[StudyRun], out: Path, workers: int, console: rich.console.Console
+) -> tuple[list[RunMeasures], list[FrameTime], int]:
+    """Carry out the runs that the folder's journal does not have.
+
+    Returns:
+        Measures and processor times in the order of the runs, and how many were there before.
+    """
+    keys = [run.key for run in runs]
+    with (
+        Journal(out) as journal,
+        rich.progress.Progress(
+            *rich.progress.Progress.get_default_columns(),
+            rich.progress.MofNCompleteColumn(),
+            console=console,
+            transient=True,
+            disable=console.quiet,
+        ) as progress,
+    ):
+        found = journal.finished(set(keys))
+        before = len(found)
+        task = progress.add_task("comparing", total=len(runs), completed=before)
+        missing = [(key, run) for key, run in zip(keys, runs, strict=True) if key not in found]
+        fresh = measure_all([run for _, run in missing], workers)
+        for (key, _), (_, measured, spent) in zip(missing, fresh, strict=True):
+            journal.add(key, measured, spent)
+            found[key] = measured, spent
+            progress.advance(task)
+    return [found[key][0] for key in keys], [found[key][1] for key in keys], before
+
+
+def write(
+    options: CompareOptions,
+    scenes: Sequence[SceneRun],
+    points: Sequence[Point],
+    measures: Sequence[RunMeasures],
+    rows: Sequence[Summary],
+    spent: Sequence[FrameTime],
+) -> list[Path]:
+    """Write tables and figures; all but `times.md` are the same bytes for the same comparison."""
+    out = options.out
+    title = _title(options, scenes)
+    usual = usual_points(points, options.preset)
+    lines = [
+        markdown_table(summary_table(rows)),
+        *(f"{line}\n" for line in answer(rows, points)),
+        "## By scene\n",
+        markdown_table(scene_table(measures, usual)),
+    ]
+    files = {
+        "runs.csv": runs_csv(measures),
+        "table.csv": summary_csv(rows),
+        "table.md": "\n".join(lines).encode(),
+        "compare.json": _configuration(options, scenes, points),
+        "times.md": markdown_table(time_table(measures, spent)).encode(),
+    }
+    written: list[Path] = []
+    try:
+        for name, content in files.items():
+            (out / name).write_bytes(content)
+            written.append(out / name)
+        for weather in options.weather:
+            here = [row for row in rows if row.weather == weather]
+            several = f"_{weather}" if len(options.weather) > 1 else ""
+            if options.ablation:
+                figure = figures.ablation(here, f"One choice changed: {title}, {weather}")
+                written += figures.save(figure, out / f"ablation{several}")
+            elif any(row.avoided.count for row in here) and any(row.false_stops.count for row in here):
+                figure = figures.frontier(here, points, f"{title}, {weather}")
+                written += figures.save(figure, out / f"frontier{several}")
+    except OSError as error:
+        raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
+    return written
+
+
+def usual_points(points: Sequence[Point], preset: str) -> list[Point]:
+    """Points whose numbers are as the preset has them, names apart; of a strategy without one its first."""
+    usual = [
+        point
+        for point in points
+        if all(
+            PARAMETERS[k].choices or PARAMETERS[k].of(named_preset(preset)) == v for k, v in point.settings
+        )
+    ]
+    has = {point.strategy for point in usual}
+    first = {point.strategy: point for point in reversed(points) if point.strategy not in has}
+    return [point for point in points if point in usual or first.get(point.strategy) == point]
+
+
+def _title(options: CompareOptions, scenes: Sequence[SceneRun]) -> str:
+    seeds = f"{options.seeds} seed{'s' if options.seeds > 1 else ''}"
+    return f"{len(scenes)} scene variants, {seeds}, preset {options.preset}"
+
+
+def time_table(measures: Sequence[RunMeasures], spent: Sequence[FrameTime]) -> Table:
+    """Processor time per frame of each strategy: medians over its runs."""
+    import numpy as np
+
+    header = ("strategy", "runs", "median per frame (ms)", "95th percentile (ms)")
+    lines = []
+    for strategy in dict.fromkeys(run.strategy for run in measures):
+        mine = [
+            time
+            for run, time in zip(measures, spent, strict=True)
+            if run.strategy == strategy and time.frames
+        ]
+        if mine:
+            median, high = (
+                float(np.median([getattr(t, name) for t in mine])) for name in ("median_ms", "p95_ms")
+            )
+            lines.append((strategy, str(len(mine)), f"{median:.2f}", f"{high:.2f}"))
+    return Table(
+        header, tuple(lines), (), "Processor time of perception and decision; medians over the runs."
+    )
+
+
+def _configuration(options: CompareOptions, scenes: Sequence[SceneRun], points: Sequence[Point]) -> bytes:
+    """Everything that determines the results, as JSON."""
+    presets = {
+        name: preset_in_weather(named_preset(options.preset), named_weather(name)) for name in options.weather
+    }
+    values = {
+        "version": version(),
+        "preset": options.preset,
+        "seeds": options.seeds,
+        "points": [{"strategy": point.strategy, "settings": dict(point.settings)} for point in points],
+        "scenes": [
+            {"scene": run.scene, "variant": run.variant, "must": run.must, "file": Path(run.file).name}
+            | {"parameters": {k: v for k, v in run.parameters if k != "Map"}}
+            for run in scenes
+        ],
+        "presets": {
+            f"{point.strategy} {point.text} {name}": dataclasses.asdict(preset_with(preset, point.settings))
+            for name, preset in presets.items()
+            for point in points[:1]
+        },
+    }
+    return (json.dumps(values, indent=1, sort_keys=True) + "\n").encode()

@@ -1,0 +1,206 @@
+"""Parameters that the comparison varies: what they change, and for which strategies they mean anything."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from evaluation.errors import ArgumentError
+from scenarios.presets import Preset
+from scenarios.strategies import STRATEGIES
+from smartmot.pipeline import PipelineConfig
+
+Setting = float | str
+Settings = tuple[tuple[str, Setting], ...]
+"""Names and values of the parameters that depart from the preset, by name."""
+
+MAX_VALUES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter.
+
+    Args:
+        text: what it is, for tables and figures.
+        unit: of its values; empty for names and ratios.
+        strategies: those that it changes.
+        choices: possible names; empty: it is a number.
+        of: its value in a preset.
+        put: a preset with another value.
+    """
+
+    text: str
+    unit: str
+    strategies: tuple[str, ...]
+    choices: tuple[str, ...]
+    of: Callable[[Preset], Setting]
+    put: Callable[[Preset, Setting], Preset]
+
+
+def _pipeline(preset: Preset, **changes: object) -> Preset:
+    return replace(preset, pipeline=replace(preset.pipeline, **changes))  # type: ignore[arg-type]
+
+
+def _filter_of(config: PipelineConfig) -> str:
+    names = {
+        (True, True): "both",
+        (True, False): "detections",
+        (False, True): "tracks",
+        (False, False): "none",
+    }
+    return names[config.filter_detections, config.filter_tracks]
+
+
+def _put_filter(preset: Preset, value: Setting) -> Preset:
+    detections, tracks = value in ("both", "detections"), value in ("both", "tracks")
+    return _pipeline(preset, filter_detections=detections, filter_tracks=tracks)
+
+
+def _put_horizon(preset: Preset, value: Setting) -> Preset:
+    forecast, horizon = preset.pipeline.forecast, float(value)
+    longest = max(horizon, forecast.max_horizon_s)
+    return _pipeline(preset, forecast=replace(forecast, min_horizon_s=horizon, max_horizon_s=longest))
+
+
+def _put_ego_forecast(preset: Preset, value: Setting) -> Preset:
+    return _pipeline(preset, forecast=replace(preset.pipeline.forecast, ego=str(value)))
+
+
+_TURNING_RADPS = 1.0
+"""Limit on forecast turn rates where objects turn at all: the default of `smartmot.forecast`."""
+
+
+def _put_motion(preset: Preset, value: Setting) -> Preset:
+    limit = 0.0 if value == "cv" else preset.pipeline.forecast.max_yaw_rate_radps or _TURNING_RADPS
+    return _pipeline(preset, forecast=replace(preset.pipeline.forecast, max_yaw_rate_radps=limit))
+
+
+PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
+    {
+        "margin_m": Parameter(
+            "VRU margin over the sidewalk",
+            "m",
+            ("map",),
+            (),
+            lambda preset: preset.map_area.vru_margin_m,
+            lambda preset, v: replace(preset, map_area=replace(preset.map_area, vru_margin_m=float(v))),
+        ),
+        "half_width_m": Parameter(
+            "half width of the rectangle",
+            "m",
+            ("rectangular",),
+            (),
+            lambda preset: preset.rectangular.half_width_m,
+            lambda preset, v: replace(preset, rectangular=replace(preset.rectangular, half_width_m=float(v))),
+        ),
+        "iou_threshold": Parameter(
+            "overlap of forecast boxes that predicts a collision",
+            "",
+            STRATEGIES,
+            (),
+            lambda preset: preset.pipeline.iou_threshold,
+            lambda preset, v: _pipeline(preset, iou_threshold=float(v)),
+        ),
+        "horizon_s": Parameter(
+            "shortest forecast horizon",
+            "s",
+            STRATEGIES,
+            (),
+            lambda preset: preset.pipeline.forecast.min_horizon_s,
+            _put_horizon,
+        ),
+        "ego_forecast": Parameter(
+            "forecast of the ego",
+            "",
+            ("map",),  # the others know no route and fall back on the turn rate
+            ("ctrv", "route"),
+            lambda preset: preset.pipeline.forecast.ego,
+            _put_ego_forecast,
+        ),
+        "filter": Parameter(
+            "what the monitored lanes filter",
+            "",
+            ("map",),  # the others keep everything
+            ("detections", "tracks", "both", "none"),
+            lambda preset: _filter_of(preset.pipeline),
+            _put_filter,
+        ),
+        "motion": Parameter(
+            "forecast of the others",
+            "",
+            STRATEGIES,
+            ("cv", "ctrv"),
+            lambda preset: "ctrv" if preset.pipeline.forecast.max_yaw_rate_radps > 0 else "cv",
+            _put_motion,
+        ),
+    }
+)
+"""Parameters by name."""
+
+
+def preset_with(preset: Preset, settings: Settings) -> Preset:
+    """A preset with other values of some parameters.
+
+    Raises:
+        smartmot.errors.ConfigError: a value is out of range.
+    """
+    for name, value in settings:
+        preset = PARAMETERS[name].put(preset, value)
+    return preset
+
+
+def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
+    """`NAME=VALUES` each: names, numbers joined by commas, or ranges `0..4:0.5`.
+
+    Raises:
+        ArgumentError: not of that form, an unknown parameter or name, or a parameter twice.
+    """
+    found: dict[str, tuple[Setting, ...]] = {}
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if name not in PARAMETERS or not equals:
+            raise ArgumentError(
+                f"--vary: expected NAME=VALUES with one of {', '.join(PARAMETERS)}; got {text!r}"
+            )
+        if name in found:
+            raise ArgumentError(f"--vary: {name} is given twice; give all its values at once")
+        choices = PARAMETERS[name].choices
+        parts = [part.strip() for part in values.split(",")]
+        if choices:
+            for part in parts:
+                if part not in choices:
+                    raise ArgumentError(f"--vary {name}: unknown {part!r}; use: {', '.join(choices)}")
+            found[name] = tuple(dict.fromkeys(parts))
+        else:
+            numbers = [number for part in parts for number in _numbers(name, part)]
+            found[name] = tuple(dict.fromkeys(numbers))
+    return found
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    """A number, or a range LOW..HIGH:STEP."""
+    form = f"--vary {name}: cannot read {text!r}; use 1.8, 0,1,2 or 0..4:0.5"
+    match = re.fullmatch(r"(.+?)(?:\.\.(.+?):(.+))?", text)
+    try:
+        low, high, step = (None if g is None else float(g) for g in match.groups()) if match else (None,) * 3
+    except ValueError:
+        raise ArgumentError(form) from None
+    if low is None or not math.isfinite(low):
+        raise ArgumentError(form)
+    if high is None or step is None:
+        return [low]
+    if not (math.isfinite(high) and math.isfinite(step) and step > 0 and high >= low):
+        raise ArgumentError(form)
+    count = math.floor((high - low) / step + 1e-9) + 1
+    if count > MAX_VALUES:
+        raise ArgumentError(f"--vary {name}: {text!r} gives {count} values; use at most {MAX_VALUES}")
+    return [round(low + k * step, 9) for k in range(count)]
+
+
+def setting_text(name: str, value: Setting) -> str:
+    """`NAME=VALUE` as it is typed."""
+    return f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"

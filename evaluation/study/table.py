@@ -1,0 +1,246 @@
+"""What a comparison came to: per strategy and settings, and per scene."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from evaluation.protocols.paper import paper_score_max
+from evaluation.results import Table
+from evaluation.study.grid import Point
+from evaluation.study.intervals import Estimate, mean_t, wilson
+from evaluation.study.measures import RunMeasures
+
+INTERVALS = (
+    "Rates: Wilson's score interval over all runs (95 %). Means: Student's interval over the seeds' means "
+    "(95 %). Both tell how far sensor noise and frame phase move the number for these scenes, not how other "
+    "scenes would come out. Scenes are fixed, so Wilson's interval is on the safe side."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A strategy with settings in one weather, over all scenes and seeds.
+
+    Args:
+        strategy, settings, weather: who and where.
+        avoided: share of runs without contact, of those where the ego must brake.
+        v_impact_kmh: mean impact speed of those, 0 without contact.
+        score_share: the paper's points of those over what could be won.
+        flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course.
+        flag_distance_m: mean distance to the target at the flag, of those with a flag.
+        false_stops: share of runs with an emergency request, of those where nothing should happen.
+        false_stops_per_km: the same by distance driven.
+        needless_stops: share with an emergency request or a standstill.
+        speed_loss_kmh, delay_s: means where nothing should happen.
+        tracks: mean number of tracks over all runs.
+    """
+
+    strategy: str
+    settings: str
+    weather: str
+    avoided: Estimate
+    v_impact_kmh: Estimate
+    score_share: float
+    flag_ttc_s: Estimate
+    flag_distance_m: Estimate
+    false_stops: Estimate
+    false_stops_per_km: float
+    needless_stops: Estimate
+    speed_loss_kmh: Estimate
+    delay_s: Estimate
+    tracks: Estimate
+
+
+def summarise(runs: Sequence[RunMeasures]) -> Summary:
+    """Summary of the runs of one strategy, settings and weather.
+
+    Raises:
+        ValueError: there are none.
+    """
+    if not runs:
+        raise ValueError("summarise: no runs")
+    brake = [run for run in runs if run.must == "brake"]
+    nothing = [run for run in runs if run.must == "nothing"]
+    km = sum(run.distance_m for run in nothing) / 1000
+    stops = sum(run.false_stop for run in nothing)
+    most = sum(paper_score_max(run.v_test_kmh) or 0.0 for run in brake)
+    return Summary(
+        strategy=runs[0].strategy,
+        settings=runs[0].settings,
+        weather=runs[0].weather,
+        avoided=wilson(sum(not run.collided for run in brake), len(brake)),
+        v_impact_kmh=_over_seeds(brake, lambda run: run.v_impact_kmh),
+        score_share=sum(run.score or 0.0 for run in brake) / most if most else math.nan,
+        flag_ttc_s=_over_seeds(brake, lambda run: run.flag_ttc_s),
+        flag_distance_m=_over_seeds(brake, lambda run: run.flag_distance_m),
+        false_stops=wilson(stops, len(nothing)),
+        false_stops_per_km=stops / km if km else math.nan,
+        needless_stops=wilson(sum(run.needless_stop for run in nothing), len(nothing)),
+        speed_loss_kmh=_over_seeds(nothing, lambda run: run.speed_loss_kmh),
+        delay_s=_over_seeds(nothing, lambda run: run.delay_s),
+        tracks=_over_seeds(runs, lambda run: run.tracks_mean),
+    )
+
+
+def _over_seeds(runs: Sequence[RunMeasures], value: Callable[[RunMeasures], float | None]) -> Estimate:
+    """Mean of the seeds' means."""
+    by_seed: dict[int, list[float]] = {}
+    for run in runs:
+        number = value(run)
+        if number is not None:
+            by_seed.setdefault(run.seed, []).append(number)
+    return mean_t([sum(numbers) / len(numbers) for _, numbers in sorted(by_seed.items())])
+
+
+def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
+    """A summary per weather, strategy and settings, in the order of the runs."""
+    groups: dict[tuple[str, str, str], list[RunMeasures]] = {}
+    for run in runs:
+        groups.setdefault((run.weather, run.strategy, run.settings), []).append(run)
+    return [summarise(group) for group in groups.values()]
+
+
+def summary_table(rows: Sequence[Summary]) -> Table:
+    """The summaries as text."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()),
+        "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "TTC at flag (s)",
+        "false stops (%)", "per km", "needless stops (%)", "speed loss (km/h)", "delay (s)", "tracks",
+    )  # fmt: skip
+    lines = [
+        (
+            *((row.weather,) if weathers else ()),
+            row.strategy,
+            row.settings or "as the preset has it",
+            _rate(row.avoided),
+            _mean(row.v_impact_kmh, 1),
+            _plain(100 * row.score_share, 0),
+            _mean(row.flag_ttc_s, 2),
+            _rate(row.false_stops),
+            _plain(row.false_stops_per_km, 2),
+            _rate(row.needless_stops),
+            _mean(row.speed_loss_kmh, 1),
+            _mean(row.delay_s, 2),
+            _mean(row.tracks, 1),
+        )
+        for row in rows
+    ]
+    return Table(header, tuple(lines), (), f"{_counts(rows)} {INTERVALS}")
+
+
+def short_table(rows: Sequence[Summary]) -> Table:
+    """The columns of the summaries that decide, for a terminal."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()), "strategy", "settings", "avoided", "impact (km/h)",
+        "false stops", "needless stops", "delay (s)",
+    )  # fmt: skip
+    lines = [
+        (
+            *((row.weather,) if weathers else ()),
+            row.strategy,
+            row.settings or "-",
+            f"{_plain(100 * row.avoided.value, 0)} %",
+            _plain(row.v_impact_kmh.value, 1),
+            *(f"{_plain(100 * rate.value, 0)} %" for rate in (row.false_stops, row.needless_stops)),
+            _plain(row.delay_s.value, 2),
+        )
+        for row in rows
+    ]
+    return Table(header, tuple(lines), (), _counts(rows))
+
+
+def _counts(rows: Sequence[Summary]) -> str:
+    brake, nothing = rows[0].avoided.count, rows[0].false_stops.count
+    return f"Per line {brake} runs where the ego must brake and {nothing} where nothing should happen."
+
+
+def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
+    """Contacts and false stops per scene, of chosen strategies and settings."""
+    chosen = [(point.strategy, point.text) for point in points]
+    scenes: dict[tuple[str, str], dict[tuple[str, str], list[RunMeasures]]] = {}
+    for run in runs:
+        who = (run.strategy, run.settings)
+        if who in chosen:
+            scenes.setdefault((run.must, run.scene), {}).setdefault(who, []).append(run)
+    header = ("must", "scene", *(f"{strategy} {settings}".strip() for strategy, settings in chosen))
+    lines = []
+    for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake"):
+        cells = []
+        for who in chosen:
+            mine = group.get(who, [])
+            if must == "brake":
+                cells.append(f"{sum(not run.collided for run in mine)}/{len(mine)} avoided")
+            else:
+                stops, still = sum(run.false_stop for run in mine), sum(run.needless_stop for run in mine)
+                other = f" +{still - stops} standstill" if still > stops else ""
+                cells.append(f"{stops}/{len(mine)} false stops{other}")
+        lines.append((must, scene, *cells))
+    return Table(header, tuple(lines))
+
+
+def runs_csv(runs: Sequence[RunMeasures]) -> bytes:
+    """One line per run, all its measures; what does not exist is empty."""
+    return _csv([dataclasses.asdict(run) for run in runs])
+
+
+def summary_csv(rows: Sequence[Summary]) -> bytes:
+    """One line per summary; an estimate is four columns."""
+    flat = []
+    for row in rows:
+        values: dict[str, object] = {}
+        for field in dataclasses.fields(row):
+            value = getattr(row, field.name)
+            if isinstance(value, Estimate):
+                values |= {
+                    field.name: value.value,
+                    f"{field.name}_low": value.low,
+                    f"{field.name}_high": value.high,
+                }
+                values[f"{field.name}_count"] = value.count
+            else:
+                values[field.name] = value
+        flat.append(values)
+    return _csv(flat)
+
+
+def _csv(rows: Sequence[dict[str, object]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: _cell(value) for name, value in row.items()})
+    return text.getvalue().encode()
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _rate(rate: Estimate) -> str:
+    if math.isnan(rate.value):
+        return "–"
+    return f"{100 * rate.value:.0f} [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
+
+
+def _mean(mean: Estimate, digits: int) -> str:
+    if math.isnan(mean.value):
+        return "–"
+    half = "" if math.isnan(mean.low) else f" ±{mean.high - mean.value:.{digits}f}"
+    return f"{_plain(mean.value, digits)}{half}"
+
+
+def _plain(value: float, digits: int) -> str:
+    if math.isnan(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -1,0 +1,1 @@
+"""Scenes of the comparison: what must make the ego brake, and what must not."""

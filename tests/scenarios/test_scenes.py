@@ -1,0 +1,119 @@
+"""Scenes: what must happen in them happens when nobody brakes; places; maps."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opendrive import load_map
+from scenarios.errors import ScenarioError
+from scenarios.library import scenario_path
+from scenarios.openscenario import Engine, load
+from scenarios.places import Place
+from scenarios.scenes.scene_maps import MAPS, SPIRAL_M, STRAIGHT_M, bend_length_m, build_maps
+from scenarios.scenes.scenes import SceneRun, Street, all_scenes, choose_scenes, place_values
+
+SHORT = choose_scenes()
+REST = [run for run in all_scenes() if not run.default]
+
+
+def unbraked(run: SceneRun) -> Engine:
+    engine = Engine(load(scenario_path(run.file), dict(run.parameters)))
+    engine.run(60.0)
+    return engine
+
+
+@pytest.mark.parametrize("run", [*SHORT, *REST[::7]], ids=lambda run: run.name)
+def test_the_unbraked_run_shows_what_must_happen(run: SceneRun) -> None:
+    engine = unbraked(run)
+    assert (engine.contact is not None) == (run.must == "brake")
+    assert engine.over  # by its own stop trigger, not the time limit
+    assert max(abs(engine.entities.speed_mps[0] * 3.6 - run.speed_kmh), 0.0) < 1e-6
+
+
+def test_names_are_unique_and_both_kinds_are_there() -> None:
+    names = [run.name for run in all_scenes()]
+    assert len(set(names)) == len(names)
+    assert {run.must for run in SHORT} == {"brake", "nothing"}
+
+
+def test_a_crossing_meets_the_middle_of_the_ego() -> None:
+    # the pedestrian is at the lane's centre when the ego's front is at the line; its box is touched half its
+    # width earlier, and in a bend the ego's front is beside the lane's centre
+    for run in choose_scenes(("crosses in a bend",), full=True):
+        contact = unbraked(run).contact
+        assert contact is not None
+        assert 35.0 < contact.impact_location_percent < 65.0
+
+
+@pytest.mark.parametrize("gap", [0.3, 1.5])
+def test_who_stops_before_the_road_stands_that_far_from_the_kerb(gap: float) -> None:
+    run = next(
+        r
+        for r in all_scenes()
+        if r.scene == "stops before the road" and dict(r.parameters)["Stop_gap"] == gap
+    )
+    engine = unbraked(run)
+    values = dict(run.parameters)
+    y_m = float(engine.entities.reference_m[1, 1])
+    # the urban street runs along x, so that y is t
+    assert y_m == pytest.approx(float(values["Kerb"]) + float(values["Out"]) * gap, abs=1e-6)
+    assert engine.entities.speed_mps[1] == 0.0
+
+
+@pytest.mark.parametrize("radius", sorted(SPIRAL_M))
+def test_a_bend_turns_by_a_right_angle_with_its_radius(radius: float) -> None:
+    network = load_map(MAPS / f"bend_{radius:.0f}.xodr")
+    s = np.array([0.0, STRAIGHT_M + bend_length_m(radius) / 2, 2 * STRAIGHT_M + bend_length_m(radius)])
+    heading = network.road_point("1", s, np.zeros(3)).heading_rad
+    assert math.remainder(float(heading[-1] - heading[0]) - math.pi / 2, 2 * math.pi) == pytest.approx(
+        0.0, abs=1e-9
+    )
+    # the curvature in the middle of the arc, from the circle through three points 2 m apart
+    near = s[1] + np.array([-2.0, 0.0, 2.0])
+    points = network.road_point("1", near, np.zeros(3))
+    x, y = np.asarray(points.x_m), np.asarray(points.y_m)
+    sides = [math.dist((x[i], y[i]), (x[j], y[j])) for i, j in ((0, 1), (1, 2), (0, 2))]
+    area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 2
+    assert math.prod(sides) / (4 * area) == pytest.approx(radius, rel=1e-6)
+
+
+def test_shipped_maps_are_what_the_builder_writes() -> None:
+    built = build_maps()
+    assert {path.stem for path in MAPS.glob("*.xodr")} == set(built)
+    for name, content in built.items():
+        assert (MAPS / f"{name}.xodr").read_bytes() == content
+
+
+def test_place_values_of_the_straight_street() -> None:
+    # lane -1 of the urban street: centre at y = -1.75, kerbs at -3.5 and 3.5
+    street = Street("straight", "../maps/urban_street.xodr", Place("1", -1, 400.0))
+    near, far = (place_values(street, side, 70.0) for side in ("near", "far"))
+    assert (near["Kerb"], near["Out"], near["Lane_to_kerb"]) == (-3.5, -1.0, 1.75)
+    assert (far["Kerb"], far["Out"], far["Lane_to_kerb"]) == (3.5, 1.0, 5.25)
+    assert (near["Start_x"], near["Start_y"], near["Along"]) == (330.0, -1.75, 1.0)
+
+
+def test_place_values_against_s() -> None:
+    street = Street("back", "../maps/urban_street.xodr", Place("1", 1, 400.0))
+    values = place_values(street, "near", 70.0)
+    assert (values["Along"], values["Kerb"], values["Out"]) == (-1.0, 3.5, 1.0)
+    assert (values["Start_x"], values["Start_y"]) == (470.0, 1.75)
+
+
+def test_a_way_that_does_not_fit_is_refused() -> None:
+    street = Street("short", "../maps/urban_street.xodr", Place("1", -1, 50.0))
+    with pytest.raises(ScenarioError, match="begins 50 m before the line; the scene needs 70"):
+        place_values(street, "near", 70.0)
+
+
+def test_unknown_scene() -> None:
+    with pytest.raises(ScenarioError, match="no scene 'nowhere'"):
+        choose_scenes(("nowhere",))
+
+
+def test_every_scene_file_is_used() -> None:
+    files = {Path(run.file).stem for run in all_scenes()}
+    shipped = {path.stem for path in MAPS.parent.glob("*.xosc")}
+    assert shipped <= files
