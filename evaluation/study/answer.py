@@ -46,15 +46,16 @@ def curves(rows: Sequence[Summary], points: Sequence[Point]) -> list[Curve]:
         points: that they are of.
     """
     by_name = {(row.strategy, row.settings): row for row in rows}
-    found: dict[tuple[str, Settings], list[tuple[float, Summary]]] = {}
+    found: dict[tuple[str, Settings, bool], list[tuple[float, Summary]]] = {}
     for point in points:
         width = WIDTHS.get(point.strategy, "")
         value = dict(point.settings).get(width)
         rest = tuple((name, other) for name, other in point.settings if name != width)
         at = math.nan if value is None else float(value)
-        found.setdefault((point.strategy, rest), []).append((at, by_name[point.strategy, point.text]))
+        group = found.setdefault((point.strategy, rest, value is None), [])
+        group.append((at, by_name[point.strategy, point.text]))
     made = []
-    for (strategy, rest), pairs in found.items():
+    for (strategy, rest, _), pairs in found.items():
         ordered = sorted(pairs, key=lambda pair: pair[0])
         values = tuple(value for value, _ in ordered if not math.isnan(value))
         parameter = WIDTHS[strategy] if values else ""

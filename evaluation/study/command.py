@@ -75,7 +75,7 @@ def compare(options: CompareOptions) -> list[Summary]:
     rows = summaries(measures)
     written = write(options, scenes, points, measures, rows, spent)
     console.print(rich_table(short_table(rows), _title(options, scenes)))
-    for line in answer(rows, points):
+    for line in [] if options.ablation else answer(rows, points):
         console.print(line, highlight=False)
     done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
     console.print(f"{done}; in {options.out}: {', '.join(path.name for path in written)}", highlight=False)
@@ -134,7 +134,7 @@ def write(
     usual = usual_points(points, options.preset)
     lines = [
         markdown_table(summary_table(rows)),
-        *(f"{line}\n" for line in answer(rows, points)),
+        *(f"{line}\n" for line in ([] if options.ablation else answer(rows, points))),
         "## By scene\n",
         markdown_table(scene_table(measures, usual)),
     ]

@@ -80,9 +80,30 @@ def test_default_gives_weak_detections_to_known_tracks_only() -> None:
     assert len(tracker.update(_frame(0.0, 0.0, score=0.5))) == 0
     assert tracker.update(_frame(0.1, 0.0, score=0.9)).track_id.tolist() == [1]
     assert tracker.update(_frame(0.2, 0.0, score=0.5)).track_id.tolist() == [1]
-    # A detection so weak still steers the track, but nobody is told.
+    # A detection so weak still steers the track, but the mean score (0.53) falls under 0.6: nobody is told.
     assert len(tracker.update(_frame(0.3, 0.1, score=0.2))) == 0
+    # 2.5 / 4 = 0.625
     assert tracker.update(_frame(0.4, 0.1, score=0.9)).track_id.tolist() == [1]
+
+
+@pytest.mark.parametrize(("category", "frames"), [("car", 1), ("pedestrian", 4), ("cyclist", 1)])
+def test_default_shows_a_missed_object_for_a_short_time(category: str, frames: int) -> None:
+    tracker = Tracker(tracker_config("default"))
+    for k in range(10):
+        tracker.update(_frame(0.1 * k, 0.1 * k, category))
+    shown = [len(tracker.update(Detections.empty(0.1 * k))) for k in range(10, 16)]
+    assert shown == [1] * frames + [0] * (6 - frames)
+
+
+def test_default_confirms_a_cyclist_at_the_third_hit_and_forgives_one_miss() -> None:
+    for missing, expected in [((), [0, 0, 1, 1]), ((1,), [0, 0, 1, 1]), ((1, 2), [0, 0, 0, 0])]:
+        tracker = Tracker(tracker_config("default"))
+        shown = []
+        for k in range(4):
+            empty = Detections.empty(0.1 * k)
+            tracks = tracker.update(empty if k in missing else _frame(0.1 * k, 0.3 * k, "cyclist"))
+            shown.append(len(tracks))
+        assert shown == expected, missing
 
 
 def test_a_user_needs_ten_lines() -> None:

@@ -166,6 +166,14 @@ def test_the_answer_takes_most_avoided_then_fewest_stops_then_the_least() -> Non
     assert "0 m: 1 of 2 contacts avoided, 0 of 2 false stops" in line
 
 
+def test_a_point_without_width_is_a_curve_of_its_own() -> None:
+    texts = ("", "margin_m=1", "margin_m=2")
+    runs = [measured("map", text, must, 0, False) for text in texts for must in ("brake", "nothing")]
+    points = [Point("map"), Point("map", (("margin_m", 1.0),)), Point("map", (("margin_m", 2.0),))]
+    assert [curve.values for curve in curves(summaries(runs), points)] == [(), (1.0, 2.0)]
+    assert len(answer(summaries(runs), points)) == 1
+
+
 def test_usual_points_are_those_of_the_preset() -> None:
     points = [Point("map", (("margin_m", m),)) for m in (0.0, 1.8)] + [
         Point("rectangular", (("half_width_m", 4.0),))
