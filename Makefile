@@ -41,8 +41,4 @@ $(VENV)/.dev: requirements/dev.txt $(VENV)/.run
 
 # The reference results in reports/, made again.
 reports: $(VENV)/.run
-	for preset in paper physical; do \
-		$(VENV)/bin/smartmot-eval cpna --speeds 10..80 --preset $$preset --out reports/$$preset || exit 1; done
-	$(VENV)/bin/smartmot-eval cpna --speeds 30..50 --adversaries static --out reports/static
-	$(VENV)/bin/smartmot-eval cpna --preset physical --weather dry,wet,rain,snow --out reports/weather
-	$(VENV)/bin/python -m benchmarks.paper_mechanisms > reports/mechanisms.txt
+	$(VENV)/bin/smartmot-eval reports

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from evaluation.protocols.grid import Cell, Function, Lighting
+from evaluation.protocols.robustness import Quantity
 from evaluation.runs import NIGHT_LX, initial_speed_kmh, is_night
 from scenarios.library import shipped_scenario
 from scenarios.openscenario.distributions import Variation, expand
@@ -50,6 +51,8 @@ def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinitio
     impact = percent or _first(values, _IMPACT)
     if impact is not None:
         columns["impact_location_percent"] = float(impact)
+        if values.get("VRU_trajectoryOrientation") == -1:  # Vector's files count from the target's side
+            columns["impact_location_percent"] = 100.0 - float(impact)
     target = _first(values, _TARGET_SPEED)
     if target is not None:
         columns["target_speed_kmh"] = float(target)
@@ -116,6 +119,58 @@ def shipped_run(cell: Cell, steady_distance_m: float | None = None) -> Variation
     if steady_distance_m is not None and name in ("cpla_fcw", "cbla_fcw", "cpla", "cbla"):
         values["Steady_distance"] = steady_distance_m
     return Variation(f"{name}_{cell.speed_kmh:g}", first.path, values)
+
+
+# ---- changed scenarios -------------------------------------------------------------------------------------
+
+_CHANGED_BY = {
+    # the parameters that a quantity is added to: of the shipped scenarios, then of Vector's files of 2026
+    Quantity.TARGET_SPEED_KMH: (
+        *("Target_speed_kmh", "VRU_finalSpeed_kph", "Target_final_speed_kph", "Target_init_speed_kph"),
+    ),
+    Quantity.START_PERCENT: ("Target_offset", "VRU_initLatDist", "VRU_steadyStateDist"),
+    Quantity.HEADING_DEG: ("Target_heading_deg",),
+    Quantity.PATH_OFFSET_M: (),
+    Quantity.TARGET_DECELERATION_MPS2: ("Target_deceleration",),
+    Quantity.HEADWAY_S: ("Target_time_headway",),
+    Quantity.ILLUMINANCE_LX: ("Illuminance",),
+}
+
+
+def changed_run(
+    variation: Variation, values: Mapping[str, Value], quantity: Quantity, amount: float
+) -> Variation | None:
+    """A run with one quantity changed; None if its scenario has no parameter for that.
+
+    Args:
+        variation: the run.
+        values: its final parameters.
+        quantity: what changes.
+        amount: by how much; to how much, of the illuminance.
+    """
+    name = next((name for name in _CHANGED_BY[quantity] if name in values), None)
+    if name is None:
+        return None
+    if quantity is Quantity.START_PERCENT:
+        distance = _distance_to_impact_m(values)
+        if distance is None:
+            return None
+        amount = amount / 100.0 * distance
+    before = 0.0 if quantity is Quantity.ILLUMINANCE_LX else float(values[name])
+    value = round(before + amount, 9)
+    told = f"{variation.name}_{name}_{value:g}"
+    return Variation(told, variation.path, {**variation.parameters, name: value})
+
+
+def _distance_to_impact_m(values: Mapping[str, Value]) -> float | None:
+    """From the target's start to the impact point, of the shipped crossings and Vector's of 2026."""
+    if "_Walk" in values:
+        return float(values["_Walk"])
+    if "VRU_initLatDist" in values:
+        to_impact = float(values["_Ego_impactPointOffset"]) - float(values["VRU_collisionPointOffset"])
+        return float(values["VRU_initLatDist"]) + to_impact
+    points = [float(value) for name, value in values.items() if name.startswith("_Road_collisionPointA")]
+    return points[0] - float(values["_VRU_initS"]) if points else None
 
 
 @cache

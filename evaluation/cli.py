@@ -115,7 +115,23 @@ COMPARE_EXAMPLES = """
 
 `smartmot-eval compare --growth --out results/growth`
 
+`smartmot-eval compare --scenes 'people at the kerb' --logs --out results/kerb` and then
+
+`smartmot-eval report results/kerb/runs`
+
 Scenes, parameters, measures and intervals: docs/study.md. A comparison that was killed goes on where it was.
+"""
+
+REPORTS_EXAMPLES = """
+**Examples**
+
+`smartmot-eval reports`
+
+`smartmot-eval reports --only paper,static`
+
+`smartmot-eval reports --check`
+
+Started again after it was stopped, it goes on where it was.
 """
 
 Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
@@ -290,6 +306,9 @@ def ncap(
     night: Night = "lidar",
     phase_ms: PhaseMs = 0.0,
     seed: Seed = 0,
+    logs: Annotated[
+        bool, typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: AllWorkers = None,
     quiet: Quiet = False,
@@ -315,7 +334,8 @@ def ncap(
         adapts=name == "paper",
     )
     console = rich.console.Console(quiet=quiet)
-    run_grid(files or [], name, conditions, writable_folder(out), workers or available_cores(), console)
+    processes = workers or available_cores()
+    run_grid(files or [], name, conditions, writable_folder(out), processes, console, keep_logs=logs)
 
 
 @app.command("list")
@@ -562,19 +582,26 @@ def compare(
     growth: Annotated[
         bool, typer.Option("--growth", help="0 to 200 other participants: time per frame, and the flag.")
     ] = False,
+    logs: Annotated[
+        bool,
+        typer.Option("--logs", help="Also log a run per scene and strategy into OUT/runs, for `report`."),
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for tables, figures and the journal.")] = Path(
         "results/compare"
     ),
+    form: Annotated[
+        str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
+    ] = "png,svg",
     workers: AllWorkers = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare strategies over scenes: who avoids contacts, and who stops for nobody."""
     from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
     from evaluation.errors import ArgumentError
+    from evaluation.settings import parse_vary
     from evaluation.study.command import CompareOptions
     from evaluation.study.command import compare as carry_out
     from evaluation.study.growth import compare_growth
-    from evaluation.study.parameters import parse_vary
     from scenarios.presets import PRESETS, WEATHER
     from scenarios.scenes.scenes import scene_names
     from scenarios.strategies import STRATEGIES
@@ -584,13 +611,13 @@ def compare(
     chosen = parse_names(strategies, STRATEGIES, "--strategies")
     preset = parse_name(preset, tuple(PRESETS), "--preset")
     conditions = parse_names(weather, tuple(WEATHER), "--weather")
+    formats = parse_names(form, PICTURE_FORMATS, "--format")
     varied = parse_vary(vary or [])
     only = parse_names(scenes, scene_names(), "--scenes") if scenes else ()
-    folder = writable_folder(out)
+    folder, processes = writable_folder(out), workers or available_cores()
     if growth:
-        compare_growth(chosen, preset, conditions[0], seeds, folder, quiet)
+        compare_growth(chosen, preset, conditions[0], seeds, processes, folder, quiet, formats)
         return
-    processes = workers or available_cores()
     carry_out(
         CompareOptions(
             strategies=chosen,
@@ -603,9 +630,38 @@ def compare(
             workers=processes,
             out=folder,
             ablation=ablation,
+            logs=logs,
+            formats=formats,
             quiet=quiet,
         )
     )
+
+
+@app.command(epilog=REPORTS_EXAMPLES)
+def reports(
+    out: Annotated[Path, typer.Option(help="Folder of the reference results.")] = Path("reports"),
+    only: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Only these parts, comma-separated; default: all.", metavar="NAME,..."),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Make a few runs of each part again; exit status 1 on drift.")
+    ] = False,
+    workers: AllWorkers = None,
+    quiet: Quiet = False,
+) -> None:
+    """Make all reference results: the paper's table and figures, scenes, ablations, growth."""
+    from evaluation.arguments import available_cores, writable_folder
+    from evaluation.reference.command import check_reports, make_reports
+
+    names = [name.strip() for name in only.split(",")] if only else []
+    if not check:
+        make_reports(writable_folder(out), names, workers or available_cores(), quiet)
+        return
+    lines = check_reports(out, names)
+    for line in lines:
+        typer.echo(line, err=True)
+    raise typer.Exit(1 if lines else 0)
 
 
 def main() -> None:
@@ -628,16 +684,15 @@ def _message_for_user(error: Exception) -> str | None:
         # command it has printed the help already, or its message is the help
         text = str(error.format_message())
         return text if not text or "Usage:" in text else f"smartmot-eval: {text}"
-    # the named errors derive from ValueError; their packages are loaded only now, when one was raised
-    from evaluation.errors import ArgumentError
+    # the packages of the named errors are loaded only now, when one was raised
+    from evaluation.errors import ArgumentError, WorkerError
     from evaluation.protocols.errors import ProtocolError
     from evaluation.results import ResultsError
     from opendrive import OpenDriveError
     from scenarios.errors import ScenarioError
     from smartmot.errors import SmartMotError
 
-    if isinstance(
-        error, (ArgumentError, ProtocolError, ResultsError, ScenarioError, SmartMotError, OpenDriveError)
-    ):
+    named = (ArgumentError, WorkerError, ProtocolError, ResultsError)
+    if isinstance(error, (*named, ScenarioError, SmartMotError, OpenDriveError)):
         return f"smartmot-eval: {error}"
     return None

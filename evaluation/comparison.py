@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rich.console
-import rich.progress
 
 from evaluation import results, runner
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results import Published, ResultsError, RunRow
-from evaluation.runs import NO_AEB, RunSpec, execute_all, scene_of
+from evaluation.results import Published, ResultsError, RunRow, Table
+from evaluation.runs import RunSpec, execute, scene_of
+from evaluation.study.progress import progress_bar
+from evaluation.workers import execute_all
+from smartmot.route import RouteError
 
 if TYPE_CHECKING:
     import pandas as pd
-
-PICTURE_COUNT = 3
 
 
 def compare_cpna(
@@ -51,11 +52,12 @@ def compare_files(
 ) -> None:
     """Run scenario files; see `compare_cpna`."""
     console = rich.console.Console(quiet=quiet)
-    configuration = runner.scenario_configuration(specs)
+    notes = runner.notes(specs)
+    configuration = runner.scenario_configuration(specs, notes)
     names = list(dict.fromkeys(spec.scenario for spec in specs))
     title = f"{names[0] if len(names) == 1 else f'{len(names)} scenarios'}, preset {specs[0].preset}"
     _compare(specs, configuration, out, pictures, workers, console, title=title)
-    for line in runner.notes(specs):
+    for line in notes:
         console.print(line, highlight=False)
 
 
@@ -71,28 +73,55 @@ def _compare(
 ) -> None:
     if len({spec.log for spec in specs}) < len(specs):
         raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
-    shows = pictures is not None and any(spec.strategy != NO_AEB for spec in specs)
-    total = len(specs) + (PICTURE_COUNT if shows else 0)
-    with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
-        task = progress.add_task("running", total=total)
+    with progress_bar(console) as progress:
+        task = progress.add_task("running", total=len(specs))
         rows: list[RunRow] = []
-        for record in execute_all(specs, workers):
+        for record in execute_all(execute, specs, workers):
             assert record.log is not None
             results.write_log(results.log_path(out, record.spec.log), record.log)
             rows.append(record.row)
             progress.advance(task)
-        results.write_runs(out, rows, configuration)
-        runs = results.read_runs(out)
-        if shows and pictures is not None:
-            progress.update(task, description="drawing")
-            _draw(out, runs, specs, None, pictures)
-            progress.advance(task, PICTURE_COUNT)
+        progress.update(task, description="drawing")
+        table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
+    console.print(results.rich_table(table, title))
+    also = ", pictures" if drawn else ""
+    console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
+
+
+def write_folder(
+    out: Path,
+    specs: Sequence[RunSpec],
+    rows: Sequence[RunRow],
+    configuration: Mapping[str, object],
+    pictures: str | None,
+    published: Mapping[str, Published] | None = None,
+) -> tuple[Table, list[Path]]:
+    """Write tables and pictures of finished runs whose logs lie in the folder.
+
+    Args:
+        out: the folder.
+        specs: what was run.
+        rows: what it came to, in the same order.
+        configuration: everything that determines the runs.
+        pictures: their format; None: no pictures.
+        published: values to show beside.
+
+    Returns:
+        The comparison and the pictures.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    results.write_runs(out, rows, configuration)
+    runs = results.read_runs(out)
+    drawn: list[Path] = []
+    if pictures is not None:
+        with contextlib.suppress(RouteError):  # a car that drives on no lane, as in reverse: no place to draw
+            drawn = _draw(out, runs, specs, None, pictures)
     scored = bool(runs["score"].notna().any())
     table = results.comparison_table(runs, published) if scored else results.impact_table(runs)
     results.write_table(out, table)
-    console.print(results.rich_table(table, title))
-    drawn = ", pictures" if shows else ""
-    console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{drawn}")
+    return table, drawn
 
 
 def draw_again(directory: Path, shown: str | None, form: str) -> list[Path]:
@@ -100,7 +129,7 @@ def draw_again(directory: Path, shown: str | None, form: str) -> list[Path]:
 
     Args:
         directory: the folder.
-        shown: log of the run in the temporal diagram and from above; None: see `run_to_show`.
+        shown: log of the run in the temporal diagram and from above; None: see `pictures.run_to_show`.
         form: png, svg or pdf.
 
     Returns:
@@ -113,24 +142,11 @@ def draw_again(directory: Path, shown: str | None, form: str) -> list[Path]:
 def _draw(
     directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], shown: str | None, form: str
 ) -> list[Path]:
-    from evaluation.pictures import save_pictures
+    from evaluation.pictures import run_to_show, save_pictures
 
     name = shown or run_to_show(runs)
-    scene = next((scene_of(spec) for spec in specs if spec.log == name and spec.strategy != NO_AEB), None)
+    scene = next((scene_of(spec) for spec in specs if spec.log == name), None)
     if scene is None:
-        seen = [str(log) for log in runs.loc[runs["strategy"] != NO_AEB, "log"]]
-        raise ResultsError(f"--run: no run {name!r} with perception; the folder has: {', '.join(seen)}")
+        raise ResultsError(f"--run: no run {name!r}; the folder has: {', '.join(map(str, runs['log']))}")
     logs = results.read_logs(directory, runs)
-    return save_pictures(directory, runs, logs, scene, shown=name, suffix=form)  # type: ignore[arg-type]
-
-
-def run_to_show(runs: pd.DataFrame) -> str:
-    """Log of the run that pictures show: of the last strategy the one at 50 km/h, or else the fastest.
-
-    50 km/h is the usual speed in town. A run in which the brake was requested goes before one without.
-    """
-    last = runs[runs["strategy"] == runs["strategy"].iloc[-1]]
-    flagged = last[last["flag_time_s"].notna()]
-    town = flagged[flagged["v_test_kmh"] == 50]
-    chosen = town if len(town) else flagged if len(flagged) else last
-    return str(chosen["log"].iloc[-1])
+    return save_pictures(directory, runs, logs, scene, shown=name, suffix=form)

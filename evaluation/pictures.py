@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from evaluation.errors import ArgumentError
 from opendrive import RoadNetwork
-from scenarios.cpna import Site, make_strategy
+from scenarios.places import Scene, Site
 from scenarios.presets import named_preset, named_weather, preset_in_weather
+from scenarios.strategies import STRATEGIES, make_strategy
 from smartmot.types import EgoState
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 DPI = 200
 
-_STAMPS: dict[str, dict[str, str | None]] = {
+STAMPS: dict[str, dict[str, str | None]] = {
     "png": {"Software": None},
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
@@ -30,7 +31,7 @@ def save_pictures(
     directory: Path,
     runs: pd.DataFrame,
     logs: Mapping[str, pd.DataFrame],
-    site: Site,
+    scene: Scene,
     *,
     shown: str | None = None,
     suffix: str = "png",
@@ -42,8 +43,8 @@ def save_pictures(
         directory: where to write.
         runs: table of runs.
         logs: logs by name.
-        site: place of the runs, for map and monitored area.
-        shown: log of the run to show; None: the fastest one of the last strategy that was flagged.
+        scene: map and route of the run to show.
+        shown: log of the run to show; None: see `run_to_show`.
         suffix: png, svg or pdf.
         done: called after each picture.
 
@@ -52,13 +53,15 @@ def save_pictures(
     """
     from evaluation.plots import birdseye, speed_curves, temporal_diagram
 
-    row = _row_to_show(runs, shown)
-    log = logs[str(row["log"])]
+    name = shown or run_to_show(runs)
+    if name not in set(runs["log"]):
+        raise ArgumentError(f"--run: no run {name!r}; the folder has: {', '.join(runs['log'])}")
+    row, log = runs[runs["log"] == name].iloc[0], logs[name]
     written: list[Path] = []
 
     def save(figure: Figure, name: str) -> None:
         path = directory / f"{name}.{suffix}"
-        _write(figure, path, "the folder of results")
+        save_picture(figure, path, "the folder of results")
         written.append(path)
         done()
 
@@ -71,8 +74,9 @@ def save_pictures(
     )
     preset = preset_in_weather(named_preset(str(row["preset"])), named_weather(str(row["weather"])))
     ego = _ego_at(log, time)
-    areas = make_strategy(str(row["strategy"]), preset, site).at(ego).polygons()
-    save(birdseye(site.network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
+    seen = row["strategy"] in STRATEGIES  # else nobody perceives
+    areas = make_strategy(str(row["strategy"]), preset, scene).at(ego).polygons() if seen else []
+    save(birdseye(scene.network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
     return written
 
 
@@ -95,39 +99,34 @@ def save_map(
         figure = map_picture(
             network, areas, (x, y, yaw), f"{network.name or 'map'}: {strategy} area at {speed_kmh:g} km/h"
         )
-    _write(figure, path, "--png")
+    save_picture(figure, path, "--png")
 
 
-def _write(figure: Figure, path: Path, where: str) -> None:
+def save_picture(figure: Figure, path: Path, where: str) -> None:
     """Write a picture without time stamps and random names, so that equal runs give equal bytes."""
     import matplotlib as mpl
 
     ending = path.suffix.lower().removeprefix(".")
-    if ending not in _STAMPS:
+    if ending not in STAMPS:
         raise ArgumentError(f"{where}: cannot draw {path.name!r}; the ending must be .png, .svg or .pdf")
     try:
         with mpl.rc_context({"svg.hashsalt": "smartmot"}):
-            figure.savefig(path, dpi=DPI, metadata=_STAMPS[ending])
+            figure.savefig(path, dpi=DPI, metadata=STAMPS[ending])
     except OSError as error:
         reason = error.strerror or str(error)
         raise ArgumentError(f"{where}: cannot write {path}: {reason}; choose another place") from None
 
 
-def _row_to_show(runs: pd.DataFrame, shown: str | None) -> dict[Hashable, Any]:
-    if shown is not None:
-        match = runs[runs["log"] == shown]
-        if match.empty:
-            raise ArgumentError(f"--run: no run {shown!r}; the folder has: {', '.join(runs['log'])}")
-        row: dict[Hashable, Any] = match.to_dict("records")[0]
-        return row
+def run_to_show(runs: pd.DataFrame) -> str:
+    """Log of the run that pictures show: of the last strategy the one at 50 km/h, or else the fastest.
+
+    50 km/h is the usual speed in town. A run in which the brake was requested goes before one without.
+    """
     last = runs[runs["strategy"] == runs["strategy"].iloc[-1]]
     flagged = last[last["flag_time_s"].notna()]
-    # 50 km/h is the usual speed in town; otherwise the fastest flagged run
     town = flagged[flagged["v_test_kmh"] == 50]
-    rows: list[dict[Hashable, Any]] = (town if len(town) else flagged if len(flagged) else last).to_dict(
-        "records"
-    )
-    return rows[-1]
+    chosen = town if len(town) else flagged if len(flagged) else last
+    return str(chosen["log"].iloc[-1])
 
 
 def _ego_at(log: pd.DataFrame, time_s: float) -> EgoState:

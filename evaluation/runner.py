@@ -17,12 +17,13 @@ from evaluation.runs import (
     RunRecord,
     RunSpec,
     definition_of,
-    execute_all,
+    execute,
     initial_speed_kmh,
     is_night,
     load_named_map,
     perception_map,
 )
+from evaluation.workers import execute_all
 from opendrive import RoadNetwork
 from scenarios.cpna import CpnaTest, approach_m, scenario_parameters
 from scenarios.errors import ScenarioError
@@ -162,7 +163,7 @@ def run_suite(suite: CpnaSuite, site: Site | None = None, workers: int = 1) -> I
         ScenarioError: a test cannot be set up.
         opendrive.OpenDriveError: the map cannot be read.
     """
-    return execute_all(suite.specs(load_site(suite) if site is None else site), workers)
+    return execute_all(execute, suite.specs(load_site(suite) if site is None else site), workers)
 
 
 def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
@@ -329,17 +330,38 @@ def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[floa
     ]
 
 
-def scenario_configuration(specs: Sequence[RunSpec]) -> dict[str, object]:
-    """Everything that determines the results of runs of scenario files, as plain values."""
+def scenario_configuration(specs: Sequence[RunSpec], perception: Sequence[str]) -> dict[str, object]:
+    """Everything that determines the results of runs of scenario files, as plain values.
+
+    Args:
+        specs: the runs.
+        perception: their `notes`.
+    """
     presets = {(spec.preset, spec.weather) for spec in specs}
     return {
-        "specs": [dataclasses.asdict(spec) | {"parameters": dict(spec.parameters)} for spec in specs],
-        "perception": notes(specs),
+        "specs": [_spec_values(spec) for spec in specs],
+        "perception": list(perception),
         "presets": {
             f"{preset} {weather}": preset_in_weather(named_preset(preset), named_weather(weather))
             for preset, weather in sorted(presets)
         },
     }
+
+
+def _spec_values(spec: RunSpec) -> dict[str, Any]:
+    """A run as JSON can hold it."""
+    return dataclasses.asdict(spec) | {
+        "parameters": dict(spec.parameters),
+        "settings": dict(spec.settings),
+    }
+
+
+def _spec_of(values: Mapping[str, Any]) -> RunSpec:
+    """The run that `_spec_values` wrote, in this version or one before settings."""
+    parameters = tuple(sorted(values["parameters"].items()))
+    return RunSpec(
+        **{**values, "parameters": parameters, "settings": tuple(values.get("settings", {}).items())}
+    )
 
 
 def notes(specs: Sequence[RunSpec]) -> list[str]:
@@ -373,10 +395,7 @@ def read_specs(directory: Path) -> list[RunSpec]:
         suite = read_suite(directory)
         return suite.specs(load_site(suite))
     try:
-        return [
-            RunSpec(**{**values, "parameters": tuple(sorted(values["parameters"].items()))})
-            for values in configuration["specs"]
-        ]
+        return [_spec_of(values) for values in configuration["specs"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _not_ours(directory, error) from None
 

@@ -1,13 +1,9 @@
-"""One run as a plain value, and carrying runs out, in this process or in several."""
+"""One run as a plain value, and carrying it out."""
 
 from __future__ import annotations
 
-import multiprocessing
 import re
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +12,7 @@ from numpy.typing import NDArray
 
 from evaluation.protocols.paper import paper_score, paper_score_max
 from evaluation.results import RunRow
+from evaluation.settings import Settings, preset_with
 from opendrive import RoadNetwork, load_map
 from scenarios.bystanders import with_bystanders
 from scenarios.library import scenario_path
@@ -36,6 +33,7 @@ from scenarios.presets import (
 from scenarios.simulation import Outcome, Simulation, StopRule
 from scenarios.strategies import make_strategy
 from smartmot.monitored_area import MonitoredAreaStrategy
+from smartmot.types import FloatArray
 
 NO_AEB = "none"
 """Stands for the strategy in runs in which nobody perceives and nobody brakes."""
@@ -66,6 +64,9 @@ class RunSpec:
         paper_points: whether the paper's score applies.
         adapts: whether the ego adapts its speed to who is ahead, as ACC does; else, as in tests of Euro NCAP,
             it holds it until it brakes, and the run ends when it stands.
+        settings: parameters of perception that depart from the preset; see `evaluation.settings`.
+        must: what the ego must do, where that is known: brake, or nothing; then every emergency request is
+            a false stop.
     """
 
     scenario: str
@@ -82,12 +83,35 @@ class RunSpec:
     night: str = "lidar"
     paper_points: bool = False
     adapts: bool = True
+    settings: Settings = ()
+    must: str = ""
 
     @property
     def log(self) -> str:
         """Name of the run's log."""
         conditions = f"{self.weather}_{self.adversaries}_{self.v_test_kmh:.10g}kmh_seed{self.seed}"
         return re.sub(r"[^\w.=+-]+", "-", f"{self.scenario}_{self.strategy}_{conditions}")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """Processor time of perception and decision; different in every run.
+
+    Args:
+        frames: how many.
+        median_ms, p95_ms: per frame.
+    """
+
+    frames: int
+    median_ms: float
+    p95_ms: float
+
+
+def frame_time(spent_ms: FloatArray) -> FrameTime:
+    """Summary of times per frame."""
+    if not len(spent_ms):
+        return FrameTime(0, 0.0, 0.0)
+    return FrameTime(len(spent_ms), float(np.median(spent_ms)), float(np.percentile(spent_ms, 95)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,12 +123,14 @@ class RunRecord:
         row: its line in `runs.csv`.
         flag_ttc_s: time to collision with the target at the first emergency request.
         log: its log as columns; None if it was not asked for.
+        spent: processor time per frame.
     """
 
     spec: RunSpec
     row: RunRow
     flag_ttc_s: float | None
     log: dict[str, NDArray[Any]] | None
+    spent: FrameTime
 
 
 def load_named_map(name: str) -> RoadNetwork:
@@ -129,8 +155,9 @@ def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str 
     network = load_named_map(str(definition.map_path))
     lanes = network.lanes
     driving = np.flatnonzero(np.asarray(lanes.lane_type) == "driving")
-    width = [float(network.lane_width(int(k), lanes.s_start_m[k])) for k in driving.tolist()]
-    return NCAP_MAP if width and min(width) > TEST_TRACK_LANE_M else None
+    # a street's first lane tells that it is one
+    wide = (network.lane_width(k, lanes.s_start_m[k]) > TEST_TRACK_LANE_M for k in driving.tolist())
+    return NCAP_MAP if len(driving) and all(wide) else None
 
 
 def is_night(definition: ScenarioDefinition) -> bool:
@@ -156,11 +183,17 @@ def initial_speed_kmh(definition: ScenarioDefinition) -> float:
 
 
 def preset_of(spec: RunSpec, definition: ScenarioDefinition) -> Preset:
-    """Preset in the run's weather and light."""
+    """Preset in the run's weather and light, with the run's settings.
+
+    Raises:
+        ScenarioError: unknown preset, weather or light.
+        smartmot.errors.ConfigError: a setting is out of range.
+    """
     preset = preset_in_weather(named_preset(spec.preset), named_weather(spec.weather))
     if is_night(definition):
         preset = preset_at_night(preset, named_light(spec.night))
-    return replace(preset, sensor=replace(preset.sensor, phase_s=spec.phase_s))
+    preset = replace(preset, sensor=replace(preset.sensor, phase_s=spec.phase_s))
+    return preset_with(preset, spec.settings)
 
 
 def definition_of(spec: RunSpec) -> ScenarioDefinition:
@@ -175,13 +208,18 @@ def definition_of(spec: RunSpec) -> ScenarioDefinition:
     return definition
 
 
-def simulation_of(spec: RunSpec) -> Simulation:
+def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
     """A run, ready to start.
+
+    Args:
+        spec: what to run.
+        rule: when it ends; None: after a contact, a stop or a pass.
 
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: the scenario cannot begin.
         opendrive.OpenDriveError: a map cannot be read.
         ScenarioError: unknown preset, weather or strategy.
+        smartmot.errors.ConfigError: a setting is out of range.
     """
     definition = definition_of(spec)
     preset = preset_of(spec, definition)
@@ -196,7 +234,7 @@ def simulation_of(spec: RunSpec) -> Simulation:
         None if spec.strategy == NO_AEB else strategy,
         spec.seed,
         load_named_map(name) if name else None,
-        rule=StopRule(at_standstill=not spec.adapts),
+        rule=rule or StopRule(at_standstill=not spec.adapts),
         adapts=spec.adapts,
     )
 
@@ -210,27 +248,8 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     """Carry out one run; see `simulation_of` for what it raises."""
     outcome = simulation_of(spec).run()
     log = outcome.log.table() if keep_log else None
-    return RunRecord(spec, _row(spec, outcome, keep_log), outcome.flag_ttc_s, log)
-
-
-def execute_all(specs: Sequence[RunSpec], workers: int = 1, keep_log: bool = True) -> Iterator[RunRecord]:
-    """Carry out runs; the records come in the order of the specs, whatever the number of processes.
-
-    Args:
-        specs: what to run.
-        workers: processes.
-        keep_log: whether the records hold the logs.
-    """
-    job = partial(execute, keep_log=keep_log)
-    workers = min(workers, len(specs))
-    if workers <= 1:
-        yield from map(job, specs)
-        return
-    # a forked copy of a process with threads may hang; these start from a clean one, which imports once
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__])
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(job, specs, chunksize=1)
+    spent = frame_time(outcome.frame_time_ms)
+    return RunRecord(spec, _row(spec, outcome, keep_log), outcome.flag_ttc_s, log, spent)
 
 
 def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
@@ -253,7 +272,7 @@ def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
         stop_gap_m=outcome.stop_gap_m,
         contact_time_s=outcome.contact_time_s,
         t0_s=contact.time_s if contact else outcome.stop_time_s,
-        false_stop=outcome.false_stop,
+        false_stop=outcome.false_stop or (spec.must == "nothing" and outcome.flag_time_s is not None),
         target_start_time_s=outcome.target_start_time_s,
         target_steady_time_s=outcome.target_steady_time_s,
         ego_speed_at_contact_kmh=contact.ego_speed_mps * 3.6 if contact else None,

@@ -60,7 +60,7 @@ _ORIGIN = _Pose(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class _Piece:
+class Piece:
     """A piece of reference line whose curvature runs linearly from start to end."""
 
     length_m: float
@@ -69,7 +69,7 @@ class _Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class _Lane:
+class Lane:
     """A lane and the mark on its outer border."""
 
     kind: str
@@ -77,13 +77,13 @@ class _Lane:
     mark: str
 
 
-_DRIVING = _Lane("driving", DRIVING_WIDTH_M, "solid")
-_PARKING = _Lane("parking", PARKING_WIDTH_M, "solid")
-_SIDEWALK = _Lane("sidewalk", SIDEWALK_WIDTH_M, "none")
+DRIVING = Lane("driving", DRIVING_WIDTH_M, "solid")
+PARKING = Lane("parking", PARKING_WIDTH_M, "solid")
+SIDEWALK = Lane("sidewalk", SIDEWALK_WIDTH_M, "none")
 
-_Lanes = tuple[_Lane, ...]
-_STREET: _Lanes = (_DRIVING, _SIDEWALK)
-_STREET_WITH_PARKING: _Lanes = (_DRIVING, _PARKING, _SIDEWALK)
+Lanes = tuple[Lane, ...]
+_STREET: Lanes = (DRIVING, SIDEWALK)
+_STREET_WITH_PARKING: Lanes = (DRIVING, PARKING, SIDEWALK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ def _clothoid(length_m: float, turn_rad: float) -> tuple[float, float]:
     return length_m * x_m, length_m * y_m
 
 
-def _end(start: _Pose, piece: _Piece) -> _Pose:
+def _end(start: _Pose, piece: Piece) -> _Pose:
     """Pose at the end of a line, an arc, or a clothoid with one straight end."""
     length_m, k_start, k_end = piece.length_m, piece.curvature_start, piece.curvature_end
     turn_rad = length_m * (k_start + k_end) / 2
@@ -196,7 +196,7 @@ def _road(
     root: etree._Element,
     road_id: str,
     name: str,
-    pieces: Sequence[_Piece],
+    pieces: Sequence[Piece],
     junction: str = "-1",
     neighbours: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> etree._Element:
@@ -211,7 +211,7 @@ def _road(
     return road
 
 
-def _plan_view(road: etree._Element, start: _Pose, pieces: Sequence[_Piece]) -> _Pose:
+def _plan_view(road: etree._Element, start: _Pose, pieces: Sequence[Piece]) -> _Pose:
     """Write the reference line and return the pose at its end."""
     plan, pose, s_m = _add(road, "planView"), start, 0.0
     for piece in pieces:
@@ -243,7 +243,7 @@ def _mark(lane: etree._Element, kind: str, lane_change: str) -> None:
 
 
 def _lane(
-    side: etree._Element, lane_id: int, lane: _Lane, links: tuple[int, int] | None = None, mark: str = ""
+    side: etree._Element, lane_id: int, lane: Lane, links: tuple[int, int] | None = None, mark: str = ""
 ) -> None:
     element = _add(side, "lane", id=lane_id, type=lane.kind, level="false")
     if links is not None:
@@ -254,7 +254,7 @@ def _lane(
     _mark(element, mark or lane.mark, "none")
 
 
-def _two_way(road: etree._Element, lanes: _Lanes) -> None:
+def _two_way(road: etree._Element, lanes: Lanes) -> None:
     """The same lanes on both sides of a broken centre mark; overtaking across it is allowed."""
     section = _add(_add(road, "lanes"), "laneSection", s="0")
     left, center, right = (_add(section, side) for side in ("left", "center", "right"))
@@ -265,11 +265,11 @@ def _two_way(road: etree._Element, lanes: _Lanes) -> None:
         _lane(right, -number, lane)
 
 
-def _kerb_m(lanes: _Lanes) -> float:
+def _kerb_m(lanes: Lanes) -> float:
     return sum(lane.width_m for lane in lanes if lane.kind != "sidewalk")
 
 
-def _half_width_m(lanes: _Lanes) -> float:
+def _half_width_m(lanes: Lanes) -> float:
     return sum(lane.width_m for lane in lanes)
 
 
@@ -366,7 +366,7 @@ def _furniture(road: etree._Element, length_m: float, kerb_m: float) -> None:
 
 
 def _single_street(
-    name: str, lanes: _Lanes, pieces: Sequence[_Piece], start: _Pose = _ORIGIN
+    name: str, lanes: Lanes, pieces: Sequence[Piece], start: _Pose = _ORIGIN
 ) -> etree._Element:
     """One road, eastwards at first."""
     end = start
@@ -380,18 +380,39 @@ def _single_street(
     return root
 
 
+def street_map(name: str, lanes: Lanes, pieces: Sequence[Piece]) -> bytes:
+    """An OpenDRIVE file of one road with the same lanes on both sides; a broken mark may be crossed.
+
+    Args:
+        name: of map and road.
+        lanes: of each side, from the middle outwards.
+        pieces: of the reference line, from the origin along x.
+    """
+    end = _ORIGIN
+    for piece in pieces:
+        end = _end(end, piece)
+    root = _document(name, [(0.0, 0.0), (end.x_m, end.y_m)], _half_width_m(lanes))
+    road = _road(root, "1", name, pieces)
+    _plan_view(road, _ORIGIN, pieces)
+    _two_way(road, lanes)
+    for mark in road.iter("roadMark"):
+        if mark.get("type") == "broken":
+            mark.set("laneChange", "both")
+    return etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
+
+
 def _urban_street() -> etree._Element:
-    return _single_street("urban_street", _STREET, [_Piece(STREET_LENGTH_M)])
+    return _single_street("urban_street", _STREET, [Piece(STREET_LENGTH_M)])
 
 
 def _urban_street_parking() -> etree._Element:
-    return _single_street("urban_street_parking", _STREET_WITH_PARKING, [_Piece(STREET_LENGTH_M)])
+    return _single_street("urban_street_parking", _STREET_WITH_PARKING, [Piece(STREET_LENGTH_M)])
 
 
 def _euro_ncap_street() -> etree._Element:
     """Laid over the unmarked Euro NCAP road: its right lane is where the vehicle under test drives."""
     start = _Pose(0.0, EURO_NCAP_LANE_Y_M + DRIVING_WIDTH_M / 2, 0.0)
-    return _single_street("euro_ncap_street", _STREET_WITH_PARKING, [_Piece(EURO_NCAP_LENGTH_M)], start)
+    return _single_street("euro_ncap_street", _STREET_WITH_PARKING, [Piece(EURO_NCAP_LENGTH_M)], start)
 
 
 def _urban_bend() -> etree._Element:
@@ -399,18 +420,18 @@ def _urban_bend() -> etree._Element:
     curvature = 1 / BEND_RADIUS_M
     arc_m = BEND_RADIUS_M * pi / 2 - BEND_SPIRAL_M
     pieces = [
-        _Piece(BEND_STRAIGHT_M),
-        _Piece(BEND_SPIRAL_M, 0.0, curvature),
-        _Piece(arc_m, curvature, curvature),
-        _Piece(BEND_SPIRAL_M, curvature, 0.0),
-        _Piece(BEND_STRAIGHT_M),
+        Piece(BEND_STRAIGHT_M),
+        Piece(BEND_SPIRAL_M, 0.0, curvature),
+        Piece(arc_m, curvature, curvature),
+        Piece(BEND_SPIRAL_M, curvature, 0.0),
+        Piece(BEND_STRAIGHT_M),
     ]
     return _single_street("urban_bend", _STREET, pieces)
 
 
 def _arm_road(root: etree._Element, arm: _Arm) -> None:
     """An arm, with its crosswalk, its speed signs for both directions, and what rules its stop line."""
-    entry, pieces = arm.entry(), [_Piece(ARM_LENGTH_M)]
+    entry, pieces = arm.entry(), [Piece(ARM_LENGTH_M)]
     near_end = "successor" if arm.ends_at_junction else "predecessor"
     junction = {"elementType": "junction", "elementId": JUNCTION_ID}
     road = _road(root, arm.road_id, f"{arm.name} arm", pieces, neighbours={near_end: junction})
@@ -432,14 +453,14 @@ def _arm_road(root: etree._Element, arm: _Arm) -> None:
     _signal(signals, f"{number}4", sign, s_at(STOP_FROM_JUNCTION_M), arm.inbound, kerb_m)
 
 
-def _connecting_road(root: etree._Element, source: _Arm, target: _Arm, turn: int) -> _Lanes:
+def _connecting_road(root: etree._Element, source: _Arm, target: _Arm, turn: int) -> Lanes:
     """One way through the junction: turn is -1 right, 0 straight, 1 left. Returns its lanes.
 
     Right turns also carry the sidewalk round the corner.
     """
     curvature = turn / JUNCTION_HALF_M
     length_m = JUNCTION_HALF_M * pi / 2 if turn else 2 * JUNCTION_HALF_M
-    pieces = [_Piece(length_m, curvature, curvature)]
+    pieces = [Piece(length_m, curvature, curvature)]
     road_id = source.road_id + target.road_id
     neighbours = {"predecessor": source.as_neighbour(), "successor": target.as_neighbour()}
     road = _road(root, road_id, f"{source.name} to {target.name}", pieces, JUNCTION_ID, neighbours)
@@ -447,7 +468,7 @@ def _connecting_road(root: etree._Element, source: _Arm, target: _Arm, turn: int
     section = _add(_add(road, "lanes"), "laneSection", s="0")
     _mark(_add(_add(section, "center"), "lane", id="0", type="none", level="false"), "none", "none")
     right = _add(section, "right")
-    lanes = _STREET if turn < 0 else (_DRIVING,)
+    lanes = _STREET if turn < 0 else (DRIVING,)
     for number, lane in enumerate(lanes, start=1):
         links = (number * source.inbound, -number * target.inbound)
         _lane(right, -number, lane, links, mark="" if turn < 0 else "none")

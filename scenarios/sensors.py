@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarios.errors import ScenarioError
 from smartmot.geometry import corners, wrap_angle
-from smartmot.types import BoolArray, Boxes, Detections, EgoState, FloatArray, StrArray
+from smartmot.types import BoolArray, Boxes, Detections, EgoState, FloatArray, StrArray, unchecked
 
 _RAYS = 9
 
@@ -98,26 +98,34 @@ class Sensor:
             there: (N,) which of them can be seen at all; None: all.
         """
         config, n = self.config, len(boxes)
+        if there is None or np.count_nonzero(there) == n:
+            visible = self._visible(ego, boxes)
+        else:
+            visible = np.zeros(n, dtype=np.bool_)
+            visible[there] = self._visible(ego, boxes[there])
+        if not np.count_nonzero(visible):
+            return Detections.empty(ego.stamp_s)
         rng = np.random.default_rng((self.seed, frame))
         noise = rng.standard_normal((n, 3))
         lucky = rng.random(n) < config.detection_probability
-        if there is None or there.all():
-            seen = self._visible(ego, boxes) & lucky
-        else:
-            seen = np.zeros(n, dtype=np.bool_)
-            seen[there] = self._visible(ego, boxes[there]) & lucky[there]
-        noisy = Boxes(
-            boxes.center_m[seen] + config.position_sigma_m * noise[seen, :2],
-            boxes.size_m[seen],
-            wrap_angle(boxes.yaw_rad[seen] + config.yaw_sigma_rad * noise[seen, 2]),
+        seen = (visible & lucky).nonzero()[0]
+        noise, boxes = noise.take(seen, axis=0), boxes[seen]
+        # true boxes of known categories, with a finite error, need no second check
+        noisy = unchecked(
+            Boxes,
+            boxes.center_m + config.position_sigma_m * noise[:, :2],
+            boxes.size_m,
+            wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
         )
-        return Detections(ego.stamp_s, noisy, np.ones(int(seen.sum())), category[seen])
+        return unchecked(Detections, ego.stamp_s, noisy, np.ones(len(seen)), category.take(seen), None)
 
     def _visible(self, ego: EgoState, boxes: Boxes) -> BoolArray:
         config = self.config
         delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
-        near = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
-        bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
-        near &= np.abs(bearing) <= config.fov_rad / 2
-        visible: BoolArray = near & (visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible)
-        return visible
+        near: BoolArray = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
+        if config.fov_rad < 2 * np.pi:
+            bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
+            near &= np.abs(bearing) <= config.fov_rad / 2
+        if np.count_nonzero(near):
+            near &= visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible
+        return near

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,10 +21,10 @@ from scenarios.places import Scene
 from scenarios.presets import Preset
 from scenarios.recording import RunLog
 from scenarios.sensors import Sensor
-from smartmot.monitored_area import MonitoredAreaStrategy, ego_extent
+from smartmot.monitored_area import MonitoredAreaStrategy, RectangularArea, ego_extent
 from smartmot.pipeline import Pipeline, PipelineState
 from smartmot.route import route_along
-from smartmot.types import Detections, EgoState
+from smartmot.types import Detections, EgoState, FloatArray
 
 STEP_S = 0.01
 """Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
@@ -36,6 +37,9 @@ ROUTE_AHEAD_M, ROUTE_BEHIND_M = 100.0, 50.0
 
 WALKS_ALONG_MPS = 0.5
 """A target that goes along the ego's way at less than that crosses it, or stands."""
+
+SAME_SPEED_MPS, SLOWED_MPS = 0.1, 1.0
+"""The ego follows a target if it is as fast as that one and so much slower than it was at first."""
 
 StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
 
@@ -50,12 +54,14 @@ class StopRule:
         time_limit_s: at the latest.
         after_resume_s: this long after the ego drives on from a stop.
         after_pass_m: once the ego's centre is this far beyond the target's.
+        after_following_s: this long behind a target to whose speed the ego has adapted its own.
         at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
     """
 
     time_limit_s: float = 60.0
     after_resume_s: float = 1.5
     after_pass_m: float = 10.0
+    after_following_s: float = 3.0
     at_standstill: bool = False
 
 
@@ -76,6 +82,7 @@ class Outcome:
         false_stop: whether the request came before a target that was to set off had done so: then it can only
             have been meant for nobody.
         log: everything that happened.
+        frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
     """
 
     contact: Contact | None
@@ -89,6 +96,7 @@ class Outcome:
     target_steady_time_s: float | None
     false_stop: bool
     log: RunLog
+    frame_time_ms: FloatArray
 
     @property
     def contact_time_s(self) -> float | None:
@@ -101,23 +109,14 @@ class Outcome:
         return abs(self.contact.ego_speed_mps) if self.contact else 0.0
 
 
-class UntilContact(Engine):
-    """An engine that stops at the ego's first contact."""
-
-    @property
-    def over(self) -> bool:
-        """Whether there was a contact or the storyboard has ended."""
-        return self.contact is not None or super().over
-
-
 class Simulation:
     """One run of a scenario with the ego in our hands.
 
     Args:
         definition: the scenario.
         preset: brakes, sensor and settings of perception. The ego's outline is the scenario's.
-        strategy: makes the monitored area for the map and the ego's route on it; None: nobody brakes, as in
-            reverse, where this perception does not look.
+        strategy: makes the monitored area for the map and the ego's route on it; None: nobody brakes. In
+            reverse, where no lane runs the ego's way, every one of them is the rectangle, behind the ego.
         seed: of the sensor noise.
         network: the map that perception uses; None: the scenario's own.
         rule: when to end.
@@ -142,7 +141,7 @@ class Simulation:
     ) -> None:
         ego = next((e for e in definition.entities if e.name == "Ego"), definition.entities[0])
         self._drive = EgoDrive(preset.brakes, ego.length_m, adapts)
-        self.engine = UntilContact(definition, self._drive, roads=roads)
+        self.engine = Engine(definition, self._drive, roads=roads, until_contact=True)
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
         self._sensor = Sensor(preset.sensor, seed)
@@ -155,7 +154,10 @@ class Simulation:
             np.array([definition.entities[k].category for k in self._others], dtype=np.str_),
             np.array(["target" if k == self._target else "other" for k in self._others], dtype=np.str_),
         )
-        self._backwards = self._drive.speed_mps < 0.0
+        self._spent_ns: list[int] = []
+        self._initial_mps = self._drive.speed_mps
+        self._backwards = self._initial_mps < 0.0
+        self._following_since_s: float | None = None
         self._way: Path | None = None
         self._pipeline: Pipeline | None = None
         self._state: PipelineState | None = None
@@ -183,7 +185,7 @@ class Simulation:
             engine.advance(now + STEP_S - engine.time_s)
             if engine.over:
                 break
-            if self._stop is None and self._flag is not None and self._drive.speed_mps <= 0.0:
+            if self._stop is None and self._flag is not None and abs(self._drive.speed_mps) <= 0.0:
                 self._stop = (now + STEP_S, self._gap_to_target(now + STEP_S))
                 if self._rule.at_standstill:
                     break
@@ -207,6 +209,7 @@ class Simulation:
                 else self._flag.time_s < run.target_start_time_s
             ),
             log=self._log,
+            frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
 
     def scene(self) -> Scene:
@@ -252,6 +255,18 @@ class Simulation:
         )
         return self._ego
 
+    def _course(self, time_s: float) -> EgoState:
+        """The odometry with the heading in which the ego drives: in reverse that of its rear."""
+        odometry = self._odometry(time_s)
+        if not self._backwards:
+            return odometry
+        return replace(
+            odometry,
+            yaw_rad=math.remainder(odometry.yaw_rad + math.pi, 2 * math.pi),
+            speed_mps=-odometry.speed_mps,
+            accel_mps2=-odometry.accel_mps2,
+        )
+
     def _log_truth(self, time_s: float) -> None:
         entities = self._world()
         there = np.flatnonzero(entities.exists[self._others])
@@ -261,7 +276,7 @@ class Simulation:
     def _measure(self, now: float, number: int) -> None:
         """Take one sensor frame; perception gets it after the sensor's latency."""
         self._log_truth(now)
-        if self._make_strategy is None or self._backwards:
+        if self._make_strategy is None:
             return
         entities, others = self._world(), self._others
         seen = self._sensor.observe(
@@ -282,7 +297,9 @@ class Simulation:
             odometry = self._odometry(now)
             pipeline = self._perception()
             state = self._state or pipeline.initial()
-            self._state, result = pipeline.step(state, detections, odometry)
+            start_ns = time.thread_time_ns()
+            self._state, result = pipeline.step(state, detections, self._course(now))
+            self._spent_ns.append(time.thread_time_ns() - start_ns)
             self._log.perception(odometry, result)
             self._drive.control(now, result.command.emergency, result.lead)
             if result.command.emergency and self._flag is None:
@@ -295,26 +312,32 @@ class Simulation:
         if self._pipeline is None or self.engine.ego.path is not self._way:
             assert self._make_strategy is not None
             self._way = self.engine.ego.path
-            self._pipeline = Pipeline(self._make_strategy(self.scene()), self._preset.pipeline)
+            self._pipeline = Pipeline(self._strategy(), self._preset.pipeline)
         return self._pipeline
 
+    def _strategy(self) -> MonitoredAreaStrategy:
+        assert self._make_strategy is not None
+        if self._backwards:
+            return RectangularArea(self._preset.rectangular, self._preset.pipeline.braking_distance)
+        return self._make_strategy(self.scene())
+
     def _flag_now(self, now: float) -> _Flag:
-        gap, closing = self._gap_to_target(now), self._odometry(now).speed_mps - self._target_along_mps(now)
+        gap, closing = self._gap_to_target(now), self._course(now).speed_mps - self._target_along_mps(now)
         return _Flag(now, gap, gap / closing if gap is not None and closing > 0.0 else None)
 
     def _target_along_mps(self, time_s: float) -> float:
-        """The target's speed along the ego's heading."""
+        """The target's speed in the direction in which the ego drives."""
         if self._target is None:
             return 0.0
         world = self._world()
-        turn = float(world.boxes.yaw_rad[self._target]) - self._odometry(time_s).yaw_rad
+        turn = float(world.boxes.yaw_rad[self._target]) - self._course(time_s).yaw_rad
         return float(world.speed_mps[self._target]) * math.cos(turn)
 
     def _gap_to_target(self, time_s: float) -> float | None:
-        """Free distance along the ego's heading from its front to the target's box (0 beside it)."""
+        """Free distance from the end of the ego that leads to the target's box (0 beside it)."""
         if self._target is None:
             return None
-        ego = self._odometry(time_s)
+        ego = self._course(time_s)
         ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
         return max(float(ahead) - ego.length_m / 2, 0.0)
 
@@ -324,11 +347,23 @@ class Simulation:
             return time_s >= self._resumed_s + self._rule.after_resume_s
         if self._target is None:
             return False
-        ego, center = self._odometry(time_s), self._world().boxes.center_m[self._target]
-        if self._flag is not None and max(ego.speed_mps, WALKS_ALONG_MPS) <= self._target_along_mps(time_s):
+        ego, center = self._course(time_s), self._world().boxes.center_m[self._target]
+        target_mps = self._target_along_mps(time_s)
+        if self._flag is not None and max(ego.speed_mps, WALKS_ALONG_MPS) <= target_mps:
+            return True
+        follows = (
+            target_mps > WALKS_ALONG_MPS
+            and abs(ego.speed_mps - target_mps) < SAME_SPEED_MPS
+            and ego.speed_mps < abs(self._initial_mps) - SLOWED_MPS
+        )
+        if not follows:
+            self._following_since_s = None
+        elif self._following_since_s is None:
+            self._following_since_s = time_s
+        elif time_s >= self._following_since_s + self._rule.after_following_s:
             return True
         along = math.cos(ego.yaw_rad) * (center[0] - ego.x_m) + math.sin(ego.yaw_rad) * (center[1] - ego.y_m)
-        return float(-along if self._backwards else along) < -self._rule.after_pass_m
+        return float(along) < -self._rule.after_pass_m
 
 
 def _is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:

@@ -102,10 +102,10 @@ def _table(row: IntArray, column: IntArray, affinity: FloatArray, shape: tuple[i
     table = np.zeros(shape)
     table[row, column] = np.maximum(affinity, 0.0)
     i, j = linear_sum_assignment(table, maximize=True)
+    partner = np.full(shape[0], -1)
+    partner[i] = j
     # Cells of affinity 0 fill the assignment up and match nothing.
-    chosen = np.zeros(shape, dtype=np.bool_)
-    chosen[i, j] = table[i, j] > 0.0
-    won: IntArray = chosen[row, column].nonzero()[0]
+    won: IntArray = ((partner.take(row) == column) & (affinity > 0.0)).nonzero()[0]
     return won
 
 

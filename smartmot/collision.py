@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from smartmot.geometry import iou_pairs
+from smartmot.geometry import iou_exact
 from smartmot.types import BoolArray, FloatArray, Forecast, Threats, Tracks
 
 IOU_THRESHOLD = 0.01
@@ -27,22 +29,24 @@ def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_
     m = len(others)
     if m == 0:
         return np.zeros(0)
-    reach = 0.5 * (np.hypot(*ego.size_m[0]) + np.hypot(others.size_m[:, 0], others.size_m[:, 1]))
-    distance = np.hypot(*np.moveaxis(others.center_m - ego.center_m, -1, 0))
-    close = (distance < reach[:, None]) & others.valid & ego.valid
-    hit = np.zeros(close.shape, dtype=np.bool_)
-    row, column = np.nonzero(close)
-    if len(row):
-        hit[row, column] = iou_pairs(
-            ego.center_m[0, column],
-            np.broadcast_to(ego.size_m[0], (len(column), 2)),
-            ego.yaw_rad[0, column],
-            others.center_m[row, column],
-            others.size_m[row],
-            others.yaw_rad[row, column],
-        ) > max(iou_threshold, _ROUNDING_IOU)
-    first = np.argmax(hit, axis=1)
-    return np.where(hit.any(axis=1), ego.time_s[first], np.inf)
+    length, width = ego.size_m[0].tolist()
+    reach = 0.5 * (math.hypot(length, width) + np.hypot(others.size_m[:, 0], others.size_m[:, 1]))
+    offset = others.center_m - ego.center_m
+    close = (np.hypot(offset[..., 0], offset[..., 1]) < reach[:, None]) & others.valid & ego.valid
+    time = np.full(m, np.inf)
+    row, column = close.nonzero()
+    if len(row) == 0:
+        return time
+    hit = iou_exact(
+        ego.center_m[0, column],
+        ego.size_m[0],
+        ego.yaw_rad[0, column],
+        others.center_m[row, column],
+        others.size_m[row],
+        others.yaw_rad[row, column],
+    ) > max(iou_threshold, _ROUNDING_IOU)
+    np.minimum.at(time, row[hit], ego.time_s[column[hit]])
+    return time
 
 
 def threats(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import sys
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +19,10 @@ MAX_SIZE_M = 100.0
 
 MAX_POSITION_M = 1e8
 """Farthest coordinate: five times the northing of any point in UTM."""
+
+_LEAST = np.array([-MAX_POSITION_M, -MAX_POSITION_M, math.ulp(0.0), math.ulp(0.0), -sys.float_info.max, 0.0])
+_GREATEST = np.array([MAX_POSITION_M, MAX_POSITION_M, MAX_SIZE_M, MAX_SIZE_M, sys.float_info.max, 1.0])
+"""Of x, y, length, width, yaw and score. A size is positive, a heading any finite number."""
 
 
 def detections_from_arrays(
@@ -51,7 +58,7 @@ def detections_from_arrays(
     center = _numbers(center_m, (2,), "center_m")
     n = len(center)
     size, yaw = _numbers(size_m, (2,), "size_m"), _numbers(yaw_rad, (), "yaw_rad")
-    confidence = np.ones(n) if score is None else _numbers(score, (), "score")
+    confidence = None if score is None else _numbers(score, (), "score")
     names = np.full(n, "unknown") if category is None else np.array(category, dtype=np.str_).reshape(-1)
     velocity = None if velocity_mps is None else _numbers(velocity_mps, (2,), "velocity_mps")
     lengths = {len(part) for part in (size, yaw, confidence, names, velocity) if part is not None}
@@ -59,31 +66,27 @@ def detections_from_arrays(
         raise ShapeError(f"detections: expected {n} rows in every array, got {sorted(lengths)}")
     if velocity is not None:
         velocity = np.where(np.isfinite(velocity).all(axis=1, keepdims=True), velocity, np.nan)
-    possible = (
-        np.abs(center) <= MAX_POSITION_M, size > 0.0, size <= MAX_SIZE_M, np.isfinite(yaw),
-        confidence >= 0.0, confidence <= 1.0,
-    )  # fmt: skip
+    rows = np.empty((n, len(_LEAST)))
+    rows[:, :2], rows[:, 2:4], rows[:, 4] = center, size, yaw
+    rows[:, 5] = 1.0 if confidence is None else confidence
+    possible = (rows >= _LEAST) & (rows <= _GREATEST)
     rejected = 0
     # Mostly all is well; which rows are not is asked only when something is wrong.
     given = names.tolist()
-    if any(np.count_nonzero(flags) < flags.size for flags in possible) or not _KNOWN.issuperset(given):
-        good = np.fromiter((name in _KNOWN for name in given), dtype=np.bool_, count=n)
-        for flags in possible:
-            good &= flags.reshape(n, -1).all(axis=1)
+    if np.count_nonzero(possible) < possible.size or not _KNOWN.issuperset(given):
+        good = possible.all(axis=1) & np.array([name in _KNOWN for name in given], dtype=np.bool_)
         rejected = n - int(np.count_nonzero(good))
-        center, size, yaw, confidence, names = (
-            center[good], size[good], yaw[good], confidence[good], names[good]
-        )  # fmt: skip
+        rows, names = rows[good], names[good]
         velocity = None if velocity is None else velocity[good]
     # Everything that the constructors check has just been checked.
-    boxes = unchecked(Boxes, center, size, wrap_angle(yaw))
-    return unchecked(Detections, float(stamp_s), boxes, confidence, names, velocity), rejected
+    boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
+    return unchecked(Detections, float(stamp_s), boxes, rows[:, 5], names, velocity), rejected
 
 
 def _numbers(values: ArrayLike, row: tuple[int, ...], name: str) -> FloatArray:
     """(N, ...) array of numbers."""
     try:
-        array = np.array(values, dtype=np.float64)
+        array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name}: expected numbers, got {values!r}") from error
     if array.size == 0:

@@ -63,11 +63,11 @@ def forecast_tracks(
     shape = (len(tracks), len(time_s))
     center, yaw = np.empty((*shape, 2)), np.empty(shape)
     center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
-    moving = np.flatnonzero(tracks.dynamic)
+    moving = tracks.dynamic.nonzero()[0]
     if len(moving):
         velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
         limit = config.max_yaw_rate_radps
-        rate = np.clip(tracks.yaw_rate_radps[moving], -limit, limit)
+        rate = np.minimum(np.maximum(tracks.yaw_rate_radps[moving], -limit), limit)
         moved = time_s + delay_s
         center[moving], _ = ctrv_positions(
             start[:, 0],

@@ -71,10 +71,7 @@ class MonitoredAreaStrategy(Protocol):
 
 def is_vulnerable(category: StrArray) -> BoolArray:
     """(N,) whether each category is a vulnerable road user."""
-    found = np.zeros(len(category), dtype=np.bool_)
-    for name in VULNERABLE:
-        found |= category == name
-    return found
+    return np.array([name in VULNERABLE for name in category.tolist()], dtype=np.bool_)
 
 
 def _any(mask: BoolArray) -> BoolArray:
@@ -286,13 +283,27 @@ class MonitoredLanes:
     """The map area at one moment; see `MonitoredArea`."""
 
     ego: EgoState
-    lanes: tuple[MonitoredLane, ...]
+    entries: tuple[_Entry, ...]
+    spans_m: FloatArray
     strips: StripSet
     low_m: FloatArray
     high_m: FloatArray
     route_low_m: FloatArray
     route_high_m: FloatArray
+    route: Route
+    path_m: tuple[float, float]
     reach_m: float | None
+
+    @property
+    def lanes(self) -> tuple[MonitoredLane, ...]:
+        """The monitored stretches, behind the ego and ahead of it."""
+        found = []
+        for entry, (begin, middle, end) in zip(self.entries, self.spans_m.T.tolist(), strict=True):
+            if middle > begin:
+                found.append(MonitoredLane(entry.strip, entry.role, False, begin, middle))
+            if end > middle:
+                found.append(MonitoredLane(entry.strip, entry.role, True, middle, end))
+        return tuple(found)
 
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects in a monitored lane; VRUs also in the margins."""
@@ -313,30 +324,33 @@ class MonitoredLanes:
             in_route[walkers], on_way[walkers] = _any(in_margin & ahead), _any(in_lane & ahead)
         if len(others):
             points = outline_points(boxes[others])
-            station, in_lane, _ = self.strips.place(points)
+            station, in_lane = self.strips.place_in_lanes(points)
             ahead = (station >= self.route_low_m) & (station <= self.route_high_m)
             in_route[others] = _any(in_lane & ahead).reshape(len(others), -1).any(axis=1)
-            station, near = self.strips.near_center(points, self.ego.width_m / 2 + PATH_CLEARANCE_M)
-            on_way[others] = _any(near & ahead).reshape(len(others), -1).any(axis=1)
+            station, offset = self.route.place(points)
+            near = np.abs(offset) <= self.ego.width_m / 2 + PATH_CLEARANCE_M
+            near &= (station >= self.path_m[0]) & (station <= self.path_m[1])
+            on_way[others] = near.reshape(len(others), -1).any(axis=1)
         return Relevance(in_route, on_way, within_reach)
 
     def _inside(self, boxes: Boxes, category: StrArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
         """(N,) whether VRUs' centres lie in lanes or margins, or other outlines meet a lane, in a span."""
         vru = is_vulnerable(category)
         found = np.zeros(len(boxes), dtype=np.bool_)
-        if vru.any():
-            station, _, in_margin = self.strips.place(boxes.center_m[vru])
+        count = np.count_nonzero(vru)
+        if count:
+            station, in_margin = self.strips.place_in_margins(boxes.center_m[vru])
             found[vru] = _any(in_margin & (station >= low_m) & (station <= high_m))
-        if not vru.all():
+        if count < len(vru):
             others = boxes[~vru]
-            station, in_lane, _ = self.strips.place(outline_points(others))
+            station, in_lane = self.strips.place_in_lanes(outline_points(others))
             hit = _any(in_lane & (station >= low_m) & (station <= high_m))
             found[~vru] = hit.reshape(len(others), -1).any(axis=1)
         return found
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""
-        station, in_lane, _ = self.strips.place(center_m)
+        station, in_lane = self.strips.place_in_lanes(center_m)
         span = (station >= self.route_low_m) & (station <= self.route_high_m)
         return _any(span & in_lane)
 
@@ -367,19 +381,43 @@ class MapArea:
 
     def __init__(self, network: RoadNetwork, route: Route, config: MapAreaConfig) -> None:
         self.network, self.route, self.config = network, route, config
-        entries: list[tuple[LaneStrip, str, int, float]] = []  # strip, role, position on route, entry station
+        entries: list[_Entry] = []
         on_route = set(route.lanes)
-        for k, strip in enumerate(route.strips):
-            entries.append((lane_strip(network, strip.lane, config.vru_margin_m), "current", k, 0.0))
+        for k, own in enumerate(route.strips):
+            span = (float(own.s_m[0]), float(own.s_m[-1]))
+            entries.append(self._alongside(k, own.lane, "current", span))
             for role in ("left", "right"):
-                side = self._side_lane(strip.lane, role)
-                if side is not None and side not in on_route:
-                    entries.append((lane_strip(network, side, config.vru_margin_m), role, k, 0.0))
+                side = self._side_lane(own.lane, role)
+                # one that the route changes into, or comes from, is a neighbour only before, or after, that
+                free = span if side is None else _without(span, side, route.strips)
+                if side is not None and free is not None:
+                    entries.append(self._alongside(k, side, role, free))
             for lane, role in self._intersection_lanes(k):
                 if lane not in on_route:
-                    entries.append((lane_strip(network, lane, config.vru_margin_m), role, k, 0.0))
-        self._entries = entries
-        self.strips = StripSet([e[0] for e in entries])
+                    strip = lane_strip(network, lane, config.vru_margin_m)
+                    entry_m = float(route.entry_m[k])
+                    entries.append(_Entry(strip, role, k, entry_m, entry_m + own.length_m))
+        self._entries = tuple(entries)
+        self.strips = StripSet([entry.strip for entry in entries])
+        # every frame asks for all of them
+        self._from_m = np.array([entry.from_m for entry in entries])
+        self._long_m = np.array([entry.to_m - entry.from_m for entry in entries])
+        self._length_m = np.array([entry.strip.length_m for entry in entries])
+        self._scale = self._length_m / self._long_m
+        self._current = np.array([entry.role == "current" for entry in entries])
+        self._whole = np.array([entry.role not in ("current", "left", "right") for entry in entries])
+        self._beside = [(k, entry) for k, entry in enumerate(entries) if entry.role in ("left", "right")]
+
+    def _alongside(self, k: int, lane: int, role: str, s_span_m: tuple[float, float]) -> _Entry:
+        """The stretch of a lane of the same road that lies beside the k-th strip of the route, or is it."""
+        whole = lane_strip(self.network, lane, self.config.vru_margin_m)
+        own, entry_m = self.route.strips[k], float(self.route.entry_m[k])
+        part = whole.part(*(whole.station_at(s) for s in s_span_m))
+        first, last = (entry_m + own.station_at(s) for s in s_span_m)
+        if role == "current":
+            return _Entry(part, role, k, first, last)
+        change = self.network.lane_change_ranges(own.lane, "left" if role == "left" else "right")
+        return _Entry(part, role, k, first, last, tuple((low, high) for low, high in change.tolist()))
 
     def _side_lane(self, lane: int, side: str) -> int | None:
         lanes = self.network.lanes
@@ -391,9 +429,6 @@ class MapArea:
         ):
             return None
         return other
-
-    def _change_allowed(self, lane: int, side: str, s_m: float) -> bool:
-        return bool(self.network.lane_change(lane, s_m, "left" if side == "left" else "right"))
 
     def _intersection_lanes(self, k: int) -> Sequence[tuple[int, str]]:
         """Lanes of the junction that the k-th lane of the route passes, with their roles."""
@@ -433,48 +468,75 @@ class MapArea:
         """The monitored lanes around `ego`."""
         here, _ = self.route.project(ego.x_m, ego.y_m)
         front = self.front_m(ego.speed_mps)
-        back = self.config.back_fraction * front
-        spans = np.array([self._span(e, here, front, back) for e in self._entries]).reshape(-1, 4)
-        chosen = []
-        for (strip, role, _, _), (b0, b1, f0, f1) in zip(self._entries, spans, strict=True):
-            if b1 > b0:
-                chosen.append(MonitoredLane(strip, role, False, b0, b1))
-            if f1 > f0:
-                chosen.append(MonitoredLane(strip, role, True, f0, f1))
-        of = self.strips.strip
+        spans = self._spans(here, front, self.config.back_fraction * front)
+        begin, middle, end = spans
         # one interval per strip: what is behind and what is ahead join at the ego
-        has_back, has_front = spans[:, 1] > spans[:, 0], spans[:, 3] > spans[:, 2]
-        low = np.where(has_back, spans[:, 0], np.where(has_front, spans[:, 2], np.inf))
-        high = np.where(has_front, spans[:, 3], np.where(has_back, spans[:, 1], -np.inf))
-        current = np.array([role == "current" for _, role, _, _ in self._entries])
-        route_low = np.where(current & has_front, spans[:, 2], np.inf)
-        route_high = np.where(current & has_front, spans[:, 3], -np.inf)
+        monitored, ahead = end > begin, self._current & (end > middle)
+        of = self.strips.strip
         return MonitoredLanes(
             ego,
-            tuple(chosen),
+            self._entries,
+            spans,
             self.strips,
-            low[of],
-            high[of],
-            route_low[of],
-            route_high[of],
+            np.where(monitored, begin, np.inf)[of],
+            np.where(monitored, end, -np.inf)[of],
+            np.where(ahead, middle, np.inf)[of],
+            np.where(ahead, end, -np.inf)[of],
+            self.route,
+            (max(here, 0.0), min(here + front, self.route.length_m)),
             self.config.reach_m,
         )
 
-    def _span(
-        self, entry: tuple[LaneStrip, str, int, float], here: float, front: float, back: float
-    ) -> tuple[float, float, float, float]:
-        """Stations (back from, back to, front from, front to) of one lane; empty spans have from >= to."""
-        strip, role, k, _ = entry
-        own = self.route.strips[k]
-        start = float(self.route.entry_m[k])
-        scale = strip.length_m / own.length_m
-        a, b, c = (min(max(x - start, 0.0), own.length_m) for x in (here - back, here, here + front))
-        nothing = (0.0, 0.0, 0.0, 0.0)
-        if role in ("left", "right"):
-            reference = own.s_at(min(max(here - start, 0.0), own.length_m))
-            if not self._change_allowed(own.lane, role, reference):
-                return nothing
-        elif role != "current":
-            # a junction's lanes matter as a whole while the route ahead passes it
-            return (0.0, 0.0, 0.0, strip.length_m) if c > b else nothing
-        return (a * scale, b * scale, b * scale, c * scale)
+    def _spans(self, here_m: float, front_m: float, back_m: float) -> FloatArray:
+        """(3, E) stations along each entry's strip: first one monitored, the ego's, last one monitored."""
+        points = np.array([[here_m - back_m], [here_m], [here_m + front_m]])
+        spans: FloatArray = np.minimum(np.maximum(points - self._from_m, 0.0), self._long_m)
+        spans *= self._scale
+        # a junction's lanes matter as a whole while the route ahead passes it
+        passed = self._whole & (spans[2] > spans[1])
+        spans[:, self._whole] = 0.0
+        spans[2, passed] = self._length_m[passed]
+        for k, entry in self._beside:
+            own, start = self.route.strips[entry.k], float(self.route.entry_m[entry.k])
+            s = own.s_at(min(max(here_m - start, 0.0), own.length_m))
+            if not any(low <= s <= high for low, high in entry.change_s_m):
+                spans[:, k] = 0.0
+        return spans
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Entry:
+    """A lane that may be monitored.
+
+    Args:
+        strip: the lane, or the stretch of it that matters.
+        role: see `MonitoredLane`.
+        k: the strip of the route that it belongs to.
+        from_m, to_m: stations of its ends along the route; of a junction's lane, where the route passes that.
+        change_s_m: stretches of s on which the road mark lets the ego change into it from the route's lane.
+    """
+
+    strip: LaneStrip
+    role: str
+    k: int
+    from_m: float
+    to_m: float
+    change_s_m: tuple[tuple[float, float], ...] = ()
+
+
+def _without(span: tuple[float, float], lane: int, strips: Sequence[LaneStrip]) -> tuple[float, float] | None:
+    """What is left of a span of s, in travel direction, without a lane's stretches that are on the route."""
+    low, high = span
+    sign = 1.0 if high >= low else -1.0
+    for strip in strips:
+        if strip.lane == lane:
+            first, last = float(strip.s_m[0]), float(strip.s_m[-1])
+            if sign * (first - low) > 0.0:
+                high = min(high, first, key=lambda s: sign * s)
+            else:
+                low = max(low, last, key=lambda s: sign * s)
+    return (low, high) if sign * (high - low) > _LEAST_M else None
+
+
+_LEAST_M = 0.1
+"""Shorter stretches of a neighbouring lane are left out."""

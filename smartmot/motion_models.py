@@ -315,13 +315,11 @@ def ctrv_positions(
     """
     half_turn = 0.5 * np.asarray(yaw_rate_radps)[..., None] * time_s
     start_course = np.asarray(course_rad)[..., None]
-    chord = np.asarray(speed_mps)[..., None] * time_s * np.sinc(half_turn / np.pi)
+    chord = np.asarray(speed_mps)[..., None] * time_s
+    if np.count_nonzero(half_turn):
+        chord *= np.sinc(half_turn / np.pi)
     mean_course = start_course + half_turn
-    positions = np.stack(
-        (
-            np.asarray(x_m)[..., None] + chord * np.cos(mean_course),
-            np.asarray(y_m)[..., None] + chord * np.sin(mean_course),
-        ),
-        axis=-1,
-    )
+    positions = np.empty((*mean_course.shape, 2))
+    np.add(np.asarray(x_m)[..., None], chord * np.cos(mean_course), out=positions[..., 0])
+    np.add(np.asarray(y_m)[..., None], chord * np.sin(mean_course), out=positions[..., 1])
     return positions, start_course + 2.0 * half_turn

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from smartmot.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
 from smartmot.braking import BrakingDistance, horizon_s
-from smartmot.collision import IOU_THRESHOLD, collision_times, threats
+from smartmot.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import (
     ForecastConfig,
@@ -169,7 +170,8 @@ class Pipeline:
         area = self.strategy.at(ego)
         kept = area.kept(detections.boxes, detections.category)
         monitored = area.kept if config.filter_tracks else None
-        relevant = detections[kept] if config.filter_detections else detections
+        dropped = config.filter_detections and np.count_nonzero(kept) < len(kept)
+        relevant = detections[kept] if dropped else detections
         tracker_state, tracks = self._tracker.step(state.tracker, relevant, monitored)
         horizon = horizon_s(
             ego.speed_mps,
@@ -183,6 +185,21 @@ class Pipeline:
             getattr(self.strategy, "route", None) if config.forecast.ego == "route" else None
         )
         ego_forecast = forecast_ego_along(ego, route, time) if route else forecast_ego(ego, time)
+        found, lead, scene = NO_THREATS, None, None
+        if len(tracks):
+            scene, ttc = self._scene(area, tracks, forecast, ego_forecast, ego)
+            gap = scene.ahead_m - ego.length_m / 2
+            found = threats(tracks, ttc, scene.threatening, gap, ego.speed_mps)
+            lead = _lead(scene, gap, ego)
+        situation = self._situation(area, scene, ego)
+        aeb, command, events = decide(state.aeb, situation, config.aeb)
+        result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
+        return PipelineState(tracker_state, aeb), result
+
+    def _scene(
+        self, area: MonitoredArea, tracks: Tracks, forecast: Forecast, ego_forecast: Forecast, ego: EgoState
+    ) -> tuple[_Scene, FloatArray]:
+        """What the decision knows of the tracks, and their (M,) times to collision."""
         now = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
         relevance = area.relevance(now, tracks.category)
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
@@ -191,8 +208,8 @@ class Pipeline:
             tracks.dynamic, relevance.within_reach & tracks.confirmed, relevance.in_route & known
         )
         ttc = np.full(len(tracks), np.inf)
-        if counts.any():
-            ttc = collision_times(ego_forecast, forecast, config.iou_threshold)
+        if np.count_nonzero(counts):
+            ttc = collision_times(ego_forecast, forecast, self.config.iou_threshold)
         scene = _Scene(
             tracks=tracks,
             forecast=forecast,
@@ -201,53 +218,48 @@ class Pipeline:
             threatening=counts & np.isfinite(ttc),
             vulnerable=is_vulnerable(tracks.category),
         )
-        found = threats(tracks, ttc, scene.threatening, scene.ahead_m - ego.length_m / 2, ego.speed_mps)
-        situation = self._situation(area, scene, ego)
-        aeb, command, events = decide(state.aeb, situation, config.aeb)
-        lead = _lead(scene, ego)
-        result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
-        return PipelineState(tracker_state, aeb), result
+        return scene, ttc
 
-    def _forecast_ego(self, ego: EgoState, time_s: FloatArray) -> Forecast:
-        route: Route | None = getattr(self.strategy, "route", None)
-        if self.config.forecast.ego == "route" and route is not None:
-            return forecast_ego_along(ego, route, time_s)
-        return forecast_ego(ego, time_s)
-
-    def _situation(self, area: MonitoredArea, scene: _Scene, ego: EgoState) -> Situation:
-        ahead, on_way = scene.ahead_m, scene.on_way
-        relevant = on_way | scene.threatening
+    def _situation(self, area: MonitoredArea, scene: _Scene | None, ego: EgoState) -> Situation:
+        """What the decision looks at; `scene` is None where there is no track."""
         braking_distance = self.config.braking_distance.at(ego.speed_mps)
-        near = ahead < max(braking_distance, self.config.aeb.near_m)
-        entering = False
-        walking = np.flatnonzero(scene.tracks.dynamic & scene.vulnerable & (ahead > 0.0) & ~on_way)
-        if len(walking):
-            # twice a second is enough: half a second of walking is less than a lane's width
-            every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
-            path = scene.forecast.center_m[walking][:, ::every]
-            entering = bool(area.on_lane(path.reshape(-1, 2)).any())
+        predicted = entering = occupied = False
+        nearest = math.inf
+        if scene is not None:
+            ahead, on_way = scene.ahead_m, scene.on_way
+            relevant = on_way | scene.threatening
+            near = ahead < max(braking_distance, self.config.aeb.near_m)
+            predicted = bool(np.count_nonzero(scene.threatening))
+            occupied = bool(np.count_nonzero(on_way & (near | scene.vulnerable)))
+            if np.count_nonzero(relevant):
+                nearest = max(float(ahead[relevant].min()), 0.0)
+            walking = (scene.tracks.dynamic & scene.vulnerable & (ahead > 0.0) & ~on_way).nonzero()[0]
+            if len(walking):
+                # twice a second is enough: half a second of walking is less than a lane's width
+                every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
+                path = scene.forecast.center_m[walking, ::every]
+                entering = bool(np.count_nonzero(area.on_lane(path.reshape(-1, 2))))
         return Situation(
             stamp_s=ego.stamp_s,
-            collision_predicted=bool(scene.threatening.any()),
-            nearest_m=float(np.maximum(ahead[relevant], 0.0).min(initial=np.inf)),
+            collision_predicted=predicted,
+            nearest_m=nearest,
             braking_distance_m=braking_distance,
             vru_entering=entering,
             standing=ego.speed_mps < STANDING_MPS,
-            way_occupied=bool((on_way & (near | scene.vulnerable)).any()),
+            way_occupied=occupied,
         )
 
 
-def _lead(scene: _Scene, ego: EgoState) -> LeadObject | None:
+def _lead(scene: _Scene, gap_m: FloatArray, ego: EgoState) -> LeadObject | None:
     """Nearest object on the route ahead, for adapting the speed.
 
     VRUs on a collision course are the emergency decision's; a vehicle ahead is followed even then.
     """
-    gap = scene.ahead_m - ego.length_m / 2
-    candidates = np.flatnonzero(scene.on_way & ~(scene.vulnerable & scene.threatening) & (gap > 0))
+    candidates = (scene.on_way & ~(scene.vulnerable & scene.threatening) & (gap_m > 0)).nonzero()[0]
     if len(candidates) == 0:
         return None
-    k = int(candidates[np.argmin(gap[candidates])])
+    k = int(candidates[np.argmin(gap_m[candidates])])
     tracks = scene.tracks
     vx, vy = tracks.velocity_mps[k] if tracks.dynamic[k] else (0.0, 0.0)
     along = float(vx * np.cos(ego.yaw_rad) + vy * np.sin(ego.yaw_rad))
-    return LeadObject(int(tracks.track_id[k]), float(gap[k]), along)
+    return LeadObject(int(tracks.track_id[k]), float(gap_m[k]), along)

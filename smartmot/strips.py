@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -64,9 +65,41 @@ class LaneStrip:
         """Road coordinate at a distance from the lane's entry."""
         return float(np.interp(station_m, self.station_m, self.s_m))
 
+    def part(self, from_m: float, to_m: float) -> LaneStrip:
+        """The strip between two stations, cut to its length; the part's own stations begin at 0."""
+        from_m, to_m = max(from_m, 0.0), min(to_m, self.length_m)
+        if (from_m, to_m) == (0.0, self.length_m):
+            return self
+        inner = self.station_m[(self.station_m > from_m) & (self.station_m < to_m)]
+        station = np.concatenate(([from_m], inner, [to_m]))
+
+        def at(values: FloatArray) -> FloatArray:
+            return np.interp(station, self.station_m, values)
+
+        return LaneStrip(
+            lane=self.lane,
+            s_m=at(self.s_m),
+            center_m=np.column_stack((at(self.center_m[:, 0]), at(self.center_m[:, 1]))),
+            station_m=station - from_m,
+            half_width_m=at(self.half_width_m),
+            vru_left_m=at(self.vru_left_m),
+            vru_right_m=at(self.vru_right_m),
+        )
+
+
+_STRIPS: WeakKeyDictionary[RoadNetwork, dict[tuple[int, float], LaneStrip]] = WeakKeyDictionary()
+
 
 def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStrip:
-    """Sample a lane in travel direction, as densely as its curvature and width ask for."""
+    """Sample a lane in travel direction, as densely as its curvature and width ask for; once per network."""
+    known = _STRIPS.setdefault(network, {})  # a network never changes
+    strip = known.get((lane, vru_margin_m))
+    if strip is None:
+        strip = known[lane, vru_margin_m] = _sampled(network, lane, vru_margin_m)
+    return strip
+
+
+def _sampled(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStrip:
     s0, s1 = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
     count = max(2, int(np.ceil((s1 - s0) / _FINE_STEP_M)) + 1)
     s = np.linspace(s0, s1, count)
@@ -158,6 +191,7 @@ class StripSet:
         turn = [_half_turns(p.center_m) for p in parts]
         self._wedge_start = np.concatenate([t[:-1] for t in turn] or [empty])
         self._wedge_end = np.concatenate([t[1:] for t in turn] or [empty])
+        self._bends = bool(self._wedge_start.any() or self._wedge_end.any())
         self._station = np.concatenate([p.station_m[:-1] for p in parts] or [empty])
         self._half, self._half_slope = self._ends([p.half_width_m for p in parts])
         self._left, self._left_slope = self._ends([p.vru_left_m for p in parts])
@@ -182,25 +216,23 @@ class StripSet:
         u, lateral, beside = self._project(points_m)
         half = self._half + u * self._half_slope
         in_lane = beside & (np.abs(lateral) <= half)
-        in_margin = (
-            beside
-            & (lateral <= half + self._left + u * self._left_slope)
-            & (-lateral <= half + self._right + u * self._right_slope)
-        )
-        return self._station + u, in_lane, in_margin
+        return self._station + u, in_lane, beside & self._reaches(u, lateral, half)
 
-    def near_center(self, points_m: FloatArray, distance_m: float) -> tuple[FloatArray, BoolArray]:
-        """Which points lie within a distance of the strips' centre lines.
-
-        Args:
-            points_m: (N, 2) map frame.
-            distance_m: to either side.
-
-        Returns:
-            (N, S) station along the segment's strip; (N, S) whether the point is that near there.
-        """
+    def place_in_lanes(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`place` without the margins."""
         u, lateral, beside = self._project(points_m)
-        return self._station + u, beside & (np.abs(lateral) <= distance_m)
+        return self._station + u, beside & (np.abs(lateral) <= self._half + u * self._half_slope)
+
+    def place_in_margins(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`place` with the margins alone."""
+        u, lateral, beside = self._project(points_m)
+        return self._station + u, beside & self._reaches(u, lateral, self._half + u * self._half_slope)
+
+    def _reaches(self, u: FloatArray, lateral: FloatArray, half_m: FloatArray) -> BoolArray:
+        """(N, S) whether the VRU margins reach an offset to the left."""
+        left = lateral <= half_m + self._left + u * self._left_slope
+        right = -lateral <= half_m + self._right + u * self._right_slope
+        return left & right
 
     def _project(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """(N, S) distance along each segment, offset to its left, and whether the point is beside it."""
@@ -208,8 +240,10 @@ class StripSet:
         dy = points_m[:, 1, None] - self._y
         u = dx * self._ux + dy * self._uy
         lateral = self._ux * dy - self._uy * dx
-        aside = np.abs(lateral)
-        before, beyond = -u - aside * self._wedge_start, u - self._length - aside * self._wedge_end
+        before, beyond = -u, u - self._length
+        if self._bends:
+            aside = np.abs(lateral)
+            before, beyond = before - aside * self._wedge_start, beyond - aside * self._wedge_end
         return u, lateral, np.maximum(before, beyond) <= 1e-9
 
 

@@ -7,7 +7,6 @@ never enters a velocity; detections in the vehicle's frame work too, with veloci
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,7 +19,7 @@ from smartmot.channel_filter import ChannelFilter
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.geometry import wrap_angle
-from smartmot.kalman import BevFilterConfig, BoxFilter, measurements
+from smartmot.kalman import BevFilterConfig, BoxFilter, Estimate, measurements
 from smartmot.lifecycle import Lifecycle, LifecycleConfig
 from smartmot.motion_models import (
     ConstantTurnRate,
@@ -196,7 +195,8 @@ class _Frame:
     """M tracks while a frame is worked on: rows and filter states, and the detection each track has.
 
     `coasting` says whether a track is without detection, `born` counts the tracks of this frame. Most frames
-    bring no births, and in many nothing coasts: what that rules out is not computed.
+    bring no births, and in many nothing coasts: what that rules out is not computed. `estimate` is what the
+    filter states say once they are corrected, if somebody has asked.
     """
 
     rows: FloatArray
@@ -205,6 +205,7 @@ class _Frame:
     source: IntArray
     coasting: bool = True
     born: int = 0
+    estimate: Estimate | None = None
 
 
 class Tracker:
@@ -231,6 +232,7 @@ class Tracker:
         )
         self._lifecycle = Lifecycle(config.lifecycle)
         self._yaw_entry = self._filter.names.index("yaw_rad")
+        self._nothing = _no_tracks(len(self._filter.names))
         self._score = _unless_zero(config.score_threshold)
         self._first_stage = table(config.second_stage_score)
         self._two_stages = bool(self._first_stage.any())
@@ -320,6 +322,9 @@ class Tracker:
         """
         measured = self._measured(detections)
         dt_s = _elapsed_s(state.stamp_s, measured.stamp_s)
+        if len(state) == 0 and len(measured.score) == 0:
+            nothing = unchecked(TrackerState, measured.stamp_s, state.next_id, state.rows, state.filtered)
+            return nothing, unchecked(Tracks, measured.stamp_s, *self._nothing)
         frame = self._predicted(state, dt_s)
         unmatched = self._correct(frame, measured, dt_s)
         if len(unmatched):
@@ -463,10 +468,11 @@ class Tracker:
         left = alive.nonzero()[0]
         frame.rows, frame.filtered = rows.take(left, axis=0), frame.filtered.take(left, axis=0)
         frame.code, frame.source = code.take(left), frame.source.take(left)
+        frame.estimate = None
 
     def _inside(self, frame: _Frame, monitored: Monitored) -> BoolArray:
         """(M,) which tracks the monitored area takes."""
-        estimate = self._filter.estimate(frame.filtered)
+        estimate = frame.estimate = self._filter.estimate(frame.filtered)
         boxes = unchecked(Boxes, estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad))
         inside = np.asarray(monitored(boxes, _NAMES[frame.code]), dtype=np.bool_)
         if inside.shape != (len(frame.rows),):
@@ -475,7 +481,8 @@ class Tracker:
 
     def _shown(self, frame: _Frame, now_s: float) -> IntArray | None:
         """(K,) the tracks that the configuration wants to see; None: all."""
-        rows, code, conditions = frame.rows, frame.code, []
+        rows, code = frame.rows, frame.code
+        conditions: list[BoolArray] = []
         if not self.config.report.tentative:
             conditions.append(rows[:, CONFIRMED] > 0.0)
         if self._shown_coasted is not None and frame.coasting:
@@ -486,18 +493,21 @@ class Tracker:
             conditions.append(rows[:, SCORE_SUM] >= self._shown_mean_score.take(code) * rows[:, HITS])
         if not conditions:
             return None
-        shown: BoolArray = functools.reduce(np.logical_and, conditions)
+        shown = conditions[0]
+        for condition in conditions[1:]:
+            shown &= condition
         return None if np.count_nonzero(shown) == len(rows) else shown.nonzero()[0]
 
     def _report(self, frame: _Frame, measured: _Measured) -> Tracks:
         """What the tracks say at the frame's time."""
         config, now_s = self.config, measured.stamp_s
         rows, filtered, code, source = frame.rows, frame.filtered, frame.code, frame.source
-        shown = self._shown(frame, now_s)
+        shown, estimate = self._shown(frame, now_s), frame.estimate
         if shown is not None:
             rows, filtered = rows.take(shown, axis=0), filtered.take(shown, axis=0)
             code, source = code.take(shown), source.take(shown)
-        estimate = self._filter.estimate(filtered)
+        if shown is not None or estimate is None:
+            estimate = self._filter.estimate(filtered)
         mean, covariance = self._filter.moments(filtered)
         velocity = estimate.velocity_mps
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -514,7 +524,7 @@ class Tracker:
         center, size, yaw = estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad)
         mean[:, self._yaw_entry] = yaw
         if config.report.detected_boxes:
-            center = center.copy()
+            center, size = center.copy(), size.copy()
             seen = np.flatnonzero(source != _COASTED)
             boxes = measured.boxes[source[seen]]
             center[seen], size[seen], yaw[seen] = boxes.center_m, boxes.size_m, boxes.yaw_rad
@@ -534,6 +544,14 @@ class Tracker:
             rows[:, CONFIRMED] > 0.0,
             dynamic,
         )
+
+
+def _no_tracks(entries: int) -> tuple[object, ...]:
+    """Values of `Tracks` after the stamp, without any track, for D entries of the filter's mean."""
+    none, ids, flags = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_)
+    mean, covariance = np.zeros((0, entries)), np.zeros((0, entries, entries))
+    velocity, names = np.zeros((0, 2)), _NAMES[:0]
+    return (ids, Boxes.empty(), names, none, mean, covariance, velocity, none, none, none, flags, flags)
 
 
 def _unless_zero(setting: Setting) -> FloatArray | None:

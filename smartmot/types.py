@@ -28,6 +28,8 @@ T = TypeVar("T")
 CATEGORIES = ("car", "pedestrian", "cyclist", "truck", "motorcycle", "unknown")
 """Object categories that detections may carry; sensors and readers map their own names to these."""
 
+_KNOWN_CATEGORIES = frozenset(CATEGORIES)
+
 VULNERABLE = frozenset({"pedestrian", "cyclist"})
 """Vulnerable road users (VRU): those that also count beside the lane, over the sidewalk."""
 
@@ -61,13 +63,15 @@ def _set(target: object, name: str, value: object) -> None:
     object.__setattr__(target, name, value)
 
 
-def _subset(whole: T, index: Any, names: tuple[str, ...]) -> T:
-    """A frozen value with the named arrays indexed: parts of checked arrays need no second check."""
-    values = {name: getattr(whole, name) for name in whole.__slots__}  # type: ignore[attr-defined]
-    for name in names:
-        if values[name] is not None:
-            values[name] = values[name][index]
-    return unchecked(type(whole), *values.values())
+def _positions(index: Any) -> Any:
+    """A mask as positions, with which several arrays are taken in less time; else what was given."""
+    masked = isinstance(index, np.ndarray) and index.dtype == np.bool_
+    return index.nonzero()[0] if masked else index
+
+
+def _part(array: NDArray[Any], index: Any) -> NDArray[Any]:
+    """Rows of an array; positions are taken four times as fast as they are indexed."""
+    return array.take(index, axis=0) if isinstance(index, np.ndarray) else array[index]
 
 
 @cache
@@ -127,12 +131,15 @@ class Boxes:
 
     def __getitem__(self, index: Any) -> Boxes:
         """Subset by a mask, a slice or an index array."""
-        return _subset(self, index, ("center_m", "size_m", "yaw_rad"))
+        index = _positions(index)  # parts of checked arrays need no second check
+        return unchecked(
+            Boxes, _part(self.center_m, index), _part(self.size_m, index), _part(self.yaw_rad, index)
+        )
 
     @classmethod
     def empty(cls) -> Boxes:
         """No boxes."""
-        return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+        return unchecked(cls, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +168,7 @@ class Detections:
             raise ShapeError("detections: every score must lie in [0, 1]")
         _set(self, "score", score)
         category = np.array(self.category, dtype=np.str_).reshape(-1)
-        unknown = set(category.tolist()) - set(CATEGORIES)
+        unknown = set(category.tolist()) - _KNOWN_CATEGORIES
         if len(category) != n or unknown:
             raise ShapeError(
                 f"category: expected {n} names out of {', '.join(CATEGORIES)}, "
@@ -177,12 +184,15 @@ class Detections:
 
     def __getitem__(self, index: Any) -> Detections:
         """Subset by a mask, a slice or an index array."""
-        return _subset(self, index, ("boxes", "score", "category", "velocity_mps"))
+        index = _positions(index)
+        velocity = None if self.velocity_mps is None else _part(self.velocity_mps, index)
+        score, category = _part(self.score, index), _part(self.category, index)
+        return unchecked(Detections, self.stamp_s, self.boxes[index], score, category, velocity)
 
     @classmethod
     def empty(cls, stamp_s: float) -> Detections:
         """A frame in which nothing was detected."""
-        return cls(stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_))
+        return unchecked(cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +250,9 @@ class Tracks:
 
     def __getitem__(self, index: Any) -> Tracks:
         """Subset by a mask, a slice or an index array."""
-        return _subset(self, index, tuple(n for n in self.__slots__ if n != "stamp_s"))
+        index = _positions(index)
+        columns = (getattr(self, name)[index] for name in self.__slots__ if name != "stamp_s")
+        return unchecked(Tracks, self.stamp_s, *columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -77,6 +77,7 @@ def run_mot(options: MotOptions) -> None:
     elif network is not None:
         for sequence in data.sequences:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
+    notes += run.weak_categories(data, config)
     for note in notes:
         console.print(f"note: {note}", highlight=False, soft_wrap=True)
     labelled = any(sequence.labels is not None for sequence in data.sequences)
@@ -130,6 +131,8 @@ def run_mot(options: MotOptions) -> None:
     if not labelled:
         console.print("no labels: tracks only, no metrics", highlight=False)
     console.print(f"written to {out}: {_listed(written)}", highlight=False, soft_wrap=True)
+    for path in filter(None, (options.gif, options.video)):
+        console.print(f"film: {path}", highlight=False, soft_wrap=True)
 
 
 def _film(

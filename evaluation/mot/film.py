@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from evaluation import video
 from evaluation.errors import ArgumentError
 from evaluation.mot.dataset import Objects
 from evaluation.mot.forecast_quality import Carry
@@ -92,29 +94,19 @@ def write_video(film: Film, path: Path, done: Callable[[], None] = lambda: None)
     """Write an MP4 at the mean frame rate of the sequence.
 
     Raises:
-        ArgumentError: ffmpeg is missing or fails, or the file cannot be written.
+        ArgumentError: There is no ffmpeg, or the file cannot be written.
     """
-    import subprocess
 
-    from matplotlib.animation import FFMpegWriter
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        for scene in _drawn(film):
+            yield scene.pixels()
+            done()
 
-    if not FFMpegWriter.isAvailable():
-        raise ArgumentError(
-            "--video: needs the program ffmpeg, which is not on the PATH; install it or use --gif"
-        )
-    writer: Any = FFMpegWriter  # matplotlib asks for whole frames per second, ffmpeg does not
-    writer = writer(fps=1.0 / float(np.mean(_durations_s(film))), bitrate=4000)
-    scenes = _drawn(film)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with writer.saving(next(scenes).figure, str(path), _DPI):
-            writer.grab_frame()
-            done()
-            for _ in scenes:
-                writer.grab_frame()
-                done()
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise ArgumentError(f"--video: ffmpeg could not write {path}: {error}") from None
+    except OSError as error:
+        raise ArgumentError(f"--video: cannot write {path}: {error.strerror or error}") from None
+    video.write_mp4(path, pictures(), 1.0 / float(np.mean(_durations_s(film))), "--video")
 
 
 def _durations_s(film: Film) -> FloatArray:
@@ -190,9 +182,15 @@ class _Scene:
         self._ground: list[Any] = []
 
     def picture(self) -> Image.Image:
-        """The pixels of the frame shown, with a palette of their own."""
+        """The frame shown, with a palette of its own."""
         from PIL import Image
 
+        return Image.fromarray(self.pixels()).quantize(
+            colors=128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+        )
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """(H, W, 3) colours of the frame shown."""
         self._canvas.restore_region(self._background)
         lines = [
             self._found,
@@ -205,10 +203,8 @@ class _Scene:
         ]
         for artist in [*self._ground, *lines, *self._texts, self._title]:
             self._axes.draw_artist(artist)
-        pixels = np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])
-        return Image.fromarray(pixels).quantize(
-            colors=128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
-        )
+        # a copy: the canvas goes on to draw into its buffer
+        return np.asarray(self._canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
 
     def _add_ego(self) -> None:
         from matplotlib.collections import PolyCollection

@@ -10,6 +10,7 @@ Layout of the folder, every file per sequence::
     label_02/<seq>.txt             KITTI tracking labels                                (optional)
     times/<seq>.txt                one time per frame, seconds; 10 Hz without it        (optional)
     seqmap.txt                     name, "empty", first frame, number of frames         (optional)
+    classes.csv                    other types, or others' categories (`classes`)       (optional)
 
 KITTI's camera frame is x right, y down, z ahead; a box's origin is the middle of its underside. The world
 frame of `Sequence` is the first camera's, turned to x ahead, y left, z up.
@@ -24,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.mot.camera import from_camera, image_boxes, to_camera, wrapped
+from evaluation.mot.classes import LEFT_OUT, ClassMap, categories, read_classes
 from evaluation.mot.dataset import Camera, Dataset, DatasetError, Objects, Sequence, finished
 from evaluation.mot.kitti_poses import read_matrix, read_poses
 from evaluation.mot.textfile import Table, read_table, read_text
@@ -82,7 +84,10 @@ def read_kitti(folder: Path) -> Dataset:
     names = list(lengths) if lengths else sorted(files)
     if not names:
         raise DatasetError(f"{folder}: no detections/*/<seq>.txt or detections/<seq>.txt (see docs/mot.md)")
-    sequences = [_read_sequence(folder, name, files.get(name, []), lengths.get(name)) for name in names]
+    classes = read_classes(folder, CATEGORY_OF_TYPE)
+    sequences = [
+        _read_sequence(folder, name, files.get(name, []), lengths.get(name), classes) for name in names
+    ]
     notes = []
     if all(s.world_SE3_ego is None for s in sequences):
         notes.append("no ego poses: tracking in the vehicle's own frame")
@@ -116,7 +121,9 @@ def _detection_files(folder: Path) -> dict[str, list[Path]]:
     return files
 
 
-def _read_sequence(folder: Path, name: str, files: list[Path], length: int | None) -> Sequence:
+def _read_sequence(
+    folder: Path, name: str, files: list[Path], length: int | None, classes: ClassMap
+) -> Sequence:
     if not files:
         raise DatasetError(
             f"{folder / 'detections'}: no file {name}.txt; write an empty one for no detections"
@@ -137,12 +144,12 @@ def _read_sequence(folder: Path, name: str, files: list[Path], length: int | Non
         if values is not None and len(values) < length:
             raise DatasetError(f"{folder}: sequence {name} has {len(values)} {what} for {length} frames")
     pose = None if poses is None else poses[:length]
-    found = [_objects(table, length, pose) for table in tables]
+    found = [_objects(table, length, pose, classes) for table in tables]
     calibration = folder / "calib" / f"{name}.txt"
     labels = camera = None
     dont_care = (np.zeros(0, dtype=np.int64), np.zeros((0, 4)))
     if label_table is not None:
-        labels = _labels(label_table, length, pose)
+        labels = _labels(label_table, length, pose, classes)
         dont_care = _dont_care(label_table)
     if calibration.parent.is_dir():
         camera = Camera(read_matrix(calibration, ("P2",), (3, 4)), *dont_care)
@@ -173,35 +180,32 @@ def _detection_table(path: Path) -> Table:
     return table
 
 
-def _objects(table: Table, length: int, pose: FloatArray | None, **columns: np.ndarray) -> Objects:
+def _objects(
+    table: Table, length: int, pose: FloatArray | None, classes: ClassMap, **columns: np.ndarray
+) -> Objects:
     """Rows of a table as boxes in the world frame, with further columns of `Objects`."""
     frame = table.whole("frame")
     table.require((frame >= 0) & (frame < length), "frame", f"must lie in 0..{length - 1}")
     kind = table["type"]
-    table.require(np.isin(kind, list(CATEGORY_OF_TYPE)), "type", "is no type of KITTI")
-    columns["category"], columns["kind"] = _looked_up(kind, CATEGORY_OF_TYPE), kind
+    table.require(np.isin(kind, list(classes)), "type", "is no type of KITTI and not in classes.csv")
+    columns["category"], columns["kind"] = categories(kind, classes), kind
     if "score" in table:
         columns["score"] = table["score"]
     if "id" in table:
         columns["object_id"] = table.whole("id")
     boxes = table.stacked("h", "w", "l", "x", "y", "z", "ry")
-    return from_camera(frame, boxes, pose, **columns)
+    found = from_camera(frame, boxes, pose, **columns)
+    return found[found.category != LEFT_OUT]
 
 
-def _looked_up(names: np.ndarray, table: dict[str, str]) -> np.ndarray:
-    """Names replaced by what the table has for them."""
-    unique, inverse = np.unique(names, return_inverse=True)
-    return np.array([table[name] for name in unique.tolist()], dtype=np.str_)[inverse]
-
-
-def _labels(table: Table, length: int, pose: FloatArray | None) -> Objects:
+def _labels(table: Table, length: int, pose: FloatArray | None, classes: ClassMap) -> Objects:
     """The labelled objects, with KITTI's rules of what is ignored."""
     real = table["type"] != "DontCare"
     rows = Table(table.path, table.line[real], {name: c[real] for name, c in table.columns.items()})
     rows.columns.pop("score", None)
     ignored = np.isin(rows["type"], NEIGHBOURS)
     ignored |= (rows["truncated"] > MAX_TRUNCATION) | (rows["occluded"] > MAX_OCCLUSION)
-    return _objects(rows, length, pose, ignored=ignored)
+    return _objects(rows, length, pose, classes, ignored=ignored)
 
 
 def _dont_care(table: Table) -> tuple[IntArray, FloatArray]:
@@ -223,7 +227,8 @@ def read_tracks(path: Path, length: int, world_SE3_ego: FloatArray | None = None
     Raises:
         DatasetError: The file is missing or wrong.
     """
-    return _objects(read_table(path, TRACKING_COLUMNS, ("type",), optional=1), length, world_SE3_ego)
+    table = read_table(path, TRACKING_COLUMNS, ("type",), optional=1)
+    return _objects(table, length, world_SE3_ego, CATEGORY_OF_TYPE)
 
 
 def tracking_text(sequence: Sequence, tracks: Objects) -> str:
@@ -238,7 +243,7 @@ def tracking_text(sequence: Sequence, tracks: Objects) -> str:
     else:
         image = image_boxes(boxes, sequence.camera.projection)
     alpha = wrapped(boxes[:, 6] - np.arctan2(boxes[:, 3], boxes[:, 5]))
-    kind = _looked_up(tracks.category, TYPE_OF_CATEGORY)
+    kind = categories(tracks.category, TYPE_OF_CATEGORY)
     numbers = np.column_stack((alpha, image, boxes, tracks.score))
     form = "%d %d %s 0 0" + " %.6f" * numbers.shape[1]
     rows = zip(tracks.frame.tolist(), tracks.object_id.tolist(), kind.tolist(), numbers.tolist(), strict=True)

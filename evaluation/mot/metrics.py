@@ -45,6 +45,8 @@ OTHER_MATCH_IOU = 0.25
 MIN_IMAGE_HEIGHT_PX = 25.0
 MAX_DONT_CARE_SHARE = 0.5
 RECALL_POINTS = 40
+_RECALL_MARGIN = 0.02
+"""The recall of a point may differ a little from that at its threshold: fewer tracks match otherwise."""
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -318,7 +320,11 @@ class MetricsUnavailableError(ArgumentError):
 
 
 def evaluate(
-    compared: Mapping[str, Comparison], category: str, similarity: str, best_threshold: bool = True
+    compared: Mapping[str, Comparison],
+    category: str,
+    similarity: str,
+    best_threshold: bool = True,
+    averages: bool = True,
 ) -> list[MotScore]:
     """Accuracy of all sequences together, then of each.
 
@@ -327,6 +333,7 @@ def evaluate(
         category: For the result.
         similarity: distance or iou.
         best_threshold: Leave out tracks below the mean score at which MOTA is best; else keep all.
+        averages: Compute sAMOTA and AMOTA, which takes most of the time; else they are NaN.
 
     Raises:
         MetricsUnavailableError: trackeval is not installed.
@@ -341,7 +348,10 @@ def evaluate(
     samota = amota = 0.0
     best = (-math.inf, -math.inf)
     known: dict[float, dict[str, Any]] = {}
-    for recall, score in _recall_points(compared, label_count, least):
+    points = _recall_points(compared, label_count, least)
+    for recall, score in reversed(points) if averages or best_threshold else ():
+        if not averages and recall + _RECALL_MARGIN < best[0]:
+            break  # MOTA is never above recall
         if score not in known:
             known[score] = tool.run(tool.clear, counted(score))["all"]
         clear = known[score]
@@ -356,6 +366,8 @@ def evaluate(
         _score(name, category, similarity, clear[name], identity[name], hota[name], threshold)
         for name in ("all", *compared)
     ]
+    if not averages:
+        return scores
     per_point = 100.0 / RECALL_POINTS
     return [replace(scores[0], samota=per_point * samota, amota=per_point * amota), *scores[1:]]
 

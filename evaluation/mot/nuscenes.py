@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.mot.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
 from evaluation.mot.dataset import Dataset, DatasetError, Objects, Sequence, finished
 from evaluation.mot.textfile import read_headed_table, read_text
-from smartmot.types import FloatArray, StrArray
+from smartmot.types import CATEGORIES, FloatArray, StrArray
 
 CATEGORY_OF_CLASS = {
     "car": "car",
@@ -33,10 +34,10 @@ CATEGORY_OF_CLASS = {
     "pedestrian": "pedestrian",
     "motorcycle": "motorcycle",
     "bicycle": "cyclist",
+    "barrier": LEFT_OUT,
+    "traffic_cone": LEFT_OUT,
 }
-"""Detection classes that are road users; barriers and traffic cones are left out."""
-
-_FIXED = ("barrier", "traffic_cone")
+"""Detection classes. Other data in this format, such as SimBEV's, have some of these, or `classes.csv`."""
 
 _CLASS_OF_LABEL = {
     "vehicle.car": "car",
@@ -56,6 +57,9 @@ _CLASS_OF_LABEL = {
 
 TRACKING_CLASSES = ("bicycle", "bus", "car", "motorcycle", "pedestrian", "trailer", "truck")
 """Names that the tracking challenge knows."""
+
+_UNTRACKED = frozenset(CATEGORY_OF_CLASS) - {*TRACKING_CLASSES, *CATEGORIES}
+"""Names of nuScenes that its tracking challenge does not know."""
 
 _CLASS_OF_CATEGORY = {
     "car": "car",
@@ -92,6 +96,7 @@ def read_nuscenes(folder: Path) -> Dataset:
     if unknown:
         where = tables / "sample.json" if tables else path.parent / FRAMES_CSV
         raise DatasetError(f"{path}: sample {unknown[0]!r} is not in {where}")
+    classes = read_classes(path.parent, CATEGORY_OF_CLASS)
     annotations = _annotations(tables) if tables else {}
     poses = _ego_poses(tables) if tables else {}
     sequences, notes = [], []
@@ -109,8 +114,8 @@ def read_nuscenes(folder: Path) -> Dataset:
                 name=scene,
                 stamp_s=np.array([stamp for _, stamp in samples]),
                 frame_name=tuple(tokens),
-                detections=_detections(path, tokens, boxes),
-                labels=_labels(tokens, annotations) if annotations else None,
+                detections=_detections(path, tokens, boxes, classes),
+                labels=_labels(tokens, annotations, classes) if annotations else None,
                 world_SE3_ego=None if any(p is None for p in pose) else np.array(pose),
             )
         )
@@ -233,8 +238,8 @@ def _list(path: Path, results: dict[str, Any], token: str) -> list[Any]:
     return boxes
 
 
-def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]]) -> Objects:
-    """Boxes of one scene, road users only."""
+def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]], classes: ClassMap) -> Objects:
+    """Boxes of one scene, of the classes that have a category."""
     fields = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
     for frame, box in boxes:
         for name, length in fields.items():
@@ -246,19 +251,20 @@ def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]]) -> 
                     f"{path}: sample {tokens[frame]!r}: field {name!r} must be {length} numbers"
                 )
         kind = box.get("detection_name")
-        if kind not in CATEGORY_OF_CLASS and kind not in _FIXED:
+        if kind not in classes:
             raise DatasetError(
-                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {kind!r}"
+                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {kind!r}; "
+                f"give it a category in {CLASSES_CSV}"
             )
         if not _number(box.get("detection_score")):
             raise DatasetError(f"{path}: sample {tokens[frame]!r}: field 'detection_score' must be a number")
-    users = [(frame, box) for frame, box in boxes if box["detection_name"] in CATEGORY_OF_CLASS]
-    kinds = np.array([box["detection_name"] for _, box in users], dtype=np.str_)
+    kinds = np.array([box["detection_name"] for _, box in boxes], dtype=np.str_)
     return _objects(
-        users,
+        boxes,
         kinds,
-        score=_array([box["detection_score"] for _, box in users]),
-        velocity_mps=_array([box.get("velocity") or (math.nan, math.nan) for _, box in users], 2),
+        classes,
+        score=_array([box["detection_score"] for _, box in boxes]),
+        velocity_mps=_array([box.get("velocity") or (math.nan, math.nan) for _, box in boxes], 2),
     )
 
 
@@ -272,24 +278,27 @@ def _array(values: list[Any], width: int | None = None) -> FloatArray:
     return np.array(values, dtype=np.float64).reshape((-1,) if width is None else (-1, width))
 
 
-def _objects(users: list[tuple[int, dict[str, Any]]], kinds: StrArray, **columns: np.ndarray) -> Objects:
-    """Boxes of nuScenes in the world frame."""
-    place = _array([box["translation"] for _, box in users], 3)
-    size = _array([box["size"] for _, box in users], 3)
-    quaternion = _array([box["rotation"] for _, box in users], 4)
+def _objects(
+    boxes: list[tuple[int, dict[str, Any]]], kinds: StrArray, classes: ClassMap, **columns: np.ndarray
+) -> Objects:
+    """Boxes of nuScenes in the world frame, of the classes that have a category."""
+    place = _array([box["translation"] for _, box in boxes], 3)
+    size = _array([box["size"] for _, box in boxes], 3)
+    quaternion = _array([box["rotation"] for _, box in boxes], 4)
     with np.errstate(invalid="ignore", divide="ignore"):
         w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
-    return Objects.of(
-        np.array([frame for frame, _ in users], dtype=np.int64),
+    found = Objects.of(
+        np.array([frame for frame, _ in boxes], dtype=np.int64),
         place[:, :2],
         size_m=size[:, [1, 0]],
         yaw_rad=np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
         bottom_m=place[:, 2] - 0.5 * size[:, 2],
         height_m=size[:, 2],
-        category=np.array([CATEGORY_OF_CLASS[kind] for kind in kinds.tolist()], dtype=np.str_),
+        category=categories(kinds, classes),
         kind=kinds,
         **columns,
     )
+    return found[found.category != LEFT_OUT]
 
 
 def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]]]:
@@ -310,7 +319,9 @@ def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]
     return found
 
 
-def _labels(tokens: list[str], annotations: dict[str, list[tuple[int, str, dict[str, Any]]]]) -> Objects:
+def _labels(
+    tokens: list[str], annotations: dict[str, list[tuple[int, str, dict[str, Any]]]], classes: ClassMap
+) -> Objects:
     """Labels of one scene; those that no sensor point hits are ignored, as in the challenge."""
     rows = [(k, *row) for k, token in enumerate(tokens) for row in annotations.get(token, [])]
     unseen = [
@@ -319,6 +330,7 @@ def _labels(tokens: list[str], annotations: dict[str, list[tuple[int, str, dict[
     return _objects(
         [(k, record) for k, _, _, record in rows],
         np.array([kind for _, _, kind, _ in rows], dtype=np.str_),
+        classes,
         object_id=np.array([number for _, number, _, _ in rows], dtype=np.int64),
         ignored=np.array(unseen, dtype=np.bool_),
     )
@@ -372,7 +384,8 @@ def submission_text(
     """Tracks in the format of the nuScenes tracking challenge.
 
     Every sample has its entry. A track carries one name, that of its class in the data if the challenge knows
-    it; tracks of unknown category are left out, and so are the least sure ones beyond 500 in a sample.
+    it, else its category's. Left out are tracks of unknown category, nuScenes classes that the challenge does
+    not track (construction vehicles), and the least sure boxes beyond 500 in a sample.
 
     Args:
         parts: Sequences and their tracks.
@@ -421,4 +434,6 @@ def submission_text(
 
 
 def _tracking_name(kind: str, category: str) -> str | None:
-    return kind if kind in TRACKING_CLASSES else _CLASS_OF_CATEGORY.get(category)
+    if kind in TRACKING_CLASSES:
+        return kind
+    return None if kind in _UNTRACKED else _CLASS_OF_CATEGORY.get(category)

@@ -17,6 +17,7 @@ from evaluation.mot.metrics import SCORE_COLUMNS, MotScore, compare, evaluate
 from evaluation.mot.nuscenes import read_nuscenes, submission_text
 from evaluation.mot.table import DETECTIONS, read_csv, tracks_text
 from evaluation.mot.tracking import TrackedSequence, track_sequence
+from smartmot.motion_models import table
 from smartmot.tracker import Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
@@ -31,6 +32,9 @@ READERS: dict[str, Callable[[Path], Dataset]] = {
 FORMATS = tuple(READERS)
 METRICS_CSV, FORECAST_CSV, TRACKS_CSV = "metrics.csv", "forecast.csv", "tracks.csv"
 TRACKS_NUSCENES = "tracks_nuscenes.json"
+
+LEAST_SHARE = 0.1
+"""Users are told when a smaller share of their detections can start a track; on KITTI it is over a half."""
 
 
 def read_dataset(folder: Path, form: str | None = None) -> Dataset:
@@ -57,6 +61,26 @@ def _recognised(folder: Path) -> str:
     raise DatasetError(
         f"{folder}: no detections/ (kitti), {DETECTIONS} (csv) or *.json (nuscenes) in it; see docs/mot.md"
     )
+
+
+def weak_categories(data: Dataset, config: TrackerConfig) -> list[str]:
+    """What to tell users of a detector whose scores hardly start a track, by category."""
+    least = np.max(
+        [table(s) for s in (config.score_threshold, config.second_stage_score, config.lifecycle.birth_score)],
+        axis=0,
+    )
+    notes = []
+    for code, category in enumerate(CATEGORIES):
+        found = [s.detections.score[s.detections.category == category] for s in data.sequences]
+        score = np.concatenate([np.zeros(0), *found])
+        share = float(np.mean(score >= least[code])) if len(score) else 1.0
+        if share < LEAST_SHARE:
+            notes.append(
+                f"{100.0 * share:.0f} % of the {category} detections have a score of {least[code]:g} or more"
+                f"{' (as probability)' if data.log_odds else ''}; others start no track: fit the "
+                "configuration to the detector (docs/tracking.md)"
+            )
+    return notes
 
 
 def track_dataset(

@@ -7,6 +7,8 @@ Files of a folder (docs/mot.md says what each column means)::
     labels.csv       the same with track_id [, ignored]      (optional)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
 
+`classes.csv` says what other names of categories mean (`classes`).
+
 All positions are in one frame that stands still over a sequence (x and y on the ground, yaw counter-clockwise
 from x), or all of them in the vehicle's own.
 """
@@ -18,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluation.mot.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
 from evaluation.mot.dataset import Dataset, DatasetError, Objects, Sequence, finished
 from evaluation.mot.textfile import Table, read_headed_table
 from smartmot.types import CATEGORIES, FloatArray, IntArray
@@ -44,10 +47,11 @@ def read_csv(folder: Path) -> Dataset:
         DatasetError: A file is missing or wrong; the message names file, line and field.
     """
     path = folder if folder.is_file() else folder / DETECTIONS
-    tables = {"detections": _table(path, _BOX)}
+    classes = read_classes(path.parent, dict(zip(CATEGORIES, CATEGORIES, strict=True)))
+    tables = {"detections": _table(path, _BOX, classes)}
     for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, ("x_m", "y_m", "yaw_rad"))):
         if (path.parent / name).is_file() and path.name != name:
-            tables[name] = _table(path.parent / name, needed)
+            tables[name] = _table(path.parent / name, needed, classes)
     names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
     if not names:
         raise DatasetError(f"{path}: no rows; there is nothing to track")
@@ -58,8 +62,8 @@ def read_csv(folder: Path) -> Dataset:
     return finished("csv", sequences, tuple(notes))
 
 
-def _table(path: Path, needed: Collection[str]) -> Table:
-    """A file with the columns that it needs, its sequence named, and its time as `time_s`."""
+def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
+    """A file with the columns that it needs, its sequence and classes named, and its time as `time_s`."""
     table = read_headed_table(path, needed, _NUMBERS)
     if "stamp_s" not in table and "frame" not in table:
         raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
@@ -68,9 +72,10 @@ def _table(path: Path, needed: Collection[str]) -> Table:
     table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
     table.columns.setdefault("sequence", np.full(len(table), "0"))
     if "category" in table:
-        table.require(
-            np.isin(table["category"], CATEGORIES), "category", f"must be one of {', '.join(CATEGORIES)}"
-        )
+        rule = f"must be one of {', '.join(CATEGORIES)}, or stand in {CLASSES_CSV}"
+        table.require(np.isin(table["category"], list(classes)), "category", rule)
+        table.columns["kind"] = table["category"]
+        table.columns["category"] = categories(table["kind"], classes)
     return table
 
 
@@ -113,7 +118,7 @@ def _objects(table: Table, frame: IntArray) -> Objects:
     """Rows of a table as boxes."""
     columns = {}
     if "category" in table:
-        columns["category"] = table["category"]
+        columns["category"], columns["kind"] = table["category"], table["kind"]
     if "score" in table:
         columns["score"] = table["score"]
     if "height_m" in table:
@@ -126,13 +131,14 @@ def _objects(table: Table, frame: IntArray) -> Objects:
         columns["object_id"] = table.whole("track_id")
     if "ignored" in table:
         columns["ignored"] = table["ignored"] != 0.0
-    return Objects.of(
+    found = Objects.of(
         frame,
         table.stacked("x_m", "y_m"),
         size_m=table.stacked("length_m", "width_m"),
         yaw_rad=table["yaw_rad"],
         **columns,
     )
+    return found[found.category != LEFT_OUT]
 
 
 def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:

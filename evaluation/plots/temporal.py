@@ -80,8 +80,8 @@ def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
     if title:
         set_title(above, title, room=58)
     start, end = time_range(ego, events)
-    margin = 0.02 * (end - start)
-    below.set_xlim(start - margin, end + margin)
+    # room at the right for the names of what happens last
+    below.set_xlim(start - 0.02 * (end - start), end + 0.14 * (end - start))
     _draw_layers(above, events, end)
     _draw_ego_speed(below, ego, contact_time(log))
     return figure

@@ -28,15 +28,26 @@ from evaluation.protocols.bands import (
     within_tolerance,
 )
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
-from evaluation.protocols.grid import Block, Cell, Function, Layer, Lighting, Measurement, layer_cells
-from evaluation.protocols.marks import MARKS, NOT_RUN
+from evaluation.protocols.euroncap_2026_grid import VUT, Criterion, ScoredBlock, blocks
+from evaluation.protocols.grid import (
+    Block,
+    Cell,
+    Function,
+    Layer,
+    Lighting,
+    Measurement,
+    Row,
+    layer_cells,
+)
+from evaluation.protocols.marks import FAILED, MARKS, NOT_RUN, PASSED
 from evaluation.protocols.robustness import (
     CONDITIONS,
     LAYERS,
+    NOT_SIMULATED,
     Bar,
+    Condition,
+    conditioned,
     failed_everywhere,
-    robustness_cells,
 )
 from evaluation.protocols.verification import Verification
 
@@ -45,13 +56,16 @@ UNKNOWN = (
     "CCFhos, CCFhol: the limits of the speed reduction (figure 5-2) are from Euro NCAP's calculator only.",
     "CBTAfs & CBTAns: standard at 100 and 0 %, extended at 75 % follows the calculator; a reading of v1.1 "
     "has 75 % as standard.",
-    "Robustness layers that are no numbers (driver input, type, appearance, weather, darkness, glare, "
-    "clutter, obstruction) cannot be claimed from runs and win nothing.",
+    f"Robustness, not run and without points, because nothing here can simulate it: {NOT_SIMULATED}.",
     "v1.1: to which side the limits widened by the tolerance belong is in no source; they belong where "
     "v1.1's own limits do.",
     "That the AEB is on by default, and the dossier for large speed reductions, no run can show.",
 )
 
+_BELOW = (
+    "Robustness: ! marks a cell that does not reach what its condition asks for, which is the colour of the "
+    "same cell without it, or not to be red."
+)
 _GATE_SPEED_KMH = 10.0
 _GATE_IMPACT_PERCENT = 75.0
 _SLOW_PEDESTRIAN_KMH = 3.0
@@ -103,19 +117,22 @@ class EuroNcap2026:
         return select_cells(self.blocks, scenario)
 
     def robustness_cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Standard cells under the robustness conditions that are numbers.
+        """Standard cells under the robustness conditions that are numbers, by day, where the points are.
 
         Raises:
             ProtocolError: there is no such scenario.
         """
         chosen = set(self.cells(scenario))
-        return tuple(
-            cell
-            for block in self.blocks
-            for cell in robustness_cells(
-                block.scenario, [c for c in layer_cells(block, Layer.STANDARD) if c in chosen]
-            )
-        )
+        return tuple(cell for base, cells in self.conditions().items() if base in chosen for _, cell in cells)
+
+    def conditions(self) -> dict[Cell, tuple[tuple[Condition, Cell], ...]]:
+        """The robustness conditions of every standard cell by day, with the cells that they make of it."""
+        return {
+            base: conditioned(scored.block.scenario, base)
+            for scored in self.scored_blocks
+            if scored.points.robustness
+            for base in layer_cells(scored.block, Layer.STANDARD)
+        }
 
     def requirement_cells(self) -> tuple[Cell, ...]:
         """Runs for the general requirements only: CPNA-75 with a pedestrian of 3 km/h, day and night."""
@@ -183,7 +200,7 @@ class EuroNcap2026:
             for cell in block.block.cells
             if cell in results
         }
-        held = self._robustness(scored, results, colours)
+        held = self._layers(scored, results, colours)
         gates = self._gates(results, colours)
         open_gates = all(gate.passed is not False for gate in gates)
         done = []
@@ -201,12 +218,13 @@ class EuroNcap2026:
             }
             done.append(BlockScore(block.block, scores, totals if open_gates else _shut(totals)))
         sums = _sums(points)
+        conditions = list(filter(None, (self._conditions(block, results, colours) for block in scored)))
         return Assessment(
             self.title,
-            tuple(done),
+            (*done, *conditions, *self._requirements(results)),
             sums if open_gates else _shut(sums),
             gates,
-            (*_missing(done), *UNKNOWN),
+            (*_missing(done), *_untested(gates), *((_BELOW,) if conditions else ()), *UNKNOWN),
             "relative impact speed in km/h; FCW: time to collision at the warning; head-on: speed reduction",
         )
 
@@ -222,7 +240,7 @@ class EuroNcap2026:
             ]
             gates.append(Gate(f"CPNA-75 at 10 km/h is green by {lighting}", _all(first)))
         for cell in self.requirement_cells():
-            slowed = [results[cell].impact_speed_kmh < cell.speed_kmh] if cell in results else []
+            slowed = [_slowed(cell, results[cell])] if cell in results else []
             name = f"CPNA-75 at 20 km/h slows down for a pedestrian of 3 km/h by {cell.lighting}"
             gates.append(Gate(name, _all(slowed)))
         rear = [cell for cell in self.cells("CCRs") if _is_gate_of_rear(cell)]
@@ -231,28 +249,84 @@ class EuroNcap2026:
         gates.append(Gate("CCRs avoids every standard collision up to 20 km/h", whole))
         return tuple(gates)
 
-    def _robustness(
+    def _layers(
         self,
         scored: Iterable[ScoredBlock],
         results: Mapping[Cell, Measurement],
         colours: Mapping[Cell, Colour],
     ) -> dict[str, int]:
-        """How many layers hold in each scenario, of those that were run."""
+        """How many layers hold in each scenario: with all of their conditions, in every standard cell run."""
         outcomes: dict[str, dict[str, bool]] = {}
         partner: dict[str, str] = {}
+        incomplete: set[tuple[str, str]] = set()
         for block in scored:
+            if not block.points.robustness:
+                continue
             scenario = block.block.scenario
             partner[scenario] = block.partner
             layers = outcomes.setdefault(scenario, {})
             for base in layer_cells(block.block, Layer.STANDARD):
-                for condition, cell in zip(
-                    CONDITIONS.get(scenario, ()), robustness_cells(scenario, [base]), strict=True
-                ):
+                for condition, cell in conditioned(scenario, base):
                     if cell in results:
                         holds = self._holds(block, base, cell, condition.bar, results, colours)
                         layers[condition.layer] = layers.get(condition.layer, True) and holds
+                    elif base in colours:
+                        incomplete.add((scenario, condition.layer))
         failed = failed_everywhere(outcomes, partner)
-        return {scenario: len(set(layers) - failed[scenario]) for scenario, layers in outcomes.items()}
+        return {
+            scenario: sum((scenario, layer) not in incomplete for layer in set(layers) - failed[scenario])
+            for scenario, layers in outcomes.items()
+        }
+
+    def _conditions(
+        self, block: ScoredBlock, results: Mapping[Cell, Measurement], colours: Mapping[Cell, Colour]
+    ) -> BlockScore | None:
+        """Standard cells under robustness conditions as a matrix, condition by speed; None: none was run."""
+        grid, scenario = block.block, block.block.scenario
+        if not block.points.robustness:
+            return None
+        rows: list[Row] = []
+        scores: dict[Cell, CellScore] = {}
+        for number, condition in enumerate(CONDITIONS.get(scenario, ())):
+            for column, label in enumerate(grid.columns):
+                cells: list[Cell | None] = []
+                for line in grid.rows:
+                    base = line.cells[column]
+                    if base is None or base.layer is not Layer.STANDARD:
+                        cells.append(None)
+                        continue
+                    cell = conditioned(scenario, base)[number][1]
+                    cells.append(cell)
+                    scores[cell] = CellScore(NOT_RUN, "", None)
+                    if cell in results:
+                        holds = self._holds(block, base, cell, condition.bar, results, colours)
+                        text = _text(block.criterion_of(cell), results[cell]) + ("" if holds else "!")
+                        mark = MARKS[self.colour(block, cell, results[cell])]
+                        scores[cell] = CellScore(mark, text, results[cell])
+                if any(cells):
+                    rows.append(Row(f"{condition.change}, {label}", tuple(cells)))
+        if not any(cell in results for cell in scores):
+            return None
+        labels = tuple(line.label for line in grid.rows)
+        header = f"condition, {grid.column_header}"
+        matrix = Block(f"{grid.name}, robustness", scenario, header, grid.row_header, labels, tuple(rows))
+        return BlockScore(matrix, scores, ())
+
+    def _requirements(self, results: Mapping[Cell, Measurement]) -> Iterable[BlockScore]:
+        """The runs that nothing but a gate asks for, as a matrix; none if there are none."""
+        cells = self.requirement_cells()
+        if not any(cell in results for cell in cells):
+            return
+        names = tuple(str(cell.lighting) for cell in cells)
+        name = f"CPNA-{_GATE_IMPACT_PERCENT:g}, pedestrian {_SLOW_PEDESTRIAN_KMH:g} km/h"
+        block = Block(name, "CPNA", VUT, "must slow down", names, (Row(f"{_SLOW_TEST_KMH:g}", cells),))
+        scores = {
+            cell: CellScore(PASSED if _slowed(cell, found) else FAILED, impact_text(found), found)
+            if (found := results.get(cell)) is not None
+            else CellScore(NOT_RUN, "", None)
+            for cell in cells
+        }
+        yield BlockScore(block, scores, ())
 
     def _holds(
         self,
@@ -348,6 +422,15 @@ def _missing(done: Iterable[BlockScore]) -> tuple[str, ...]:
     if silent:
         lines.append(f"not run, counted as no points: {', '.join(silent)}")
     return tuple(lines)
+
+
+def _untested(gates: Iterable[Gate]) -> tuple[str, ...]:
+    names = [gate.name for gate in gates if gate.passed is None]
+    return (f"required, but no run tests it: {'; '.join(names)}",) if names else ()
+
+
+def _slowed(cell: Cell, measured: Measurement) -> bool:
+    return measured.impact_speed_kmh < cell.speed_kmh
 
 
 def _text(criterion: Criterion, measured: Measurement | None) -> str:

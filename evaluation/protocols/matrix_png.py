@@ -6,7 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from evaluation.plots.style import FONT_PT, SMALL_PT, new_figure
-from evaluation.protocols.grid import Layer
+from evaluation.protocols.grid import Block, Layer
 from evaluation.protocols.marks import DARK, Mark
 from evaluation.protocols.sheet import Sheet, gate_line, total_line
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from evaluation.protocols.assessment import BlockScore
 
 _CELL_W_IN, _CELL_H_IN = 0.52, 0.3
-_LABEL_IN, _GAP_IN, _HEAD_IN, _FOOT_IN = 0.75, 0.3, 0.62, 0.14
+_GAP_IN, _HEAD_IN, _FOOT_IN = 0.3, 0.62, 0.14
 _MARGIN_IN, _TITLE_IN, _STRATEGY_IN, _LINE_IN = 0.15, 0.4, 0.34, 0.16
 _WIDEST_IN, _NARROWEST_IN = 14.0, 5.0
-_CHARACTER_IN = 0.062  # mean width of a small character
+_CHARACTER_IN, _BOLD_IN = 0.062, 0.085  # mean width of a small character, and of a bold one of usual size
 
 
 def matrix_figure(sheet: Sheet) -> Figure:
@@ -35,10 +35,7 @@ def matrix_figure(sheet: Sheet) -> Figure:
     )
     foot = _foot(sheet, width)
     heights = {name: [max(map(_panel_height, line)) for line in all_] for name, all_ in lines.items()}
-    notes = {
-        name: _wrapped(f"{name}: {total_line(sheet.totals[name])}", gate_line(sheet.gates[name]), width=width)
-        for name in lines
-    }
+    notes = {name: _headline(sheet, name, width) for name in lines}
     total = (
         _TITLE_IN
         + sum(sum(h) + _STRATEGY_IN + _LINE_IN * (len(notes[name]) - 1) for name, h in heights.items())
@@ -59,12 +56,12 @@ def matrix_figure(sheet: Sheet) -> Figure:
     y += _TITLE_IN
     for name, rows in lines.items():
         for index, text in enumerate(notes[name]):
-            weight = "bold" if index == 0 else "normal"
+            size, weight = (FONT_PT, "bold") if index == 0 else (SMALL_PT, "normal")
             page.text(
                 _MARGIN_IN,
                 y + _LINE_IN * index,
                 text,
-                fontsize=FONT_PT,
+                fontsize=size,
                 fontweight=weight,
                 va="top",
                 color=DARK,
@@ -101,9 +98,16 @@ def _flow(scores: tuple[BlockScore, ...]) -> list[list[BlockScore]]:
 
 
 def _panel_width(score: BlockScore) -> float:
-    cells = _LABEL_IN + len(score.block.columns) * _CELL_W_IN
-    texts = (score.block.name, *_points(score), score.block.column_header)
-    return max(cells, *(len(text) * _CHARACTER_IN for text in texts)) + _GAP_IN
+    cells = _label_width(score.block) + len(score.block.columns) * _CELL_W_IN
+    widths = [len(text) * _CHARACTER_IN for text in _points(score)]
+    # the column header stands in the middle of the columns and may be wider than they are
+    head = _label_width(score.block) + len(score.block.column_header) * _CHARACTER_IN
+    return max(cells, head, len(score.block.name) * _BOLD_IN, *widths) + _GAP_IN
+
+
+def _label_width(block: Block) -> float:
+    longest = max(len(text) for text in (block.row_header, *(row.label for row in block.rows)))
+    return longest * _CHARACTER_IN + 0.1
 
 
 def _panel_height(score: BlockScore) -> float:
@@ -119,7 +123,7 @@ def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
     from matplotlib.patches import Rectangle
 
     block = score.block
-    left, top = x + _LABEL_IN, y + _HEAD_IN
+    left, top = x + _label_width(block), y + _HEAD_IN
     middle = left + len(block.columns) * _CELL_W_IN / 2
     page.text(x, y, block.name, fontsize=FONT_PT, fontweight="bold", va="top", color=DARK)
     page.text(middle, y + 0.3, block.column_header, fontsize=SMALL_PT, ha="center", va="center", color=DARK)
@@ -201,6 +205,13 @@ def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> 
             )
         )
         page.text(x + 0.26, y + 0.075, "extended range", fontsize=SMALL_PT, va="center", color=DARK)
+
+
+def _headline(sheet: Sheet, name: str, width: float) -> list[str]:
+    """Strategy with its first total, then the others and what requirement failed."""
+    totals = sheet.totals[name]
+    first = f"{name}: {total_line(totals[:1])}" if totals else name
+    return [first, *_wrapped(total_line(totals[1:]), gate_line(sheet.gates[name]), width=width)]
 
 
 def _foot(sheet: Sheet, width: float) -> list[str]:

@@ -48,6 +48,11 @@ PUBLISHED: dict[str, dict[float, tuple[float, float | None]]] = {
 }
 """What the paper printed, by strategy. Shown beside results, never used in a computation."""
 
+PUBLISHED_FLAG_S = {
+    10.0: 0.45, 20.0: 0.50, 30.0: 0.80, 40.0: 1.00, 50.0: 1.20, 60.0: 1.35, 70.0: 1.50, 80.0: 0.90,
+}  # fmt: skip
+"""Time from the flag to T0 in s by test speed in km/h, strategy map: the crosses of figure 5b, read off."""
+
 
 def paper_score_max(v_test_kmh: float) -> float | None:
     """Points to be won at a test speed; None where the paper gives none."""

@@ -7,7 +7,7 @@ v1.2, sections 4.2.2 and 5.2.1.3. In v1.1 the heading of CPNA turns by 20 degree
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -28,94 +28,122 @@ class Bar(StrEnum):
     NOT_RED = "not red"
 
 
+class Quantity(StrEnum):
+    """What a condition changes; the impact that the test aims at stays the same."""
+
+    TARGET_SPEED_KMH = "target {:+g} km/h"
+    START_PERCENT = "start {:+g} %"
+    HEADING_DEG = "heading {:+g} deg"
+    PATH_OFFSET_M = "path {:+g} m"
+    TARGET_DECELERATION_MPS2 = "deceleration {:+g} m/s2"
+    HEADWAY_S = "headway {:+g} s"
+    ILLUMINANCE_LX = "darkness {:g} lx"
+
+
 @dataclass(frozen=True, slots=True)
 class Condition:
     """A robustness condition that a simulation can drive.
 
     Args:
         layer: name of the layer.
-        change: what is changed, by how much.
+        quantity: what is changed. The start is that of the target, in percent of its distance to the impact
+            point; the heading turns its way about that point, counter-clockwise from above.
+        amount: by how much, in the quantity's unit; of the illuminance, to how much.
         bar: what is required.
     """
 
     layer: str
-    change: str
+    quantity: Quantity
+    amount: float
     bar: Bar
+
+    @property
+    def change(self) -> str:
+        """What is changed, by how much."""
+        return self.quantity.format(self.amount)
 
     def __str__(self) -> str:
         return f"{self.layer}: {self.change}"
 
 
-def _speed(worse: int, better: int) -> tuple[Condition, Condition]:
+_SPEED, _POSITION = "Speed", "Initial position offset"
+
+
+def _speed(worse: float, better: float) -> tuple[Condition, Condition]:
     return (
-        Condition("Speed", f"target {worse:+d} km/h", Bar.NOT_RED),
-        Condition("Speed", f"target {better:+d} km/h", Bar.SAME_OR_BETTER),
+        Condition(_SPEED, Quantity.TARGET_SPEED_KMH, worse, Bar.NOT_RED),
+        Condition(_SPEED, Quantity.TARGET_SPEED_KMH, better, Bar.SAME_OR_BETTER),
     )
 
 
 def _both_speeds(bar: Bar) -> tuple[Condition, ...]:
-    return tuple(Condition("Speed", f"target {sign}5 km/h", bar) for sign in "+-")
+    return tuple(Condition(_SPEED, Quantity.TARGET_SPEED_KMH, change, bar) for change in (5, -5))
 
 
-def _heading(*degrees: int) -> tuple[Condition, ...]:
+def _heading(*degrees: float) -> tuple[Condition, ...]:
     return tuple(
-        Condition("Trajectory/Heading", f"{angle:+d} deg about the impact point", Bar.SAME_OR_BETTER)
-        for angle in degrees
+        Condition("Trajectory/Heading", Quantity.HEADING_DEG, angle, Bar.SAME_OR_BETTER) for angle in degrees
     )
 
 
 def _path_offset() -> tuple[Condition, ...]:
-    name = "Initial position offset"
-    return tuple(Condition(name, f"path {sign}0.5 m", Bar.SAME_OR_BETTER) for sign in "+-")
+    return tuple(
+        Condition(_POSITION, Quantity.PATH_OFFSET_M, offset, Bar.SAME_OR_BETTER) for offset in (0.5, -0.5)
+    )
 
 
 def _closer(bar: Bar) -> tuple[Condition, ...]:
-    return (Condition("Initial position offset", "-25 % of the distance to the impact point", bar),)
+    return (Condition(_POSITION, Quantity.START_PERCENT, -25, bar),)
 
 
+_DARK = (Condition("Illumination (Night)", Quantity.ILLUMINANCE_LX, 1, Bar.NOT_RED),)
 _BRAKING = (
-    Condition("Acceleration", "-2 m/s2", Bar.NOT_RED),
-    Condition("Acceleration", "+2 m/s2", Bar.SAME_OR_BETTER),
-    Condition("Initial position offset", "time headway +0.5 s", Bar.NOT_RED),
-    Condition("Initial position offset", "time headway -0.5 s", Bar.NOT_RED),
+    Condition("Acceleration", Quantity.TARGET_DECELERATION_MPS2, 2, Bar.NOT_RED),
+    Condition("Acceleration", Quantity.TARGET_DECELERATION_MPS2, -2, Bar.SAME_OR_BETTER),
+    Condition(_POSITION, Quantity.HEADWAY_S, 0.5, Bar.NOT_RED),
+    Condition(_POSITION, Quantity.HEADWAY_S, -0.5, Bar.NOT_RED),
 )
 _WALKER = (*_speed(3, -2), *_closer(Bar.NOT_RED))
 _RIDER = (*_speed(5, -3), *_closer(Bar.NOT_RED))
 _TURNED = Bar.SAME_OR_BETTER
 
 CONDITIONS: dict[str, tuple[Condition, ...]] = {
-    "CCRs": _heading(-10, 20),
-    "CMRs": _heading(-10, 20),
-    "CCRb": _BRAKING,
-    "CMRb": _BRAKING,
-    "CCFhos": _both_speeds(Bar.NOT_RED),
-    "CCFhol": _both_speeds(Bar.NOT_RED),
-    "CCFtap": (*_both_speeds(_TURNED), *_path_offset()),
-    "CMFtap": (*_both_speeds(_TURNED), *_path_offset()),
-    "CCCscp": _both_speeds(_TURNED),
-    "CMCscp": _both_speeds(_TURNED),
-    "CPTA": (Condition("Speed", "target +3 km/h", _TURNED), *_closer(_TURNED)),
-    "CBTA": (Condition("Speed", "target +5 km/h", _TURNED), *_path_offset()),
+    "CCRs": (*_heading(-10, 20), *_DARK),
+    "CCRm": _DARK,
+    "CMRs": (*_heading(-10, 20), *_DARK),
+    "CCRb": (*_BRAKING, *_DARK),
+    "CMRb": (*_BRAKING, *_DARK),
+    "CCFhos": (*_both_speeds(Bar.NOT_RED), *_DARK),
+    "CCFhol": (*_both_speeds(Bar.NOT_RED), *_DARK),
+    "CCFtap": (*_both_speeds(_TURNED), *_path_offset(), *_DARK),
+    "CMFtap": (*_both_speeds(_TURNED), *_path_offset(), *_DARK),
+    "CCCscp": (*_both_speeds(_TURNED), *_DARK),
+    "CMCscp": (*_both_speeds(_TURNED), *_DARK),
+    "CPTA": (Condition(_SPEED, Quantity.TARGET_SPEED_KMH, 3, _TURNED), *_closer(_TURNED), *_DARK),
+    "CBTA": (Condition(_SPEED, Quantity.TARGET_SPEED_KMH, 5, _TURNED), *_path_offset(), *_DARK),
     "CPNA": (*_WALKER, *_heading(-10, 20)),
     "CPFA": (*_WALKER, *_heading(-10, 20)),
     "CPNCO": (*_WALKER, *_heading(20)),
-    "CBNA": (*_RIDER, *_heading(20)),
-    "CBFA": (*_RIDER, *_heading(-20)),
-    "CBNAO": (*_RIDER, *_heading(-10, 20)),
+    "CBNA": (*_RIDER, *_heading(20), *_DARK),
+    "CBFA": (*_RIDER, *_heading(-20), *_DARK),
+    "CBNAO": (*_RIDER, *_heading(-10, 20), *_DARK),
 }
-"""Conditions of the layers that change the target's motion, by scenario. CPLA, CBLA and CCRm have none.
+"""Conditions of the layers that are numbers, by scenario; CPLA and CBLA have none. Others: `NOT_SIMULATED`.
 
-Not here, because they are no numbers: driver input, target type and appearance, weather, darkness, glare,
-clutter and obstruction. Where a layer has two conditions the laboratory drives one, drawn at random, so both
-must hold.
+The calculator gives the acceleration: -2 m/s2, with which the target brakes harder, may not be red. Where a
+layer has two conditions the laboratory drives one, drawn at random, so both must hold.
 """
 
+NOT_SIMULATED = (
+    "driver input, target type and appearance, adverse weather, sun and headlamp glare, clutter, obstruction"
+)
+"""Layers that nobody can claim from runs of this simulation."""
 
-def robustness_cells(scenario: str, standard: Iterable[Cell]) -> tuple[Cell, ...]:
-    """The standard cells of a scenario under each of its conditions."""
+
+def conditioned(scenario: str, base: Cell) -> tuple[tuple[Condition, Cell], ...]:
+    """A standard cell under each of its scenario's conditions."""
     return tuple(
-        replace(cell, layer=Layer.ROBUSTNESS, condition=str(condition))
-        for cell in standard
+        (condition, replace(base, layer=Layer.ROBUSTNESS, condition=str(condition)))
         for condition in CONDITIONS.get(scenario, ())
     )
 

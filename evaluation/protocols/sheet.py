@@ -115,9 +115,9 @@ def _chosen(assessment: Assessment, scenarios: Collection[str]) -> tuple[BlockSc
 
 
 def _totals(assessment: Assessment, scenarios: Collection[str]) -> tuple[Total, ...]:
-    """The scenarios' sums, or for a whole protocol every sum that is no scenario's."""
+    """The scenarios' sums, or for a whole protocol every sum that is no scenario's, that of all first."""
     every = {score.block.scenario for score in assessment.blocks}
     if not scenarios:
-        return tuple(total for total in assessment.totals if total.name not in every)
+        return tuple(total for total in reversed(assessment.totals) if total.name not in every)
     own = tuple(total for total in assessment.totals if total.name in scenarios)
     return own or (assessment.totals if len(every) == 1 else ())

@@ -12,6 +12,7 @@ from evaluation.plots.style import MPS_TO_KMH
 from evaluation.report.folder import Run, Setting
 from evaluation.report.scene import Scene, boxes_in
 from scenarios.presets import Preset
+from smartmot.forecast import forecast_ego
 from smartmot.geometry import signed_gap
 from smartmot.monitored_area import MonitoredLanes, ego_extent, ego_frame
 from smartmot.pipeline import STANDING_MPS
@@ -31,6 +32,16 @@ _LATE_S = 0.25
 
 _STEADY_MPS2 = 0.05
 """A change of speed smaller than this is not told: it would read 0.0."""
+
+_AHEAD_S = np.arange(0.0, 6.01, 0.05)
+_OFF_COURSE_M = 1.0
+"""An error of the ego's forecast smaller than this is not told."""
+
+_SLOWING = (
+    "Slows down to keep its distance to who is taken to be in its way, as adaptive cruise control does."
+)
+
+_BEHIND = "Stands behind who is taken to be in its way, without an emergency."
 
 _LONG_STOP_S = 60.0
 """Longer than any car brakes: `BrakeConfig.travel` over this time is the whole way to standstill."""
@@ -89,6 +100,7 @@ class Account:
         kind: hit, false (stop for nobody), stop, or pass.
         finding: what came out, one sentence.
         why: what made it so; may be empty.
+        for_nobody: whether it stopped for nobody, with an emergency brake or by adapting its speed.
         story: (F,) what is happening, for each frame.
         status: (F,) speed and what perception holds, for each frame.
     """
@@ -97,6 +109,7 @@ class Account:
     kind: str
     finding: str
     why: str
+    for_nobody: bool
     story: tuple[str, ...]
     status: tuple[str, ...]
 
@@ -113,12 +126,19 @@ def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
     requests = scene.events.loc[scene.events["label"] == "predicted_collision", "time_s"].tolist()
     triggers = [_trigger(scene, float(time), setting, preset) for time in requests]
     hit = _who_was_hit(scene) if run["collided"] else ""
-    kind = "hit" if run["collided"] else "false" if run["false_stop"] else "stop" if triggers else "pass"
-    outcome = _outcome(run, kind)
+    stands = _stands(scene)
+    idle = setting is not None and setting.must == "nothing" and not triggers and stands is not None
+    for_nobody = bool(run["false_stop"]) or idle
+    kind = "hit" if run["collided"] else "false" if for_nobody else "stop" if triggers else "pass"
+    outcome = "waits for nobody" if idle and not run["collided"] else _outcome(run, kind)
+    told = _finding(scene, run, triggers, hit, preset)
+    if stands is not None and not triggers and not run["collided"]:
+        told = _waiting(scene, stands, setting)
     return Account(
         outcome,
         kind,
-        *_finding(scene, run, triggers, hit, preset),
+        *told,
+        for_nobody,
         _story(scene, run, triggers, hit),
         _status(scene),
     )
@@ -199,6 +219,7 @@ def _trigger(scene: Scene, time_s: float, setting: Setting | None, preset: Prese
     motion = f"moving at {track['speed_mps'] * MPS_TO_KMH:.1f} km/h" if moving else "standing"
     place = _place(setting, center)
     side = f"{abs(across):.1f} m to the {'left' if across > 0 else 'right'} of the ego's axis"
+    because = (_because(scene, frame, track, moving, preset), _off_course(scene, frame, center, setting))
     return Trigger(
         time_s,
         frame,
@@ -206,8 +227,28 @@ def _trigger(scene: Scene, time_s: float, setting: Setting | None, preset: Prese
         max(float(ahead[nearest]), 0.0),
         _name(scene, frame, track),
         " ".join(text for text in (motion, place) if text) + f", {side}",
-        _because(scene, frame, track, moving, preset),
+        " ".join(text for text in because if text),
         _until(scene, frame, track, preset),
+    )
+
+
+def _off_course(scene: Scene, frame: int, center_m: FloatArray, setting: Setting | None) -> str:
+    """Whether the ego was expected off its lane: its forecast keeps the turn rate, a bend does not."""
+    if setting is None or setting.strategy is None:
+        return ""
+    if setting.preset.pipeline.forecast.ego == "route" and hasattr(setting.strategy, "route"):
+        return ""
+    ego = scene.ego_state(frame)
+    way = forecast_ego(ego, _AHEAD_S).center_m[0]
+    meets = way[[int(np.argmin(np.hypot(*(way - center_m).T)))]]
+    offset = float(
+        setting.route.place(meets)[1][0] - setting.route.place(np.array([[ego.x_m, ego.y_m]]))[1][0]
+    )
+    if abs(offset) < _OFF_COURSE_M:
+        return ""
+    return (
+        "The forecast keeps the ego's present turn rate and does not know the road: there it is "
+        f"{abs(offset):.1f} m to the {'left' if offset > 0 else 'right'} of where the ego will drive."
     )
 
 
@@ -316,6 +357,31 @@ def _start_of_last(frames: pd.Series[int], until: int) -> int:
     return until
 
 
+def _stands(scene: Scene) -> int | None:
+    """The first frame in which the ego stands, if it ever does after having driven."""
+    speed = scene.ego["speed_mps"].to_numpy(np.float64)
+    frames = np.flatnonzero((speed < STANDING_MPS) & (np.maximum.accumulate(speed) > STANDING_MPS))
+    return int(frames[0]) if len(frames) else None
+
+
+def _waiting(scene: Scene, frame: int, setting: Setting | None) -> tuple[str, str]:
+    """What came out, and why, where the ego stands without an emergency: it has followed somebody."""
+    what = f"Slows down and stands from t = {scene.time_s[frame]:.2f} s on, without an emergency."
+    ego, actors = scene.ego_state(frame), scene.rows("actor", frame)
+    if actors.empty:
+        return what, ""
+    boxes = boxes_in(actors)
+    ahead = ego_extent(boxes, ego)[0] - ego.length_m / 2
+    ahead[ahead < 0.0] = math.inf
+    nearest = int(np.argmin(ahead))
+    if not math.isfinite(ahead[nearest]):
+        return what, ""
+    place = _place(setting, boxes.center_m[[nearest]])
+    where = f" ({place})" if place else ""
+    whom = f"{_called(actors.iloc[nearest])}{where}, {ahead[nearest]:.1f} m ahead"
+    return what, f"It keeps its distance to {whom}, as if that were in its way."
+
+
 def _who_was_hit(scene: Scene) -> str:
     """The actor nearest to the ego at the end."""
     last = len(scene) - 1
@@ -343,7 +409,9 @@ def _story(scene: Scene, run: Run, triggers: list[Trigger], hit: str) -> tuple[s
     alert = False
     idle = "Follows its lane."
     texts = []
-    for frame, speed in enumerate(scene.ego["speed_mps"].tolist()):
+    for frame, (speed, accel) in enumerate(
+        zip(scene.ego["speed_mps"].tolist(), scene.ego["accel_mps2"].tolist(), strict=True)
+    ):
         for label in by_frame.get(frame, ()):
             if label == "predicted_collision":
                 trigger = next(waiting)
@@ -363,6 +431,10 @@ def _story(scene: Scene, run: Run, triggers: list[Trigger], hit: str) -> tuple[s
             texts.append(
                 "Alert, not braking: the forecast of somebody walking or riding enters the ego's way."
             )
+        elif speed < STANDING_MPS and texts and texts[-1] in (_SLOWING, _BEHIND):
+            texts.append(_BEHIND)
+        elif accel < -_STEADY_MPS2:
+            texts.append(_SLOWING)
         else:
             texts.append(idle)
     if run["collided"]:

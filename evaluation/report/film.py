@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import shutil
-import subprocess
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation import video
 from evaluation.errors import ArgumentError
 from evaluation.plots.ground import AREA_COLOURS, LANE_COLOURS, draw_map, lane_outlines
 from evaluation.plots.log_rows import boxes_of
@@ -284,43 +283,8 @@ def write_mp4(path: Path, film: Film, times: FilmTimes, progress: Callable[[], N
     Raises:
         ArgumentError: there is no ffmpeg, or the file cannot be written.
     """
-    program = ffmpeg()
-    width, height = (round(inches * _DPI) for inches in _SIZE_IN)
-    command = [
-        program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
-        "-r", f"{times.fps:g}", "-i", "-", "-an", "-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p",
-        "-movflags", "+faststart", "-f", "mp4", str(path),
-    ]  # fmt: skip
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        assert process.stderr is not None
-        try:
-            for image in _held(pictures(film, times, progress), round(HOLD_S * times.fps)):
-                process.stdin.write(image.tobytes())
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # it has given up; its last words say why
-        said = process.stderr.read().decode(errors="replace").strip()
-    if process.returncode:
-        raise ArgumentError(f"--mp4: cannot write {path}: {(said.splitlines() or ['ffmpeg failed'])[-1]}")
-
-
-def ffmpeg() -> str:
-    """The ffmpeg to use: the one on the path, else that of the package imageio-ffmpeg.
-
-    Raises:
-        ArgumentError: there is none.
-    """
-    found = shutil.which("ffmpeg")
-    if found:
-        return found
-    try:
-        from imageio_ffmpeg import get_ffmpeg_exe  # type: ignore[import-not-found,import-untyped,unused-ignore]
-    except ImportError:
-        raise ArgumentError(
-            "--mp4: no ffmpeg found; use --gif, or install it: apt install ffmpeg, pip install imageio-ffmpeg"
-        ) from None
-    return str(get_ffmpeg_exe())
+    held = _held(pictures(film, times, progress), round(HOLD_S * times.fps))
+    video.write_mp4(path, held, times.fps, "--mp4")
 
 
 def _held(images: Iterator[Image], times: int) -> Iterator[Image]:

@@ -41,6 +41,7 @@ class Setting:
         route: the ego's way on it.
         preset: conditions, with areas, brakes and decision as `runs.json` has them.
         strategy: what made the monitored area; None for one that this program does not know by name.
+        must: what the ego must do, brake or nothing, where that is known.
     """
 
     map_name: str
@@ -48,6 +49,7 @@ class Setting:
     route: Route
     preset: Preset
     strategy: MonitoredAreaStrategy | None
+    must: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +153,7 @@ def read_settings(path: Path, runs: pd.DataFrame) -> dict[str, Setting]:
         except ScenarioError:
             strategy = None
         name = spec.map_name or scene.network.name or ""
-        settings[spec.log] = Setting(Path(name).name, scene.network, scene.route, preset, strategy)
+        settings[spec.log] = Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must)
     return settings
 
 

@@ -22,7 +22,7 @@ from evaluation.report.explain import Account, explain
 from evaluation.report.folder import RunFolder, read_folder
 from evaluation.report.payload import pack_map, pack_run
 from evaluation.report.scene import read_scene
-from evaluation.report.summary import Cell, Verdict, score_matrix, verdicts
+from evaluation.report.summary import Matrix, Verdict, score_matrix, verdicts
 from opendrive import RoadNetwork
 from smartmot.types import FloatArray
 
@@ -61,8 +61,7 @@ class PageContent:
     facts: dict[str, str]
     notes: tuple[str, ...]
     verdicts: list[Verdict]
-    matrix_speeds: list[float]
-    matrix: list[tuple[str, list[Cell | None]]]
+    matrix: Matrix
     table: results.Table
     runs: list[RunView]
     first: int
@@ -136,7 +135,6 @@ def page_content(
         views.append(RunView(name, str(run["strategy"]), _title(run, distinct), account, packed, map_index))
         progress(len(views), len(rows))
     accounts = {view.log: view.account for view in views}
-    speeds, matrix = score_matrix(rows, accounts)
     assert origin is not None  # a folder has runs
     palette = {
         "lanes": LANE_COLOURS,
@@ -147,17 +145,16 @@ def page_content(
         "ego": EGO_COLOUR,
     }
     return PageContent(
-        title=", ".join(sorted({str(name) for name in rows["scenario"]})),
+        title=_subject(rows),
         facts=_facts(folder),
         notes=folder.notes,
         verdicts=verdicts(rows, accounts, {view.log: view.title for view in views}),
-        matrix_speeds=speeds,
-        matrix=matrix,
+        matrix=score_matrix(rows, accounts),
         table=results.comparison_table(folder.runs, PUBLISHED if folder.published else None),
         runs=views,
         first=_first(views),
         panels=charts.speed_specs(rows, curves),
-        legend=[(f"{v:g} km/h", *_swatch(v)) for v in speeds],
+        legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
         palette=palette,
     )
@@ -203,7 +200,18 @@ def _distinct_columns(rows: pd.DataFrame) -> list[str]:
 
 def _title(run: dict[Hashable, Any], distinct: list[str]) -> str:
     rest = [f"seed {run[name]}" if name == "seed" else str(run[name]) for name in distinct]
-    return ", ".join([str(run["strategy"]), f"{run['v_test_kmh']:g} km/h", *rest])
+    speed = f"{run['v_test_kmh']:g} km/h"
+    return ", ".join([str(run["strategy"]), *([] if any(speed in text for text in rest) else [speed]), *rest])
+
+
+def _subject(runs: pd.DataFrame) -> str:
+    """What was run: a scenario, or how many."""
+    names = list(dict.fromkeys(map(str, runs["scenario"])))
+    return ", ".join(names) if len(names) <= _FEW else f"{len(names)} scenarios"
+
+
+_FEW = 3
+"""Names that a heading holds."""
 
 
 def _facts(folder: RunFolder) -> dict[str, str]:
@@ -213,6 +221,7 @@ def _facts(folder: RunFolder) -> dict[str, str]:
         name.capitalize(): ", ".join(dict.fromkeys(map(str, runs[name])))
         for name in ("scenario", "preset", "weather", "adversaries", "seed")
     }
+    facts["Scenario"] = _subject(runs)
     facts["Runs"] = str(len(runs))
     maps = dict.fromkeys(setting.map_name for setting in folder.settings.values())
     if maps:

@@ -82,11 +82,11 @@ def _verdict(
 ) -> Verdict:
     names = [str(name) for name in runs["log"]]
     by_kind = {kind: [name for name in names if accounts[name].kind == kind] for kind in SEVERITY}
-    false_stops = [str(name) for name in runs.loc[runs["false_stop"], "log"]]
-    parts = [_count("contact", by_kind["hit"], runs), _count("false stop", false_stops, runs)]
+    false_stops = [name for name in names if accounts[name].for_nobody]
+    parts = [_count("contact", by_kind["hit"], runs), _count("stop for nobody", false_stops, runs)]
     headline = ", ".join(parts)
     reasons = []
-    for what, chosen in (("hit", by_kind["hit"]), ("false stop", false_stops)):
+    for what, chosen in (("hit", by_kind["hit"]), ("stop for nobody", false_stops)):
         if chosen:
             text = f"{accounts[chosen[0]].finding} {accounts[chosen[0]].why}".strip()
             reasons.append((chosen[0], f"Why the {what} ({titles[chosen[0]]})", text))
@@ -97,18 +97,36 @@ def _verdict(
 def _count(what: str, chosen: list[str], runs: pd.DataFrame) -> str:
     if not chosen:
         return f"no {what}"
+    found = f"{what} in {len(chosen)} of {len(runs)} runs"
+    if len(set(runs["scenario"])) > 1:
+        return found
     speeds = sorted(set(runs.loc[runs["log"].isin(chosen), "v_test_kmh"]))
-    return f"{what} in {len(chosen)} of {len(runs)} runs (at {', '.join(f'{v:g}' for v in speeds)} km/h)"
+    return f"{found} (at {', '.join(f'{v:g}' for v in speeds)} km/h)"
 
 
-def score_matrix(
-    runs: pd.DataFrame, accounts: Mapping[str, Account]
-) -> tuple[list[float], list[tuple[str, list[Cell | None]]]]:
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """Scores and outcomes as a table.
+
+    Args:
+        corner: what the lines, or the columns, are.
+        columns: their names.
+        lines: per line its name and a place per column, None where nothing ran.
+    """
+
+    corner: str
+    columns: list[str]
+    lines: list[tuple[str, list[Cell | None]]]
+
+
+def score_matrix(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Matrix:
     """Scores by strategy, in its conditions, and by test speed; seeds share a place.
 
-    Returns:
-        Test speeds, and per line its name and a place per speed, None where nothing ran.
+    Many scenarios, each at a speed of its own, are lines instead, and the strategies the columns.
     """
+    names = set(runs["scenario"])
+    if len(names) > 1 and len(set(zip(runs["scenario"], runs["v_test_kmh"], strict=True))) == len(names):
+        return _scenario_matrix(runs, accounts)
     speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
     conditions = varying_conditions(runs)
     lines = []
@@ -117,7 +135,17 @@ def score_matrix(
             own = group[group["strategy"] == strategy]
             cells = [_cell(own[own["v_test_kmh"] == speed], accounts) for speed in speeds]
             lines.append((", ".join([strategy, *map(str, values)]), cells))
-    return speeds, lines
+    return Matrix("Test speed (km/h)", [f"{speed:g}" for speed in speeds], lines)
+
+
+def _scenario_matrix(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Matrix:
+    strategies = ordered_strategies(runs)
+    conditions = [name for name in varying_conditions(runs) if name != "scenario"]
+    lines = []
+    for values, group in runs.groupby(["scenario", *conditions], sort=False):
+        cells = [_cell(group[group["strategy"] == strategy], accounts) for strategy in strategies]
+        lines.append((", ".join(map(str, values)), cells))
+    return Matrix("Scenario", strategies, lines)
 
 
 def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from evaluation.settings import PARAMETERS, Settings, setting_text
 from evaluation.study.grid import Point
-from evaluation.study.parameters import PARAMETERS, Settings, setting_text
 from evaluation.study.table import Summary
 
 WIDTHS = {"map": "margin_m", "rectangular": "half_width_m"}

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import rich.console
-import rich.progress
 
-from evaluation.results import ResultsError, Table, markdown_table, rich_table
+from evaluation.arguments import writable_folder
+from evaluation.comparison import compare_files
+from evaluation.fingerprint import version
+from evaluation.results import ResultsError, Table, log_path, markdown_table, read_log, rich_table
+from evaluation.runs import FrameTime, definition_of, preset_of
+from evaluation.settings import PARAMETERS, Setting, preset_with, settings_text
 from evaluation.study import figures
 from evaluation.study.answer import answer
+from evaluation.study.criticality import criticality, criticality_csv
 from evaluation.study.grid import (
     FRONTIER,
     Point,
@@ -21,11 +26,10 @@ from evaluation.study.grid import (
     ablation_points,
     points_of,
     study_runs,
-    version,
 )
 from evaluation.study.journal import Journal
-from evaluation.study.measures import FrameTime, RunMeasures, measure_all
-from evaluation.study.parameters import PARAMETERS, Setting, preset_with
+from evaluation.study.measures import RunMeasures, measure
+from evaluation.study.progress import progress_bar
 from evaluation.study.table import (
     Summary,
     runs_csv,
@@ -54,6 +58,8 @@ class CompareOptions:
     out: Path
     ablation: bool
     quiet: bool
+    formats: tuple[str, ...] = figures.FORMATS
+    logs: bool = False
 
 
 def compare(options: CompareOptions) -> list[Summary]:
@@ -79,7 +85,34 @@ def compare(options: CompareOptions) -> list[Summary]:
         console.print(line, highlight=False)
     done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
     console.print(f"{done}; in {options.out}: {', '.join(path.name for path in written)}", highlight=False)
+    if options.logs:
+        folder = log_runs(options, scenes)
+        console.print(f"logs: {folder}; smartmot-eval report {folder} makes a page of them", highlight=False)
     return rows
+
+
+def log_runs(options: CompareOptions, scenes: Sequence[SceneRun]) -> Path:
+    """Carry the scenes out once more with each strategy as the preset has it, and keep the logs.
+
+    They lie in a folder of runs of its own, as `report` and `replay` want it, with the criticality of each
+    run over time in `criticality/`.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    points = [Point(strategy) for strategy in options.strategies]
+    runs = study_runs(points, scenes, options.preset, options.weather, seeds=1)
+    folder = options.out / "runs"
+    specs = [run.spec for run in runs]
+    compare_files(specs, folder, None, options.workers, quiet=True)
+    critical = writable_folder(folder / "criticality")
+    for spec in specs:
+        log = read_log(log_path(folder, spec.log))
+        columns = {str(name): log[name].to_numpy() for name in log.columns}
+        brakes = preset_of(spec, definition_of(spec)).brakes
+        content = criticality_csv(criticality(columns, brakes.max_decel_mps2))
+        (critical / f"{spec.log}.csv").write_bytes(content)
+    return folder
 
 
 def points_for(options: CompareOptions) -> tuple[Point, ...]:
@@ -97,27 +130,28 @@ def carry_out(
     Returns:
         Measures and processor times in the order of the runs, and how many were there before.
     """
-    keys = [run.key for run in runs]
-    with (
-        Journal(out) as journal,
-        rich.progress.Progress(
-            *rich.progress.Progress.get_default_columns(),
-            rich.progress.MofNCompleteColumn(),
-            console=console,
-            transient=True,
-            disable=console.quiet,
-        ) as progress,
-    ):
-        found = journal.finished(set(keys))
-        before = len(found)
-        task = progress.add_task("comparing", total=len(runs), completed=before)
-        missing = [(key, run) for key, run in zip(keys, runs, strict=True) if key not in found]
-        fresh = measure_all([run for _, run in missing], workers)
-        for (key, _), (_, measured, spent) in zip(missing, fresh, strict=True):
-            journal.add(key, measured, spent)
-            found[key] = measured, spent
-            progress.advance(task)
-    return [found[key][0] for key in keys], [found[key][1] for key in keys], before
+    items = {run.key: run for run in runs}
+    with Journal(out, RunMeasures) as journal, progress_bar(console) as progress:
+        task = progress.add_task("comparing", total=len(items))
+        found, before = journal.carry_out(
+            measure, items, workers, lambda count: progress.advance(task, count)
+        )
+    measures, spent = kept_measures(runs, found)
+    return measures, spent, before
+
+
+def kept_measures(
+    runs: Sequence[StudyRun], found: Mapping[str, tuple[RunMeasures, FrameTime]]
+) -> tuple[list[RunMeasures], list[FrameTime]]:
+    """Measures and processor times in the order of the runs.
+
+    A run is kept once, whether the preset's own values were asked for by name or not; here it is called as
+    it was asked for.
+    """
+    measures = [
+        dataclasses.replace(found[run.key][0], settings=settings_text(run.spec.settings)) for run in runs
+    ]
+    return measures, [found[run.key][1] for run in runs]
 
 
 def write(
@@ -155,10 +189,10 @@ def write(
             several = f"_{weather}" if len(options.weather) > 1 else ""
             if options.ablation:
                 figure = figures.ablation(here, f"One choice changed: {title}, {weather}")
-                written += figures.save(figure, out / f"ablation{several}")
+                written += figures.save(figure, out / f"ablation{several}", options.formats)
             elif any(row.avoided.count for row in here) and any(row.false_stops.count for row in here):
                 figure = figures.frontier(here, points, f"{title}, {weather}")
-                written += figures.save(figure, out / f"frontier{several}")
+                written += figures.save(figure, out / f"frontier{several}", options.formats)
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
     return written

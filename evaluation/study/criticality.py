@@ -125,6 +125,21 @@ def criticality(log: Mapping[str, NDArray[Any]], available_decel_mps2: float) ->
     return Criticality(time, ttc, needed, needed / available_decel_mps2)
 
 
+def criticality_csv(found: Criticality) -> bytes:
+    """One line per time; a time to collision is empty where nobody is on a collision course."""
+    lines = ["time_s,time_to_collision_s,required_decel_mps2,brake_threat_number"]
+    columns = (
+        found.time_s,
+        found.time_to_collision_s,
+        found.required_decel_mps2,
+        found.brake_threat_number,
+    )
+    for row in zip(*(column.tolist() for column in columns), strict=True):
+        time, ttc, *rest = (round(value, 6) for value in row)
+        lines.append(",".join((repr(time), "" if ttc == np.inf else repr(ttc), *map(repr, rest))))
+    return ("\n".join(lines) + "\n").encode()
+
+
 def _reach(box: Moving, axis: FloatArray) -> FloatArray:
     """(...) half the extent of a box along an axis."""
     ahead = box.heading

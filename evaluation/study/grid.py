@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cache
-from importlib import metadata
-from pathlib import Path
+from dataclasses import dataclass
 
-import evaluation
-import opendrive
-import scenarios
-import smartmot
+from evaluation.fingerprint import fingerprint
 from evaluation.runs import RunSpec
-from evaluation.study.parameters import PARAMETERS, Setting, Settings, preset_with, setting_text
-from scenarios.library import scenario_path
+from evaluation.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
 from scenarios.presets import named_preset, named_weather
 from scenarios.scenes.scenes import SceneRun
 
@@ -59,7 +50,7 @@ class Point:
     @property
     def text(self) -> str:
         """The settings as they are typed."""
-        return ", ".join(setting_text(name, value) for name, value in self.settings)
+        return settings_text(self.settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,25 +59,16 @@ class StudyRun:
 
     Args:
         scene: what happens.
-        point: who decides.
-        spec: the run, but for the settings.
+        spec: the run.
     """
 
     scene: SceneRun
-    point: Point
     spec: RunSpec
 
     @property
     def key(self) -> str:
-        """Hash of everything that determines the run: its values, its files, and the code."""
-        parameters = dict(self.spec.parameters)
-        files = [_digest(scenario_path(self.spec.file))]
-        if "Map" in parameters:
-            path = scenario_path(self.spec.file).parent / str(parameters.pop("Map"))
-            files.append(_digest(path))
-        values = asdict(replace(self.spec, file=scenario_path(self.spec.file).name, parameters=()))
-        told = [values, parameters, self.scene.must, self.point.settings, files, version()]
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:24]
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec, self.scene.must)
 
 
 def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) -> tuple[Point, ...]:
@@ -132,7 +114,6 @@ def study_runs(
     return [
         StudyRun(
             scene,
-            point,
             RunSpec(
                 scenario=scene.name,
                 file=scene.file,
@@ -144,6 +125,8 @@ def study_runs(
                 seed=seed,
                 phase_s=round(PHASE_STEP_S * (seed % PHASES), 3),
                 paper_points=scene.must == "brake",
+                must=scene.must,
+                settings=point.settings,
             ),
         )
         for name in weather
@@ -151,23 +134,3 @@ def study_runs(
         for scene in scenes
         for seed in range(seeds)
     ]
-
-
-@cache
-def version() -> str:
-    """Version of the distribution with a digest of the code that runs depend on."""
-    digest = hashlib.sha256()
-    for package in (opendrive, smartmot, scenarios):
-        root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode())
-            digest.update(path.read_bytes())
-    root = Path(str(evaluation.__file__)).parent
-    for name in ("runs.py", "study/criticality.py", "study/measures.py", "study/parameters.py"):
-        digest.update((root / name).read_bytes())
-    return f"{metadata.version('smartmot')}+{digest.hexdigest()[:12]}"
-
-
-@cache
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

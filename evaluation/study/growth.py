@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rich.console
-import rich.progress
 
+from evaluation.fingerprint import fingerprint, version
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
 from evaluation.results import ResultsError, Table, markdown_table, rich_table
-from evaluation.study.figures import COLOURS, MARKERS, save
+from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, preset_of
+from evaluation.study.figures import COLOURS, FORMATS, MARKERS, save
 from evaluation.study.intervals import Estimate, mean_t
-from evaluation.study.measures import FrameTime, TimedSimulation
+from evaluation.study.journal import Journal
+from evaluation.study.progress import progress_bar
 from scenarios.bystanders import ADULT_LENGTH_M, ADULT_WIDTH_M, CAR_LENGTH_M, CAR_WIDTH_M
-from scenarios.library import shipped_scenario
 from scenarios.openscenario.model import (
     Action,
     EntityDefinition,
@@ -28,10 +30,8 @@ from scenarios.openscenario.model import (
     TeleportAction,
     WorldPosition,
 )
-from scenarios.openscenario.reader import load
 from scenarios.places import Scene
-from scenarios.presets import Preset, named_preset, named_weather, preset_in_weather
-from scenarios.simulation import Outcome
+from scenarios.simulation import Simulation
 from scenarios.strategies import make_strategy
 from smartmot.monitored_area import MonitoredAreaStrategy
 
@@ -49,7 +49,7 @@ REACH_M = 65.0
 
 @dataclass(frozen=True, slots=True)
 class GrowthRun:
-    """One run among others.
+    """What one run among others came to.
 
     Args:
         strategy, others, seed: who, among how many.
@@ -57,7 +57,6 @@ class GrowthRun:
         flag_time_s: first emergency request; None without one.
         false_stop: whether it came before the pedestrian set off.
         v_impact_kmh: speed at contact, 0 without.
-        spent: processor time of perception and decision.
     """
 
     strategy: str
@@ -67,7 +66,46 @@ class GrowthRun:
     flag_time_s: float | None
     false_stop: bool
     v_impact_kmh: float
-    spent: FrameTime
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthTask:
+    """One run to be made: a crossing, and how many others there are."""
+
+    spec: RunSpec
+    others: int
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec, "growth", self.others)
+
+
+def growth_tasks(
+    strategies: Sequence[str], preset: str, weather: str, seeds: int, counts: Sequence[int] = COUNTS
+) -> list[GrowthTask]:
+    """Every strategy among every number of others; strategies take turns.
+
+    What else the machine does then strikes all of them.
+    """
+    return [
+        GrowthTask(
+            RunSpec(
+                scenario=SCENARIO,
+                file=SCENARIO,
+                parameters=(("Ego_speed_kmh", SPEED_KMH),),
+                strategy=strategy,
+                preset=preset,
+                weather=weather,
+                v_test_kmh=SPEED_KMH,
+                seed=seed,
+            ),
+            others,
+        )
+        for seed in range(seeds)
+        for others in counts
+        for strategy in strategies
+    ]
 
 
 def with_others(definition: ScenarioDefinition, count: int, seed: int) -> ScenarioDefinition:
@@ -112,76 +150,131 @@ def with_others(definition: ScenarioDefinition, count: int, seed: int) -> Scenar
     return replace(definition, entities=(*definition.entities, *entities), init=(*definition.init, *init))
 
 
-def grow(strategy: str, others: int, seed: int, preset: Preset) -> GrowthRun:
-    """One run."""
-    definition = with_others(load(shipped_scenario(SCENARIO), {"Ego_speed_kmh": SPEED_KMH}), others, seed)
+def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
+    """Carry out one run."""
+    spec, others = task.spec, task.others
+    definition = with_others(definition_of(spec), others, spec.seed)
+    preset = preset_of(spec, definition)
 
     def maker(scene: Scene) -> MonitoredAreaStrategy:
-        return make_strategy(strategy, preset, scene)
+        return make_strategy(spec.strategy, preset, scene)
 
     # all are seen: what grows is the number of objects, not of those hidden behind others
     open_view = replace(preset, sensor=replace(preset.sensor, min_visible=0.0))
-    simulation = TimedSimulation(definition, open_view, maker, seed)
-    outcome: Outcome = simulation.run()
-    spent = simulation.frame_time
+    outcome = Simulation(definition, open_view, maker, spec.seed).run()
+    spent = frame_time(outcome.frame_time_ms)
     tracks = int(np.count_nonzero(outcome.log.table()["kind"] == "track"))
-    return GrowthRun(
-        strategy=strategy,
+    measured = GrowthRun(
+        strategy=spec.strategy,
         others=others,
-        seed=seed,
+        seed=spec.seed,
         tracks_mean=tracks / max(spent.frames, 1),
         flag_time_s=outcome.flag_time_s,
         false_stop=outcome.false_stop,
         v_impact_kmh=outcome.impact_speed_mps * 3.6,
-        spent=spent,
     )
+    return measured, spent
 
 
 def compare_growth(
-    strategies: Sequence[str], preset: str, weather: str, seeds: int, out: Path, quiet: bool
+    strategies: Sequence[str],
+    preset: str,
+    weather: str,
+    seeds: int,
+    workers: int,
+    out: Path,
+    quiet: bool,
+    formats: Sequence[str] = FORMATS,
 ) -> list[GrowthRun]:
-    """Run every strategy among more and more others, one after the other, and write table and figure.
+    """Run every strategy among more and more others, or go on with it; write table and figure.
 
     Raises:
         ResultsError: the folder cannot be written.
     """
-    chosen = preset_in_weather(named_preset(preset), named_weather(weather))
     console = rich.console.Console(quiet=quiet)
-    # strategies take turns, so that what else the machine does strikes all of them
-    todo = [(strategy, others, seed) for seed in range(seeds) for others in COUNTS for strategy in strategies]
-    runs: list[GrowthRun] = []
-    with rich.progress.Progress(console=console, transient=True, disable=quiet) as progress:
-        for strategy, others, seed in progress.track(todo, description="growing"):
-            runs.append(grow(strategy, others, seed, chosen))
-    table = growth_table(runs)
+    tasks = growth_tasks(strategies, preset, weather, seeds)
+    with Journal(out, GrowthRun, "growth_") as journal, progress_bar(console) as progress:
+        bar = progress.add_task("growing", total=len(tasks))
+        found, before = journal.carry_out(
+            grow, {task.key: task for task in tasks}, workers, lambda count: progress.advance(bar, count)
+        )
+    runs, spent = zip(*(found[task.key] for task in tasks), strict=True)
+    written = write_growth(tasks, runs, spent, out, formats)
+    console.print(
+        rich_table(growth_table(runs, spent), f"{SCENARIO} at {SPEED_KMH:g} km/h, preset {preset}, {weather}")
+    )
+    done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
+    console.print(f"{done}; in {out}: {', '.join(path.name for path in written)}", highlight=False)
+    return list(runs)
+
+
+def write_growth(
+    tasks: Sequence[GrowthTask],
+    runs: Sequence[GrowthRun],
+    spent: Sequence[FrameTime],
+    out: Path,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """Write table, figure and settings; all that holds times is different in every run.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    files = {
+        "growth.md": markdown_table(growth_table(runs, spent)).encode(),
+        "growth.csv": growth_csv(runs),
+        "growth_times.csv": times_csv(runs, spent),
+        "growth.json": _configuration(tasks),
+    }
     try:
-        (out / "growth.md").write_text(markdown_table(table))
-        (out / "growth.csv").write_bytes(growth_csv(runs))
-        (out / "growth_times.csv").write_bytes(times_csv(runs))
-        written = save(growth_figure(runs), out / "growth")
+        for name, content in files.items():
+            (out / name).write_bytes(content)
+        drawn = save(growth_figure(runs, spent), out / "growth", formats)
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
-    console.print(rich_table(table, f"{SCENARIO} at {SPEED_KMH:g} km/h, preset {preset}, {weather}"))
-    names = ["growth.md", "growth.csv", "growth_times.csv", *(path.name for path in written)]
-    console.print(f"{len(runs)} runs; in {out}: {', '.join(names)}", highlight=False)
-    return runs
+    return [*(out / name for name in files), *drawn]
 
 
-def _cell(runs: Sequence[GrowthRun], strategy: str, others: int) -> list[GrowthRun]:
-    return [run for run in runs if run.strategy == strategy and run.others == others]
+def _configuration(tasks: Sequence[GrowthTask]) -> bytes:
+    """Everything that determines the results, as JSON."""
+    spec = tasks[0].spec
+    preset = preset_of(spec, definition_of(spec))
+    values = {
+        "version": version(),
+        "scenario": SCENARIO,
+        "speed_kmh": SPEED_KMH,
+        "weather": spec.weather,
+        "strategies": list(dict.fromkeys(task.spec.strategy for task in tasks)),
+        "others": sorted({task.others for task in tasks}),
+        "seeds": sorted({task.spec.seed for task in tasks}),
+        "preset": asdict(preset),
+    }
+    return (json.dumps(values, indent=1, sort_keys=True) + "\n").encode()
 
 
-def _median_ms(runs: Sequence[GrowthRun]) -> Estimate:
-    return mean_t([run.spent.median_ms for run in runs])
+Timed = tuple[GrowthRun, FrameTime]
 
 
-def _flag_s(runs: Sequence[GrowthRun]) -> Estimate:
+def _cell(pairs: Sequence[Timed], strategy: str, others: int) -> list[Timed]:
+    return [pair for pair in pairs if (pair[0].strategy, pair[0].others) == (strategy, others)]
+
+
+def _median_ms(pairs: Sequence[Timed]) -> Estimate:
+    return mean_t([spent.median_ms for _, spent in pairs])
+
+
+def _tracks(pairs: Sequence[Timed]) -> Estimate:
+    return mean_t([run.tracks_mean for run, _ in pairs])
+
+
+def _flag_s(pairs: Sequence[Timed]) -> Estimate:
     """Over the runs whose flag is for the pedestrian."""
-    return mean_t([run.flag_time_s for run in runs if run.flag_time_s is not None and not run.false_stop])
+    return mean_t([run.flag_time_s for run, _ in pairs if run.flag_time_s is not None and not run.false_stop])
 
 
-def growth_table(runs: Sequence[GrowthRun]) -> Table:
+def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table:
     """A line per number of others, columns per strategy."""
+    pairs = list(zip(runs, spent, strict=True))
     strategies = list(dict.fromkeys(run.strategy for run in runs))
     header = ["others"]
     for strategy in strategies:
@@ -190,14 +283,14 @@ def growth_table(runs: Sequence[GrowthRun]) -> Table:
     for others in dict.fromkeys(run.others for run in runs):
         line = [str(others)]
         for strategy in strategies:
-            mine = _cell(runs, strategy, others)
+            mine = _cell(pairs, strategy, others)
             flag = _flag_s(mine)
             line += [
                 f"{_median_ms(mine).value:.2f}",
-                f"{np.mean([run.tracks_mean for run in mine]):.1f}",
+                f"{_tracks(mine).value:.1f}",
                 f"{flag.value:.2f}" if flag.count else "–",
-                f"{sum(run.false_stop for run in mine)}/{len(mine)}",
-                f"{np.mean([run.v_impact_kmh for run in mine]):.1f}",
+                f"{sum(run.false_stop for run, _ in mine)}/{len(mine)}",
+                f"{np.mean([run.v_impact_kmh for run, _ in mine]):.1f}",
             ]
         lines.append(tuple(line))
     caption = (
@@ -213,10 +306,13 @@ def growth_csv(runs: Sequence[GrowthRun]) -> bytes:
     return _csv(names, [[getattr(run, name) for name in names] for run in runs])
 
 
-def times_csv(runs: Sequence[GrowthRun]) -> bytes:
+def times_csv(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bytes:
     """Processor times, which are different in every run."""
     names = ("strategy", "others", "seed", "frames", "median_ms", "p95_ms")
-    rows = [[r.strategy, r.others, r.seed, r.spent.frames, r.spent.median_ms, r.spent.p95_ms] for r in runs]
+    rows = [
+        [run.strategy, run.others, run.seed, time.frames, time.median_ms, time.p95_ms]
+        for run, time in zip(runs, spent, strict=True)
+    ]
     return _csv(names, rows)
 
 
@@ -228,15 +324,16 @@ def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
     return text.getvalue().encode()
 
 
-def growth_figure(runs: Sequence[GrowthRun]) -> Figure:
+def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figure:
     """Time per frame, tracks and time of the flag over the number of others, a curve per strategy."""
+    pairs = list(zip(runs, spent, strict=True))
     figure = new_figure(2.7)
     panels = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.07, right=0.985, bottom=0.37, top=0.9, wspace=0.33)
     counts = list(dict.fromkeys(run.others for run in runs))
-    summaries: tuple[tuple[str, Callable[[Sequence[GrowthRun]], Estimate]], ...] = (
+    summaries: tuple[tuple[str, Callable[[Sequence[Timed]], Estimate]], ...] = (
         ("time per frame (ms)", _median_ms),
-        ("tracks", lambda some: mean_t([run.tracks_mean for run in some])),
+        ("tracks per frame", _tracks),
         ("first request (s)", _flag_s),
     )
     for axes, (title, summary) in zip(panels, summaries, strict=True):
@@ -246,7 +343,7 @@ def growth_figure(runs: Sequence[GrowthRun]) -> Figure:
         for rank, strategy in enumerate(dict.fromkeys(run.strategy for run in runs)):
             axes.plot(
                 counts,
-                [summary(_cell(runs, strategy, others)).value for others in counts],
+                [summary(_cell(pairs, strategy, others)).value for others in counts],
                 color=COLOURS[strategy],
                 marker=MARKERS[strategy],
                 markersize=5.5 - 1.2 * rank,  # those that fall on one another stay visible

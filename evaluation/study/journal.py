@@ -5,43 +5,57 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Container
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
 from evaluation.results import ResultsError
-from evaluation.study.measures import FrameTime, RunMeasures
+from evaluation.runs import FrameTime
+from evaluation.workers import execute_all
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    Measures = TypeVar("Measures", bound=DataclassInstance)
+else:
+    Measures = TypeVar("Measures")
+
+Item = TypeVar("Item")
 
 RUNS = "runs.jsonl"
 TIMES = "times.jsonl"
 """Processor times have a file of their own: they are different in every run."""
 
 
-class Journal:
+class Journal(Generic[Measures]):
     """The journal of a folder; a context manager.
 
     Args:
         folder: that exists.
+        kind: dataclass of what is kept of a run; of numbers, texts and None.
+        prefix: of the files' names, for several journals in one folder.
 
     Raises:
         ResultsError: the files cannot be opened, or a line is not one of a journal.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / RUNS
-        self._lines = _read(self._path)
-        self._times = _read(folder / TIMES)
+    def __init__(self, folder: Path, kind: type[Measures], prefix: str = "") -> None:
+        self._kind = kind
+        runs, times = (folder / f"{prefix}{name}" for name in (RUNS, TIMES))
+        self._path = runs
+        self._lines, self._times = _read(runs), _read(times)
         try:
-            self._files: tuple[IO[str], IO[str]] = tuple(  # type: ignore[assignment]
-                (folder / name).open("a", encoding="utf-8") for name in (RUNS, TIMES)
+            self._files: tuple[IO[str], IO[str]] = (
+                runs.open("a", encoding="utf-8"),
+                times.open("a", encoding="utf-8"),
             )
         except OSError as error:
             raise ResultsError(
                 f"{folder}: cannot be written ({error.strerror}); choose another folder"
             ) from None
 
-    def __enter__(self) -> Journal:
+    def __enter__(self) -> Journal[Measures]:
         """The journal itself."""
         return self
 
@@ -55,23 +69,23 @@ class Journal:
         for file in self._files:
             file.close()
 
-    def finished(self, keys: Container[str]) -> dict[str, tuple[RunMeasures, FrameTime]]:
+    def finished(self, keys: Container[str]) -> dict[str, tuple[Measures, FrameTime]]:
         """Runs with these keys that are finished.
 
         Raises:
             ResultsError: a line has other fields than this version writes.
         """
-        found: dict[str, tuple[RunMeasures, FrameTime]] = {}
+        found: dict[str, tuple[Measures, FrameTime]] = {}
         try:
             for key, values in self._lines.items():
                 if key in keys:
                     spent = FrameTime(**self._times[key]) if key in self._times else FrameTime(0, 0.0, 0.0)
-                    found[key] = RunMeasures(**values), spent
+                    found[key] = self._kind(**values), spent
         except TypeError as error:
             raise ResultsError(f"{self._path}: not a journal of this version ({error}); remove it") from None
         return found
 
-    def add(self, key: str, measures: RunMeasures, spent: FrameTime) -> None:
+    def add(self, key: str, measures: Measures, spent: FrameTime) -> None:
         """Write a finished run down; when this returns it is on disk."""
         # the run last: without its line it counts as not done
         lines = (dataclasses.asdict(spent), dataclasses.asdict(measures))
@@ -79,6 +93,41 @@ class Journal:
             file.write(json.dumps({"key": key, **values}) + "\n")
             file.flush()
         os.fsync(self._files[0].fileno())
+
+    def carry_out(
+        self,
+        job: Callable[[Item], tuple[Measures, FrameTime]],
+        items: Mapping[str, Item],
+        workers: int,
+        done: Callable[[int], None] = lambda count: None,
+        is_whole: Callable[[Item], bool] = lambda item: True,
+    ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:
+        """Carry out what is not finished, and write it down.
+
+        Args:
+            job: see `evaluation.workers.execute_all`.
+            items: by key.
+            workers: processes.
+            done: called with the number of items that are new on disk, first of those from before.
+            is_whole: whether what a finished item has written beside the journal is there; if not, it is
+                carried out again.
+
+        Returns:
+            What is kept of each item, by key, and how many were finished before.
+
+        Raises:
+            ResultsError: a line has other fields than this version writes.
+        """
+        found = {key: kept for key, kept in self.finished(items).items() if is_whole(items[key])}
+        before = len(found)
+        done(before)
+        missing = [key for key in items if key not in found]
+        fresh = execute_all(job, [items[key] for key in missing], workers)
+        for key, (measures, spent) in zip(missing, fresh, strict=True):
+            self.add(key, measures, spent)
+            found[key] = measures, spent
+            done(1)
+        return found, before
 
 
 def _read(path: Path) -> dict[str, dict[str, Any]]:

@@ -9,16 +9,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from evaluation.protocols.bands import WEIGHT, Colour
 from evaluation.protocols.paper import paper_score_max
 from evaluation.results import Table
 from evaluation.study.grid import Point
-from evaluation.study.intervals import Estimate, mean_t, wilson
+from evaluation.study.intervals import Estimate, clustered_mean, clustered_rate
 from evaluation.study.measures import RunMeasures
 
 INTERVALS = (
-    "Rates: Wilson's score interval over all runs (95 %). Means: Student's interval over the seeds' means "
-    "(95 %). Both tell how far sensor noise and frame phase move the number for these scenes, not how other "
-    "scenes would come out. Scenes are fixed, so Wilson's interval is on the safe side."
+    "Intervals (95 %) are over the scenes: runs of one scene are alike, whatever variant and seed, so that "
+    "scenes and not runs are the sample. Strategies meet the same scenes, so that a difference between two "
+    "lines can be real although their intervals overlap. Points: of the paper's score. Bands: share of the "
+    "points that Euro NCAP 2026 gives for such impact speeds."
 )
 
 
@@ -31,6 +33,7 @@ class Summary:
         avoided: share of runs without contact, of those where the ego must brake.
         v_impact_kmh: mean impact speed of those, 0 without contact.
         score_share: the paper's points of those over what could be won.
+        band_share: mean share of a cell's points that Euro NCAP 2026 gives for the impact speed of those.
         flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course.
         flag_distance_m: mean distance to the target at the flag, of those with a flag.
         false_stops: share of runs with an emergency request, of those where nothing should happen.
@@ -46,6 +49,7 @@ class Summary:
     avoided: Estimate
     v_impact_kmh: Estimate
     score_share: float
+    band_share: Estimate
     flag_ttc_s: Estimate
     flag_distance_m: Estimate
     false_stops: Estimate
@@ -73,28 +77,30 @@ def summarise(runs: Sequence[RunMeasures]) -> Summary:
         strategy=runs[0].strategy,
         settings=runs[0].settings,
         weather=runs[0].weather,
-        avoided=wilson(sum(not run.collided for run in brake), len(brake)),
-        v_impact_kmh=_over_seeds(brake, lambda run: run.v_impact_kmh),
+        avoided=_rate_of(brake, lambda run: not run.collided),
+        v_impact_kmh=_mean_of(brake, lambda run: run.v_impact_kmh),
         score_share=sum(run.score or 0.0 for run in brake) / most if most else math.nan,
-        flag_ttc_s=_over_seeds(brake, lambda run: run.flag_ttc_s),
-        flag_distance_m=_over_seeds(brake, lambda run: run.flag_distance_m),
-        false_stops=wilson(stops, len(nothing)),
+        band_share=_mean_of(brake, lambda run: WEIGHT[Colour(run.band)] if run.band else None),
+        flag_ttc_s=_mean_of(brake, lambda run: run.flag_ttc_s),
+        flag_distance_m=_mean_of(brake, lambda run: run.flag_distance_m),
+        false_stops=_rate_of(nothing, lambda run: run.false_stop),
         false_stops_per_km=stops / km if km else math.nan,
-        needless_stops=wilson(sum(run.needless_stop for run in nothing), len(nothing)),
-        speed_loss_kmh=_over_seeds(nothing, lambda run: run.speed_loss_kmh),
-        delay_s=_over_seeds(nothing, lambda run: run.delay_s),
-        tracks=_over_seeds(runs, lambda run: run.tracks_mean),
+        needless_stops=_rate_of(nothing, lambda run: run.needless_stop),
+        speed_loss_kmh=_mean_of(nothing, lambda run: run.speed_loss_kmh),
+        delay_s=_mean_of(nothing, lambda run: run.delay_s),
+        tracks=_mean_of(runs, lambda run: run.tracks_mean),
     )
 
 
-def _over_seeds(runs: Sequence[RunMeasures], value: Callable[[RunMeasures], float | None]) -> Estimate:
-    """Mean of the seeds' means."""
-    by_seed: dict[int, list[float]] = {}
-    for run in runs:
-        number = value(run)
-        if number is not None:
-            by_seed.setdefault(run.seed, []).append(number)
-    return mean_t([sum(numbers) / len(numbers) for _, numbers in sorted(by_seed.items())])
+def _rate_of(runs: Sequence[RunMeasures], is_so: Callable[[RunMeasures], bool]) -> Estimate:
+    """Share of runs, with the scenes as clusters."""
+    return clustered_rate([is_so(run) for run in runs], [run.scene for run in runs])
+
+
+def _mean_of(runs: Sequence[RunMeasures], value: Callable[[RunMeasures], float | None]) -> Estimate:
+    """Mean over the runs that have a value, with the scenes as clusters."""
+    found = [(number, run.scene) for run in runs if (number := value(run)) is not None]
+    return clustered_mean([number for number, _ in found], [scene for _, scene in found])
 
 
 def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
@@ -110,7 +116,8 @@ def summary_table(rows: Sequence[Summary]) -> Table:
     weathers = len({row.weather for row in rows}) > 1
     header = (
         *(("weather",) if weathers else ()),
-        "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "TTC at flag (s)",
+        "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "bands (%)",
+        "TTC at flag (s)", "distance at flag (m)",
         "false stops (%)", "per km", "needless stops (%)", "speed loss (km/h)", "delay (s)", "tracks",
     )  # fmt: skip
     lines = [
@@ -121,7 +128,9 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             _rate(row.avoided),
             _mean(row.v_impact_kmh, 1),
             _plain(100 * row.score_share, 0),
+            _plain(100 * row.band_share.value, 0),
             _mean(row.flag_ttc_s, 2),
+            _mean(row.flag_distance_m, 1),
             _rate(row.false_stops),
             _plain(row.false_stops_per_km, 2),
             _rate(row.needless_stops),

@@ -117,20 +117,23 @@ class Actor:
     def pass_on(self, time_s: float, state: State) -> None:
         """Take note of the end of a step; who is driven by a controller is anchored there."""
         if self.controller is not None:
-            self.anchor(time_s)
+            self._anchor(time_s, state)
         else:
             self._note(time_s, state.speed_mps)
 
     def anchor(self, time_s: float) -> State:
         """Anchor the motion at a time, after which earlier states are no longer asked for."""
         state = self.state(time_s)
+        self._anchor(time_s, state)
+        return state
+
+    def _anchor(self, time_s: float, state: State) -> None:
         if self.controller is not None:
             self.controller.advance(self._anchor_s, time_s - self._anchor_s)
         self._anchor_s, self._anchor_station = time_s, state.station_m
         self._anchor_travelled = state.travelled_m
         self._anchor_distance = self.profile.at(time_s)[0]
         self._note(time_s, state.speed_mps)
-        return state
 
     def _note(self, time_s: float, speed_mps: float) -> None:
         if abs(speed_mps) > STANDING_MPS:

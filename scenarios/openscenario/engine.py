@@ -22,7 +22,7 @@ from scenarios.openscenario.roads import Roads, load_roads
 from scenarios.openscenario.storyboard import Storyboard
 from scenarios.openscenario.trajectories import starts_at_entity
 from scenarios.openscenario.world import Instant, World
-from smartmot.types import BoolArray, Boxes, FloatArray, StrArray
+from smartmot.types import BoolArray, Boxes, FloatArray, StrArray, unchecked
 
 STEP_S = 0.01
 """Step of a run: how often states are sampled and a synchronised entity looks at its master."""
@@ -130,6 +130,7 @@ class Engine:
         ego: name of the ego; the first entity if there is none of that name.
         step_s: step.
         roads: the network, if it is already loaded.
+        until_contact: whether the ego's first contact ends the run.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -142,12 +143,13 @@ class Engine:
         ego: str = "Ego",
         step_s: float = STEP_S,
         roads: Roads | None = None,
+        until_contact: bool = False,
     ) -> None:
         if not definition.entities:
             raise RunError(f"{definition.path}: there is no entity")
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
-        self.definition, self.step_s = definition, step_s
+        self.definition, self.step_s, self.until_contact = definition, step_s, until_contact
         self._actors = {entity.name: Actor(entity) for entity in definition.entities}
         self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
         locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
@@ -155,6 +157,8 @@ class Engine:
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
         self.contact: Contact | None = None
+        self._names = _read_only([entity.name for entity in definition.entities])
+        self._categories = _read_only([entity.category for entity in definition.entities])
         self._others = [actor for actor in self._actors.values() if actor is not self.ego]
         self._no_contact_before_s = 0.0
         self._watching: list[Callable[[Instant], int]] = []
@@ -229,8 +233,8 @@ class Engine:
 
     @property
     def over(self) -> bool:
-        """Whether the storyboard has ended."""
-        return self.storyboard.over
+        """Whether the storyboard has ended, or the contact that ends the run has come."""
+        return self.storyboard.over or (self.until_contact and self.contact is not None)
 
     def advance(self, duration_s: float | None = None) -> None:
         """Move on by a duration (default: one step), or to the end of the storyboard if that comes first.
@@ -351,10 +355,10 @@ class Engine:
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
         return Entities(
             time_s=self.time_s,
-            name=np.array([actor.name for actor in actors], dtype=np.str_),
-            category=np.array([actor.definition.category for actor in actors], dtype=np.str_),
+            name=self._names,
+            category=self._categories,
             reference_m=np.array([(state.x_m, state.y_m) for state in states]),
-            boxes=Boxes(boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
+            boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
             speed_mps=np.array([state.speed_mps for state in states]),
             exists=np.array([actor.exists for actor in actors]),
             seen=np.array([actor.exists and actor.seen for actor in actors]),
@@ -373,7 +377,7 @@ class Engine:
         steady = (
             self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
         )
-        table = np.array([[state[:4] for state in row] for row in self._samples])
+        table = np.array(self._samples)
         return Run(
             contact_time_s=contact.time_s if contact else None,
             contact_entity=contact.entity if contact else None,
@@ -385,7 +389,7 @@ class Engine:
             impact_location_percent=contact.impact_location_percent if contact else None,
             end_time_s=self.time_s,
             stopped=self.over,
-            names=np.array(list(self._actors), dtype=np.str_),
+            names=self._names,
             time_s=np.array(self._times),
             x_m=table[..., 0],
             y_m=table[..., 1],
@@ -393,3 +397,9 @@ class Engine:
             speed_mps=table[..., 3],
             exists=np.array(self._existing),
         )
+
+
+def _read_only(names: list[str]) -> StrArray:
+    array = np.array(names, dtype=np.str_)
+    array.setflags(write=False)
+    return array

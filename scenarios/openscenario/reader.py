@@ -91,8 +91,9 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     bare = Context(catalogs, (), start_values)
     entities = tuple(_entity(node, bare) for node in _entities(root.need("Entities")))
     names = [entity.name for entity in entities]
-    if len(set(names)) < len(names):
-        raise ContentError(f"{root.need('Entities').where} two entities have the same name")
+    for name in names:
+        if names.count(name) > 1:
+            raise ContentError(f"{root.need('Entities').where} two entities have the same name, '{name}'")
     context = Context(catalogs, names, start_values)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")

@@ -74,6 +74,7 @@ class Street:
 
 STRAIGHT = Street("straight", "../maps/urban_street.xodr", Place("1", -1, 400.0))
 PARKING = Street("straight", "../maps/urban_street_parking.xodr", Place("1", -1, 400.0))
+TWO_LANES = Street("two lanes", "maps/street_two_lanes.xodr", Place("1", -1, 300.0))
 CYCLE = Street("straight", "maps/street_cycle.xodr", Place("1", -1, 300.0))
 
 
@@ -257,6 +258,18 @@ def _traffic() -> Iterator[SceneRun]:
             )  # fmt: skip
     for speed in (30.0, 50.0):
         yield _at("cyclist on a cycle lane", "nothing", "cycle_lane", CYCLE, "near", speed, 7.0, speed > 40)
+    for speed in (30.0, 50.0):
+        yield _at(
+            "between two standing cars", "nothing", "between_cars", TWO_LANES, "near", speed, 5.0, speed > 40,
+            Lane_t=-1.75,
+        )  # fmt: skip
+    for scene, file, kmh in (
+        ("moving traffic", "two_lanes", 50.0),
+        ("moving traffic in a bend", "bend", 40.0),
+    ):
+        for number in (1, 2, 3):
+            path = str(SCENES / f"traffic_{file}_{number}.xosc")
+            yield SceneRun(scene, f"traffic {number}, {kmh:g} km/h", "nothing", path, (), kmh, number == 1)
     street = bend(60.0, "left", 30.0, "_cycle")
     yield _at("cyclist on a cycle lane", "nothing", "cycle_lane", street, "near", 40.0, 7.0)
 
@@ -329,6 +342,11 @@ def _must_brake() -> Iterator[SceneRun]:
         yield _at(
             "car stands in a bend", "brake", "stopped_car", behind, "near", speed, 8.0, short, Lane=lane
         )
+    for turn, speed, short in (("right", 30.0, True), ("right", 40.0, False), ("left", 40.0, True)):
+        yield _at(
+            "from behind parked cars in a bend", "brake", "crossing_parked",
+            bend(60.0, turn, bend_length_m(60.0) / 2, "_parking"), "near", speed, 8.0, short,
+        )  # fmt: skip
     for turn, side in (("left", -1.0), ("left", 1.0), ("right", -1.0)):
         run = _junction("crosses after a turn", "brake", "turn_crossing", turn, 20.0, Side=side)
         yield SceneRun(

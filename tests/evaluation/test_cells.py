@@ -5,13 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cells import cell_columns, shipped_run
-from evaluation.ncap import grid_of_files, grid_of_shipped, protocol_for, scenario_files, specs_of
+from evaluation.cells import cell_columns, changed_run, shipped_run
+from evaluation.ncap import protocol_for, specs_of
+from evaluation.ncap_grid import all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.euroncap_2026 import EuroNcap2026
 from evaluation.protocols.grid import Cell, Function, Lighting
+from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
 from evaluation.runner import Conditions
 from scenarios.openscenario.distributions import expand
+from scenarios.openscenario.engine import Engine
 from scenarios.openscenario.reader import load
 
 NCAP = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
@@ -91,6 +95,8 @@ def test_the_files_are_the_cells_of_the_protocol(ncap: Path, name: str, folder: 
     covered = set()
     for run in grid.runs:
         columns = dict(run.columns)
+        if "layer" in columns or columns.get("condition") == "general requirement":
+            continue  # what the protocol adds to the runs of the files
         impact = float(str(columns.get("impact_location_percent", 50.0)))
         fitting = {
             cell
@@ -133,9 +139,9 @@ def test_shipped_scenarios_are_the_cells_that_they_are_taken_for(name: str) -> N
     protocol = protocol_for(name, ("dry",))
     own = ("CPNA", "CPFA", "CPNCO", "CPLA", "CBNA", "CBLA")
     wanted = [cell for cell in protocol.cells() if cell.scenario in own]
-    grid = grid_of_shipped(protocol, name)
-    assert len(grid.runs) == len(wanted)
-    for cell, run in zip(wanted, grid.runs, strict=True):
+    runs = [run for run in grid_of_shipped(protocol, name).runs if "condition" not in dict(run.columns)]
+    assert len(runs) == len(wanted)
+    for cell, run in zip(wanted, runs, strict=True):
         definition = load(*_path_and_values(cell))
         variation = shipped_run(cell)
         assert variation is not None
@@ -164,6 +170,94 @@ def test_cells_without_a_shipped_scenario_are_told_apart() -> None:
     warned = shipped_run(Cell("CPLA", 50.0, 25.0, 5.0, function=Function.FCW), steady_distance_m=18.0)
     assert warned is not None
     assert warned.parameters["Steady_distance"] == 18.0
+
+
+# ---- changed scenarios -------------------------------------------------------------------------------------
+
+
+def test_conditions_change_the_parameters_that_they_are_about() -> None:
+    cell = Cell("CPNA", 40.0, 75.0, 5.0)
+    base = shipped_run(cell)
+    assert base is not None
+    values = load(base.path, base.parameters).parameters
+    # from 4 m beside the lane to 75 % of 1.8 m, counted with a point 0.06 m behind the reference point
+    distance = 4.0 + 0.45 + 0.06
+    for quantity, amount, name, expected in (
+        (Quantity.TARGET_SPEED_KMH, 3, "Target_speed_kmh", 8.0),
+        (Quantity.TARGET_SPEED_KMH, -2, "Target_speed_kmh", 3.0),
+        (Quantity.START_PERCENT, -25, "Target_offset", 4.0 - 0.25 * distance),
+        (Quantity.HEADING_DEG, -10, "Target_heading_deg", -10.0),
+        (Quantity.ILLUMINANCE_LX, 1, "Illuminance", 1.0),
+    ):
+        run = changed_run(base, values, quantity, amount)
+        assert run is not None
+        changed = {key for key, value in run.parameters.items() if base.parameters.get(key) != value}
+        assert changed == {name}
+        assert run.parameters[name] == pytest.approx(expected)
+    assert changed_run(base, values, Quantity.HEADWAY_S, 0.5) is None
+    assert changed_run(base, values, Quantity.PATH_OFFSET_M, 0.5) is None
+
+
+@pytest.mark.parametrize(
+    ("file", "quantity", "amount", "name", "expected"),
+    [
+        # 4 m to the middle, 0.06 m to the H-point; the first run is at 25 % of 1.815 m
+        ("CPNA", Quantity.START_PERCENT, -25, "VRU_initLatDist", 4 - 0.25 * (4 - 0.45375 + 0.06)),
+        # 17 m steady and 7 m run-up
+        ("CBNA", Quantity.START_PERCENT, -25, "VRU_steadyStateDist", 17 - 0.25 * 24),
+        ("CBNA", Quantity.TARGET_SPEED_KMH, 5, "VRU_finalSpeed_kph", 20.0),
+        ("CCCscp", Quantity.TARGET_SPEED_KMH, -5, "Target_final_speed_kph", 15.0),
+        ("CCRb", Quantity.HEADWAY_S, 0.5, "Target_time_headway", 1.5),
+        ("CCRb", Quantity.TARGET_DECELERATION_MPS2, -2, "Target_deceleration", 2.0),
+        ("CPNA", Quantity.HEADING_DEG, 20, None, None),
+        ("CCFtap", Quantity.PATH_OFFSET_M, 0.5, None, None),
+    ],
+)
+def test_conditions_of_vectors_files(
+    ncap: Path, file: str, quantity: Quantity, amount: float, name: str | None, expected: float | None
+) -> None:
+    path = ncap / "CA-FC_2026" / "Variations" / "StandardRange" / f"{file}.xosc"
+    base = next(v for v in expand(path) if file != "CPNA" or float(v.parameters["ImpactLocation"]) == 25)
+    run = changed_run(base, load(base.path, base.parameters).parameters, quantity, amount)
+    if name is None:
+        assert run is None
+        return
+    assert run is not None
+    assert run.parameters[name] == pytest.approx(expected)
+    load(run.path, run.parameters)  # no constraint of the file is broken
+
+
+def test_farside_walkers_of_vectors_files_are_hit_where_their_cell_is(ncap: Path) -> None:
+    """Their ImpactLocation counts from the side that the target comes from, the protocol's from the right."""
+    file = ncap / "CA-FC_2026" / "Variations" / "ExtendedRange" / "CPFA.xosc"
+    for number, variation in enumerate(expand(file)):
+        definition = load(variation.path, variation.parameters)
+        if definition.parameters["Ego_speed_kph"] != 60:
+            continue
+        cell = columns(file, number)["impact_location_percent"]
+        hit = Engine(definition).run().impact_location_percent
+        # the box's centre is 0.06 m, 3.3 % of the width, beyond the point that counts
+        assert hit == pytest.approx(float(str(cell)) - 100 * 0.06 / 1.815, abs=0.1)
+
+
+def test_conditions_and_requirements_are_run_with_the_cells_that_they_change() -> None:
+    protocol = EuroNcap2026()
+    grid = grid_of_files(scenario_files(["cpna"]), protocol)
+    cells = all_cells(protocol)
+    found = Counter(
+        cell.condition
+        for run in grid.runs
+        for cell in measurements([dict(run.columns) | {"v_impact_kmh": 0.0}], cells)
+    )
+    # the shipped grid has 25 and 75 % at 10 to 60 km/h by day
+    conditions = protocol.conditions()[protocol.cells("CPNA")[1]]
+    assert found == {"": 12, "general requirement": 1, **{cell.condition: 12 for _, cell in conditions}}
+    slow = next(run for run in grid.runs if dict(run.columns).get("condition") == "general requirement")
+    values = dict(slow.spec.parameters)
+    told = [float(values[key]) for key in ("Target_speed_kmh", "Ego_speed_kmh", "Impact_percent")]
+    assert told == [3.0, 20.0, 75.0]
+    assert len({(run.spec.log, run.spec.v_test_kmh) for run in grid.runs}) == len(grid.runs)
+    assert [run.scenario for run in grid.strange] == ["CPNA"] * 10  # 15, 25 ... 55 km/h
 
 
 def test_the_paper_is_run_in_every_weather_it_is_asked_for() -> None:

@@ -199,7 +199,7 @@ def test_wrong_parameters_are_refused_before_the_first_run() -> None:
 
 def test_runs_of_files_are_read_back(tmp_path: Path) -> None:
     specs = scenario_specs("cbla", {"Ego_speed_kmh": "30"}, BOTH)
-    write_runs(tmp_path, [], scenario_configuration(specs))
+    write_runs(tmp_path, [], scenario_configuration(specs, []))
     assert read_specs(tmp_path) == specs
 
 

@@ -12,13 +12,13 @@ from evaluation.runs import (
     RunSpec,
     definition_of,
     execute,
-    execute_all,
     initial_speed_kmh,
     is_night,
     perception_map,
     preset_of,
     scene_of,
 )
+from evaluation.workers import execute_all
 from scenarios.errors import ScenarioError
 from scenarios.presets import NIGHT, PHYSICAL
 
@@ -110,7 +110,7 @@ def test_records_come_in_order_and_alike_from_any_number_of_processes() -> None:
         for v in (60.0, 20.0)
         for seed in (0, 1)
     ]
-    alone, together = (list(execute_all(specs, workers)) for workers in (1, 3))
+    alone, together = (list(execute_all(execute, specs, workers)) for workers in (1, 3))
     assert [r.spec for r in together] == specs
     for one, other in zip(alone, together, strict=True):
         assert pickle.dumps(one.row) == pickle.dumps(other.row)
@@ -123,7 +123,7 @@ def test_records_come_in_order_and_alike_from_any_number_of_processes() -> None:
 def test_a_mistake_in_another_process_is_the_same_named_error() -> None:
     wrong = [with_values(Impact_percent=120.0), with_values(Impact_percent=130.0)]
     with pytest.raises(ScenarioError, match="Impact_percent"):
-        list(execute_all(wrong, 2))
+        list(execute_all(execute, wrong, 2))
 
 
 def test_names_of_logs_are_names_of_files() -> None:

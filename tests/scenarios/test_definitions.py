@@ -129,6 +129,28 @@ def test_tests_can_be_moved_turned_and_mirrored(ego_kmh: float, side: int, yaw: 
     assert moved.impact_location_percent == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("heading_deg", [-10, 20])
+def test_the_targets_way_turns_about_the_point_of_impact(side: int, heading_deg: int) -> None:
+    """Counter-clockwise where the target comes from the right, mirrored where it comes from the left."""
+    here = expand(shipped_scenario("crossing"))[0]
+    run = unbraked(here, Ego_speed_kmh=40, Impact_percent=50, Side=side, Target_heading_deg=heading_deg)
+    ego, target = (run.names.tolist().index(n) for n in ("Ego", "Target"))
+    turn, line_x = math.radians(heading_deg), 450.0
+    # 4 m beside the middle of the front before the turn
+    assert run.x_m[0, target] - line_x == pytest.approx(4.0 * math.sin(turn))
+    assert run.y_m[0, target] - run.y_m[0, ego] == pytest.approx(side * 4.0 * math.cos(turn))
+    assert run.yaw_rad[0, target] == pytest.approx(-side * (math.pi / 2 + turn))
+    # the corner of the turned box sticks out of its straight half width, so the front meets it earlier
+    length, width, ahead = 0.6, 0.5, 0.06
+    sticks_out = (
+        width / 2 * math.cos(turn) + length / 2 * abs(math.sin(turn)) + ahead * math.sin(turn) - width / 2
+    )
+    closing = 40 * KMH + 5 * KMH * math.sin(turn)
+    straight = LEAD_S + (4.0 + ahead + 1.0) / (5 * KMH)
+    assert run.contact_time_s == pytest.approx(straight - sticks_out / closing, abs=1e-3)
+
+
 def test_parked_cars_stand_as_the_protocol_wants() -> None:
     """1.0 m beside the ego's way, 1.0 m before the child's box and before each other."""
     (variation, *_) = expand(shipped_scenario("cpnco"))

@@ -1,6 +1,8 @@
 """The ego's drive: exact under constant acceleration, within comfort when it adapts, braked when asked."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.brakes import BrakeConfig
-from scenarios.ego_drive import EgoDrive, Follower
+from scenarios.ego_drive import EgoDrive
+from scenarios.follower import Follower
 from scenarios.openscenario.paths import Pose, straight
 from smartmot.pipeline import LeadObject
 
@@ -66,11 +69,23 @@ def test_a_brake_that_is_released_and_requested_again_begins_anew() -> None:
 
 
 @pytest.mark.parametrize("duration", [0.01, 1.0])
-def test_in_reverse_the_speed_is_kept_whatever_is_asked_for(duration: float) -> None:
+def test_in_reverse_the_speed_is_kept_until_the_emergency(duration: float) -> None:
     drive = at_speed(-4 * KMH)
-    drive.control(0.0, True, LeadObject(1, 1.0, 0.0))
+    drive.control(0.0, False, LeadObject(1, 1.0, 0.0))
     assert drive.motion(0.0, duration).distance_m == pytest.approx(-4 * KMH * duration)
     assert drive.motion(0.0, duration).speed_mps == pytest.approx(-4 * KMH)
+
+
+def test_in_reverse_it_brakes_as_forward_and_stays() -> None:
+    """2 m/s with 8 m/s2 after 0.2 s: 0.4 m of delay and 0.25 m of braking."""
+    drive = at_speed(-2.0, BrakeConfig(0.2, 0.0, 8.0))
+    drive.control(0.0, True, None)
+    half = drive.motion(0.0, 0.3)
+    assert (half.distance_m, half.speed_mps) == pytest.approx((-(0.4 + 0.2 - 0.04), -1.2))
+    drive.advance(0.0, 1.0)
+    assert drive.motion(0.0, 1.0).distance_m == 0.0
+    drive.control(1.0, False, None)  # nobody drives it on
+    assert drive.motion(1.0, 1.0).distance_m == 0.0
 
 
 @given(speed=st.floats(0.0, 40.0), gap=st.floats(0.5, 100.0), lead=st.floats(0.0, 40.0))
@@ -108,3 +123,19 @@ def test_held_speed_is_not_adapted_but_brakes() -> None:
     assert drive.motion(0.0, 1.0).speed_mps == pytest.approx(15.0)
     drive.control(0.0, True, LeadObject(1, 5.0, 0.0))
     assert drive.motion(0.0, 1.0).speed_mps == pytest.approx(7.0)
+
+
+def test_who_holds_the_speed_does_not_import_highway_env() -> None:
+    """Importing it takes longer than most runs of a Euro NCAP test."""
+    program = """
+import sys
+from scenarios.brakes import BrakeConfig
+from scenarios.ego_drive import EgoDrive
+import scenarios.simulation
+drive = EgoDrive(BrakeConfig(0.0, 0.0, 8.0), 4.4, adapts=False)
+drive.take_over(0.0, None, 0.0, 15.0)
+drive.control(0.0, False, None)
+print(drive.motion(0.0, 1.0).speed_mps, "highway_env" in sys.modules)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["15.0", "False"]

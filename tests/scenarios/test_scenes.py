@@ -13,6 +13,7 @@ from scenarios.openscenario import Engine, load
 from scenarios.places import Place
 from scenarios.scenes.scene_maps import MAPS, SPIRAL_M, STRAIGHT_M, bend_length_m, build_maps
 from scenarios.scenes.scenes import SceneRun, Street, all_scenes, choose_scenes, place_values
+from scenarios.scenes.traffic_scenes import TRAFFIC, build_scene
 
 SHORT = choose_scenes()
 REST = [run for run in all_scenes() if not run.default]
@@ -106,6 +107,31 @@ def test_a_way_that_does_not_fit_is_refused() -> None:
     street = Street("short", "../maps/urban_street.xodr", Place("1", -1, 50.0))
     with pytest.raises(ScenarioError, match="begins 50 m before the line; the scene needs 70"):
         place_values(street, "near", 70.0)
+
+
+def test_recorded_traffic_is_what_the_recorder_writes() -> None:
+    (scene,) = (found for found in TRAFFIC if found.name == "traffic_bend_1")
+    assert build_scene(scene) == (MAPS.parent / "traffic_bend_1.xosc").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["traffic_two_lanes_1", "traffic_bend_2"])
+def test_recorded_traffic_moves_and_keeps_clear_of_the_ego(name: str) -> None:
+    engine = Engine(load(MAPS.parent / f"{name}.xosc"))
+    start = engine.entities.boxes.center_m.copy()
+    length = engine.entities.boxes.size_m[0, 0]
+    while not engine.over:
+        engine.advance(0.5)
+        entities = engine.entities
+        heading = entities.boxes.yaw_rad[0]
+        offset = entities.boxes.center_m[1:] - entities.boxes.center_m[0]
+        ahead = offset @ np.array([np.cos(heading), np.sin(heading)])
+        aside = offset @ np.array([-np.sin(heading), np.cos(heading)])
+        near = (np.abs(aside) < 1.8) & (np.abs(ahead) < 30.0)
+        # 1.2 s at the speed of the one behind, 36 km/h and more
+        assert (np.abs(ahead[near]) - length > 10.0).all()
+    assert engine.contact is None
+    moved = np.hypot(*(engine.entities.boxes.center_m - start).T)
+    assert (moved > 100.0).all()
 
 
 def test_unknown_scene() -> None:

@@ -33,6 +33,21 @@ def test_range_ends_at_the_range() -> None:
     assert seen_x(SensorConfig(range_m=70.0, **EXACT), EGO, scene) == [69.99, -69.0]
 
 
+def test_nobody_in_range_is_a_frame_without_detections() -> None:
+    frame = Sensor(SensorConfig(range_m=70.0), 0).observe(
+        3, EgoState(1.5, 0.0, 0.0, 0.0, 10.0), *people((99, 0))
+    )
+    assert (frame.stamp_s, len(frame)) == (1.5, 0)
+
+
+def test_the_error_of_an_object_does_not_depend_on_who_else_is_seen() -> None:
+    sensor = Sensor(SensorConfig(range_m=70.0, min_visible=0.0), 5)
+    near, both = people((99.0, 0.0), (20.0, 5.0)), people((9.0, 0.0), (20.0, 5.0))
+    for number in range(5):
+        alone, together = sensor.observe(number, EGO, *near), sensor.observe(number, EGO, *both)
+        np.testing.assert_array_equal(alone.boxes.center_m[0], together.boxes.center_m[1])
+
+
 def test_field_of_view_is_symmetric_about_the_heading() -> None:
     config = SensorConfig(fov_rad=np.radians(90.0), **EXACT)
     scene = people(*((20 * math.cos(a), 20 * math.sin(a)) for a in np.radians([-44, 44, -46, 46, 180])))

@@ -336,12 +336,58 @@ def test_time_limit_and_passing_end_a_run() -> None:
 
 def test_in_reverse_the_ego_goes_back_to_whom_it_meets() -> None:
     """The target behind is not one that has been passed."""
-    outcome = simulation(-4, [car_at(70.0)], BrakesAt(0.0)).run()
+    outcome = simulation(-4, [car_at(70.0)], None).run()
     assert outcome.contact is not None
     assert outcome.contact.ego_speed_mps == pytest.approx(-4 * KMH)
     assert outcome.impact_speed_mps == pytest.approx(4 * KMH)
-    assert outcome.flag_time_s is None  # perception looks ahead
     assert outcome.contact_time_s == pytest.approx((100.0 - 4.4 - 74.4) / (4 * KMH), abs=1e-6)
+
+
+def perceiving(
+    speed_kmh: float, others: list[Other], strategy: str, rule: StopRule | None = None
+) -> Simulation:
+    return Simulation(
+        definition(speed_kmh, others),
+        PHYSICAL,
+        lambda scene: make_strategy(strategy, PHYSICAL, scene),
+        rule=rule,
+    )
+
+
+@pytest.mark.parametrize("strategy", ["map", "rectangular"])
+@pytest.mark.parametrize("kmh", [4, 8])
+def test_in_reverse_the_ego_stops_for_who_stands_behind_it(strategy: str, kmh: float) -> None:
+    outcome = perceiving(-kmh, [car_at(80.0), car_at(104.0)], strategy).run()
+    assert outcome.contact is None
+    assert outcome.flag_distance_m is not None
+    assert outcome.stop_gap_m is not None
+    # the rear, at 95.6, comes within 3 s of the car behind, at 84.4; a forecast step earlier or later
+    assert outcome.flag_distance_m == pytest.approx(3.0 * kmh * KMH, abs=0.15 * kmh * KMH + 0.1)
+    # 0.2 s of delay, then a deceleration that grows by 22 m/s2 per second for 0.4 s at most
+    speed = kmh * KMH
+    growing_s = min(math.sqrt(2 * speed / 22.0), 0.4)
+    left = speed - 22.0 * growing_s**2 / 2
+    way_m = speed * (0.2 + growing_s) - 22.0 * growing_s**3 / 6 + left**2 / (2 * 8.8)
+    assert outcome.flag_distance_m - outcome.stop_gap_m == pytest.approx(way_m, abs=1e-6)
+
+
+@pytest.mark.parametrize("strategy", ["map", "rectangular"])
+def test_in_reverse_nobody_in_front_matters(strategy: str) -> None:
+    outcome = perceiving(-8, [car_at(102.0)], strategy, StopRule(5.0)).run()
+    assert outcome.flag_time_s is None
+
+
+def test_a_run_ends_once_the_ego_has_adapted_its_speed() -> None:
+    """Behind a car at 20 km/h, long before the time limit; beside one as fast as itself it goes on."""
+    slow = perceiving(50, [car_at(140.0, 20 * KMH)], "map").run()
+    table = slow.log.table()
+    ego = table["kind"] == "ego"
+    assert slow.flag_time_s is None
+    assert table["time_s"].max() < 30.0
+    last = table["speed_mps"][ego][table["time_s"][ego] > table["time_s"].max() - 2.9]
+    assert np.abs(last - 20 * KMH).max() < 0.1
+    alike = perceiving(50, [car_at(180.0, 50 * KMH)], "map", StopRule(10.0)).run()
+    assert alike.log.table()["time_s"].max() == pytest.approx(9.95)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from smartmot.monitored_area import (
     ego_extent,
     is_vulnerable,
 )
-from smartmot.route import route_ahead, route_from_lanes
+from smartmot.route import route_ahead, route_along, route_from_lanes
 from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"
@@ -458,3 +458,35 @@ def test_impossible_map_settings_are_refused(settings: dict[str, float]) -> None
 def test_impossible_rectangle_settings_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(ConfigError):
         RectangularConfig(**settings)
+
+
+# --- lane changes of the route ------------------------------------------------------------------------
+
+
+def _changing_area() -> MapArea:
+    """From the right into the left of two lanes eastbound, from x = 200 m to 240 m."""
+    network = load_map(MAPS.parent / "scenes" / "maps" / "street_two_lanes.xodr")
+    x = np.arange(50.0, 450.0, 2.0)
+    share = (1 - np.cos(np.pi * np.clip((x - 200.0) / 40.0, 0.0, 1.0))) / 2
+    route = route_along(network, np.column_stack((x, -5.25 + 3.5 * share)), 30.0, 30.0)
+    return MapArea(network, route, MapAreaConfig())
+
+
+def test_what_stands_where_the_route_has_left_the_lane_is_not_in_the_way() -> None:
+    area = _changing_area().at(_ego(205.0, 20.0, y=-5.2))
+    boxes, category = _boxes("car", (230, -5.25), (255, -5.25), (260, -1.75), (195, -1.75), (215, -1.75))
+    found = area.relevance(boxes, category)
+    # beside the path's end, in the lane that it leaves, in the lane that it takes, and there behind the ego
+    assert found.in_route.tolist() == [True, False, True, False, True]
+    # the path passes the cars at 230 and 215 m by about 3 and 2.4 m, more than half of both and 0.3 m
+    assert found.on_way.tolist() == [False, False, True, False, False]
+    # the left lane is monitored behind the ego too, since it may be changed into; the right one ahead
+    assert area.kept(boxes, category).tolist() == [True, True, True, True, True]
+
+
+def test_the_lane_changed_into_is_a_neighbour_before_the_change() -> None:
+    area = _changing_area()
+    roles = {(lane.role, lane.front) for lane in area.at(_ego(120.0, 10.0, y=-5.25)).lanes}
+    assert roles == {("current", False), ("current", True), ("left", False), ("left", True)}
+    roles = {(lane.role, lane.front) for lane in area.at(_ego(300.0, 10.0)).lanes}
+    assert roles == {("current", False), ("current", True), ("right", False), ("right", True)}

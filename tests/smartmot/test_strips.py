@@ -156,6 +156,27 @@ def test_stations_and_borders_by_hand() -> None:
     assert not strips.place(np.array([[105.3, -5.31], [-0.1, -1.75], [600.1, -1.75]]))[2].any()
 
 
+@pytest.mark.parametrize("name", ["urban_street", "urban_intersection"])
+def test_lanes_and_margins_asked_for_alone_are_those_asked_for_together(name: str) -> None:
+    network = load_map(MAPS / f"{name}.xodr")
+    strips = StripSet([lane_strip(network, lane, MARGIN) for lane in _driving(network)])
+    points = _points_beside(network, _driving(network), 300, 8.0)
+    station, in_lane, in_margin = strips.place(points)
+    assert 0 < np.count_nonzero(in_lane.any(axis=1)) < np.count_nonzero(in_margin.any(axis=1)) < len(points)
+    for alone, together in ((strips.place_in_lanes, in_lane), (strips.place_in_margins, in_margin)):
+        at, inside = alone(points)
+        np.testing.assert_array_equal(at, station)
+        np.testing.assert_array_equal(inside, together)
+
+
+def test_a_lane_is_sampled_once_per_network_and_margin() -> None:
+    first, second = (load_map(MAPS / "urban_street.xodr") for _ in range(2))
+    lane = first.lane_index_of(("1", 0, -1))
+    assert lane_strip(first, lane, MARGIN) is lane_strip(first, lane, MARGIN)
+    assert lane_strip(first, lane, MARGIN) is not lane_strip(second, lane, MARGIN)
+    assert lane_strip(first, lane, 0.0).vru_left_m.max() < lane_strip(first, lane, MARGIN).vru_left_m.min()
+
+
 def test_width_of_a_parking_bay_is_followed(tmp_path: Path) -> None:
     """A bay opens from nothing to 2 m between s = 45 and 48 m; before it the margin starts at the kerb."""
     lane = '<lane id="{}" type="{}" level="false">{}</lane>'
@@ -198,3 +219,26 @@ def test_ring_is_the_lanes_outline() -> None:
 def test_empty_set_places_nothing() -> None:
     station, in_lane, in_margin = StripSet([]).place(np.zeros((3, 2)))
     assert station.shape == in_lane.shape == in_margin.shape == (3, 0)
+
+
+@pytest.mark.parametrize("lane_id", [-1, 1])
+@pytest.mark.parametrize("name", ["urban_street", "urban_bend"])
+def test_a_part_of_a_strip_holds_what_the_strip_holds_there(name: str, lane_id: int) -> None:
+    network = load_map(MAPS / f"{name}.xodr")
+    whole = lane_strip(network, network.lane_index_of(("1", 0, lane_id)), MARGIN)
+    low, high = 0.31 * whole.length_m, 0.74 * whole.length_m
+    part = whole.part(low, high)
+    assert part.length_m == pytest.approx(high - low, abs=1e-9)
+    assert part.s_m[[0, -1]] == pytest.approx([whole.s_at(low), whole.s_at(high)])
+    rng = np.random.default_rng(5)
+    points = whole.center_m[rng.integers(0, len(whole.center_m), 400)] + rng.uniform(-6.0, 6.0, (400, 2))
+    station, in_lane, in_margin = StripSet([whole]).place(points)
+    inside = (station > low + 0.5) & (station < high - 0.5)
+    part_station, part_lane, part_margin = StripSet([part]).place(points)
+    for mine, theirs in ((part_lane, in_lane), (part_margin, in_margin)):
+        clear = (theirs & inside).any(axis=1)
+        assert clear.any()
+        assert (mine & (part_station > 0.5) & (part_station < part.length_m - 0.5)).any(axis=1)[
+            clear
+        ].mean() > 0.98
+    assert whole.part(-1.0, whole.length_m + 1.0) is whole

@@ -6,7 +6,7 @@ import pytest
 import smartmot
 from smartmot import Boxes, ConfigError, Detections, Tracker, TrackerConfig, tracker_config
 from smartmot.forecast import ForecastConfig, forecast_times, forecast_tracks
-from smartmot.tracker_configs import TRACKER_CONFIGS
+from smartmot.tracker_configs import TRACKER_CONFIGS, forecast_config
 
 NAMES = ["ab3dmot", "centerpoint", "default", "smartmot"]
 
@@ -56,16 +56,26 @@ def test_centerpoint_shows_no_coasted_track_and_keeps_the_detected_shape() -> No
     assert tracker.update(_frame(1.7, 8.5)).track_id.tolist() == [2]
 
 
-def test_centerpoints_forecast_is_a_straight_line() -> None:
+@pytest.mark.parametrize(("horizon_s", "expected_s"), [(None, 2.0), (0.5, 0.5), (4.0, 4.0)])
+def test_centerpoints_forecast_is_a_straight_line(horizon_s: float | None, expected_s: float) -> None:
     tracker = Tracker(tracker_config("centerpoint"))
     for k in range(30):
         tracks = tracker.update(_frame(0.1 * k, 0.8 * k, yaw=0.05 * k))
-    config = ForecastConfig(min_horizon_s=2.0, max_yaw_rate_radps=0.0)
+    config = forecast_config("centerpoint", horizon_s)
     times = forecast_times(config.min_horizon_s, config.step_s)
     forecast = forecast_tracks(tracks, times, config)
     expected = tracks.boxes.center_m[0] + times[:, None] * tracks.velocity_mps[0]
-    assert times[-1] == pytest.approx(2.0)
+    assert times[-1] == pytest.approx(expected_s)
     np.testing.assert_allclose(forecast.center_m[0], expected, atol=1e-9)
+
+
+def test_the_other_forecasts_are_the_papers() -> None:
+    assert forecast_config("default") == forecast_config("smartmot") == ForecastConfig()
+    assert forecast_config("smartmot", 5.0).min_horizon_s == 5.0
+    with pytest.raises(ConfigError, match="'sort' is unknown"):
+        forecast_config("sort")
+    with pytest.raises(ConfigError, match="min_horizon_s"):
+        forecast_config("centerpoint", 0.0)
 
 
 def test_ab3dmot_confirms_a_car_at_the_third_hit_and_shows_one_missed_frame() -> None:
@@ -95,6 +105,17 @@ def test_default_shows_a_missed_object_for_a_short_time(category: str, frames: i
     assert shown == [1] * frames + [0] * (6 - frames)
 
 
+def test_default_forgives_a_wrong_first_heading() -> None:
+    tracker = Tracker(tracker_config("default"))
+    shown = [
+        tracker.update(_frame(0.1 * k, 0.5 * k, yaw=np.pi if k in (0, 5) else 0.1)).boxes.yaw_rad[0]
+        for k in range(9)
+    ]
+    turned = np.abs(np.array(shown)) > np.pi / 2
+    assert turned.tolist() == [k in (0, 5) for k in range(9)]
+    assert shown[-1] == pytest.approx(0.1, abs=0.05)
+
+
 def test_default_confirms_a_cyclist_at_the_third_hit_and_forgives_one_miss() -> None:
     for missing, expected in [((), [0, 0, 1, 1]), ((1,), [0, 0, 1, 1]), ((1, 2), [0, 0, 0, 0])]:
         tracker = Tracker(tracker_config("default"))
@@ -120,3 +141,21 @@ def test_a_user_needs_ten_lines() -> None:
     assert tracks.track_id.tolist() == [1, 2]
     np.testing.assert_allclose(tracks.velocity_mps, [[5.0, 0.0], [0.0, 0.0]], atol=0.05)
     assert tracks.category.tolist() == ["car", "pedestrian"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("category", ["car", "pedestrian", "cyclist"])
+def test_jitter_of_the_stamps_changes_nothing(name: str, category: str) -> None:
+    """Frames 0.1 s apart, give or take 4 ms: the same tracks are shown as without the jitter."""
+    rng = np.random.default_rng(0)
+    seen = [True, True, False, True, True, True, False, False, False, True, *[False] * 30, True, True, True]
+    shown = []
+    for jitter_s in (np.zeros(len(seen)), rng.uniform(-0.004, 0.004, len(seen))):
+        tracker = Tracker(tracker_config(name))
+        tracks = [
+            tracker.update(_frame(t, 0.0, category) if found else Detections.empty(t))
+            for t, found in zip((0.1 * np.arange(len(seen)) + jitter_s).tolist(), seen, strict=True)
+        ]
+        shown.append([one.track_id.tolist() for one in tracks])
+    assert shown[0] == shown[1]
+    assert any(shown[0])

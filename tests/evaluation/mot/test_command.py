@@ -101,6 +101,27 @@ def test_without_labels_there_are_tracks_only(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["tracks.csv"]
 
 
+@pytest.mark.parametrize(("score", "share"), [(0.59, "4 %"), (0.6, None)])
+def test_a_detector_that_is_never_sure_is_pointed_out(
+    drive: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    score: float,
+    share: str | None,
+) -> None:
+    """With `default`, detections under 0.6 start no track."""
+    (drive / "labels.csv").unlink()
+    header, *rows = (drive / "detections.csv").read_text().splitlines()
+    scores = [0.9] * 4 + [score] * (len(rows) - 4)
+    lines = [f"{header},score", *(f"{row},{s}" for row, s in zip(rows, scores, strict=True))]
+    (drive / "detections.csv").write_text("\n".join(lines) + "\n")
+    assert call(monkeypatch, drive, "--out", tmp_path) == 0
+    shown = capsys.readouterr().out
+    assert (f"note: {share} of the car detections have a score of 0.6 or more" in shown) == bool(share)
+    assert ("start no track" in shown) == bool(share)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

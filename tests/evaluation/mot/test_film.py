@@ -1,6 +1,7 @@
 """Films: real time, legible, and clear when ffmpeg is missing."""
 
-import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from evaluation.mot.dataset import Sequence
 from evaluation.mot.film import Film, write_gif, write_video
 from evaluation.mot.forecast_quality import carried_on
 from evaluation.mot.tracking import TrackedSequence
+from evaluation.video import ffmpeg
 from opendrive import load_map
 from scenarios.map_builder import shipped_map
 
@@ -89,15 +91,32 @@ def test_video_without_ffmpeg_is_one_clear_error(
     objects: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(ArgumentError, match="--video: needs the program ffmpeg"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ArgumentError, match=r"--video: no ffmpeg found; use --gif, or install it"):
         write_video(film(objects, range(2)), tmp_path / "film.mp4")
     assert not (tmp_path / "film.mp4").exists()
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_video(objects: Any, tmp_path: Path) -> None:
-    write_video(film(objects, range(4)), tmp_path / "film.mp4")
-    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+def test_video_has_a_picture_for_every_frame(objects: Any, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "film.mp4"
+    try:
+        program = ffmpeg("--video")
+    except ArgumentError as error:
+        pytest.skip(str(error))
+    write_video(film(objects, range(4)), path)
+    assert path.read_bytes()[4:8] == b"ftyp"
+    said = subprocess.run([program, "-i", str(path), "-f", "null", "-"], capture_output=True, text=True)
+    assert int(said.stderr.split("frame=")[-1].split()[0]) == 4
+
+
+def test_a_video_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
+    try:
+        ffmpeg("--video")
+    except ArgumentError as error:
+        pytest.skip(str(error))
+    (tmp_path / "film.mp4").mkdir()
+    with pytest.raises(ArgumentError, match="--video: cannot write"):
+        write_video(film(objects, range(4)), tmp_path / "film.mp4")
 
 
 def test_a_gif_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:

@@ -233,7 +233,10 @@ CAR = "detections__Car"
         ({CAR: detection(), "ego_pose": POSE.replace("1", "2")}, ":1: field 'xx' is no part of a rotation"),
         ({CAR: detection(), "calib": "P0: 1 2\n"}, "calib/0000.txt: no line 'P2'"),
         ({CAR: detection(), "calib": "P2: 1 2\n"}, "calib/0000.txt:1: field 'P2' must be 12 numbers"),
-        ({CAR: detection(), "label_02": f"0 1 Ship {REST}"}, "field 'type' is no type of KITTI, got 'Ship'"),
+        (
+            {CAR: detection(), "label_02": f"0 1 Ship {REST}"},
+            "field 'type' is no type of KITTI and not in classes.csv, got 'Ship'",
+        ),
     ],
 )
 def test_mistakes_name_file_line_and_field(tmp_path: Path, files: dict[str, str], message: str) -> None:
@@ -270,6 +273,19 @@ def test_labels_that_are_ignored(tmp_path: Path) -> None:
     assert sequence.labels.ignored.tolist() == [False, False, True, True, True, True]
     assert sequence.labels.category.tolist() == ["car"] * 5 + ["pedestrian"]
     assert sequence.camera.dont_care_px.tolist() == [[1.0, 2.0, 3.0, 4.0]]
+
+
+def test_a_users_types_hold_for_detections_and_labels(tmp_path: Path) -> None:
+    line = "0 {id} {kind} 0 0 0 0 0 40 40 1.5 1.6 4.0 {x} 1.7 20 0 {score}\n"
+    kinds = ("Tram", "Wagon", "Misc")
+    rows = [line.format(id=k, kind=kind, x=9 * k, score=0.5) for k, kind in enumerate(kinds)]
+    folder = write(tmp_path, detections="".join(rows), label_02="".join(rows))
+    (folder / "classes.csv").write_text("class,category\nTram,truck\nWagon,car\nMisc,\n")
+    [sequence] = read_kitti(folder).sequences
+    assert sequence.labels is not None
+    for found in (sequence.detections, sequence.labels):
+        assert found.category.tolist() == ["truck", "car"]
+        assert found.kind.tolist() == ["Tram", "Wagon"]
 
 
 @given(st.floats(-20, 20))

@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +263,22 @@ def test_equal_to_an_independent_evaluation_of_kitti(kitti: Path, tmp_path: Path
             own.labels,
         )
         assert counts == tuple(row[name] for name in ("IDSW", "Frag", "FP", "FN", "TP", "GT"))
+
+
+@needs_trackeval
+@pytest.mark.parametrize("category", ["car", "pedestrian", "cyclist"])
+def test_the_short_search_finds_the_same_threshold(kitti: Path, category: str) -> None:
+    """Without averages over recall, only thresholds that can have the best MOTA are tried."""
+    data = read_dataset(kitti)
+    sequences = tuple(s for s in data.sequences if s.name in ("0012", "0014", "0016"))
+    tracked = track_dataset(type(data)("kitti", sequences, log_odds=True), tracker_config("default"))
+    compared = {t.sequence.name: compare(t.sequence, t.tracks, category, "distance") for t in tracked}
+    whole = evaluate(compared, category, "distance")
+    short = evaluate(compared, category, "distance", averages=False)
+    assert np.isfinite(whole[0].samota)
+    assert np.isnan([short[0].samota, short[0].amota]).all()
+    for a, b in zip(whole, short, strict=True):
+        assert replace(a, samota=0.0, amota=0.0) == replace(b, samota=0.0, amota=0.0)
 
 
 @needs_trackeval

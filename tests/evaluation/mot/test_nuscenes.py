@@ -109,12 +109,26 @@ def test_tables_give_scenes_labels_and_poses(tmp_path: Path) -> None:
     assert sequence.ego_xy_yaw() == pytest.approx(np.array([[7.0, 8.0, np.pi / 2]] * 2))
 
 
+def test_other_classes_have_the_category_that_the_user_gives(tmp_path: Path) -> None:
+    names = ["rider", "car", "trailer", "barrier"]
+    folder = write(tmp_path, {TOKENS[0]: [box(name=name) for name in names]})
+    (folder / "classes.csv").write_text("class,category\nrider,cyclist\ntrailer,\n")
+    found = read_nuscenes(folder).sequences[0].detections
+    assert list(zip(found.kind.tolist(), found.category.tolist(), strict=True)) == [
+        ("rider", "cyclist"),
+        ("car", "car"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("results", "message"),
     [
         ({TOKENS[0]: [box(size=[1.0])]}, f"sample '{TOKENS[0]}': field 'size' must be 3 numbers"),
         ({TOKENS[0]: [box(translation="here")]}, "field 'translation' must be 3 numbers"),
-        ({TOKENS[0]: [box(name="ufo")]}, "field 'detection_name' is unknown: 'ufo'"),
+        (
+            {TOKENS[0]: [box(name="ufo")]},
+            "field 'detection_name' is unknown: 'ufo'; give it a category in classes.csv",
+        ),
         ({TOKENS[0]: [box(detection_score="high")]}, "field 'detection_score' must be a number"),
         ({TOKENS[0]: [3]}, "field 'translation' must be 3 numbers"),
         ({TOKENS[0]: {}}, "expected a list of boxes"),
@@ -190,6 +204,15 @@ def test_submission(tmp_path: Path) -> None:
     assert car["size"] == pytest.approx([2.0, 4.5, 1.6], abs=0.05)
     assert car["translation"][2] == pytest.approx(1.0)
     assert rotation_matrix(np.array(car["rotation"]))[:2, 0] == pytest.approx([0.0, 1.0], abs=0.05)
+
+
+def test_classes_that_the_challenge_does_not_track_are_not_submitted(tmp_path: Path) -> None:
+    names = ["construction_vehicle", "truck", "trailer", "bicycle"]
+    boxes = [box(30.0 * k, name) for k, name in enumerate(names)]
+    tracked = track_dataset(read_nuscenes(write(tmp_path, {TOKENS[0]: boxes})), TrackerConfig())
+    content = json.loads(submission_text((one.sequence, one.tracks) for one in tracked))
+    found = [one["tracking_name"] for one in content["results"][TOKENS[0]]]
+    assert found == ["truck", "trailer", "bicycle"]
 
 
 def test_no_more_boxes_than_allowed(objects: Any, sequence: Any) -> None:

@@ -98,6 +98,32 @@ def test_mistakes_name_file_line_and_field(tmp_path: Path, text: str, message: s
     assert "\n" not in str(caught.value)
 
 
+def test_a_users_classes(tmp_path: Path) -> None:
+    classes = "class,category\nvan,car\nrider,cyclist\nsign,\ntruck,car\n"
+    names = ("van", "sign", "rider", "truck", "pedestrian")
+    text = HEADER + "".join(row("s", 0.0, 9.0 * k, name) for k, name in enumerate(names))
+    [sequence] = read_csv(write(tmp_path, text, classes=classes)).sequences
+    found = sequence.detections
+    assert found.category.tolist() == ["car", "cyclist", "car", "pedestrian"]
+    assert found.kind.tolist() == ["van", "rider", "truck", "pedestrian"]
+    assert found.center_m[:, 0].tolist() == [0.0, 18.0, 27.0, 36.0]
+
+
+@pytest.mark.parametrize(
+    ("classes", "message"),
+    [
+        (
+            "class,category\nvan,lorry\n",
+            r"classes.csv:2: field 'category' must be empty or one of car, .*'lorry'",
+        ),
+        ("class\nvan\n", r"classes.csv:1: columns missing: category"),
+    ],
+)
+def test_mistakes_in_a_users_classes(tmp_path: Path, classes: str, message: str) -> None:
+    with pytest.raises(DatasetError, match=message):
+        read_csv(write(tmp_path, HEADER + row("s", 0.0, 1.0), classes=classes))
+
+
 def test_poses_that_do_not_cover_the_data(tmp_path: Path) -> None:
     ego = "sequence,stamp_s,x_m,y_m,yaw_rad\ns,0.0,0,0,0\ns,1.0,10,2,0\n"
     with pytest.raises(DatasetError, match=r"ego.csv: poses from 0 to 1 s do not cover"):

@@ -211,11 +211,17 @@ def test_robustness_conditions_are_the_calculators() -> None:
 
 
 def test_robustness_conditions_are_complete() -> None:
-    moving = ("Speed", "Acceleration", "Initial position offset", "Trajectory/Heading")
+    numbers = (
+        "Speed",
+        "Acceleration",
+        "Initial position offset",
+        "Trajectory/Heading",
+        "Illumination (Night)",
+    )
     for scenario in LAYERS:
         theirs = {
             layer
-            for layer in moving
+            for layer in numbers
             if scenario
             in robustness_layer.ROBUSTNESS_LAYER_TO_VERIFICATION_CONDITION[
                 robustness_layer.RobustnessLayer(layer)

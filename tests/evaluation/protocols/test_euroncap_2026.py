@@ -136,12 +136,16 @@ def test_gates_that_nothing_tests_take_nothing() -> None:
 def test_robustness_counts_layers_that_hold() -> None:
     runs = avoided("CPNA")
     robust = {cell: Measurement(0.0) for cell in PROTOCOL.robustness_cells("CPNA")}
-    assert len(robust) == 36 * 5  # speed +3 and -2, position, heading -10 and +20
+    assert len(robust) == 18 * 5  # by day; speed +3 and -2, position, heading -10 and +20
     won = points(PROTOCOL.assess({**runs, **robust}), "CPNA day", "robustness")
     assert won == pytest.approx(0.125 * 3 / 10)  # 3 of the 10 layers that apply
     broken = next(c for c in robust if "+3" in c.condition and c.speed_kmh == 10.0)
     won = points(PROTOCOL.assess({**runs, **robust, broken: Measurement(9.0)}), "CPNA day", "robustness")
     assert won == pytest.approx(0.125 * 2 / 10)
+    part = {cell: found for cell, found in robust.items() if cell is not broken}  # one cell was not run
+    assert points(PROTOCOL.assess({**runs, **part}), "CPNA day", "robustness") == pytest.approx(
+        0.125 * 2 / 10
+    )
 
 
 def test_robustness_compares_with_the_cell_itself() -> None:
@@ -152,11 +156,59 @@ def test_robustness_compares_with_the_cell_itself() -> None:
         for c in PROTOCOL.robustness_cells("CPNA")
         if "-2" in c.condition and (c.speed_kmh, c.impact_percent, c.lighting) == (60, 25, base.lighting)
     )
+    speeds = {
+        c: Measurement(0.0) for c in PROTOCOL.robustness_cells("CPNA") if c.condition.startswith("Speed")
+    }
     for impact, holds in ((0.0, 1), (19.9, 1), (21.9, 1), (22.0, 0)):  # orange, and 2 km/h of tolerance
-        won = points(PROTOCOL.assess({**runs, slower: Measurement(impact)}), "CPNA day", "robustness")
-        assert won == pytest.approx(0.125 * holds / 10), impact
+        assessment = PROTOCOL.assess({**runs, **speeds, slower: Measurement(impact)})
+        assert points(assessment, "CPNA day", "robustness") == pytest.approx(0.125 * holds / 10), impact
+        shown = assessment.block("CPNA day, robustness").scores[slower]
+        assert shown.text == f"{impact:.1f}".replace("0.0", "0") + ("" if holds else "!")
     with pytest.raises(ProtocolError, match="run that too"):
         PROTOCOL.assess({slower: Measurement(0.0)})
+
+
+def test_conditions_and_requirements_have_matrices_of_their_own() -> None:
+    base = avoided("CPNA", "CPTA")
+    names = [b.block.name for b in PROTOCOL.assess(base).blocks]
+    assert not [name for name in names if "robustness" in name or "pedestrian of" in name]
+    faster = {
+        c: Measurement(4.0)
+        for c in PROTOCOL.robustness_cells("CPNA")
+        if c.condition == "Speed: target +3 km/h"
+    }
+    day, night = PROTOCOL.requirement_cells()
+    assessment = PROTOCOL.assess({**base, **faster, day: Measurement(0.0), night: Measurement(20.0)})
+    matrix = assessment.block("CPNA day, robustness")
+    assert matrix.block.columns == ("10", "20", "30", "40", "50", "60")
+    assert [row.label for row in matrix.block.rows[:3]] == [f"target +3 km/h, {p}" for p in (75, 50, 25)]
+    assert len(matrix.block.rows) == 5 * 3
+    assert matrix.cells_run == 18
+    marks = [matrix.scores[cell].mark.letter for cell in matrix.block.rows[0].cells if cell]
+    texts = [matrix.scores[cell].text for cell in matrix.block.rows[0].cells if cell]
+    assert "".join(marks) == "RRBOYY"  # bands of section 5.2 at 4 km/h
+    assert texts == ["4.0!", "4.0!", "4.0", "4.0", "4.0", "4.0"]  # red is not enough
+    assert any("! marks a cell" in note for note in assessment.notes)
+    assert not any("! marks a cell" in note for note in PROTOCOL.assess(base).notes)
+    required = assessment.block("CPNA-75, pedestrian 3 km/h")
+    assert [required.scores[cell].mark.letter for cell in (day, night)] == ["P", "F"]
+    (turning,) = [b for b in PROTOCOL.blocks if b.name == "CPTAfs & CPTAns"]
+    nearside = next(c for c in PROTOCOL.robustness_cells("CPTA") if c.scenario == "CPTAns")
+    rows = (
+        PROTOCOL.assess({**base, nearside: Measurement(0.0)}).block(f"{turning.name}, robustness").block.rows
+    )
+    assert [sum(c is not None for c in row.cells) for row in rows] == [
+        4,
+        4,
+        4,
+    ]  # 10, 15, 20 farside, 10 nearside
+
+
+def test_untested_requirements_are_named() -> None:
+    (line,) = [n for n in PROTOCOL.assess(avoided("CPNA")).notes if n.startswith("required, but")]
+    assert "pedestrian of 3 km/h by night" in line
+    assert "CCRs" in line
+    assert "CPNA-75 at 10 km/h" not in line
 
 
 def test_robustness_needs_half_of_the_standard_points() -> None:

@@ -107,7 +107,15 @@ def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any)
         def locate(self, _points: Any) -> Any:
             return type("Hits", (), {"lane": np.zeros(0, dtype=int)})()
 
-    setting = Setting("empty", Empty(), type("R", (), {"lanes": ()})(), PHYSICAL, area)
+    class AlongX:
+        """A route on no lane."""
+
+        lanes = ()
+
+        def place(self, points: Any) -> Any:
+            return points[:, 0], points[:, 1]
+
+    setting = Setting("empty", Empty(), AlongX(), PHYSICAL, area)
     account = explain(scene, run, setting)
     assert account.kind == "false"
     assert account.finding == "Brakes for nobody in its way."

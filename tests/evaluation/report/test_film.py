@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluation import results
+from evaluation import results, video
 from evaluation.errors import ArgumentError
-from evaluation.report import film as film_module
 from evaluation.report.explain import explain
-from evaluation.report.film import HOLD_S, Film, ffmpeg, film_times
+from evaluation.report.film import HOLD_S, Film, film_times
 from evaluation.report.folder import read_folder
 from evaluation.report.replay import replay, split_run
 from evaluation.report.scene import read_scene
@@ -91,7 +90,7 @@ def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
 
 def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
     try:
-        program = ffmpeg()
+        program = video.ffmpeg("--mp4")
     except ArgumentError as error:
         pytest.skip(str(error))
     path = tmp_path / "run.mp4"
@@ -104,10 +103,10 @@ def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
 
 
 def test_without_ffmpeg_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(film_module.shutil, "which", lambda _: None)
+    monkeypatch.setattr(video.shutil, "which", lambda _: None)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(ArgumentError, match=r"--mp4: no ffmpeg found; .*pip install imageio-ffmpeg"):
-        ffmpeg()
+        video.ffmpeg("--mp4")
 
 
 @pytest.mark.parametrize("run", ["out/a_30.5kmh_seed0", "out/logs/a_30.5kmh_seed0.parquet"])

@@ -169,10 +169,10 @@ def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
     runs = results.read_runs(folder)
     accounts = {view.log: view.account for view in content.runs}
-    speeds, lines = score_matrix(runs, accounts)
-    assert speeds == [30.0, 60.0]
-    for name, cells in lines:
-        for speed, cell in zip(speeds, cells, strict=True):
+    matrix = score_matrix(runs, accounts)
+    assert matrix.columns == ["30", "60"]
+    for name, cells in matrix.lines:
+        for speed, cell in zip((30.0, 60.0), cells, strict=True):
             run = runs[(runs["strategy"] == name) & (runs["v_test_kmh"] == speed)].iloc[0]
             assert cell is not None
             assert cell.log == run["log"]
@@ -180,8 +180,8 @@ def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
             assert (cell.mark == "✕") == run["collided"]
     titles = {view.log: view.title for view in content.runs}
     found = {verdict.strategy: verdict for verdict in verdicts(runs, accounts, titles)}
-    assert found["rectangular"].headline == "Contact in 1 of 2 runs (at 60 km/h), no false stop."
-    assert found["map"].headline == "No contact, no false stop."
+    assert found["rectangular"].headline == "Contact in 1 of 2 runs (at 60 km/h), no stop for nobody."
+    assert found["map"].headline == "No contact, no stop for nobody."
     assert found["map"].reasons == ()
     assert [title for _, title, _ in found["rectangular"].reasons] == ["Why the hit (rectangular, 60 km/h)"]
 

@@ -12,13 +12,16 @@ from pathlib import Path
 import pytest
 import rich.console
 
+from evaluation.cli import PICTURE_FORMATS
 from evaluation.errors import ArgumentError
 from evaluation.results import ResultsError
+from evaluation.runs import FrameTime
 from evaluation.study.answer import answer, best, curves
 from evaluation.study.command import CompareOptions, carry_out, compare, usual_points
+from evaluation.study.figures import frontier, save
 from evaluation.study.grid import Point, StudyRun, study_runs
 from evaluation.study.journal import RUNS, Journal
-from evaluation.study.measures import FrameTime, RunMeasures, measure
+from evaluation.study.measures import RunMeasures, measure
 from evaluation.study.table import summaries, summarise
 from scenarios.scenes.scenes import SceneRun, all_scenes
 
@@ -115,7 +118,7 @@ def test_finished_runs_are_not_carried_out_again(tmp_path: Path, monkeypatch: py
     def never(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
         raise AssertionError(run)
 
-    monkeypatch.setattr("evaluation.study.measures.measure", never)
+    monkeypatch.setattr("evaluation.study.command.measure", never)
     second, _, before = carry_out(runs, tmp_path, 1, QUIET)
     assert before == 1
     assert second == first
@@ -125,7 +128,7 @@ def test_finished_runs_are_not_carried_out_again(tmp_path: Path, monkeypatch: py
 def test_a_file_that_is_no_journal_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / RUNS).write_text(text)
     with pytest.raises(ResultsError, match="not a journal"):
-        Journal(tmp_path)
+        Journal(tmp_path, RunMeasures)
 
 
 def measured(
@@ -135,7 +138,8 @@ def measured(
     return RunMeasures(
         scene="s", variant="v", must=must, strategy=strategy, settings=settings, preset="physical",
         weather="dry", seed=seed, v_test_kmh=50.0, collided=bad and not nothing,
-        v_impact_kmh=20.0 if bad and not nothing else 0.0, score=None if nothing else 2.0, flag_time_s=1.0,
+        v_impact_kmh=20.0 if bad and not nothing else 0.0, score=None if nothing else 2.0,
+        band=None if nothing else "orange" if bad else "green", flag_time_s=1.0,
         flag_distance_m=10.0, flag_ttc_s=1.0, false_stop=bad and nothing,
         needless_stop=nothing and (bad or standstill), speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0,
         duration_s=10.0, detections_mean=2.0, tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
@@ -151,6 +155,7 @@ def test_summary_counts() -> None:
     assert (row.false_stops.value, row.needless_stops.value) == (0.5, 0.75)
     assert row.false_stops_per_km == pytest.approx(2.0)  # 2 stops in 4 x 250 m
     assert row.score_share == 1.0
+    assert row.band_share.value == pytest.approx((0.5 + 3) / 4)
 
 
 def test_the_answer_takes_most_avoided_then_fewest_stops_then_the_least() -> None:
@@ -186,3 +191,15 @@ def test_options_that_exclude_one_another(tmp_path: Path) -> None:
 
     with pytest.raises(ArgumentError, match="exclude one another"):
         command(ablation=True, growth=True, out=tmp_path, scenes=None)
+
+
+def test_figures_come_in_every_format_and_twice_the_same(tmp_path: Path) -> None:
+    rows = summaries([measured("all", "", must, 0, False) for must in ("brake", "nothing")])
+    first, second = (
+        save(frontier(rows, [Point("all")], "title"), tmp_path / name, PICTURE_FORMATS) for name in "ab"
+    )
+    assert [path.suffix for path in first] == [".png", ".svg", ".pdf"]
+    starts = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+        assert one.read_bytes().startswith(starts[one.suffix])

@@ -7,7 +7,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from evaluation.study.criticality import Moving, criticality, required_decel_mps2, time_to_collision_s
+from evaluation.study.criticality import (
+    Moving,
+    criticality,
+    criticality_csv,
+    required_decel_mps2,
+    time_to_collision_s,
+)
 from smartmot.geometry import signed_gap_scalar
 
 
@@ -90,3 +96,24 @@ def test_a_log_gives_the_worst_of_all_at_every_time() -> None:
     assert found.time_to_collision_s.tolist() == pytest.approx([2.0, np.inf])
     assert found.required_decel_mps2.tolist() == pytest.approx([10.0**2 / 40.0, 0.0])
     assert found.brake_threat_number.tolist() == pytest.approx([0.5, 0.0])
+
+
+def test_criticality_over_time_as_a_table_follows_the_closed_forms() -> None:
+    """Ego at 10 m/s, its front 48 m before a standing box: TTC gap / v, a = v^2 / (2 gap), BTN a / 8."""
+    time = np.array([0.0, 1.0, 2.0])
+    ego = {"kind": "ego", "length_m": 4.0, "width_m": 2.0, "yaw_rad": 0.0, "speed_mps": 10.0, "y_m": 0.0}
+    wall = {"kind": "actor", "length_m": 1.0, "width_m": 2.0, "yaw_rad": 0.0, "speed_mps": 0.0, "y_m": 0.0}
+    rows = [{**ego, "time_s": t, "x_m": 10.0 * t} for t in time]
+    rows += [{**wall, "time_s": t, "x_m": 50.5} for t in time]
+    log = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    lines = criticality_csv(criticality(log, 8.0)).decode().splitlines()
+    assert lines[0] == "time_s,time_to_collision_s,required_decel_mps2,brake_threat_number"
+    for line, t in zip(lines[1:], time, strict=True):
+        gap = 48.0 - 10.0 * t
+        needed = 100.0 / (2 * gap)
+        assert [float(cell) for cell in line.split(",")] == pytest.approx(
+            [t, gap / 10.0, needed, needed / 8.0], abs=1e-6
+        )
+    away = dict(log, yaw_rad=np.where(log["kind"] == "ego", np.pi, 0.0))
+    (first, *_) = criticality_csv(criticality(away, 8.0)).decode().splitlines()[1:]
+    assert first == "0.0,,0.0,0.0"

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from evaluation.study.growth import COUNTS, SPEED_KMH, grow, growth_table, with_others
+from evaluation.study.growth import COUNTS, SPEED_KMH, grow, growth_table, growth_tasks, with_others
 from scenarios.library import shipped_scenario
 from scenarios.openscenario import Engine, load
-from scenarios.presets import PHYSICAL
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -20,9 +19,10 @@ def test_the_ego_meets_the_pedestrian_and_none_of_the_others(seed: int) -> None:
 
 
 def test_others_make_tracks_for_all_but_hardly_for_the_map() -> None:
-    runs = [grow(strategy, 25, 0, PHYSICAL) for strategy in ("map", "all")]
+    tasks = growth_tasks(("map", "all"), "physical", "dry", seeds=1, counts=(25,))
+    runs, spent = zip(*map(grow, tasks), strict=True)
     few, many = (run.tracks_mean for run in runs)
     assert 0 < few < many
-    assert all(run.spent.frames > 0 and run.spent.median_ms > 0 for run in runs)
-    table = growth_table(runs)
+    assert all(time.frames > 0 and time.median_ms > 0 for time in spent)
+    table = growth_table(runs, spent)
     assert np.shape(table.rows) == (1, 11)

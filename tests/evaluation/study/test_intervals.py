@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from evaluation.study.intervals import mean_t, wilson
+from evaluation.study.intervals import clustered_mean, clustered_rate, mean_t, wilson
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 10), (3, 10), (10, 10), (17, 250), (1, 1)])
@@ -55,3 +55,78 @@ def test_mean_of_one_value_has_no_interval() -> None:
     assert ours.value == 4.0
     assert math.isnan(ours.low)
     assert mean_t([]).count == 0
+
+
+# ---- clusters ----------------------------------------------------------------------------------------------
+
+CLUSTERED = st.lists(
+    st.lists(st.booleans(), min_size=1, max_size=6), min_size=2, max_size=12
+)  # outcomes per cluster
+
+
+def _flat(groups: list[list[bool]]) -> tuple[list[bool], list[int]]:
+    return [v for group in groups for v in group], [k for k, group in enumerate(groups) for _ in group]
+
+
+@given(CLUSTERED)
+def test_a_clustered_rate_is_the_rate_and_lies_in_its_interval(groups: list[list[bool]]) -> None:
+    outcomes, clusters = _flat(groups)
+    ours = clustered_rate(outcomes, clusters)
+    assert ours.value == pytest.approx(sum(outcomes) / len(outcomes))
+    assert 0.0 <= ours.low <= ours.value + 1e-12
+    assert ours.value <= ours.high + 1e-12 <= 1.0 + 2e-12
+    mirrored = clustered_rate([not outcome for outcome in outcomes], clusters)
+    assert ours.low == pytest.approx(1.0 - mirrored.high, abs=1e-9)
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=12), CLUSTERED, st.integers(2, 5))
+def test_more_seeds_with_the_same_outcomes_change_nothing(
+    scenes: list[bool], groups: list[list[bool]], seeds: int
+) -> None:
+    once, many = (clustered_rate(*_flat([[outcome] * n for outcome in scenes])) for n in (1, seeds))
+    assert (many.low, many.high) == pytest.approx((once.low, once.high), abs=1e-9)
+    values, clusters = _flat([group * seeds for group in groups])
+    few, more = clustered_mean(*_flat(groups)), clustered_mean(values, clusters)
+    assert (more.low, more.high) == pytest.approx((few.low, few.high), abs=1e-9)
+
+
+def test_clusters_of_one_are_the_ordinary_error_of_a_mean() -> None:
+    sample = np.random.default_rng(3).normal(5.0, 2.0, 15)
+    ours, plain = clustered_mean(sample, range(15)), mean_t(sample)
+    assert (ours.low, ours.high) == pytest.approx((plain.low, plain.high), rel=1e-12)
+
+
+def test_clusters_that_agree_within_count_once_each() -> None:
+    """Four of ten scenes fail in all their five runs: error p (1 - p) / (G - 1), and Student's factor."""
+    outcomes, clusters = _flat([[True] * 5] * 4 + [[False] * 5] * 6)
+    t, z = stats.t.ppf(0.975, 9), stats.norm.ppf(0.975)
+    size = 9 * (z / t) ** 2
+    middle, spread = (0.4 + z**2 / (2 * size)) / (1 + z**2 / size), 1 + z**2 / size
+    half = z / spread * math.sqrt(0.24 / size + z**2 / (4 * size**2))
+    ours = clustered_rate(outcomes, clusters)
+    assert (ours.low, ours.high) == pytest.approx((middle - half, middle + half), abs=1e-12)
+    # the interval that takes the 50 runs for independent is less than half as wide
+    naive = wilson(20, 50)
+    assert naive.high - naive.low < 0.5 * (ours.high - ours.low)
+
+
+def test_clustered_rates_cover_the_truth() -> None:
+    """Twelve scenes with rates of their own around 0.3, six runs each; runs taken for independent fail."""
+    rng = np.random.default_rng(4)
+    clusters = np.repeat(np.arange(12), 6).tolist()
+    covered, naive, trials = 0, 0, 1500
+    for _ in range(trials):
+        outcomes = rng.random(72) < np.repeat(rng.beta(0.6, 1.4, 12), 6)
+        ours, plain = clustered_rate(outcomes.tolist(), clusters), wilson(int(outcomes.sum()), 72)
+        covered += ours.low <= 0.3 <= ours.high
+        naive += plain.low <= 0.3 <= plain.high
+    assert covered / trials > 0.93
+    assert naive / trials < 0.80
+
+
+def test_one_cluster_tells_nothing_of_others() -> None:
+    ours = clustered_rate([True, True], ["a", "a"])
+    assert (ours.value, ours.low, ours.high) == (1.0, 0.0, 1.0)
+    assert math.isnan(clustered_mean([1.0, 2.0], ["a", "a"]).low)
+    assert math.isnan(clustered_rate([], []).value)
+    assert clustered_mean([], []).count == 0

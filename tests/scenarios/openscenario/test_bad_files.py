@@ -76,7 +76,7 @@ def edited(write, old, new, *acts, **parts):
         ('length="4"', 'length="0"', ContentError, ["length: expected a positive number, got 0"]),
         ('filepath="two_roads.xodr"', 'filepath="gone.xodr"', FileReadError, [":6: <LogicFile> road "
         "network"]),
-        ('name="Other"', 'name="Ego"', ContentError, ["two entities have the same name"]),
+        ('name="Other"', 'name="Ego"', ContentError, ["two entities have the same name, 'Ego'"]),
     ],
 )  # fmt: skip
 def test_content(write, old, new, error, texts):

@@ -66,6 +66,17 @@ def _put_horizon(preset: Preset, value: Setting) -> Preset:
     return _pipeline(preset, forecast=replace(forecast, min_horizon_s=horizon, max_horizon_s=longest))
 
 
+def _put_reach(preset: Preset, value: Setting) -> Preset:
+    reach = None if value == math.inf else float(value)
+    return replace(preset, map_area=replace(preset.map_area, reach_m=reach))
+
+
+def _put_length(preset: Preset, value: Setting) -> Preset:
+    area, length = preset.rectangular, float(value)
+    shortest = min(area.min_length_m, length)
+    return replace(preset, rectangular=replace(area, min_length_m=shortest, max_length_m=length))
+
+
 def _put_ego_forecast(preset: Preset, value: Setting) -> Preset:
     return _pipeline(preset, forecast=replace(preset.pipeline.forecast, ego=str(value)))
 
@@ -96,6 +107,30 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             (),
             lambda preset: preset.rectangular.half_width_m,
             lambda preset, v: replace(preset, rectangular=replace(preset.rectangular, half_width_m=float(v))),
+        ),
+        "reach_m": Parameter(
+            "how far ahead an object may count",
+            "m",
+            ("map",),
+            (),
+            lambda preset: math.inf if preset.map_area.reach_m is None else preset.map_area.reach_m,
+            _put_reach,
+        ),
+        "length_m": Parameter(
+            "greatest length of the rectangle",
+            "m",
+            ("rectangular",),
+            (),
+            lambda preset: preset.rectangular.max_length_m,
+            _put_length,
+        ),
+        "range_m": Parameter(
+            "range of the sensor",
+            "m",
+            STRATEGIES,
+            (),
+            lambda preset: preset.sensor.range_m,
+            lambda preset, v: replace(preset, sensor=replace(preset.sensor, range_m=float(v))),
         ),
         "iou_threshold": Parameter(
             "overlap of forecast boxes that predicts a collision",
@@ -199,6 +234,11 @@ def _numbers(name: str, text: str) -> list[float]:
     if count > MAX_VALUES:
         raise ArgumentError(f"--vary {name}: {text!r} gives {count} values; use at most {MAX_VALUES}")
     return [round(low + k * step, 9) for k in range(count)]
+
+
+def settings_text(settings: Settings) -> str:
+    """Settings as they are typed."""
+    return ", ".join(setting_text(name, value) for name, value in settings)
 
 
 def setting_text(name: str, value: Setting) -> str:

@@ -3,8 +3,8 @@
 import pytest
 
 from evaluation.errors import ArgumentError
+from evaluation.settings import PARAMETERS, parse_vary, preset_with
 from evaluation.study.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
-from evaluation.study.parameters import PARAMETERS, parse_vary, preset_with
 from scenarios.presets import PHYSICAL
 from scenarios.scenes.scenes import choose_scenes
 from smartmot.errors import ConfigError
@@ -68,9 +68,18 @@ def test_every_point_meets_the_same_scenes_and_noise() -> None:
     scenes = choose_scenes(("CPNA of the paper",))
     runs = study_runs(points_of(("map", "all"), {}), scenes, "physical", ["dry", "rain"], 3)
     met = {
-        point: [(r.scene, r.spec.weather, r.spec.seed, r.spec.phase_s) for r in runs if r.point == point]
-        for point in {run.point for run in runs}
+        name: [
+            (r.scene, r.spec.weather, r.spec.seed, r.spec.phase_s) for r in runs if r.spec.strategy == name
+        ]
+        for name in ("map", "all")
     }
     first, second = met.values()
     assert first == second
     assert len({run.key for run in runs}) == len(runs)
+
+
+def test_a_setting_that_the_preset_has_anyway_makes_no_other_run() -> None:
+    (scene,) = choose_scenes(("lane change at road works",))
+    points = [Point("map", settings) for settings in ((), (("margin_m", 1.8),), (("margin_m", 1.0),))]
+    bare, same, other = (run.key for run in study_runs(points, [scene], "physical", ["dry"], 1))
+    assert bare == same != other

@@ -1,0 +1,85 @@
+"""The frontier is legible: no text covers another, a point or the frame; the paper's widths are ringed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from evaluation.study.figures import frontier, save
+from evaluation.study.grid import Point
+from evaluation.study.intervals import Estimate
+from evaluation.study.table import Summary
+
+NONE = Estimate(0.0, 0.0, 0.0, 10)
+
+
+def summary(point: Point, avoided: float, stops: float) -> Summary:
+    rates = [Estimate(r, max(r - 0.1, 0.0), min(r + 0.1, 1.0), 20) for r in (avoided, stops)]
+    return Summary(
+        strategy=point.strategy, settings=point.text, weather="dry", avoided=rates[0], v_impact_kmh=NONE,
+        score_share=0.5, band_share=NONE, flag_ttc_s=NONE, flag_distance_m=NONE, false_stops=rates[1],
+        false_stops_per_km=1.0, needless_stops=rates[1], speed_loss_kmh=NONE, delay_s=NONE, tracks=NONE,
+    )  # fmt: skip
+
+
+POINTS = (
+    *(Point("rectangular", (("half_width_m", w),)) for w in (0.9, 2.6, 4.0)),
+    *(
+        Point("map", (("margin_m", m), ("ego_forecast", e)))
+        for e in ("ctrv", "route")
+        for m in (0.0, 0.5, 1.8, 4.0)
+    ),
+    Point("all"),
+)
+
+
+def drawn(values: list[tuple[float, float]]) -> Figure:
+    rows = [summary(p, a, s) for p, (a, s) in zip(POINTS, values, strict=True)]
+    return frontier(rows, POINTS, "test")
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 5), st.integers(0, 5)),
+        min_size=len(POINTS),
+        max_size=len(POINTS),
+        unique=True,
+    )
+)
+def test_values_stay_inside_and_apart(counts: list[tuple[int, int]]) -> None:
+    """Wherever the points are, if no two are nearer than a fifth of an axis."""
+    figure = drawn([(a / 5, s / 5) for a, s in counts])
+    assert isinstance(figure.canvas, FigureCanvasAgg)
+    renderer = figure.canvas.get_renderer()
+    for axes in figure.axes:
+        frame = axes.get_window_extent(renderer)
+        texts = [t for t in axes.texts if isinstance(t, Annotation)]
+        assert len(texts) == 11
+        boxes = [text.get_window_extent(renderer) for text in texts]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+        assert all(frame.x0 - 1 < box.x0 and box.x1 < frame.x1 + 30 for box in boxes)
+
+
+def test_every_value_is_written_and_the_papers_are_ringed() -> None:
+    k = np.arange(len(POINTS))
+    figure = drawn([(float(a), float(s)) for a, s in zip(k / 12, k / 24, strict=True)])
+    for axes in figure.axes:
+        written = sorted(text.get_text() for text in axes.texts)
+        assert written == sorted(["0.9", "2.6", "4", "0", "0.5", "1.8", "4", "0", "0.5", "1.8", "4"])
+        rings = [line for line in axes.lines if line.get_markersize() == 9.5 and len(line.get_xdata())]
+        assert sorted(float(line.get_ydata()[0]) for line in rings) == pytest.approx(
+            sorted(100 * n / 12 for n in (1, 5, 9))
+        )
+
+
+def test_equal_figures_are_equal_bytes(tmp_path: Path) -> None:
+    values = [(k / 12, k / 24) for k in range(len(POINTS))]
+    first = [path.read_bytes() for path in save(drawn(values), tmp_path / "a")]
+    second = [path.read_bytes() for path in save(drawn(values), tmp_path / "b")]
+    assert first == second

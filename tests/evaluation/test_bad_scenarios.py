@@ -1,0 +1,123 @@
+"""Scenario files with mistakes at the command line: one line, status 2."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from evaluation import cli
+from scenarios.library import DEFINITIONS
+
+CROSSING, CPNA = "crossing.xosc", "cpna.xosc"
+
+MISTAKES = {
+    # the shipped file, a text of it, what stands there instead, and what the message says
+    "unknown element": (CROSSING, "<Story name", "<Bogus/><Story name", "<Bogus> in <Storyboard>"),
+    "unknown action": (CROSSING, "<TeleportAction>", "<JumpAction/><TeleportAction>", "<JumpAction> in"),
+    "circular parameters": (
+        CROSSING,
+        'name="Lead_s" parameterType="double" value="2.0"',
+        'name="Lead_s" parameterType="double" value="${$_Lead}"',
+        "in a circle: Lead_s -> _Lead -> Lead_s",
+    ),
+    "undeclared parameter": (CROSSING, 'value="$_Lead"', 'value="$Laed"', "parameter 'Laed' is not declared"),
+    "missing catalog": (CROSSING, "catalogs/vehicles", "catalogs/none", "catalogs/none does not exist"),
+    "missing entry": (CROSSING, 'entryName="ego"', 'entryName="eco"', "no entry 'eco' in catalog 'Vehicles'"),
+    "wrong unit": (CROSSING, '"distance" value', '"metres" value', "dynamicsDimension='metres'"),
+    "unit in a number": (CROSSING, 'value="6.5"', 'value="6.5 m"', "got '6.5 m'"),
+    "not a number": (CROSSING, 'value="6.5"', 'value="NaN"', "got 'NaN'"),
+    "impossible constraint": (
+        CROSSING,
+        'rule="lessOrEqual" value="140"',
+        'rule="lessThan" value="0"',
+        "breaks its constraints: greaterThan 0 and lessThan 0",
+    ),
+    "division by zero": (CROSSING, "${$Ego_speed_kmh/3.6}", "${$Ego_speed_kmh/0}", "has no value"),
+    "missing map": (CROSSING, "urban_street.xodr", "no.xodr", "no.xodr does not exist"),
+    "map of another kind": (CROSSING, "../maps/urban_street.xodr", CROSSING, "expected <OpenDRIVE>"),
+    "duplicate entity": (
+        CROSSING,
+        'ScenarioObject name="Target"',
+        'ScenarioObject name="Ego"',
+        "name, 'Ego'",
+    ),
+    "unknown entity": (CROSSING, 'entityRef="Target"/>', 'entityRef="Nobody"/>', "no entity 'Nobody'"),
+    "missing trajectory": (CROSSING, "<TrajectoryRef>", "<TrajectoryRef/><TrajectoryRef>", "<TrajectoryRef>"),
+    "other encoding": (CROSSING, "UTF-8", "KLINGON", "not well-formed XML: Unsupported encoding"),
+    "later version": (CROSSING, 'revMinor="3"', 'revMinor="9"', "version '1.9'"),
+    "step of zero": (CPNA, 'stepWidth="5"', 'stepWidth="0"', "expected a positive number, got 0"),
+    "huge range": (CPNA, 'stepWidth="5"', 'stepWidth="1e-9"', "more than 100000 variations"),
+    "range upside down": (CPNA, 'lowerLimit="10"', 'lowerLimit="100"', "60 lies below lowerLimit 100"),
+    "distribution of itself": (CPNA, 'filepath="crossing.xosc"', 'filepath="mine.xosc"', "not a scenario"),
+    "distributed nothing": (CPNA, '"Impact_percent"', '"Imapct"', "'Imapct' is not declared"),
+}
+
+
+def refusal(file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """What the command line says to a file that it refuses."""
+    out = str(file.parent / "out")
+    monkeypatch.setattr(sys, "argv", ["smartmot-eval", "run", str(file), "--no-aeb", "--out", out, "--quiet"])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    said = capsys.readouterr()
+    assert (caught.value.code, said.out) == (2, "")
+    assert said.err.startswith("smartmot-eval: ")
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The shipped definitions and maps, to be spoilt."""
+    shutil.copytree(DEFINITIONS, tmp_path / "definitions")
+    shutil.copytree(DEFINITIONS.parent / "maps", tmp_path / "maps")
+    return tmp_path / "definitions"
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_spoilt_file_is_refused_in_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    source, old, new, message = MISTAKES[name]
+    text = (folder / source).read_text(encoding="utf-8")
+    assert old in text
+    file = folder / "mine.xosc"
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert message in refusal(file, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "Document is empty"),
+        (b"\x00\x01\xff" * 100, "not well-formed XML"),
+        ('<?xml version="1.0" encoding="UTF-8"?><a b="ü"/>'.encode("latin-1"), "not well-formed XML"),
+        (b"<html/>", "root element is <html>"),
+    ],
+)
+def test_what_is_no_scenario_is_refused_in_one_line(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    content: bytes,
+    message: str,
+) -> None:
+    file = folder / "mine.xosc"
+    file.write_bytes(content)
+    assert message in refusal(file, monkeypatch, capsys)
+
+
+def test_a_catalog_that_refers_to_itself_is_refused_in_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "catalogs" / "vehicles" / "circle.xosc").write_text(
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="3"/><Catalog name="Circle">'
+        '<CatalogReference name="round" catalogName="Circle" entryName="round"/></Catalog></OpenSCENARIO>'
+    )
+    text = (folder / CROSSING).read_text(encoding="utf-8")
+    file = folder / "mine.xosc"
+    file.write_text(
+        text.replace('catalogName="Vehicles" entryName="ego"', 'catalogName="Circle" entryName="round"')
+    )
+    assert "'round' is a <CatalogReference>, expected a <Vehicle>" in refusal(file, monkeypatch, capsys)

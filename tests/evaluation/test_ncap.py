@@ -1,0 +1,80 @@
+"""Grids that are run: their files, what is left out, and the logs of single runs."""
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from evaluation import results
+from evaluation.ncap import run_grid
+from evaluation.runner import Conditions
+from scenarios.library import DEFINITIONS
+
+HELD = Conditions(("map",), adapts=False)
+
+
+@pytest.fixture
+def cpna(tmp_path: Path) -> Path:
+    """CPNA at 25 % with 40, 45 and 50 km/h; the protocol of 2026 has no 45 km/h."""
+    file = tmp_path / "cpna.xosc"
+    text = (DEFINITIONS / "cpna.xosc").read_text()
+    for old, new in (
+        ('filepath="crossing.xosc"', f'filepath="{DEFINITIONS}/crossing.xosc"'),
+        ('<Element value="75"/>', ""),
+        ('lowerLimit="10" upperLimit="60"', 'lowerLimit="40" upperLimit="50"'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    file.write_text(text)
+    return file
+
+
+def run(*arguments: object, **options: bool) -> str:
+    """What a grid prints."""
+    console = Console(file=io.StringIO(), width=200)
+    run_grid(*arguments, 1, console, **options)  # type: ignore[arg-type]
+    return console.file.getvalue()  # type: ignore[attr-defined,no-any-return]
+
+
+def test_runs_without_a_cell_are_counted_and_listed(cpna: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shown = run([str(cpna)], "2026", HELD, out)
+    assert "Runs that belong to no cell and are left out (all in left_out.txt): CPNA 1." in shown
+    (line,) = (out / "left_out.txt").read_text().splitlines()
+    assert line.startswith("cpna.xosc: run 0 (scenario CPNA, v_test_kmh 45.0")
+    assert "the protocol tests CPNA at 10, 20, 30, 40, 50, 60 km/h" in line
+    runs = results.read_runs(out)
+    # two cells, each with five conditions
+    assert len(runs) == 2 + 2 * 5
+    assert runs["log"].isna().all()
+    assert not (out / "logs").exists()
+    assert "CPNA day, robustness" in shown
+    assert "Robustness, not run and without points, because nothing here can simulate it: driver" in shown
+
+
+def test_logs_are_kept_for_the_report_and_the_film(cpna: Path, tmp_path: Path) -> None:
+    from evaluation.report.page import write_page
+
+    out = tmp_path / "out"
+    shown = run([str(cpna)], "2023", HELD, out, keep_logs=True)
+    runs = results.read_runs(out)
+    assert len(runs) == runs["log"].nunique() == 3
+    logs = results.read_logs(out, runs)
+    assert set(logs) == set(runs["log"])
+    assert "logs/" in shown
+    page, _ = write_page(out, None, lambda done, total: None)
+    text = page.read_text()
+    assert all(log in text for log in runs["log"])
+
+
+def test_the_fastest_contact_is_named_with_what_shows_it(cpna: Path, tmp_path: Path) -> None:
+    """On snow, with 2.2 m/s2, nobody stops in time."""
+    out = tmp_path / "out"
+    shown = run([str(cpna)], "2023", Conditions(("rectangular",), weather=("snow",), adapts=False), out)
+    worst = results.read_runs(out).sort_values("v_impact_kmh").iloc[-1]
+    assert worst["v_impact_kmh"] > 0
+    text = (
+        f"{worst['v_test_kmh']:g} km/h, contact at {worst['v_impact_kmh']:.1f} km/h. To see it: give --logs"
+    )
+    assert text in shown
