@@ -309,6 +309,7 @@ def ncap(
     logs: Annotated[
         bool, typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`.")
     ] = False,
+    form: PictureFormat = "png",
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: AllWorkers = None,
     quiet: Quiet = False,
@@ -335,7 +336,10 @@ def ncap(
     )
     console = rich.console.Console(quiet=quiet)
     processes = workers or available_cores()
-    run_grid(files or [], name, conditions, writable_folder(out), processes, console, keep_logs=logs)
+    picture = parse_name(form, PICTURE_FORMATS, "--format")
+    run_grid(
+        files or [], name, conditions, writable_folder(out), processes, console, keep_logs=logs, form=picture
+    )
 
 
 @app.command("list")

@@ -86,6 +86,7 @@ def run_grid(
     workers: int,
     console: Console,
     keep_logs: bool = False,
+    form: str = "png",
 ) -> None:
     """Run a protocol's grid behind a progress bar, write its files, print its matrices.
 
@@ -97,6 +98,7 @@ def run_grid(
         workers: processes.
         console: where to print.
         keep_logs: whether to write the log of every run, for `report` and `replay`.
+        form: of the picture: png, svg or pdf.
     """
     import rich.progress
 
@@ -121,7 +123,7 @@ def run_grid(
     sheet = make_sheet(assess(protocol, finished), ())
     sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *sheet.notes))
     console.print(matrix_view(sheet))
-    written = [path.name for path in (*_draw(sheet, out, name), *_left_out(grid, out))]
+    written = [path.name for path in (*_draw(sheet, out, name, form), *_left_out(grid, out))]
     written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []
     console.print(f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}")
     hits = [record.row for _, record in finished if record.row.collided]
@@ -170,12 +172,13 @@ def _notes(grid: Grid, specs: Sequence[RunSpec], name: str, perception: Sequence
     return lines + [f"{line[0].upper()}{line[1:]}." for line in perception]
 
 
-def _draw(sheet: Sheet, out: Path, name: str) -> list[Path]:
+def _draw(sheet: Sheet, out: Path, name: str, form: str) -> list[Path]:
+    from evaluation.pictures import save_picture
     from evaluation.protocols.matrix_html import matrix_page
     from evaluation.protocols.matrix_png import matrix_figure
 
-    picture, page = out / f"matrix_{name}.png", out / f"matrix_{name}.html"
-    _written(picture, lambda: matrix_figure(sheet).savefig(picture, metadata={"Software": None}))
+    picture, page = out / f"matrix_{name}.{form}", out / f"matrix_{name}.html"
+    save_picture(matrix_figure(sheet), picture, "--out")
     _written(page, lambda: page.write_text(matrix_page(sheet), encoding="utf-8"))
     return [picture, page]
 

@@ -30,7 +30,7 @@ def cpna(tmp_path: Path) -> Path:
     return file
 
 
-def run(*arguments: object, **options: bool) -> str:
+def run(*arguments: object, **options: object) -> str:
     """What a grid prints."""
     console = Console(file=io.StringIO(), width=200)
     run_grid(*arguments, 1, console, **options)  # type: ignore[arg-type]
@@ -49,6 +49,7 @@ def test_runs_without_a_cell_are_counted_and_listed(cpna: Path, tmp_path: Path) 
     assert len(runs) == 2 + 2 * 5
     assert runs["log"].isna().all()
     assert not (out / "logs").exists()
+    assert (out / "matrix_2026.png").read_bytes().startswith(b"\x89PNG")
     assert "CPNA day, robustness" in shown
     assert "Robustness, not run and without points, because nothing here can simulate it: driver" in shown
 
@@ -57,7 +58,8 @@ def test_logs_are_kept_for_the_report_and_the_film(cpna: Path, tmp_path: Path) -
     from evaluation.report.page import write_page
 
     out = tmp_path / "out"
-    shown = run([str(cpna)], "2023", HELD, out, keep_logs=True)
+    shown = run([str(cpna)], "2023", HELD, out, keep_logs=True, form="svg")
+    assert "<svg" in (out / "matrix_2023.svg").read_text()
     runs = results.read_runs(out)
     assert len(runs) == runs["log"].nunique() == 3
     logs = results.read_logs(out, runs)
