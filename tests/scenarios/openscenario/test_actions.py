@@ -133,6 +133,13 @@ BESIDE = private("Ego", teleport(lane_position(10)), speed(10)) + private(
 )
 
 
+@pytest.fixture
+def no_lag(monkeypatch):
+    """Plans by the master's present place, so that numbers stay round."""
+    monkeypatch.setattr("scenarios.openscenario.actions.MASTER_LAG_S", 0.0)
+
+
+@pytest.mark.usefixtures("no_lag")
 def test_synchronised_from_rest(play):
     """Ego needs 8 s to s = 90. Other has 10 m to go, the last 6 m (3 s) at 2 m/s: the first 4 m take 4 s at
     0.5 m/s2. So it sets off at 1 s, is steady from 5 s on and at its place at 8 s.
@@ -146,6 +153,15 @@ def test_synchronised_from_rest(play):
         assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v))
 
 
+def test_a_synchronised_entity_knows_its_master_one_cycle_late(play):
+    """The same, and everything 10 ms later."""
+    _, run = play(act(maneuver(event("e", STEADY))), init=BESIDE)
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((1.01, 5.01))
+    for t, x, v in ((1.01, 60, 0), (3.01, 61, 1), (5.01, 64, 2), (8.01, 70, 2)):
+        assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v))
+
+
+@pytest.mark.usefixtures("no_lag")
 def test_steady_time(play):
     """The same with 2 s of steady state: 4 m at 2 m/s; 6 m before take 6 s."""
     _, run = play(
@@ -156,6 +172,7 @@ def test_steady_time(play):
     assert at(run, "Other", 8.0) == pytest.approx((70, -5.25, 0, 2))
 
 
+@pytest.mark.usefixtures("no_lag")
 def test_synchronised_while_moving(play):
     """24 m in 8 s from 4 m/s to 2 m/s is a mean of 3 m/s: one constant deceleration."""
     init = BESIDE + private("Other", speed(4))
@@ -164,6 +181,7 @@ def test_synchronised_while_moving(play):
     assert at(run, "Other", 8.0) == pytest.approx((84, -5.25, 0, 2))
 
 
+@pytest.mark.usefixtures("no_lag")
 def test_no_final_speed(play):
     """Constant acceleration: 16 m in 8 s from rest ends with 4 m/s."""
     _, run = play(act(maneuver(event("e", synchronize(76, 90, final="")))), init=BESIDE)
@@ -171,6 +189,7 @@ def test_no_final_speed(play):
     assert at(run, "Other", 8.0) == pytest.approx((76, -5.25, 0, 4))
 
 
+@pytest.mark.usefixtures("no_lag")
 @pytest.mark.parametrize(("kind", "value"), [("delta", -8), ("factor", 0.2)])
 def test_final_speed_relative_to_the_master(play, kind, value):
     final = (
@@ -185,6 +204,7 @@ def test_final_speed_relative_to_the_master(play, kind, value):
 STEADY = synchronize(70, 90, steady='<TargetDistanceSteadyState distance="6"/>')
 
 
+@pytest.mark.usefixtures("no_lag")
 @pytest.mark.parametrize("brake_time_s", [6.0, 3.0])
 def test_once_set_off_the_profile_stays_whatever_the_master_does(write, brake_time_s):
     definition = load(write(act(maneuver(event("e", STEADY))), init=BESIDE))
@@ -201,6 +221,7 @@ def test_before_it_sets_off_it_waits_for_the_master(write):
     assert at(run, "Other", 10.0)[0] == 60.0
 
 
+@pytest.mark.usefixtures("no_lag")
 def test_a_slower_master_delays_the_start(play):
     """At 0.5 s the ego slows to 5 m/s at once, at s = 15: 75 m take 15 s more; the start moves to 8.5 s."""
     slow = act(maneuver(event("slow", speed(5), later(0.5)), name="slow"), actors="Ego", name="second")
