@@ -82,11 +82,11 @@ class EuroNcap2023:
             avoided = sum(results[cell].impact_speed_kmh == 0.0 for cell in run)
             scores = {cell: _score(results.get(cell)) for cell in block.cells}
             done.append(BlockScore(block, scores, (Total("avoided", avoided, len(run), "cells run"),)))
-            for name in (block.scenario, "all"):
+            for name in (block.scenario, "together"):
                 line = counts.setdefault(name, [0, 0])
                 line[0] += avoided
                 line[1] += len(run)
-        ordered = sorted(counts.items(), key=lambda item: item[0] == "all")
+        ordered = sorted(counts.items(), key=lambda item: item[0] == "together")
         totals = tuple(Total(name, avoided, run, "cells avoided") for name, (avoided, run) in ordered)
         return Assessment(self.title, tuple(done), totals, (), UNKNOWN)
 

@@ -177,7 +177,7 @@ class R152:
             total = Total(block.name, sum(map(bool, passed.values())), len(passed), "tests passed")
             done.append(BlockScore(block, scores, (total,)))
         totals = tuple(total for score in done for total in score.totals)
-        every = Total("all", sum(t.won for t in totals), sum(t.most for t in totals), "tests passed")
+        every = Total("together", sum(t.won for t in totals), sum(t.most for t in totals), "tests passed")
         return Assessment(self.title, tuple(done), (*totals, every), (), UNKNOWN)
 
 

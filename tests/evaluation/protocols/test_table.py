@@ -104,7 +104,7 @@ def test_a_run_that_does_not_fit_is_named(changed: dict[str, object], message: s
 def test_2023_has_the_steps_of_five() -> None:
     found = measurements([{**CPNA, "v_test_kmh": 15.0, "v_impact_kmh": 3.0}], EuroNcap2023().cells())
     assessment = EuroNcap2023().assess(found)
-    assert [(t.won, t.most) for t in assessment.totals if t.name in ("CPNA", "all")] == [(0, 1), (0, 1)]
+    assert [(t.won, t.most) for t in assessment.totals if t.name in ("CPNA", "together")] == [(0, 1), (0, 1)]
     assert any("no points are given" in note for note in assessment.notes)
 
 

@@ -102,7 +102,7 @@ def test_assessment_counts_passed_tests() -> None:
         ("CPNA", 1, 2),
         ("CCRs", 1, 1),
         ("CCRm", 1, 1),
-        ("all", 3, 4),
+        ("together", 3, 4),
     ]
     letters = {c: s.mark.letter for b in assessment.blocks for c, s in b.scores.items() if c in runs}
     assert list(letters.values()) == ["F", "P", "P", "P"]
