@@ -48,30 +48,35 @@ def parse_speeds(text: str) -> tuple[float, ...]:
     return tuple(sorted(set(speeds)))
 
 
-def parse_names(text: str, allowed: Sequence[str], option: str) -> tuple[str, ...]:
+def parse_names(text: str, allowed: Sequence[str], option: str, own: bool = False) -> tuple[str, ...]:
     """Comma-separated names, each once, in the order given.
+
+    Args:
+        text: what was typed.
+        allowed: possible names.
+        option: where, for the message.
+        own: whether `package.module:name` of the user's own is possible as well.
 
     Raises:
         ArgumentError: a name is not allowed, or there is none.
     """
     names = [n.strip() for n in text.split(",") if n.strip()]
     for name in names:
-        if name not in allowed:
-            raise ArgumentError(f"{option}: unknown {name!r}; use one or more of: {', '.join(allowed)}")
+        if name not in allowed and not (own and ":" in name):
+            more = " or package.module:name" if own else ""
+            raise ArgumentError(f"{option}: unknown {name!r}; use one or more of: {', '.join(allowed)}{more}")
     if not names:
         raise ArgumentError(f"{option}: nothing given; use one or more of: {', '.join(allowed)}")
     return tuple(dict.fromkeys(names))
 
 
-def parse_name(text: str, allowed: Sequence[str], option: str) -> str:
-    """A single name.
-
-    Raises:
-        ArgumentError: it is not allowed.
-    """
-    if text.strip() not in allowed:
-        raise ArgumentError(f"{option}: unknown {text.strip()!r}; use one of: {', '.join(allowed)}")
-    return text.strip()
+def parse_name(text: str, allowed: Sequence[str], option: str, own: bool = False) -> str:
+    """A single name; see `parse_names`."""
+    name = text.strip()
+    if name not in allowed and not (own and ":" in name):
+        more = " or package.module:name" if own else ""
+        raise ArgumentError(f"{option}: unknown {name!r}; use one of: {', '.join(allowed)}{more}")
+    return name
 
 
 def parse_place(text: str) -> tuple[str, int, float]:

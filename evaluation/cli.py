@@ -30,6 +30,8 @@ CPNA_EXAMPLES = """
 `smartmot-eval cpna --speeds 10..80 --preset physical --weather dry,rain --out results`
 
 `smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`
+
+`smartmot-eval cpna --tracker my_tracker:MyTracker --strategy map,my_area:Corridor`
 """
 
 RUN_EXAMPLES = """
@@ -99,6 +101,8 @@ MOT_EXAMPLES = """
 
 `smartmot-eval mot my_csv_folder --filter map --map town.xodr`
 
+`smartmot-eval mot kitti/training --config my_tracker:MyTracker`
+
 Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install 'smartmot[mot]'.
 """
 
@@ -110,6 +114,8 @@ COMPARE_EXAMPLES = """
 `smartmot-eval compare --vary margin_m=0..4:0.5 --vary ego_forecast=ctrv,route --strategies map`
 
 `smartmot-eval compare --scenes 'people at the kerb,crosses in a bend' --weather dry,rain --seeds 5`
+
+`smartmot-eval compare --strategies map --vary tracker=preset,centerpoint,my_tracker:MyTracker`
 
 `smartmot-eval compare --ablation --out results/ablation`
 
@@ -136,8 +142,20 @@ Started again after it was stopped, it goes on where it was.
 
 Speeds = Annotated[str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")]
 Strategy = Annotated[
-    str, typer.Option(help="Monitored areas to compare, comma-separated: rectangular, map, all.")
+    str,
+    typer.Option(
+        help="Monitored areas to compare, comma-separated: rectangular, map, all, or your own, "
+        "package.module:name."
+    ),
 ]
+TrackerName = Annotated[
+    str,
+    typer.Option(
+        help="preset, ab3dmot, centerpoint, default, smartmot, or your own, package.module:name.",
+        metavar="NAME",
+    ),
+]
+DetectorName = Annotated[str, typer.Option(help="preset, or your own, package.module:name.", metavar="NAME")]
 PresetName = Annotated[
     str,
     typer.Option(help="paper: the SmartMOT paper's conditions; physical: brakes and sensor of a real car."),
@@ -183,6 +201,8 @@ def cpna(
     speeds: Speeds = "10..60",
     strategy: Strategy = "rectangular,map",
     preset: PresetName = "paper",
+    tracker: TrackerName = "preset",
+    detector: DetectorName = "preset",
     weather: WeatherNames = "dry",
     map_file: MapFile = None,
     at: At = None,
@@ -202,6 +222,7 @@ def cpna(
     from evaluation.arguments import parse_name, parse_names, parse_place, parse_speeds, writable_folder
     from evaluation.comparison import compare_cpna
     from evaluation.runner import CpnaSuite
+    from evaluation.settings import parse_plugged
     from scenarios.places import Place
     from scenarios.presets import PRESETS, WEATHER
     from scenarios.strategies import STRATEGIES
@@ -209,7 +230,7 @@ def cpna(
     form = parse_name(form, PICTURE_FORMATS, "--format")
     suite = CpnaSuite(
         speeds_kmh=parse_speeds(speeds),
-        strategies=parse_names(strategy, STRATEGIES, "--strategy"),
+        strategies=parse_names(strategy, STRATEGIES, "--strategy", own=True),
         preset=parse_name(preset, tuple(PRESETS), "--preset"),
         weather=parse_names(weather, tuple(WEATHER), "--weather"),
         map_name=str(map_file) if map_file else DEFAULT_MAP,
@@ -218,6 +239,7 @@ def cpna(
         adversaries=adversaries,
         seed=seed,
         phase_s=phase_ms / 1000,
+        settings=parse_plugged(tracker, detector),
     )
     compare_cpna(suite, writable_folder(out), form if pictures else None, workers, quiet)
 
@@ -235,6 +257,8 @@ def run(
     no_aeb: Annotated[bool, typer.Option("--no-aeb", help="Nobody brakes: the unbraked run.")] = False,
     strategy: Strategy = "rectangular,map",
     preset: PresetName = "physical",
+    tracker: TrackerName = "preset",
+    detector: DetectorName = "preset",
     weather: WeatherNames = "dry",
     hold_speed: Annotated[
         bool,
@@ -270,12 +294,13 @@ def run(
     from evaluation.comparison import compare_files
     from evaluation.runner import Conditions, scenario_specs
     from evaluation.runs import NO_AEB
+    from evaluation.settings import parse_plugged
     from scenarios.presets import NIGHT, PRESETS, WEATHER
     from scenarios.strategies import STRATEGIES
 
     form = parse_name(form, PICTURE_FORMATS, "--format")
     conditions = Conditions(
-        strategies=(NO_AEB,) if no_aeb else parse_names(strategy, STRATEGIES, "--strategy"),
+        strategies=(NO_AEB,) if no_aeb else parse_names(strategy, STRATEGIES, "--strategy", own=True),
         preset=parse_name(preset, tuple(PRESETS), "--preset"),
         weather=parse_names(weather, tuple(WEATHER), "--weather"),
         map_name=str(map_file) if map_file else None,
@@ -283,6 +308,7 @@ def run(
         phase_s=phase_ms / 1000,
         night=parse_name(night, tuple(NIGHT), "--night"),
         adapts=not hold_speed,
+        settings=parse_plugged(tracker, detector),
     )
     specs = scenario_specs(scenario, parse_parameters(param or []), conditions)
     processes = workers or available_cores()
@@ -302,6 +328,8 @@ def ncap(
     ] = "2023",
     strategy: Strategy = "rectangular,map",
     preset: PresetName = "physical",
+    tracker: TrackerName = "preset",
+    detector: DetectorName = "preset",
     weather: WeatherNames = "dry",
     night: Night = "lidar",
     phase_ms: PhaseMs = 0.0,
@@ -321,18 +349,20 @@ def ncap(
     from evaluation.ncap import run_grid
     from evaluation.protocols.registry import PROTOCOLS
     from evaluation.runner import Conditions
+    from evaluation.settings import parse_plugged
     from scenarios.presets import NIGHT, PRESETS, WEATHER
     from scenarios.strategies import STRATEGIES
 
     name = parse_name(protocol, tuple(PROTOCOLS), "--protocol")
     conditions = Conditions(
-        strategies=parse_names(strategy, STRATEGIES, "--strategy"),
+        strategies=parse_names(strategy, STRATEGIES, "--strategy", own=True),
         preset=parse_name(preset, tuple(PRESETS), "--preset"),
         weather=parse_names(weather, tuple(WEATHER), "--weather"),
         seed=seed,
         phase_s=phase_ms / 1000,
         night=parse_name(night, tuple(NIGHT), "--night"),
         adapts=name == "paper",
+        settings=parse_plugged(tracker, detector),
     )
     console = rich.console.Console(quiet=quiet)
     processes = workers or available_cores()
@@ -493,7 +523,10 @@ def mot(
         typer.Option("--format", help="kitti, nuscenes or csv; default: what the files look like."),
     ] = None,
     config: Annotated[
-        str, typer.Option(help="Tracker: default, smartmot, centerpoint or ab3dmot.")
+        str,
+        typer.Option(
+            help="Tracker: default, smartmot, centerpoint, ab3dmot, or your own, package.module:name."
+        ),
     ] = "default",
     area: Annotated[
         str, typer.Option("--filter", help="none, or map: only what is on lanes that matter to the ego.")
@@ -561,7 +594,11 @@ def mot(
 @app.command(epilog=COMPARE_EXAMPLES)
 def compare(
     strategies: Annotated[
-        str, typer.Option(help="Monitored areas to compare, comma-separated: rectangular, map, all.")
+        str,
+        typer.Option(
+            help="Monitored areas to compare, comma-separated: rectangular, map, all, or your own, "
+            "package.module:name."
+        ),
     ] = "rectangular,map,all",
     vary: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -612,7 +649,7 @@ def compare(
 
     if ablation + growth + bool(vary) > 1:
         raise ArgumentError("--vary, --ablation and --growth exclude one another; give one of them")
-    chosen = parse_names(strategies, STRATEGIES, "--strategies")
+    chosen = parse_names(strategies, STRATEGIES, "--strategies", own=True)
     preset = parse_name(preset, tuple(PRESETS), "--preset")
     conditions = parse_names(weather, tuple(WEATHER), "--weather")
     formats = parse_names(form, PICTURE_FORMATS, "--format")

@@ -13,6 +13,7 @@ from evaluation import results, runner
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import Published, ResultsError, RunRow, Table
 from evaluation.runs import RunSpec, execute, scene_of
+from evaluation.settings import settings_text
 from evaluation.study.progress import progress_bar
 from evaluation.workers import execute_all
 from smartmot.route import RouteError
@@ -42,7 +43,7 @@ def compare_cpna(
         pictures,
         workers,
         rich.console.Console(quiet=quiet),
-        title=f"{specs[0].scenario}, preset {suite.preset}",
+        title=_title(specs),
         published=PUBLISHED if runner.is_published(suite) else None,
     )
 
@@ -54,11 +55,16 @@ def compare_files(
     console = rich.console.Console(quiet=quiet)
     notes = runner.notes(specs)
     configuration = runner.scenario_configuration(specs, notes)
-    names = list(dict.fromkeys(spec.scenario for spec in specs))
-    title = f"{names[0] if len(names) == 1 else f'{len(names)} scenarios'}, preset {specs[0].preset}"
-    _compare(specs, configuration, out, pictures, workers, console, title=title)
+    _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
     for line in notes:
         console.print(line, highlight=False)
+
+
+def _title(specs: Sequence[RunSpec]) -> str:
+    """What runs of one preset and one group of settings have in common."""
+    names = list(dict.fromkeys(spec.scenario for spec in specs))
+    scenario = names[0] if len(names) == 1 else f"{len(names)} scenarios"
+    return ", ".join(filter(None, (scenario, f"preset {specs[0].preset}", settings_text(specs[0].settings))))
 
 
 def _compare(

@@ -17,6 +17,7 @@ from evaluation.runs import RunSpec
 from evaluation.settings import Settings, preset_with
 from scenarios.library import scenario_path
 from scenarios.presets import named_preset
+from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
     "protocols/bands.py", "protocols/paper.py", "results.py", "runs.py", "study/criticality.py",
@@ -52,6 +53,8 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
         files.append(_digest(path.parent / str(parameters.pop("Map"))))
     values = asdict(replace(spec, file=path.name, parameters=(), settings=()))
     told = [values, parameters, _preset_text(spec.preset, spec.settings), files, version(), *more]
+    if is_plugin(spec.strategy):
+        told.append(plugin(spec.strategy).digest)
     return digest_of(told)
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation.errors import ArgumentError
+from evaluation.runs import NO_AEB
 from opendrive import RoadNetwork
 from scenarios.places import Scene, Site
 from scenarios.presets import named_preset, named_weather, preset_in_weather
-from scenarios.strategies import STRATEGIES, make_strategy
+from scenarios.strategies import make_strategy
 from smartmot.types import EgoState
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def save_pictures(
     )
     preset = preset_in_weather(named_preset(str(row["preset"])), named_weather(str(row["weather"])))
     ego = _ego_at(log, time)
-    seen = row["strategy"] in STRATEGIES  # else nobody perceives
+    seen = row["strategy"] != NO_AEB  # else nobody perceives
     areas = make_strategy(str(row["strategy"]), preset, scene).at(ego).polygons() if seen else []
     save(birdseye(scene.network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
     return written

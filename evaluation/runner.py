@@ -14,6 +14,7 @@ import numpy as np
 from evaluation.arguments import DEFAULT_MAP
 from evaluation.results import RUNS_JSON, ResultsError
 from evaluation.runs import (
+    NO_AEB,
     RunRecord,
     RunSpec,
     definition_of,
@@ -23,6 +24,7 @@ from evaluation.runs import (
     load_named_map,
     perception_map,
 )
+from evaluation.settings import Settings, preset_with, settings_text
 from evaluation.workers import execute_all
 from opendrive import RoadNetwork
 from scenarios.cpna import CpnaTest, approach_m, scenario_parameters
@@ -33,6 +35,7 @@ from scenarios.openscenario.distributions import Variation, expand
 from scenarios.openscenario.expressions import Value
 from scenarios.places import Place, Site, find_site, lane_at, near_side, site_at
 from scenarios.presets import Preset, named_light, named_preset, named_weather, preset_in_weather
+from smartmot.plugins import is_plugin, plugin
 from smartmot.regulatory import regulatory_elements
 from smartmot.route import route_ahead
 
@@ -54,6 +57,7 @@ class CpnaSuite:
         adversaries: see `CpnaTest`.
         seed: of the sensor noise; the same for every strategy.
         phase_s: time of the first sensor frame.
+        settings: see `RunSpec`.
     """
 
     speeds_kmh: tuple[float, ...]
@@ -66,21 +70,21 @@ class CpnaSuite:
     adversaries: str = "none"
     seed: int = 0
     phase_s: float = 0.0
+    settings: Settings = ()
 
     def __post_init__(self) -> None:
         if not self.speeds_kmh or not self.strategies or not self.weather:
             raise ScenarioError("nothing to run: give at least one speed, one strategy and one weather")
         # every name and value is checked here, before the first run starts
-        named_preset(self.preset)
-        for weather in self.weather:
-            named_weather(weather)
+        _check(self.preset, self.weather, self.strategies, self.settings)
         for speed in self.speeds_kmh:
             self.test(speed)
 
     def preset_in(self, weather: str) -> Preset:
         """The preset as it is in one weather."""
         preset = preset_in_weather(named_preset(self.preset), named_weather(weather))
-        return replace(preset, sensor=replace(preset.sensor, phase_s=self.phase_s))
+        preset = replace(preset, sensor=replace(preset.sensor, phase_s=self.phase_s))
+        return preset_with(preset, self.settings)
 
     def test(self, speed_kmh: float) -> CpnaTest:
         """The test at one speed."""
@@ -116,9 +120,19 @@ class CpnaSuite:
                             seed=self.seed,
                             phase_s=self.phase_s,
                             paper_points=True,
+                            settings=self.settings,
                         )
                     )
         return specs
+
+
+def _check(preset: str, weather: Sequence[str], strategies: Sequence[str], settings: Settings) -> None:
+    """Look up every name, and load what is the user's own."""
+    preset_with(named_preset(preset), settings)
+    for name in weather:
+        named_weather(name)
+    for strategy in filter(is_plugin, strategies):
+        plugin(strategy)
 
 
 def choose_site(network: RoadNetwork, place: Place | None, max_speed_kmh: float) -> Site:
@@ -148,6 +162,7 @@ def is_published(suite: CpnaSuite) -> bool:
         and suite.weather == ("dry",)
         and suite.map_name == DEFAULT_MAP
         and suite.place is None
+        and not suite.settings
     )
 
 
@@ -181,6 +196,7 @@ def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
             "adversaries": suite.adversaries,
             "seed": suite.seed,
             "phase_s": suite.phase_s,
+            "settings": dict(suite.settings),
         },
         "site": {
             "first_lane": list(key),
@@ -212,6 +228,7 @@ def read_suite(directory: Path) -> CpnaSuite:
             adversaries=values["adversaries"],
             seed=values["seed"],
             phase_s=values["phase_s"],
+            settings=tuple(values.get("settings", {}).items()),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise _not_ours(directory, error) from None
@@ -233,9 +250,11 @@ class Conditions:
         phase_s: time of the first sensor frame.
         night: how the sensor takes the night.
         adapts: see `RunSpec`.
+        settings: see `RunSpec`.
 
     Raises:
         ScenarioError: an unknown name.
+        smartmot.errors.SmartMotError: a setting is out of range, or an object of the user's own is missing.
     """
 
     strategies: tuple[str, ...]
@@ -246,12 +265,11 @@ class Conditions:
     phase_s: float = 0.0
     night: str = "lidar"
     adapts: bool = True
+    settings: Settings = ()
 
     def __post_init__(self) -> None:
-        named_preset(self.preset)
+        _check(self.preset, self.weather, self.strategies, self.settings)
         named_light(self.night)
-        for weather in self.weather:
-            named_weather(weather)
 
     def specs(self, run: RunSpec) -> list[RunSpec]:
         """One run in all its conditions."""
@@ -266,6 +284,7 @@ class Conditions:
                 phase_s=self.phase_s,
                 night=self.night,
                 adapts=self.adapts,
+                settings=self.settings,
             )
             for weather in self.weather
             for strategy in self.strategies
@@ -337,13 +356,15 @@ def scenario_configuration(specs: Sequence[RunSpec], perception: Sequence[str]) 
         specs: the runs.
         perception: their `notes`.
     """
-    presets = {(spec.preset, spec.weather) for spec in specs}
+    presets = {(spec.preset, spec.weather, spec.settings) for spec in specs}
     return {
         "specs": [_spec_values(spec) for spec in specs],
         "perception": list(perception),
         "presets": {
-            f"{preset} {weather}": preset_in_weather(named_preset(preset), named_weather(weather))
-            for preset, weather in sorted(presets)
+            " ".join(filter(None, (preset, weather, settings_text(settings)))): preset_with(
+                preset_in_weather(named_preset(preset), named_weather(weather)), settings
+            )
+            for preset, weather, settings in sorted(presets)
         },
     }
 
@@ -365,12 +386,12 @@ def _spec_of(values: Mapping[str, Any]) -> RunSpec:
 
 
 def notes(specs: Sequence[RunSpec]) -> list[str]:
-    """What the reader has to know about maps and light of runs, one line each."""
+    """What the reader has to know about maps and light of runs in which somebody perceives, one line each."""
     lines: dict[str, None] = {}
     seen: set[tuple[object, ...]] = set()
     for spec in specs:
         same = (spec.file, spec.parameters, spec.map_name, spec.night)
-        if same in seen:
+        if same in seen or spec.strategy == NO_AEB:
             continue
         seen.add(same)
         definition = definition_of(spec)

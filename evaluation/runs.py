@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from evaluation.protocols.paper import paper_score, paper_score_max
 from evaluation.results import RunRow
 from evaluation.settings import Settings, preset_with
-from opendrive import RoadNetwork, load_map
+from opendrive import OpenDriveError, RoadNetwork, load_map
 from scenarios.bystanders import with_bystanders
+from scenarios.errors import ScenarioError
 from scenarios.library import scenario_path
 from scenarios.map_builder import SHIPPED_MAPS, shipped_map
 from scenarios.openscenario.expressions import Value
@@ -32,7 +33,9 @@ from scenarios.presets import (
 )
 from scenarios.simulation import Outcome, Simulation, StopRule
 from scenarios.strategies import make_strategy
+from smartmot.errors import SmartMotError
 from smartmot.monitored_area import MonitoredAreaStrategy
+from smartmot.plugins import failure, is_plugin
 from smartmot.types import FloatArray
 
 NO_AEB = "none"
@@ -85,6 +88,12 @@ class RunSpec:
     adapts: bool = True
     settings: Settings = ()
     must: str = ""
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """What of the user's own takes part, as `package.module:name`."""
+        names = (self.strategy, *(value for _, value in self.settings if isinstance(value, str)))
+        return tuple(name for name in names if is_plugin(name))
 
     @property
     def log(self) -> str:
@@ -245,8 +254,19 @@ def scene_of(spec: RunSpec) -> Scene:
 
 
 def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
-    """Carry out one run; see `simulation_of` for what it raises."""
-    outcome = simulation_of(spec).run()
+    """Carry out one run; see `simulation_of` for what it raises.
+
+    Raises:
+        smartmot.errors.PluginError: also whenever an object of the user's own fails.
+    """
+    try:
+        outcome = simulation_of(spec).run()
+    except (SmartMotError, ScenarioError, OpenDriveError):
+        raise
+    except Exception as error:
+        if not spec.plugins:
+            raise
+        raise failure(" and ".join(spec.plugins), error) from error
     log = outcome.log.table() if keep_log else None
     spent = frame_time(outcome.frame_time_ms)
     return RunRecord(spec, _row(spec, outcome, keep_log), outcome.flag_ttc_s, log, spent)

@@ -8,10 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from evaluation.arguments import parse_name
 from evaluation.errors import ArgumentError
 from scenarios.presets import Preset
 from scenarios.strategies import STRATEGIES
 from smartmot.pipeline import PipelineConfig
+from smartmot.plugins import Plugin, is_plugin, plugin
+from smartmot.tracker_configs import TRACKER_CONFIGS, tracker_config
 
 Setting = float | str
 Settings = tuple[tuple[str, Setting], ...]
@@ -31,6 +34,7 @@ class Parameter:
         choices: possible names; empty: it is a number.
         of: its value in a preset.
         put: a preset with another value.
+        own: whether `package.module:name` of the user's own is possible as well.
     """
 
     text: str
@@ -39,6 +43,11 @@ class Parameter:
     choices: tuple[str, ...]
     of: Callable[[Preset], Setting]
     put: Callable[[Preset, Setting], Preset]
+    own: bool = False
+
+    def changes(self, strategy: str) -> bool:
+        """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
+        return strategy in self.strategies or (is_plugin(strategy) and self.strategies == STRATEGIES)
 
 
 def _pipeline(preset: Preset, **changes: object) -> Preset:
@@ -88,6 +97,28 @@ _TURNING_RADPS = 1.0
 def _put_motion(preset: Preset, value: Setting) -> Preset:
     limit = 0.0 if value == "cv" else preset.pipeline.forecast.max_yaw_rate_radps or _TURNING_RADPS
     return _pipeline(preset, forecast=replace(preset.pipeline.forecast, max_yaw_rate_radps=limit))
+
+
+OF_PRESET = "preset"
+"""Name of the preset's own tracker or detector."""
+
+
+def _tracker_of(preset: Preset) -> str:
+    tracker = preset.pipeline.tracker
+    if isinstance(tracker, Plugin):
+        return tracker.name
+    return next((name for name, config in TRACKER_CONFIGS.items() if config == tracker), OF_PRESET)
+
+
+def _put_tracker(preset: Preset, value: Setting) -> Preset:
+    name = str(value)
+    if name == OF_PRESET:
+        return preset
+    return _pipeline(preset, tracker=plugin(name) if is_plugin(name) else tracker_config(name))
+
+
+def _put_detector(preset: Preset, value: Setting) -> Preset:
+    return preset if value == OF_PRESET else replace(preset, detector=plugin(str(value)))
 
 
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
@@ -172,6 +203,24 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             lambda preset: "ctrv" if preset.pipeline.forecast.max_yaw_rate_radps > 0 else "cv",
             _put_motion,
         ),
+        "tracker": Parameter(
+            "tracker",
+            "",
+            STRATEGIES,
+            (OF_PRESET, *TRACKER_CONFIGS),
+            _tracker_of,
+            _put_tracker,
+            own=True,
+        ),
+        "detector": Parameter(
+            "detector",
+            "",
+            STRATEGIES,
+            (OF_PRESET,),
+            lambda preset: preset.detector.name if preset.detector else OF_PRESET,
+            _put_detector,
+            own=True,
+        ),
     }
 )
 """Parameters by name."""
@@ -207,13 +256,26 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
         parts = [part.strip() for part in values.split(",")]
         if choices:
             for part in parts:
-                if part not in choices:
-                    raise ArgumentError(f"--vary {name}: unknown {part!r}; use: {', '.join(choices)}")
+                parse_name(part, choices, f"--vary {name}", own=PARAMETERS[name].own)
             found[name] = tuple(dict.fromkeys(parts))
         else:
             numbers = [number for part in parts for number in _numbers(name, part)]
             found[name] = tuple(dict.fromkeys(numbers))
     return found
+
+
+def parse_plugged(tracker: str, detector: str) -> Settings:
+    """The options `--tracker` and `--detector` as settings; what the preset has anyway is none.
+
+    Raises:
+        ArgumentError: an unknown name.
+    """
+    typed = {"tracker": tracker, "detector": detector}
+    chosen = {
+        name: parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
+        for name, text in typed.items()
+    }
+    return tuple((name, value) for name, value in chosen.items() if value != OF_PRESET)
 
 
 def _numbers(name: str, text: str) -> list[float]:

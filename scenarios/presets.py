@@ -10,6 +10,7 @@ from scenarios.errors import ScenarioError
 from scenarios.sensors import SensorConfig
 from smartmot.monitored_area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
+from smartmot.plugins import Plugin
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,8 @@ class Preset:
         rectangular, map_area: settings of the two strategies.
         pipeline: settings of tracking, forecast and decision.
         ego_length_m, ego_width_m: outline of the ego.
+        detector: makes a detector of the user's own from a `SensorConfig` and a seed, in place of
+            `scenarios.sensors.Sensor`.
     """
 
     name: str
@@ -33,6 +36,7 @@ class Preset:
     pipeline: PipelineConfig
     ego_length_m: float
     ego_width_m: float
+    detector: Plugin | None = None
 
 
 PAPER = Preset(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -74,6 +75,16 @@ def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
     return share_seen
 
 
+class ObjectDetector(Protocol):
+    """What a detector of one's own must do: turn ground truth into what it would report. `Sensor` does it."""
+
+    def observe(
+        self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray, there: BoolArray | None = None, /
+    ) -> Detections:
+        """Detections of one frame; see `Sensor.observe`."""
+        ...
+
+
 class Sensor:
     """Seeded sensor; the noise of object i in frame k is the same whatever else is in the scene's decisions.
 
@@ -96,6 +107,9 @@ class Sensor:
             boxes: N ground-truth boxes.
             category: (N,) names.
             there: (N,) which of them can be seen at all; None: all.
+
+        Returns:
+            What the sensor reports, stamped with the ego's time.
         """
         config, n = self.config, len(boxes)
         if there is None or np.count_nonzero(there) == n:

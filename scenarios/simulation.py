@@ -20,7 +20,8 @@ from scenarios.openscenario.roads import Roads
 from scenarios.places import Scene
 from scenarios.presets import Preset
 from scenarios.recording import RunLog
-from scenarios.sensors import Sensor
+from scenarios.sensors import ObjectDetector, Sensor
+from smartmot.errors import PluginError
 from smartmot.monitored_area import MonitoredAreaStrategy, RectangularArea, ego_extent
 from smartmot.pipeline import Pipeline, PipelineState
 from smartmot.route import route_along
@@ -126,6 +127,7 @@ class Simulation:
     Raises:
         RunError: the scenario cannot begin.
         ScenarioError: the sensor's times are not multiples of 10 ms.
+        smartmot.errors.PluginError: a detector of the user's own cannot be made.
     """
 
     def __init__(
@@ -144,7 +146,7 @@ class Simulation:
         self.engine = Engine(definition, self._drive, roads=roads, until_contact=True)
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
-        self._sensor = Sensor(preset.sensor, seed)
+        self._sensor: ObjectDetector = (preset.detector or Sensor)(preset.sensor, seed)
         self._rule = rule or StopRule()
         names = [entity.name for entity in definition.entities]
         self._own = names.index(self.engine.ego.name)
@@ -170,7 +172,7 @@ class Simulation:
 
     def run(self) -> Outcome:
         """Run to the end."""
-        config, engine = self._sensor.config, self.engine
+        config, engine = self._preset.sensor, self.engine
         steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
         first = _steps(config.phase_s, "frame phase")
         _steps(config.latency_s, "latency")
@@ -286,7 +288,9 @@ class Simulation:
             entities.category[others],
             entities.seen[others],
         )
-        self._waiting.append((now + self._sensor.config.latency_s, seen))
+        if self._preset.detector is not None:
+            _check_detections(self._preset.detector.name, seen, now)
+        self._waiting.append((now + self._preset.sensor.latency_s, seen))
 
     def _decide(self, now: float) -> None:
         """Perceive what has arrived, and hand the decision to the drive."""
@@ -387,6 +391,21 @@ class _Flag:
     time_s: float
     distance_m: float | None
     ttc_s: float | None
+
+
+def _check_detections(name: str, seen: object, now: float) -> None:
+    """Refuse what a detector of the user's own must not return.
+
+    Raises:
+        PluginError: no detections, or of another time.
+    """
+    if not isinstance(seen, Detections):
+        raise PluginError(
+            f"{name}: observe() returned {type(seen).__name__}; return smartmot.Detections, "
+            "for example from smartmot.detections_from_arrays"
+        )
+    if abs(seen.stamp_s - now) > 1e-9:
+        raise PluginError(f"{name}: detections of {seen.stamp_s:g} s at {now:g} s; give them the ego's time")
 
 
 def _steps(time_s: float, name: str) -> int:

@@ -6,21 +6,27 @@ from scenarios.errors import ScenarioError
 from scenarios.places import Scene
 from scenarios.presets import Preset
 from smartmot.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
+from smartmot.plugins import is_plugin, plugin
 
 STRATEGIES = ("rectangular", "map", "all")
+"""Shipped ones; one of the user's own is named `package.module:name`."""
 
 
 def make_strategy(name: str, preset: Preset, scene: Scene) -> MonitoredAreaStrategy:
     """Build a monitored-area strategy.
 
     Args:
-        name: one of `STRATEGIES`.
+        name: one of `STRATEGIES`, or `package.module:name` of what makes one from a scene and a preset.
         preset: its settings.
         scene: map and route of perception.
 
     Raises:
         ScenarioError: there is none of that name.
+        smartmot.errors.PluginError: the user's own cannot be loaded or made.
     """
+    if is_plugin(name):
+        strategy: MonitoredAreaStrategy = plugin(name)(scene, preset)
+        return strategy
     if name == "rectangular":
         return RectangularArea(preset.rectangular, preset.pipeline.braking_distance)
     if name == "map":

@@ -5,7 +5,7 @@ All positions are in the map frame (OpenDRIVE's inertial frame), SI units and ra
 
 from smartmot.association import AssociationConfig
 from smartmot.detection_input import detections_from_arrays, to_map
-from smartmot.errors import ConfigError, ShapeError, SmartMotError, TimeOrderError
+from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, TimeOrderError
 from smartmot.geometry import bev_iou
 from smartmot.kalman import BevFilterConfig
 from smartmot.lifecycle import LifecycleConfig
@@ -24,6 +24,7 @@ from smartmot.motion_models import (
     ConstantVelocity,
     PerCategory,
 )
+from smartmot.own_tracker import ObjectTracker, tracks_from_arrays
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.regulatory import RegulatoryElement, regulatory_elements
 from smartmot.route import Route, route_ahead, route_from_lanes
@@ -51,10 +52,12 @@ __all__ = [
     "MapAreaConfig",
     "MonitoredArea",
     "MonitoredAreaStrategy",
+    "ObjectTracker",
     "PerCategory",
     "Pipeline",
     "PipelineConfig",
     "PipelineState",
+    "PluginError",
     "RectangularArea",
     "RectangularConfig",
     "RegulatoryElement",
@@ -75,4 +78,5 @@ __all__ = [
     "route_from_lanes",
     "to_map",
     "tracker_config",
+    "tracks_from_arrays",
 ]

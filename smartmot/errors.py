@@ -17,3 +17,7 @@ class ConfigError(SmartMotError):
 
 class TimeOrderError(SmartMotError):
     """A frame is not newer than the one before it."""
+
+
+class PluginError(SmartMotError):
+    """An object of the user's cannot be loaded, fails, or returns something that cannot be used."""

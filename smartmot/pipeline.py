@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,7 @@ from smartmot.forecast import (
     forecast_tracks,
 )
 from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
+from smartmot.own_tracker import ObjectTracker, own, update_own
 from smartmot.route import Route
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
 from smartmot.types import (
@@ -42,13 +44,15 @@ class PipelineConfig:
     """Settings of perception and decision.
 
     Args:
-        tracker, forecast, aeb, braking_distance: settings of the parts.
+        tracker: settings of the tracker, or what makes one of your own (`smartmot.own_tracker`).
+        forecast, aeb, braking_distance: settings of the other parts.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
-        filter_tracks: delete tracks that left the monitored area (its second use).
+        filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
+            your own are left out while they are outside; the tracker is not told.
     """
 
-    tracker: TrackerConfig = field(default_factory=TrackerConfig)
+    tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
     forecast: ForecastConfig = field(default_factory=ForecastConfig)
     aeb: AebConfig = field(default_factory=AebConfig)
     braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
@@ -63,9 +67,9 @@ class PipelineConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PipelineState:
-    """Memory between frames."""
+    """Memory between frames; a tracker of your own is its own memory, not a value that could be kept."""
 
-    tracker: TrackerState
+    tracker: TrackerState | ObjectTracker
     aeb: AebState
 
 
@@ -142,11 +146,18 @@ class Pipeline:
 
     def __init__(self, strategy: MonitoredAreaStrategy, config: PipelineConfig) -> None:
         self.strategy, self.config = strategy, config
-        self._tracker = Tracker(config.tracker)
+        self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
 
     def initial(self) -> PipelineState:
-        """State before the first frame."""
-        return PipelineState(TrackerState.empty(), AebState())
+        """State before the first frame.
+
+        Raises:
+            PluginError: a tracker of the user's own cannot be made.
+        """
+        made = self.config.tracker
+        return PipelineState(
+            TrackerState.empty() if isinstance(made, TrackerConfig) else own(made), AebState()
+        )
 
     def step(
         self, state: PipelineState, detections: Detections, ego: EgoState
@@ -160,6 +171,7 @@ class Pipeline:
 
         Raises:
             TimeOrderError: the detections are newer than the ego's state, or not newer than those before.
+            PluginError: a tracker of the user's own fails.
         """
         config = self.config
         if detections.stamp_s > ego.stamp_s + 1e-9:
@@ -169,10 +181,9 @@ class Pipeline:
             )
         area = self.strategy.at(ego)
         kept = area.kept(detections.boxes, detections.category)
-        monitored = area.kept if config.filter_tracks else None
         dropped = config.filter_detections and np.count_nonzero(kept) < len(kept)
         relevant = detections[kept] if dropped else detections
-        tracker_state, tracks = self._tracker.step(state.tracker, relevant, monitored)
+        tracker_state, tracks = self._track(state.tracker, relevant, area)
         horizon = horizon_s(
             ego.speed_mps,
             config.braking_distance,
@@ -195,6 +206,18 @@ class Pipeline:
         aeb, command, events = decide(state.aeb, situation, config.aeb)
         result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
         return PipelineState(tracker_state, aeb), result
+
+    def _track(
+        self, tracker: TrackerState | ObjectTracker, detections: Detections, area: MonitoredArea
+    ) -> tuple[TrackerState | ObjectTracker, Tracks]:
+        """One frame of the tracker, ours or the user's."""
+        if isinstance(tracker, TrackerState):
+            assert self._tracker is not None
+            return self._tracker.step(tracker, detections, area.kept if self.config.filter_tracks else None)
+        tracks = update_own(tracker, detections)
+        return tracker, tracks[
+            area.kept(tracks.boxes, tracks.category)
+        ] if self.config.filter_tracks else tracks
 
     def _scene(
         self, area: MonitoredArea, tracks: Tracks, forecast: Forecast, ego_forecast: Forecast, ego: EgoState

@@ -1,24 +1,31 @@
 """The README's Python runs as printed."""
 
+import csv
+import io
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import pytest
 
 from scenarios.map_builder import shipped_map
+from smartmot import Boxes, Detections
 
-README = Path(__file__).parents[1] / "README.md"
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
 
 
-def _blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+def _blocks(page: Path = README) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
 def test_own_conditions_run_as_printed() -> None:
     names: dict[str, Any] = {}
-    exec(_blocks()[2], names)
+    exec(_blocks()[3], names)
     assert names["outcome"].contact is None
     assert names["outcome"].stop_gap_m > 0
 
@@ -54,6 +61,57 @@ def test_own_detections_run_as_printed() -> None:
     exec(code, names)
     assert names["frame"].tracks.track_id.tolist() == [1]
     assert names["frame"].command.emergency
+
+
+Run = tuple[dict[str, str], pd.DataFrame]
+"""Row of `runs.csv` and log."""
+
+
+@pytest.fixture
+def cpna(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Run]:
+    """A pedestrian at 40 km/h, with a module of the user's in the current folder."""
+    from evaluation.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+    def run(module: str, source: str, *options: str) -> Run:
+        (tmp_path / f"{module}.py").write_text(source)
+        told = ["cpna", "--speeds", "40", "--no-pictures", "-q", "--out", "out", *options]
+        monkeypatch.setattr(sys, "argv", ["smartmot-eval", *told])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        assert not stop.value.code
+        [row] = csv.DictReader(io.StringIO((tmp_path / "out" / "runs.csv").read_text()))
+        return row, pd.read_parquet(tmp_path / "out" / "logs" / f"{row['log']}.parquet")
+
+    return run
+
+
+def test_the_objects_of_the_documentation_run_as_printed(cpna: Callable[..., Run]) -> None:
+    misses, corridor = _blocks(ROOT / "docs" / "plugins.md")
+    _, usual = cpna("my_area", corridor, "--strategy", "my_area:corridor")
+    row, log = cpna("my_sensor", misses, "--strategy", "map", "--detector", "my_sensor:Misses")
+    seen, all_seen = (int((one["kind"] == "detection").sum()) for one in (log, usual))
+    assert float(row["v_impact_kmh"]) == 0.0
+    assert 0.4 < seen / all_seen < 0.8
+
+
+def test_the_tracker_of_the_readme_brakes_as_printed(cpna: Callable[..., Run]) -> None:
+    """In closed loop; and two who pass each other keep their numbers."""
+    row, _ = cpna("my_tracker", _blocks()[2], "--strategy", "map", "--tracker", "my_tracker:Nearest")
+    assert float(row["v_impact_kmh"]) == 0.0
+    assert float(row["stop_gap_m"]) > 0.0
+    names: dict[str, Any] = {}
+    exec(_blocks()[2], names)
+    nearest, ids = names["Nearest"](), []
+    for k in range(20):
+        center = np.array([[0.5 * k, 0.0], [9.5 - 0.5 * k, 1.5]])
+        boxes = Boxes(center, np.ones((2, 2)), np.zeros(2))
+        ids.append(
+            nearest.update(Detections(0.1 * k, boxes, np.ones(2), np.full(2, "car"))).track_id.tolist()
+        )
+    assert ids == [[1, 2]] * 20
 
 
 def test_every_command_of_the_readme_is_understood() -> None:

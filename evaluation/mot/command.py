@@ -21,8 +21,12 @@ from evaluation.mot.map_filter import filter_by_map
 from evaluation.mot.metrics import SIMILARITIES, MotScore
 from evaluation.mot.tracking import TrackedSequence
 from opendrive import RoadNetwork, load_map
+from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracker import TrackerConfig
 from smartmot.tracker_configs import TRACKER_CONFIGS, tracker_config
+
+OF_VELOCITY = ("cv", "ctrv")
+"""Forecasts that need no more than the velocity and turn rate that every tracker tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,8 @@ def run_mot(options: MotOptions) -> None:
         ArgumentError: An option or the data cannot be used.
     """
     form = parse_name(options.form, run.FORMATS, "--format") if options.form else None
-    config = tracker_config(parse_name(options.config, tuple(TRACKER_CONFIGS), "--config"))
+    name = parse_name(options.config, tuple(TRACKER_CONFIGS), "--config", own=True)
+    config = plugin(name) if is_plugin(name) else tracker_config(name)
     parse_name(options.area, ("none", "map"), "--filter")
     similarities = parse_names(options.similarity, SIMILARITIES, "--similarity")
     best = parse_name(options.threshold, ("best", "none"), "--threshold") == "best"
@@ -77,7 +82,9 @@ def run_mot(options: MotOptions) -> None:
     elif network is not None:
         for sequence in data.sequences:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
-    notes += run.weak_categories(data, config)
+    if isinstance(config, TrackerConfig):
+        notes += run.weak_categories(data, config)
+    notes += run.unscored_categories(data)
     for note in notes:
         console.print(f"note: {note}", highlight=False, soft_wrap=True)
     labelled = any(sequence.labels is not None for sequence in data.sequences)
@@ -103,14 +110,16 @@ def run_mot(options: MotOptions) -> None:
             scores = run.score_tracks(tracked, similarities, best, done)
             written.append(run.write_scores(out, scores))
         if labelled and options.forecast:
-            models = motions(config.motion)
-            begin("forecasting", data.frame_count * (len(models) - 1))
-            tracked_by_model = {
-                name: tracked
-                if model == config.motion
-                else run.track_dataset(data, replace(config, motion=model), done)
-                for name, model in models.items()
-            }
+            tracked_by_model = dict.fromkeys(OF_VELOCITY, tracked)
+            if isinstance(config, TrackerConfig):
+                models = motions(config.motion)
+                begin("forecasting", data.frame_count * (len(models) - 1))
+                tracked_by_model = {
+                    name: tracked
+                    if model == config.motion
+                    else run.track_dataset(data, replace(config, motion=model), done)
+                    for name, model in models.items()
+                }
             along_lanes = lanes.along_lanes if lanes is not None else None
             forecasts = score_forecasts(tracked_by_model, categories, along_lanes)
             written.append(run.write_forecasts(out, forecasts))
@@ -137,7 +146,7 @@ def run_mot(options: MotOptions) -> None:
 
 def _film(
     tracked: TrackedSequence,
-    config: TrackerConfig,
+    config: TrackerConfig | Plugin,
     span: slice,
     lanes: LaneForecast | None,
     network: RoadNetwork | None,
@@ -150,8 +159,10 @@ def _film(
     frames = range(len(tracked.sequence))[span]
     if not frames:
         raise ArgumentError(f"--frames: sequence {tracked.sequence.name} has {len(tracked.sequence)} frames")
-    kind = type(config.motion)
-    carry = carried_on(next(name for name, model in MODELS.items() if type(model) is kind))
+    carry = carried_on("ctrv")
+    if isinstance(config, TrackerConfig):
+        kind = type(config.motion)
+        carry = carried_on(next(name for name, model in MODELS.items() if type(model) is kind))
     return Film(tracked, lanes.along_lanes(carry) if lanes is not None else carry, frames, network)
 
 

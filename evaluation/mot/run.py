@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from evaluation.mot.nuscenes import read_nuscenes, submission_text
 from evaluation.mot.table import DETECTIONS, read_csv, tracks_text
 from evaluation.mot.tracking import TrackedSequence, track_sequence
 from smartmot.motion_models import table
+from smartmot.own_tracker import ObjectTracker, own
 from smartmot.tracker import Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
@@ -83,22 +85,34 @@ def weak_categories(data: Dataset, config: TrackerConfig) -> list[str]:
     return notes
 
 
+def unscored_categories(data: Dataset) -> list[str]:
+    """What to tell users whose labels have categories that the detector never reports."""
+    labels = {name for s in data.sequences if s.labels is not None for name in s.labels.category.tolist()}
+    found = {name for s in data.sequences for name in s.detections.category.tolist()}
+    missing = [name for name in CATEGORIES if name in labels - found and name != "unknown"]
+    return [f"labels, but no detections, of {', '.join(missing)}: not scored"] if missing else []
+
+
 def track_dataset(
-    data: Dataset, config: TrackerConfig, done: Callable[[], None] = lambda: None
+    data: Dataset,
+    config: TrackerConfig | Callable[[], ObjectTracker],
+    done: Callable[[], None] = lambda: None,
 ) -> list[TrackedSequence]:
     """Track every sequence with a new tracker; scores of the tracks are in the detector's scale.
 
     Args:
         data: The recordings.
-        config: Settings of the tracker.
+        config: Settings of the tracker, or what makes one of your own.
         done: Called after every frame.
 
     Raises:
         DatasetError: The tracker refuses a frame.
+        PluginError: A tracker of the user's own fails.
     """
     tracked = []
     for sequence in data.sequences:
-        one = track_sequence(sequence, Tracker(config), done)
+        tracker = Tracker(config) if isinstance(config, TrackerConfig) else own(config)
+        one = track_sequence(sequence, tracker, done)
         if data.log_odds:
             one = replace(one, tracks=replace(one.tracks, score=log_odds(one.tracks.score)))
         tracked.append(one)
@@ -217,8 +231,8 @@ def forecast_table(scores: Iterable[ForecastScore]) -> Table:
     header += [f"{name} {h:g}s" for name in ("ADE", "FDE", "miss") for h in HORIZONS_S]
     rows = []
     for key, three in lines.items():
-        errors = [f"{s.ade_m:.2f}" for s in three] + [f"{s.fde_m:.2f}" for s in three]
-        rows.append([*key, *errors, *(f"{s.miss_rate_percent:.1f}" for s in three)])
+        errors = [_fixed(s.ade_m, 2) for s in three] + [_fixed(s.fde_m, 2) for s in three]
+        rows.append([*key, *errors, *(_fixed(s.miss_rate_percent, 1) for s in three)])
     return rich_table("Forecasts: errors in m, misses (over 2 m) in %", header, rows, texts=3)
 
 
@@ -258,7 +272,12 @@ def score_table(scores: Iterable[MotScore], similarity: str) -> Table:
 
 
 def _shown(value: object) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return _fixed(value, 2) if isinstance(value, float) else str(value)
+
+
+def _fixed(value: float, digits: int) -> str:
+    """A number for the terminal; a dash where there is none."""
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 def rich_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> Table:

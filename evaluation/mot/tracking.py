@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from evaluation.mot.dataset import DatasetError, Objects, Sequence
 from smartmot.errors import SmartMotError
+from smartmot.own_tracker import ObjectTracker, update_own
 from smartmot.tracker import Tracker, box_filter
 from smartmot.types import BoolArray, FloatArray, IntArray, Tracks
 
@@ -38,7 +40,7 @@ class TrackedSequence:
 
 def track_sequence(
     sequence: Sequence,
-    tracker: Tracker,
+    tracker: Tracker | ObjectTracker,
     done: Callable[[], None] = lambda: None,
 ) -> TrackedSequence:
     """Run a tracker over all frames and keep what it confirmed.
@@ -52,12 +54,14 @@ def track_sequence(
         done: Called after every frame.
 
     Raises:
-        DatasetError: The tracker refuses a frame, for example one that is not newer than the one before.
+        DatasetError: The tracker refuses a frame, for example one that is not newer than the one before; or
+            one of the user's own fails.
     """
     reported: list[Tracks] = []
+    update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
     for k, detections in enumerate(sequence.frames()):
         try:
-            reported.append(tracker.update(detections))
+            reported.append(update(detections))
         except SmartMotError as error:
             raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
         done()
@@ -90,8 +94,10 @@ def track_sequence(
     )
 
 
-def _accelerations(tracker: Tracker, mean: FloatArray) -> FloatArray:
+def _accelerations(tracker: Tracker | ObjectTracker, mean: FloatArray) -> FloatArray:
     """(K, 2) accelerations in the filter's states, zero where its model has none."""
+    if not isinstance(tracker, Tracker):
+        return np.zeros((len(mean), 2))
     names = box_filter(tracker.config.motion, tracker.config.filter).names
     if _ACCELERATION[0] not in names:
         return np.zeros((len(mean), 2))

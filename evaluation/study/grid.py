@@ -75,7 +75,7 @@ def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) 
     """Every strategy with every combination of the varied parameters that mean anything for it."""
     points: list[Point] = []
     for strategy in strategies:
-        mine = [name for name in vary if strategy in PARAMETERS[name].strategies]
+        mine = [name for name in vary if PARAMETERS[name].changes(strategy)]
         combinations = itertools.product(*(vary[name] for name in mine))
         points += [Point(strategy, tuple(zip(mine, values, strict=True))) for values in combinations]
     return tuple(points)
@@ -88,7 +88,7 @@ def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]
         points.append(Point(strategy))
         for name, values in ABLATION.items():
             parameter = PARAMETERS[name]
-            if strategy in parameter.strategies:
+            if parameter.changes(strategy):
                 usual = parameter.of(named_preset(preset))
                 points += [Point(strategy, ((name, value),)) for value in values if value != usual]
     return tuple(points)

@@ -1,0 +1,97 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from smartmot.errors import PluginError
+from smartmot.plugins import is_plugin, plugin
+
+SOURCE = """
+class Thing:
+    def __init__(self, value=1):
+        self.value = 1 / value
+    class Inner:
+        pass
+
+number = 5
+
+def refuses():
+    from smartmot.errors import ConfigError
+    raise ConfigError("no")
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder, whose modules are forgotten afterwards."""
+    before = set(sys.modules)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        del sys.modules[name]
+
+
+def test_a_class_of_the_current_folder_is_made_with_what_it_is_given(folder: Path) -> None:
+    (folder / "thing_a.py").write_text(SOURCE)
+    made = plugin("thing_a:Thing")
+    assert made(4).value == 0.25
+    assert type(plugin("thing_a:Thing.Inner")()).__qualname__ == "Thing.Inner"
+    assert is_plugin(made.name)
+    assert not is_plugin("rectangular")
+
+
+def test_the_digest_is_that_of_the_source(folder: Path) -> None:
+    """Another text, another digest; a package is digested as a whole."""
+    for name, text in (("one_b", SOURCE), ("two_b", SOURCE + "# changed\n")):
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text("")
+        (folder / name / "things.py").write_text(SOURCE)
+        (folder / name / "helper.py").write_text(text)
+    (folder / "same_b").mkdir()
+    for path in (folder / "one_b").iterdir():
+        (folder / "same_b" / path.name).write_bytes(path.read_bytes())
+    one, two, same = (plugin(f"{name}_b.things:Thing").digest for name in ("one", "two", "same"))
+    assert one == same != two
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("thing_c", "expected package.module:name"),
+        ("thing_c:", "expected package.module:name"),
+        (":Thing", "expected package.module:name"),
+        ("thing c:Thing", "expected package.module:name"),
+        ("../thing_c:Thing", "expected package.module:name"),
+        ("missing_c:Thing", "no module 'missing_c'; it must be installed or lie in the current folder"),
+        ("thing_c.missing:Thing", "no module 'thing_c.missing'"),
+        ("thing_c:Nothing", "thing_c has no 'Nothing'"),
+        ("thing_c:Thing.nothing", "Thing has no 'nothing'"),
+        ("thing_c:number", "is no class or function"),
+        ("needs_c:Thing", "No module named 'not_installed_c'"),
+        ("wrong_c:Thing", "SyntaxError"),
+        ("fails_c:Thing", "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_what_cannot_be_loaded_is_named_in_one_line(folder: Path, name: str, told: str) -> None:
+    (folder / "thing_c.py").write_text(SOURCE)
+    (folder / "needs_c.py").write_text("import not_installed_c\n")
+    (folder / "wrong_c.py").write_text("class Thing\n")
+    (folder / "fails_c.py").write_text("\n1 / 0\n")
+    with pytest.raises(PluginError) as caught:
+        plugin(name)
+    message = str(caught.value)
+    assert told in message
+    assert name in message
+    assert "\n" not in message
+    if name.startswith("fails"):
+        assert message.endswith(f"({folder / 'fails_c.py'}, line 2)")
+
+
+def test_what_fails_when_it_is_made_says_where(folder: Path) -> None:
+    (folder / "thing_d.py").write_text(SOURCE)
+    with pytest.raises(PluginError, match=r"thing_d:Thing: ZeroDivisionError: .*thing_d\.py, line 4\)$"):
+        plugin("thing_d:Thing")(0)
+    with pytest.raises(ValueError, match=r"^no$"):  # one of our own errors says enough
+        plugin("thing_d:refuses")()
