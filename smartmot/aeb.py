@@ -64,7 +64,8 @@ class Situation:
     Args:
         stamp_s: time.
         collision_predicted: some object that counts is on a collision course.
-        nearest_m: distance from the ego's centre to the nearest object that counts; infinite without one.
+        nearest_m: distance to the nearest object that counts, from the ego's centre, or from as far behind
+            its front as a car's centre is; infinite without one.
         braking_distance_m: at the ego's present speed.
         vru_entering: the forecast of a moving VRU enters the ego's way.
         way_occupied: an object is on the ego's way.

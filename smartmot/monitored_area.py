@@ -20,6 +20,8 @@ from smartmot.route import Route
 from smartmot.strips import LaneStrip, StripSet, lane_strip, ring
 from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray
 
+CAR_HALF_LENGTH_M = 2.2
+"""From the centre to the front of the car that the paper's distances are meant for. Source: authors' code."""
 PATH_CLEARANCE_M = 0.3
 """Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
 _OUTLINE = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
@@ -109,6 +111,15 @@ def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, Flo
     return x - half_x, x + half_x, y - half_y, y + half_y
 
 
+def overhang_m(ego: EgoState) -> float:
+    """How much farther the ego's front is from its centre than a car's.
+
+    Lengths of areas and the distances that count as near are the paper's, from the centre of a car. For a bus
+    or a truck they grow by this.
+    """
+    return max(0.0, 0.5 * ego.length_m - CAR_HALF_LENGTH_M)
+
+
 # --- the rectangle of the baseline -------------------------------------------------------------------
 
 
@@ -186,7 +197,7 @@ class RectangularArea:
         curvature = abs(ego.yaw_rate_radps) / max(ego.speed_mps, 0.5)
         straight = min(1.0, 1.0 / max(curvature * c.straight_radius_m, 1e-9))
         wanted = c.braking_factor * self._distance.at(ego.speed_mps)
-        length = min(max(wanted, c.min_length_m), c.max_length_m)
+        length = min(max(wanted, c.min_length_m), c.max_length_m) + overhang_m(ego)
         return _Rectangle(ego, straight * length, straight * c.half_width_m)
 
 
@@ -461,14 +472,14 @@ class MapArea:
         return found
 
     def front_m(self, speed_mps: float) -> float:
-        """Monitored length ahead of the ego's centre."""
+        """Monitored length ahead of a car's centre."""
         return max(self.config.min_front_m, self.config.front_time_s * speed_mps)
 
     def at(self, ego: EgoState) -> MonitoredLanes:
         """The monitored lanes around `ego`."""
         here, _ = self.route.project(ego.x_m, ego.y_m)
-        front = self.front_m(ego.speed_mps)
-        spans = self._spans(here, front, self.config.back_fraction * front)
+        front, beyond, reach = self.front_m(ego.speed_mps), overhang_m(ego), self.config.reach_m
+        spans = self._spans(here, front + beyond, self.config.back_fraction * front)
         begin, middle, end = spans
         # one interval per strip: what is behind and what is ahead join at the ego
         monitored, ahead = end > begin, self._current & (end > middle)
@@ -483,8 +494,8 @@ class MapArea:
             np.where(ahead, middle, np.inf)[of],
             np.where(ahead, end, -np.inf)[of],
             self.route,
-            (max(here, 0.0), min(here + front, self.route.length_m)),
-            self.config.reach_m,
+            (max(here, 0.0), min(here + front + beyond, self.route.length_m)),
+            None if reach is None else reach + beyond,
         )
 
     def _spans(self, here_m: float, front_m: float, back_m: float) -> FloatArray:

@@ -19,7 +19,13 @@ from smartmot.forecast import (
     forecast_times,
     forecast_tracks,
 )
-from smartmot.monitored_area import MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
+from smartmot.monitored_area import (
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    ego_extent,
+    is_vulnerable,
+    overhang_m,
+)
 from smartmot.own_tracker import ObjectTracker, own, update_own
 from smartmot.route import Route
 from smartmot.tracker import Tracker, TrackerConfig, TrackerState
@@ -250,12 +256,13 @@ class Pipeline:
         nearest = math.inf
         if scene is not None:
             ahead, on_way = scene.ahead_m, scene.on_way
+            distance = ahead - overhang_m(ego)
             relevant = on_way | scene.threatening
-            near = ahead < max(braking_distance, self.config.aeb.near_m)
+            near = distance < max(braking_distance, self.config.aeb.near_m)
             predicted = bool(np.count_nonzero(scene.threatening))
             occupied = bool(np.count_nonzero(on_way & (near | scene.vulnerable)))
             if np.count_nonzero(relevant):
-                nearest = max(float(ahead[relevant].min()), 0.0)
+                nearest = max(float(distance[relevant].min()), 0.0)
             walking = (scene.tracks.dynamic & scene.vulnerable & (ahead > 0.0) & ~on_way).nonzero()[0]
             if len(walking):
                 # twice a second is enough: half a second of walking is less than a lane's width

@@ -124,6 +124,23 @@ def test_threshold_is_of_the_union_and_exclusive() -> None:
     assert IOU_THRESHOLD == 0.01
 
 
+def test_a_bus_meets_a_pedestrian_too() -> None:
+    """0.5 m x 0.5 m are 0.8 % of the union with 12 m x 2.55 m: under 0.01 they could never collide."""
+    bus, walker = (12.0, 2.55), (0.5, 0.5)
+    ego = _moving([[0.0, 0.0]], [[10.0, 0.0]], bus)
+    standing = _moving([[26.0, 0.0], [26.0, 1.6]], np.zeros((2, 2)), walker)
+    assert collision_times(ego, standing).tolist() == pytest.approx([2.0, np.inf])
+    # the least common area is that of a car: a hundredth of the car and the pedestrian together
+    least = (
+        0.01 * (4.4 * 1.8) / (12.0 * 2.55) * (12.0 * 2.55 + 0.25) / (1 + 0.01 * (4.4 * 1.8) / (12.0 * 2.55))
+    )
+    edge = 6.0 + 0.25 - least / 0.5
+    resting = _moving([[0.0, 0.0]], [[0.0, 0.0]], bus)
+    beside = _moving([[edge - 1e-6, 0.0], [edge + 1e-6, 0.0]], np.zeros((2, 2)), walker)
+    assert collision_times(resting, beside).tolist() == [0.0, np.inf]
+    assert least == pytest.approx(0.01 * (4.4 * 1.8 + 0.25), rel=0.03)
+
+
 def test_invalid_times_do_not_count() -> None:
     valid = np.ones((1, 31), dtype=bool)
     valid[0, 10:] = False

@@ -62,14 +62,19 @@ def _drive(
     pipeline: Pipeline | None = None,
     latency_s: float = 0.0,
     noise_m: float = 0.0,
+    length_m: float = 4.4,
 ) -> list[FrameResult]:
-    """The ego drives along the lane at constant speed, whatever the pipeline commands."""
+    """The ego drives along the lane at constant speed, whatever the pipeline commands.
+
+    Its front is where that of a car with its centre at `start_x` is.
+    """
     pipeline = pipeline or Pipeline(_map_area(), PipelineConfig())
     rng = np.random.default_rng(11)
     state, results = pipeline.initial(), []
     for k in range(round(duration_s / FRAME_S)):
         now = k * FRAME_S
-        ego = EgoState(now, start_x + speed * now, LANE_Y, 0.0, speed)
+        x = start_x - (length_m - 4.4) / 2 + speed * now
+        ego = EgoState(now, x, LANE_Y, 0.0, speed, length_m=length_m)
         noise = rng.normal(0.0, noise_m, (len(objects), 2)) if noise_m else 0.0
         state, result = pipeline.step(state, _detections(now - latency_s, objects, noise), ego)
         results.append(result)
@@ -89,6 +94,27 @@ def _crossing(kmh: float) -> tuple[Object, float]:
     speed = kmh / 3.6
     ahead = speed * 4.0 / WALK_MPS + 2.2
     return ("pedestrian", (100.0 + ahead, LANE_Y - 4.0), (0.0, WALK_MPS)), speed
+
+
+@pytest.mark.parametrize("kmh", [20, 40, 60])
+@pytest.mark.parametrize("area", ["rectangular", "map", "map_near", "all"])
+def test_a_bus_brakes_where_a_car_with_the_same_front_does(area: str, kmh: int) -> None:
+    """Distances count from where a car's centre would be, so that a long vehicle is not late."""
+    crosser, speed = _crossing(kmh)
+    areas = {
+        "rectangular": lambda: RectangularArea(RectangularConfig(), BrakingDistance()),
+        "map": _map_area,
+        "map_near": lambda: _map_area(reach_m=22.2),
+        "all": EverythingArea,
+    }
+    flags = [
+        _flagged(
+            _drive([crosser], speed, 3.0, pipeline=Pipeline(areas[area](), PipelineConfig()), length_m=length)
+        )
+        for length in (4.4, 12.0)
+    ]
+    assert flags[0]
+    assert flags[1][0] == flags[0][0]
 
 
 # --- what goes in -------------------------------------------------------------------------------------
