@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from evaluation.arguments import DEFAULT_MAP
 from evaluation.reference.cpna import CpnaPart
@@ -10,6 +12,7 @@ from evaluation.reference.mechanisms import MechanismsPart
 from evaluation.reference.part import Part
 from evaluation.reference.scenes import GrowthPart, ScenesPart
 from evaluation.runner import CpnaSuite
+from evaluation.settings import Setting
 from evaluation.study.command import CompareOptions
 from scenarios.strategies import STRATEGIES
 
@@ -20,11 +23,16 @@ URBAN = (30.0, 40.0, 50.0)
 
 
 def _scenes(
-    name: str, preset: str, seeds: int, strategies: tuple[str, ...] = STRATEGIES, ablation: bool = False
+    name: str,
+    preset: str,
+    seeds: int,
+    strategies: tuple[str, ...] = STRATEGIES,
+    vary: Mapping[str, tuple[Setting, ...]] = MappingProxyType({}),
+    ablation: bool = False,
 ) -> ScenesPart:
     options = CompareOptions(
         strategies=strategies,
-        vary={},
+        vary=dict(vary),
         preset=preset,
         weather=("dry",),
         scenes=(),
@@ -34,10 +42,17 @@ def _scenes(
         out=Path(),
         ablation=ablation,
         quiet=True,
-        formats=("png",),
+        formats=() if vary else ("png",),  # single points make no curve
     )
     return ScenesPart(name, options)
 
+
+THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
+    "margin_m": (1.8,),
+    "half_width_m": (2.6,),
+    "ego_forecast": ("ctrv", "route"),
+}
+"""The paper's widths, with both forecasts of the ego: runs that the curves share."""
 
 PARTS: tuple[Part, ...] = (
     CpnaPart("paper", CpnaSuite(TEN_TO[80], BOTH, "paper", ("dry",), DEFAULT_MAP)),
@@ -47,6 +62,7 @@ PARTS: tuple[Part, ...] = (
     CpnaPart("weather", CpnaSuite(TEN_TO[60], BOTH, "physical", ("dry", "wet", "rain", "snow"), DEFAULT_MAP)),
     _scenes("frontier_physical", "physical", 1),
     _scenes("frontier_paper", "paper", 1),
+    _scenes("seeds", "physical", 3, BOTH, THE_PAPERS),
     _scenes("ablation", "physical", 1, ("map", "all"), ablation=True),
     GrowthPart("growth", STRATEGIES, "physical", "dry", 2),
 )

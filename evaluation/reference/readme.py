@@ -10,6 +10,7 @@ from typing import Any
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.reference import cpna_findings as cpna
 from evaluation.reference import scene_findings as scenes
+from evaluation.reference import seed_findings as seeds
 from evaluation.reference.kept import read_json, read_records
 from evaluation.reference.mechanisms import MechanismRun, mechanism_table
 from evaluation.reference.words import listed
@@ -22,7 +23,7 @@ README = "README.md"
 TEMPLATE = "readme.md.j2"
 VERSIONED = (
     "mechanisms/mechanisms.json", "frontier_physical/compare.json", "frontier_paper/compare.json",
-    "ablation/compare.json", "growth/growth.json",
+    "seeds/compare.json", "ablation/compare.json", "growth/growth.json",
 )  # fmt: skip
 """Files that tell the version that made them, with a digest of the code."""
 
@@ -52,7 +53,7 @@ def _values(reports: Path) -> dict[str, Any]:
     mechanisms = read_records(reports / "mechanisms" / "runs.csv", MechanismRun)
     measures = {
         name: read_records(reports / name / "runs.csv", RunMeasures)
-        for name in ("frontier_physical", "frontier_paper", "ablation")
+        for name in ("frontier_physical", "frontier_paper", "seeds", "ablation")
     }
     growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
     spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
@@ -60,6 +61,7 @@ def _values(reports: Path) -> dict[str, Any]:
         "versions": sorted({str(read_json(reports / path)["version"]) for path in VERSIONED}),
         "cpna": cpna,
         "scenes": scenes,
+        "seeds": seeds,
         "rows": rows,
         "measures": measures,
         "mechanisms": mechanisms,

@@ -9,6 +9,7 @@ from evaluation.reference.words import counted, listed
 from evaluation.results import Table
 from evaluation.runs import FrameTime
 from evaluation.study.answer import answer
+from evaluation.study.differences import differences, pairs_with, told_differences
 from evaluation.study.grid import FRONTIER, Point, points_of
 from evaluation.study.growth import GrowthRun
 from evaluation.study.intervals import Estimate
@@ -35,10 +36,8 @@ def of_point(runs: Sequence[RunMeasures], point: Point) -> list[RunMeasures]:
     return [run for run in runs if (run.strategy, run.settings) == (point.strategy, point.text)]
 
 
-def _named(summary: Summary) -> str:
-    return next(
-        name for name, p in SHOWN.items() if (p.strategy, p.text) == (summary.strategy, summary.settings)
-    )
+def _named(strategy: str, settings: str) -> str:
+    return next(name for name, p in SHOWN.items() if (p.strategy, p.text) == (strategy, settings))
 
 
 def strategy_table(runs: Sequence[RunMeasures]) -> Table:
@@ -54,7 +53,7 @@ def strategy_table(runs: Sequence[RunMeasures]) -> Table:
         )
         lines.append(
             (
-                _named(row), avoided, f"{row.v_impact_kmh.value:.1f}", stops, any_stop,
+                _named(row.strategy, row.settings), avoided, f"{row.v_impact_kmh.value:.1f}", stops, any_stop,
                 f"{row.delay_s.value:.2f}", f"{row.tracks.value:.1f}",
             )
         )  # fmt: skip
@@ -96,6 +95,13 @@ def told_scenes(runs: Sequence[RunMeasures]) -> list[str]:
         for one in ("the map", "the map that knows its way")
         for two in ("the rectangle", "everything")
     ]
+
+
+def told_clear(runs: Sequence[RunMeasures]) -> str:
+    """Which differences another choice of scenes would not explain."""
+    shown = tuple(SHOWN.values())
+    found = differences(runs, pairs_with(shown, shown))
+    return told_differences(found, lambda point: _named(point.strategy, point.text))
 
 
 def told_pair(runs: Sequence[RunMeasures], one: str, two: str) -> str:

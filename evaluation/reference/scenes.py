@@ -9,7 +9,7 @@ from pathlib import Path
 from evaluation.reference.part import Finished
 from evaluation.runs import FrameTime
 from evaluation.study import growth
-from evaluation.study.command import CompareOptions, kept_measures, points_for, write
+from evaluation.study.command import CompareOptions, compared, kept_measures, points_for, write
 from evaluation.study.grid import StudyRun, study_runs
 from evaluation.study.growth import GrowthRun, GrowthTask
 from evaluation.study.measures import RunMeasures, measure
@@ -57,8 +57,9 @@ class ScenesPart:
         """Write tables and figures, as `smartmot-eval compare` does."""
         options = replace(self.options, out=folder)
         measures, spent = kept_measures(tasks, found)
-        scenes = choose_scenes(options.scenes, full=options.full)
-        write(options, scenes, points_for(options), measures, summaries(measures), spent)
+        scenes, points = choose_scenes(options.scenes, full=options.full), points_for(options)
+        rows, differences = summaries(measures), compared(options, points, measures)
+        write(options, scenes, points, measures, rows, differences, spent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from evaluation.settings import PARAMETERS, Settings, setting_text
 from evaluation.study.grid import Point
+from evaluation.study.intervals import Estimate
 from evaluation.study.table import Summary
 
 WIDTHS = {"map": "margin_m", "rectangular": "half_width_m"}
@@ -85,6 +86,33 @@ def answer(rows: Sequence[Summary], points: Sequence[Point]) -> list[str]:
             if curve.strategy == "all" or len(curve.rows) > 1
         ]
     return lines
+
+
+def told_intervals(rows: Sequence[Summary]) -> str:
+    """What the intervals mean, and how far they reach."""
+    over_scenes = (
+        "Intervals over the scenes say what another choice of scenes would be worth: "
+        f"{_reach([row.avoided for row in rows], [row.needless_stops for row in rows])}."
+    )
+    seeds = max(row.over_seeds["tracks"].count for row in rows)
+    if seeds < 2:
+        return f"{over_scenes} With one seed there are none over the seeds."
+    avoided, stops = ([row.over_seeds[name] for row in rows] for name in ("avoided", "needless_stops"))
+    return (
+        f"{over_scenes} Intervals over the {seeds} seeds say what other noise and another frame phase would "
+        f"be worth on these scenes: {_reach(avoided, stops)}."
+    )
+
+
+def _reach(avoided: Sequence[Estimate], stops: Sequence[Estimate]) -> str:
+    """How wide intervals are, in percentage points."""
+    texts = []
+    for name, rates in (("contacts avoided", avoided), ("stops for nobody", stops)):
+        widths = [100 * (rate.high - rate.low) for rate in rates if rate.count]
+        if widths:
+            low, high = f"{min(widths):.0f}", f"{max(widths):.0f}"
+            texts.append(f"{low if low == high else f'{low} to {high}'} points of {name}")
+    return " and ".join(texts)
 
 
 def _told(curve: Curve) -> str:

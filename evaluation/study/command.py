@@ -12,13 +12,23 @@ import rich.console
 
 from evaluation.arguments import writable_folder
 from evaluation.comparison import compare_files
+from evaluation.errors import ArgumentError
 from evaluation.fingerprint import version
 from evaluation.results import ResultsError, Table, log_path, markdown_table, read_log, rich_table
 from evaluation.runs import FrameTime, definition_of, preset_of
-from evaluation.settings import PARAMETERS, Setting, preset_with, settings_text
+from evaluation.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
 from evaluation.study import figures
-from evaluation.study.answer import answer
+from evaluation.study.answer import answer, told_intervals
 from evaluation.study.criticality import criticality, criticality_csv
+from evaluation.study.differences import (
+    Difference,
+    difference_table,
+    differences,
+    differences_csv,
+    pairs_with,
+    pairs_with_bases,
+    told_differences,
+)
 from evaluation.study.grid import (
     FRONTIER,
     Point,
@@ -34,13 +44,16 @@ from evaluation.study.table import (
     Summary,
     runs_csv,
     scene_table,
+    seed_table,
     short_table,
     summaries,
     summary_csv,
     summary_table,
 )
+from scenarios.errors import ScenarioError
 from scenarios.presets import named_preset, named_weather, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
+from smartmot.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +83,7 @@ def compare(options: CompareOptions) -> list[Summary]:
 
     Raises:
         ScenarioError: an unknown scene, preset or weather.
-        smartmot.errors.ConfigError: a setting is out of range.
+        ArgumentError: a setting is out of range.
         ResultsError: the folder cannot be written.
     """
     scenes = choose_scenes(options.scenes, full=options.full)
@@ -79,9 +92,10 @@ def compare(options: CompareOptions) -> list[Summary]:
     console = rich.console.Console(quiet=options.quiet)
     measures, spent, before = carry_out(runs, options.out, options.workers, console)
     rows = summaries(measures)
-    written = write(options, scenes, points, measures, rows, spent)
+    found = compared(options, points, measures)
+    written = write(options, scenes, points, measures, rows, found, spent)
     console.print(rich_table(short_table(rows), _title(options, scenes)))
-    for line in [] if options.ablation else answer(rows, points):
+    for line in told(options, points, rows, found):
         console.print(line, highlight=False)
     done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
     console.print(f"{done}; in {options.out}: {', '.join(path.name for path in written)}", highlight=False)
@@ -116,9 +130,21 @@ def log_runs(options: CompareOptions, scenes: Sequence[SceneRun]) -> Path:
 
 
 def points_for(options: CompareOptions) -> tuple[Point, ...]:
-    """Strategies and settings of a comparison."""
+    """Strategies and settings of a comparison.
+
+    Raises:
+        ScenarioError: an unknown preset.
+        ArgumentError: a value is out of range.
+    """
     if options.ablation:
         return ablation_points(options.strategies, options.preset)
+    preset = named_preset(options.preset)
+    for name, values in options.vary.items():
+        for value in values:
+            try:
+                preset_with(preset, ((name, value),))
+            except (ConfigError, ScenarioError) as error:
+                raise ArgumentError(f"--vary {setting_text(name, value)}: {error}") from None
     return points_of(options.strategies, options.vary or FRONTIER)
 
 
@@ -154,12 +180,42 @@ def kept_measures(
     return measures, [found[run.key][1] for run in runs]
 
 
+def compared(
+    options: CompareOptions, points: Sequence[Point], measures: Sequence[RunMeasures]
+) -> list[Difference]:
+    """Differences between the points: of an ablation against the preset, else against the usual points."""
+    if options.ablation:
+        return differences(measures, pairs_with_bases(points))
+    return differences(measures, pairs_with(points, usual_points(points, options.preset)))
+
+
+def told(
+    options: CompareOptions,
+    points: Sequence[Point],
+    rows: Sequence[Summary],
+    found: Sequence[Difference],
+) -> list[str]:
+    """The answer in sentences: widths, what the intervals mean, which differences are clear."""
+    lines = [] if options.ablation else answer(rows, points)
+    shown = between_usual(options, points, found)
+    return [*lines, told_intervals(rows), *([told_differences(shown)] if shown else [])]
+
+
+def between_usual(
+    options: CompareOptions, points: Sequence[Point], found: Sequence[Difference]
+) -> list[Difference]:
+    """Differences that are shown as text: of an ablation all, else those between usual points."""
+    usual = points if options.ablation else usual_points(points, options.preset)
+    return [one for one in found if one.point in usual]
+
+
 def write(
     options: CompareOptions,
     scenes: Sequence[SceneRun],
     points: Sequence[Point],
     measures: Sequence[RunMeasures],
     rows: Sequence[Summary],
+    found: Sequence[Difference],
     spent: Sequence[FrameTime],
 ) -> list[Path]:
     """Write tables and figures; all but `times.md` are the same bytes for the same comparison."""
@@ -168,13 +224,17 @@ def write(
     usual = usual_points(points, options.preset)
     lines = [
         markdown_table(summary_table(rows)),
-        *(f"{line}\n" for line in ([] if options.ablation else answer(rows, points))),
-        "## By scene\n",
-        markdown_table(scene_table(measures, usual)),
+        *(f"{line}\n" for line in told(options, points, rows, found)),
     ]
+    if options.seeds > 1:
+        lines += ["## Over the seeds\n", markdown_table(seed_table(rows))]
+    if shown := between_usual(options, points, found):
+        lines += ["## Differences\n", markdown_table(difference_table(shown))]
+    lines += ["## By scene\n", markdown_table(scene_table(measures, usual))]
     files = {
         "runs.csv": runs_csv(measures),
         "table.csv": summary_csv(rows),
+        "differences.csv": differences_csv(found),
         "table.md": "\n".join(lines).encode(),
         "compare.json": _configuration(options, scenes, points),
         "times.md": markdown_table(time_table(measures, spent)).encode(),
@@ -184,7 +244,7 @@ def write(
         for name, content in files.items():
             (out / name).write_bytes(content)
             written.append(out / name)
-        for weather in options.weather:
+        for weather in options.weather if options.formats else ():
             here = [row for row in rows if row.weather == weather]
             several = f"_{weather}" if len(options.weather) > 1 else ""
             if options.ablation:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+import itertools
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from evaluation.pictures import STAMPS
 from evaluation.plots.style import (
     BLACK,
     BLUE,
     FONT_PT,
+    GREEN,
     GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
     SMALL_PT,
     VERMILLION,
     LineStyle,
@@ -26,16 +29,34 @@ from evaluation.settings import PARAMETERS, setting_text
 from evaluation.study.answer import Curve, curves
 from evaluation.study.grid import Point
 from evaluation.study.intervals import Estimate
+from evaluation.study.labels import Mark, write_values
 from evaluation.study.table import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.text import Annotation
 
-COLOURS = {"rectangular": VERMILLION, "map": BLUE, "all": BLACK}
-MARKERS = {"rectangular": "s", "map": "o", "all": "D"}
+LOOKS = {"rectangular": (VERMILLION, "s"), "map": (BLUE, "o"), "all": (BLACK, "D")}
+OWN_LOOKS = ((GREEN, "^"), (PURPLE, "v"), (ORANGE, "P"), (SKY, "X"))
+"""Colour and marker of the shipped strategies, and in turn of the user's own."""
 FORMATS = ("png", "svg")
+
+
+def looks(strategies: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Colour and marker of each strategy."""
+    names = list(dict.fromkeys(strategies))
+    own = dict(zip((name for name in names if name not in LOOKS), itertools.cycle(OWN_LOOKS), strict=False))
+    return {name: LOOKS.get(name) or own[name] for name in names}
+
+
+def _curve_looks(found: Sequence[Curve]) -> list[tuple[str, str, int]]:
+    """Colour, marker and line style of each curve: by strategy, or curve by curve where there is only one."""
+    look = looks(curve.strategy for curve in found)
+    if len(look) == 1:
+        [first] = look.values()
+        return [(*each, 0) for each, _ in zip(itertools.cycle((first, *OWN_LOOKS)), found, strict=False)]
+    seen = [curve.strategy for curve in found]
+    return [(*look[name], seen[:k].count(name)) for k, name in enumerate(seen)]
 
 
 def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Figure:
@@ -50,10 +71,14 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
         title: what was run.
     """
     found = curves(rows, points)
-    figure = new_figure(_HEIGHT_IN)
-    figure.set_size_inches(_WIDTH_IN, _HEIGHT_IN)
+    look = _curve_looks(found)
+    lines_below = _LEGEND_IN * max(0, math.ceil(len(found) / 2) - 2)
+    height = _HEIGHT_IN + lines_below
+    figure = new_figure(height)
+    figure.set_size_inches(_WIDTH_IN, height)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    figure.subplots_adjust(left=0.075, right=0.985, bottom=0.33, top=0.87, wspace=0.05)
+    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 1.0 - 0.13 * _HEIGHT_IN / height
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
     drawn: list[list[list[Mark]]] = []
     for axes, name, label, heading in (
         (panels[0], "false_stops", "runs with an emergency stop (%)", "Emergency stops for nobody"),
@@ -67,31 +92,35 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
         set_style(axes)
         set_title(axes, heading, room=40)
         axes.set_xlabel(label, fontsize=SMALL_PT)
-        styles: dict[str, int] = {}
-        lines: list[list[Mark]] = []
-        for curve in found:
-            styles[curve.strategy] = styles.get(curve.strategy, -1) + 1
-            lines.append(_curve(axes, curve, name, styles[curve.strategy]))
-        drawn.append(lines)
+        # points that fall on one another stay visible: each is smaller than the one below
+        drawn.append(
+            [
+                _curve(axes, curve, name, look[k], 4.5 if curve.values else 4.5 + 1.3 * (len(found) - 1 - k))
+                for k, curve in enumerate(found)
+            ]
+        )
     panels[0].set_ylabel("contacts avoided (%)", fontsize=SMALL_PT)
     most = max(mark.x for lines in drawn for line in lines for mark in line)
-    panels[0].set_xlim(-6.0, min(max(most * 1.12, 30.0), 106.0))
+    widest = min(max(most * 1.12, 30.0), 106.0)
+    panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
+    panels[0].set_xticks([tick for tick in panels[0].get_xticks() if 0.0 <= tick <= widest])
     panels[0].set_ylim(-2.0, 109.0)
     panels[0].set_yticks(range(0, 101, 20))
     for axes, lines in zip(panels, drawn, strict=True):
-        _write_values(figure, axes, lines)
-    figure.suptitle(title, fontsize=FONT_PT, y=0.985)
+        write_values(figure, axes, lines, SMALL_PT - 1)
+    figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
-        bbox_to_anchor=(0.5, 0.105), columnspacing=3.0,
+        bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
     )  # fmt: skip
     widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in found if curve.parameter}
     told = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
+    numbers = f"Numbers along the curves: {told}. Ringed: the paper's.\n" if told else ""
     count = f"{rows[0].avoided.count} runs that ask for braking, {rows[0].false_stops.count} that do not"
     figure.text(
-        0.5, 0.015,
-        f"Numbers along the curves: {told}. Ringed: the paper's.\n"
+        0.5, 0.015 * _HEIGHT_IN / height,
+        f"{numbers}"
         f"Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better.",
         ha="center", va="bottom", fontsize=SMALL_PT - 1.0, color="#444444",
     )  # fmt: skip
@@ -100,6 +129,8 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
 
 _WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
 """Across both columns of a paper."""
+_LEGEND_IN = 0.165
+"""Height of a line of the legend."""
 _LINES: tuple[LineStyle, ...] = ("-", "--", ":")
 PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
 """Width of each strategy's area in the paper and in its authors' code, metres."""
@@ -112,24 +143,15 @@ _NAMES = {
 }
 
 
-class Mark(NamedTuple):
-    """A point of a curve, in percent, and the value written beside it."""
-
-    x: float
-    y: float
-    text: str
-    colour: str
-
-
 def _name(curve: Curve) -> str:
     """The curve in words, as far as there are any."""
     settings = (setting_text(name, value) for name, value in curve.rest)
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
 
 
-def _curve(axes: Axes, curve: Curve, name: str, style: int) -> list[Mark]:
+def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], size_pt: float) -> list[Mark]:
     """Draw a curve; the first of a strategy is solid and filled, others are dashed and open."""
-    colour = COLOURS.get(curve.strategy, GREY)
+    colour, marker, style = look
     rates: list[Estimate] = [getattr(row, name) for row in curve.rows]
     avoided = [row.avoided for row in curve.rows]
     x, y = [100 * rate.value for rate in rates], [100 * rate.value for rate in avoided]
@@ -142,7 +164,7 @@ def _curve(axes: Axes, curve: Curve, name: str, style: int) -> list[Mark]:
     axes.plot(
         x, y,
         color=colour, linestyle=_LINES[style % len(_LINES)], linewidth=1.3, zorder=3, label=_name(curve),
-        marker=MARKERS.get(curve.strategy, "o"), markersize=4.5,
+        marker=marker, markersize=size_pt,
         markerfacecolor="white" if style else colour,
     )  # fmt: skip
     ringed = [k for k, value in enumerate(curve.values) if value == PAPER_WIDTHS.get(curve.strategy)]
@@ -155,64 +177,11 @@ def _curve(axes: Axes, curve: Curve, name: str, style: int) -> list[Mark]:
     return [Mark(*mark, colour) for mark in zip(x, y, values, strict=True)]
 
 
-_PLACES = (
-    (6, -7), (-6, 8), (6, 8), (-6, -7), (11, 0), (-11, 0), (0, 12), (0, -12), (14, -12), (-14, 12),
-    (14, 12), (-14, -12), (20, 0), (-20, 0), (0, 20), (0, -20),
-)  # fmt: skip
-"""Where a value may stand beside its point, in points (1/72 inch), the best first."""
-
-
-def _write_values(figure: Figure, axes: Axes, lines: Sequence[Sequence[Mark]]) -> None:
-    """Values beside their points, where they cover neither a curve nor one another nor the frame.
-
-    Points that fall on one another share a text.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.transforms import Bbox
-
-    assert isinstance(figure.canvas, FigureCanvasAgg)
-    renderer = figure.canvas.get_renderer()  # type: ignore[no-untyped-call]
-    taken: list[Bbox] = []
-    written: list[Bbox] = []
-    for line in lines:
-        corners = axes.transData.transform([(mark.x, mark.y) for mark in line])
-        ways = [np.linspace(a, b, 40) for a, b in pairwise(corners)]
-        for points, half_pt in ((corners, 3.2), (np.concatenate([corners[:0], *ways]), 0.8)):
-            half = half_pt * figure.dpi / 72
-            taken += [Bbox.from_extents(*(at - half), *(at + half)) for at in points]
-    marks = [mark for line in lines for mark in line]
-    frame = axes.get_window_extent(renderer)
-    together: dict[tuple[float, float, str], list[str]] = {}
-    for mark in marks:
-        if mark.text:
-            together.setdefault((round(mark.x, 1), round(mark.y, 1), mark.colour), []).append(mark.text)
-    for (x, y, colour), values in together.items():
-        text = axes.annotate(
-            ", ".join(dict.fromkeys(values)), (x, y), textcoords="offset points", xytext=_PLACES[0],
-            ha="center", va="center", fontsize=SMALL_PT - 1, color=colour, zorder=5,
-        )  # fmt: skip
-
-        def cost(place: tuple[int, int], text: Annotation = text) -> tuple[bool, int, int]:
-            """Whether a place is outside, how many values it covers, how many points and pieces of curves."""
-            _put(text, place)
-            box = text.get_window_extent(renderer)
-            inside = frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
-            return not inside, box.count_overlaps(written), box.count_overlaps(taken)
-
-        _put(text, min(_PLACES, key=cost))
-        written.append(text.get_window_extent(renderer))
-
-
-def _put(text: Annotation, place: tuple[int, int]) -> None:
-    dx, _ = place
-    text.set_horizontalalignment("left" if dx > 0 else "right" if dx < 0 else "center")
-    text.set_position(place)
-
-
 def ablation(rows: Sequence[Summary], title: str) -> Figure:
     """Change of avoidance and of false stops when one choice is changed; a line per choice and strategy."""
     base = {row.strategy: row for row in rows if not row.settings}
     changed = [row for row in rows if row.settings and row.strategy in base]
+    look = looks(row.strategy for row in changed)
     figure = new_figure(1.3 + 0.17 * len(changed))
     panels = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.37, right=0.98, bottom=0.75 / figure.get_figheight(), wspace=0.12)
@@ -228,9 +197,9 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
         axes.axvline(0.0, color=GREY, linewidth=0.8)
         for row, y in zip(changed, height, strict=True):
             change = 100 * (getattr(row, name).value - getattr(base[row.strategy], name).value)
-            colour = COLOURS.get(row.strategy, GREY)
+            colour, marker = look[row.strategy]
             axes.plot([0.0, change], [y, y], color=colour, linewidth=1.0)
-            axes.plot(change, y, color=colour, marker=MARKERS.get(row.strategy, "o"), markersize=4.0)
+            axes.plot(change, y, color=colour, marker=marker, markersize=4.0)
         set_title(axes, label, room=34)
         axes.set_xlabel("change, percentage points", fontsize=SMALL_PT)
         axes.margins(x=0.15)

@@ -17,7 +17,7 @@ from evaluation.fingerprint import fingerprint, version
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
 from evaluation.results import ResultsError, Table, markdown_table, rich_table
 from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, preset_of
-from evaluation.study.figures import COLOURS, FORMATS, MARKERS, save
+from evaluation.study.figures import FORMATS, looks, save
 from evaluation.study.intervals import Estimate, mean_t
 from evaluation.study.journal import Journal
 from evaluation.study.progress import progress_bar
@@ -340,13 +340,13 @@ def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figu
         set_style(axes)
         set_title(axes, title, room=26)
         axes.set_xlabel("other participants", fontsize=SMALL_PT)
-        for rank, strategy in enumerate(dict.fromkeys(run.strategy for run in runs)):
+        for rank, (strategy, (colour, marker)) in enumerate(looks(run.strategy for run in runs).items()):
             axes.plot(
                 counts,
                 [summary(_cell(pairs, strategy, others)).value for others in counts],
-                color=COLOURS[strategy],
-                marker=MARKERS[strategy],
-                markersize=5.5 - 1.2 * rank,  # those that fall on one another stay visible
+                color=colour,
+                marker=marker,
+                markersize=max(5.5 - 1.2 * rank, 1.5),  # those that fall on one another stay visible
                 linewidth=1.2,
                 label=strategy if axes is panels[0] else None,
             )

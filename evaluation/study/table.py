@@ -6,22 +6,26 @@ import csv
 import dataclasses
 import io
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from evaluation.protocols.bands import WEIGHT, Colour
 from evaluation.protocols.paper import paper_score_max
 from evaluation.results import Table
 from evaluation.study.grid import Point
-from evaluation.study.intervals import Estimate, clustered_mean, clustered_rate
+from evaluation.study.intervals import Estimate, clustered_mean, clustered_rate, mean_t
 from evaluation.study.measures import RunMeasures
 
 INTERVALS = (
     "Intervals (95 %) are over the scenes: runs of one scene are alike, whatever variant and seed, so that "
-    "scenes and not runs are the sample. Strategies meet the same scenes, so that a difference between two "
-    "lines can be real although their intervals overlap. Points: of the paper's score. Bands: share of the "
-    "points that Euro NCAP 2026 gives for such impact speeds."
+    "scenes and not runs are the sample. Points: of the paper's score. Bands: share of the points that Euro "
+    "NCAP 2026 gives for such impact speeds."
 )
+
+SHARES = ("avoided", "score_share", "band_share", "false_stops", "needless_stops")
+"""Measures between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +45,7 @@ class Summary:
         needless_stops: share with an emergency request or a standstill.
         speed_loss_kmh, delay_s: means where nothing should happen.
         tracks: mean number of tracks over all runs.
+        over_seeds: by name of a measure, the mean of its values in each seed with an interval over the seeds.
     """
 
     strategy: str
@@ -58,6 +63,11 @@ class Summary:
     speed_loss_kmh: Estimate
     delay_s: Estimate
     tracks: Estimate
+    over_seeds: Mapping[str, Estimate] = field(default_factory=dict)
+
+
+MEASURES = tuple(entry.name for entry in dataclasses.fields(Summary) if entry.type in ("Estimate", "float"))
+"""Names of what a summary measures."""
 
 
 def summarise(runs: Sequence[RunMeasures]) -> Summary:
@@ -68,6 +78,28 @@ def summarise(runs: Sequence[RunMeasures]) -> Summary:
     """
     if not runs:
         raise ValueError("summarise: no runs")
+    seeds: dict[int, list[RunMeasures]] = {}
+    for run in runs:
+        seeds.setdefault(run.seed, []).append(run)
+    single = [_over_scenes(group) for group in seeds.values()]
+    return replace(_over_scenes(runs), over_seeds={name: _over_seeds(single, name) for name in MEASURES})
+
+
+def _over_seeds(single: Sequence[Summary], name: str) -> Estimate:
+    """Mean of a measure's values in each seed with Student's interval; of one seed without (NaN)."""
+    mean = mean_t([_value(getattr(row, name)) for row in single])
+    if name not in SHARES:
+        return mean
+    low, high = np.clip((mean.low, mean.high), 0.0, 1.0)
+    return replace(mean, low=float(low), high=float(high))
+
+
+def _value(measured: Estimate | float) -> float:
+    return measured.value if isinstance(measured, Estimate) else measured
+
+
+def _over_scenes(runs: Sequence[RunMeasures]) -> Summary:
+    """All measures, with intervals over the scenes where there are any."""
     brake = [run for run in runs if run.must == "brake"]
     nothing = [run for run in runs if run.must == "nothing"]
     km = sum(run.distance_m for run in nothing) / 1000
@@ -165,6 +197,36 @@ def short_table(rows: Sequence[Summary]) -> Table:
     return Table(header, tuple(lines), (), _counts(rows))
 
 
+def seed_table(rows: Sequence[Summary]) -> Table:
+    """The measures that decide, with intervals over the seeds."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()), "strategy", "settings", "avoided (%)", "impact (km/h)",
+        "false stops (%)", "needless stops (%)", "delay (s)",
+    )  # fmt: skip
+    lines = []
+    for row in rows:
+        over = row.over_seeds
+        lines.append(
+            (
+                *((row.weather,) if weathers else ()),
+                row.strategy,
+                row.settings or "as the preset has it",
+                _rate(over["avoided"]),
+                _mean(over["v_impact_kmh"], 1),
+                _rate(over["false_stops"]),
+                _rate(over["needless_stops"]),
+                _mean(over["delay_s"], 2),
+            )
+        )
+    caption = (
+        "Each seed has noise and frame phase of its own, and gives one value over all scenes; Student's "
+        "interval (95 %) of these values. All measures: columns `..._seed_low` and `..._seed_high` of "
+        "`table.csv`."
+    )
+    return Table(header, tuple(lines), (), caption)
+
+
 def _counts(rows: Sequence[Summary]) -> str:
     brake, nothing = rows[0].avoided.count, rows[0].false_stops.count
     return f"Per line {brake} runs where the ego must brake and {nothing} where nothing should happen."
@@ -196,32 +258,28 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
 
 def runs_csv(runs: Sequence[RunMeasures]) -> bytes:
     """One line per run, all its measures; what does not exist is empty."""
-    return _csv([dataclasses.asdict(run) for run in runs])
+    return to_csv([dataclasses.asdict(run) for run in runs])
 
 
 def summary_csv(rows: Sequence[Summary]) -> bytes:
-    """One line per summary; an estimate is four columns."""
+    """One line per summary; a measure is up to six columns: value, ends of both intervals, and count."""
     flat = []
     for row in rows:
-        values: dict[str, object] = {}
-        for field in dataclasses.fields(row):
-            value = getattr(row, field.name)
+        values: dict[str, object] = {name: getattr(row, name) for name in ("strategy", "settings", "weather")}
+        for name in MEASURES:
+            value, over = getattr(row, name), row.over_seeds[name]
+            values[name] = _value(value)
             if isinstance(value, Estimate):
-                values |= {
-                    field.name: value.value,
-                    f"{field.name}_low": value.low,
-                    f"{field.name}_high": value.high,
-                }
-                values[f"{field.name}_count"] = value.count
-            else:
-                values[field.name] = value
+                values |= {f"{name}_low": value.low, f"{name}_high": value.high, f"{name}_count": value.count}
+            values |= {f"{name}_seed_low": over.low, f"{name}_seed_high": over.high}
         flat.append(values)
-    return _csv(flat)
+    return to_csv(flat)
 
 
-def _csv(rows: Sequence[dict[str, object]]) -> bytes:
+def to_csv(rows: Sequence[dict[str, object]], header: Sequence[str] = ()) -> bytes:
+    """A table of values by column, with a header although there are no rows; what does not exist is empty."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer = csv.DictWriter(text, header or (list(rows[0]) if rows else []), lineterminator="\n")
     writer.writeheader()
     for row in rows:
         writer.writerow({name: _cell(value) for name, value in row.items()})

@@ -83,7 +83,10 @@ def test_resuming_gives_the_same_and_repeats_nothing(tmp_path: Path) -> None:
     # as a kill leaves it: some lines, the last one torn
     (parts / RUNS).write_bytes(b"".join(lines[:4]) + lines[4][:25])
     compare(options(parts))
-    names = ("runs.csv", "table.csv", "table.md", "compare.json", "frontier.png", "frontier.svg")
+    names = (
+        "runs.csv", "table.csv", "differences.csv", "table.md", "compare.json", "frontier.png",
+        "frontier.svg",
+    )  # fmt: skip
     for name in names:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
     assert sorted((parts / RUNS).read_bytes().splitlines(keepends=True)) == sorted(lines)
@@ -184,6 +187,30 @@ def test_usual_points_are_those_of_the_preset() -> None:
         Point("rectangular", (("half_width_m", 4.0),))
     ]
     assert usual_points(points, "physical") == points[1:]
+
+
+@pytest.mark.parametrize(("name", "value"), [("margin_m", -1.0), ("range_m", 0.0), ("iou_threshold", 2.0)])
+def test_a_value_out_of_range_is_named_with_its_option(tmp_path: Path, name: str, value: float) -> None:
+    with pytest.raises(ArgumentError, match=rf"--vary {name}={value:g}: "):
+        compare(options(tmp_path, vary={name: (0.5, value)}))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> None:
+    both = ("rectangular", "map")
+    compare(options(tmp_path, strategies=both, vary={"margin_m": (1.8,)}, scenes=SCENES[:1], seeds=2))
+    text = (tmp_path / "table.md").read_text()
+    assert text.count("over the 2 seeds") == 1
+    assert text.count("## Over the seeds") == text.count("## Differences") == 1
+    assert "| map margin_m=1.8 | rectangular |" in text
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    compare(options(alone, strategies=("all",), vary={}, scenes=SCENES[:1]))
+    text = (alone / "table.md").read_text()
+    assert text.count("With one seed there are none over the seeds.") == 1
+    assert "## Over the seeds" not in text
+    assert "## Differences" not in text
+    assert (alone / "differences.csv").read_text().startswith("weather,strategy,settings,against,")
 
 
 def test_options_that_exclude_one_another(tmp_path: Path) -> None:

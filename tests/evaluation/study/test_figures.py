@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from evaluation.study.figures import frontier, save
+from evaluation.study.figures import frontier, looks, save
 from evaluation.study.grid import Point
 from evaluation.study.intervals import Estimate
 from evaluation.study.table import Summary
@@ -78,8 +78,29 @@ def test_every_value_is_written_and_the_papers_are_ringed() -> None:
         )
 
 
+def test_shares_begin_at_0_and_markers_there_are_whole() -> None:
+    figure = drawn([(k / 12, 0.0) for k in range(len(POINTS))])
+    for axes in figure.axes:
+        low, high = axes.get_xlim()
+        shown = [tick for tick in axes.get_xticks() if low <= tick <= high]
+        assert shown[0] == 0.0
+        assert len(shown) > 3
+        left = axes.transData.transform((low, 0.0))[0]
+        at_0 = axes.transData.transform((0.0, 0.0))[0]
+        assert (at_0 - left) * 72 / figure.dpi > 9.5 / 2  # radius of a ring, in points
+
+
 def test_equal_figures_are_equal_bytes(tmp_path: Path) -> None:
     values = [(k / 12, k / 24) for k in range(len(POINTS))]
     first = [path.read_bytes() for path in save(drawn(values), tmp_path / "a")]
     second = [path.read_bytes() for path in save(drawn(values), tmp_path / "b")]
     assert first == second
+
+
+def test_strategies_of_the_users_own_have_looks_of_their_own() -> None:
+    names = ["map", "mine:one", "rectangular", "mine:two", "all", "mine:one"]
+    look = looks(names)
+    assert list(look) == ["map", "mine:one", "rectangular", "mine:two", "all"]
+    assert len(set(look.values())) == 5
+    assert looks(["map"])["map"] == look["map"]
+    assert len(looks(f"mine:{k}" for k in range(20))) == 20

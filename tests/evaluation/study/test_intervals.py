@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from evaluation.study.intervals import clustered_mean, clustered_rate, mean_t, wilson
+from evaluation.study.intervals import (
+    clustered_difference,
+    clustered_mean,
+    clustered_rate,
+    mean_t,
+    sign_test,
+    wilson,
+)
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 10), (3, 10), (10, 10), (17, 250), (1, 1)])
@@ -130,3 +137,77 @@ def test_one_cluster_tells_nothing_of_others() -> None:
     assert math.isnan(clustered_mean([1.0, 2.0], ["a", "a"]).low)
     assert math.isnan(clustered_rate([], []).value)
     assert clustered_mean([], []).count == 0
+
+
+# ---- paired differences ------------------------------------------------------------------------------------
+
+
+def agresti_min(better: int, worse: int, n: int) -> tuple[float, float]:
+    """The authors' formula for independent pairs, with Student's quantile and the factor of clusters."""
+    difference = (better - worse) / (n + 2)
+    error = math.sqrt(n / (n - 1) * (better + worse + 1 - (better - worse) ** 2 / (n + 2))) / (n + 2)
+    half = stats.t.ppf(0.975, n - 1) * error
+    return max(difference - half, -1.0), min(difference + half, 1.0)
+
+
+@pytest.mark.parametrize(("better", "worse", "n"), [(0, 0, 12), (5, 1, 20), (10, 0, 10), (3, 3, 7)])
+def test_pairs_in_clusters_of_one_have_the_interval_of_agresti_and_min(
+    better: int, worse: int, n: int
+) -> None:
+    changes = [1] * better + [-1] * worse + [0] * (n - better - worse)
+    ours = clustered_difference(changes, range(n))
+    assert ours.value == pytest.approx((better - worse) / n)
+    assert (ours.low, ours.high) == pytest.approx(agresti_min(better, worse, n), abs=1e-12)
+
+
+CHANGES = st.lists(st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=6), min_size=2, max_size=12)
+
+
+def _changes(groups: list[list[int]], sign: int = 1) -> tuple[list[int], list[int]]:
+    return [sign * v for group in groups for v in group], [k for k, group in enumerate(groups) for _ in group]
+
+
+@given(CHANGES, st.integers(2, 4))
+def test_a_difference_has_a_width_and_is_symmetric_and_copies_change_nothing(
+    groups: list[list[int]], seeds: int
+) -> None:
+    ours = clustered_difference(*_changes(groups))
+    assert -1.0 <= ours.low < ours.high <= 1.0
+    assert ours.low - 1e-12 <= ours.value <= ours.high + 1e-12
+    swapped = clustered_difference(*_changes(groups, -1))
+    assert (swapped.low, swapped.high) == pytest.approx((-ours.high, -ours.low), abs=1e-12)
+    many = clustered_difference(*_changes([group * seeds for group in groups]))
+    assert (many.low, many.high) == pytest.approx((ours.low, ours.high), abs=1e-9)
+
+
+def test_differences_cover_the_truth() -> None:
+    """Twelve scenes, in which a strategy is better with rates around 0.25 and worse with 0.05."""
+    rng = np.random.default_rng(5)
+    clusters = np.repeat(np.arange(12), 3).tolist()
+    covered, trials = 0, 1000
+    for _ in range(trials):
+        rates = rng.dirichlet([0.5, 0.1, 1.4], 12)
+        changes = [rng.choice([1.0, -1.0, 0.0], p=rates[k]) for k in clusters]
+        ours = clustered_difference(changes, clusters)
+        covered += ours.low <= 0.2 <= ours.high
+    assert covered / trials > 0.93
+
+
+def test_one_scene_or_none_tells_nothing_of_a_difference() -> None:
+    ours = clustered_difference([1, 1], ["a", "a"])
+    assert (ours.value, ours.low, ours.high) == (1.0, -1.0, 1.0)
+    assert math.isnan(clustered_difference([], []).value)
+
+
+@given(st.integers(0, 60), st.integers(0, 60))
+def test_sign_test_agrees_with_scipy(better: int, worse: int) -> None:
+    reference = stats.binomtest(better, better + worse, 0.5).pvalue if better + worse else 1.0
+    assert sign_test(better, worse) == pytest.approx(reference, rel=1e-9)
+
+
+def test_sign_test_by_hand() -> None:
+    assert sign_test(0, 0) == 1.0
+    assert sign_test(5, 0) == pytest.approx(2 / 32)
+    assert sign_test(1, 4) == pytest.approx(2 * (1 + 5) / 32)
+    with pytest.raises(ValueError, match="-1"):
+        sign_test(-1, 2)
