@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from functools import cache
@@ -26,7 +27,9 @@ _TARGET_SPEED = (
 """Parameters that hold the impact location and the target's test speed, the first that is there."""
 
 
-def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinition) -> dict[str, object]:
+def cell_columns(
+    variation: Variation, file: Path, definition: ScenarioDefinition, overlaps: bool = True
+) -> dict[str, object]:
     """What tells the cell of a run: the columns that `protocols.table.measurements` asks for.
 
     The scenario's name is taken from the parameter Scenario_ID that Vector's files of Euro NCAP's tests set,
@@ -36,6 +39,8 @@ def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinitio
         variation: the run, with its parameters.
         file: that asked for it.
         definition: the scenario with its final parameters.
+        overlaps: whether tests behind a car are told by how much of the ego's width overlaps, as in 2023;
+            else by the impact location.
     """
     values = definition.parameters
     told = str(variation.parameters.get("Scenario_ID", "")) or _name_in(file)
@@ -53,6 +58,9 @@ def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinitio
         columns["impact_location_percent"] = float(impact)
         if values.get("VRU_trajectoryOrientation") == -1:  # Vector's files count from the target's side
             columns["impact_location_percent"] = 100.0 - float(impact)
+        elif columns["scenario"] in _BEHIND_A_CAR and overlaps != ("Overlap" in values):
+            width = _width_of_target(definition)
+            columns["impact_location_percent"] = counted_otherwise(float(impact), width, overlaps)
     target = _first(values, _TARGET_SPEED)
     if target is not None:
         columns["target_speed_kmh"] = float(target)
@@ -60,6 +68,32 @@ def cell_columns(variation: Variation, file: Path, definition: ScenarioDefinitio
         gap, decel = float(values["GVT_headway"]), float(values["GVT_deceleration"])
         columns["condition"] = f"gap {gap:g} m, {decel:g} m/s2"
     return columns
+
+
+_BEHIND_A_CAR = ("CCRs", "CCRm", "CCRb")
+
+
+def counted_otherwise(percent: float, width: float, overlaps: bool) -> float:
+    """The overlap of an impact location, or the impact location of an overlap; the middle is 100 % or 50 %.
+
+    Args:
+        percent: of the ego's width; an overlap is negative on the ego's right.
+        width: of the target, in widths of the ego.
+        overlaps: whether the overlap is wanted.
+    """
+    beside = 50.0 * (1.0 + width)  # both half widths
+    if overlaps:
+        left = percent - 50.0
+        return round(math.copysign(beside - abs(left), left), 3) if left else 100.0
+    return 50.0 if percent == 100.0 else round(50.0 + math.copysign(beside - abs(percent), percent), 3)
+
+
+def _width_of_target(definition: ScenarioDefinition) -> float:
+    """In widths of the ego."""
+    first, *others = definition.entities
+    ego = next((entity for entity in definition.entities if entity.name == "Ego"), first)
+    target = next((entity for entity in (first, *others) if entity is not ego), ego)
+    return target.width_m / ego.width_m
 
 
 def _first(values: Mapping[str, Value], names: tuple[str, ...]) -> Value | None:

@@ -337,6 +337,9 @@ def ncap(
     logs: Annotated[
         bool, typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`.")
     ] = False,
+    robustness: Annotated[
+        bool, typer.Option(help="2026: run the cells under robustness conditions too.")
+    ] = True,
     form: PictureFormat = "png",
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: AllWorkers = None,
@@ -368,7 +371,15 @@ def ncap(
     processes = workers or available_cores()
     picture = parse_name(form, PICTURE_FORMATS, "--format")
     run_grid(
-        files or [], name, conditions, writable_folder(out), processes, console, keep_logs=logs, form=picture
+        files or [],
+        name,
+        conditions,
+        writable_folder(out),
+        processes,
+        console,
+        keep_logs=logs,
+        form=picture,
+        robustness=robustness,
     )
 
 

@@ -12,7 +12,7 @@ import rich.console
 from evaluation import results, runner
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import Published, ResultsError, RunRow, Table
-from evaluation.runs import RunSpec, execute, scene_of
+from evaluation.runs import NO_AEB, RunSpec, execute, scene_of
 from evaluation.settings import settings_text
 from evaluation.study.progress import progress_bar
 from evaluation.workers import execute_all
@@ -55,7 +55,13 @@ def compare_files(
     console = rich.console.Console(quiet=quiet)
     notes = runner.notes(specs)
     configuration = runner.scenario_configuration(specs, notes)
-    _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
+    rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
+    silent = sum(not row.collided and row.flag_time_s is None for row in rows)
+    if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
+        notes.append(
+            f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or nobody was in "
+            "the way; --hold-speed drives as Euro NCAP does, without ACC"
+        )
     for line in notes:
         console.print(line, highlight=False)
 
@@ -76,7 +82,8 @@ def _compare(
     console: rich.console.Console,
     title: str,
     published: Mapping[str, Published] | None = None,
-) -> None:
+) -> list[RunRow]:
+    """Run, write, show; the rows of the table of runs."""
     if len({spec.log for spec in specs}) < len(specs):
         raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
     with progress_bar(console) as progress:
@@ -92,6 +99,7 @@ def _compare(
     console.print(results.rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
+    return rows
 
 
 def write_folder(

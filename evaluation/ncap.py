@@ -21,6 +21,7 @@ from evaluation.protocols.table import measurements
 from evaluation.results import RunRow
 from evaluation.runner import Conditions
 from evaluation.runs import RunRecord, RunSpec, execute
+from evaluation.settings import settings_text
 from evaluation.workers import execute_all
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ WARNING_NOTE = (
     "The system gives no warning of its own: in warning tests (FCW) the first request of the emergency brake "
     "counts as one."
 )
+NO_ROBUSTNESS_NOTE = "Robustness was left out as asked (--no-robustness), and has no points."
 SPEED_NOTE = "The ego holds the test speed until the emergency brake acts, as the protocols want: no ACC."
 
 
@@ -87,6 +89,7 @@ def run_grid(
     console: Console,
     keep_logs: bool = False,
     form: str = "png",
+    robustness: bool = True,
 ) -> None:
     """Run a protocol's grid behind a progress bar, write its files, print its matrices.
 
@@ -99,13 +102,17 @@ def run_grid(
         console: where to print.
         keep_logs: whether to write the log of every run, for `report` and `replay`.
         form: of the picture: png, svg or pdf.
+        robustness: whether to run the cells under robustness conditions too (2026).
     """
     import rich.progress
 
     from evaluation.protocols.matrix import matrix_view
 
     protocol = protocol_for(name, conditions.weather)
-    grid = grid_of_files(scenario_files(paths), protocol) if paths else grid_of_shipped(protocol, name)
+    if paths:
+        grid = grid_of_files(scenario_files(paths), protocol, robustness)
+    else:
+        grid = grid_of_shipped(protocol, name, robustness)
     paired = specs_of(grid, conditions, name)
     specs = [spec for _, spec in paired]
     finished: list[tuple[GridRun, RunRecord]] = []
@@ -121,7 +128,8 @@ def run_grid(
     configuration = runner.scenario_configuration(specs, told)
     results.write_runs(out, [record.row for _, record in finished], configuration)
     sheet = make_sheet(assess(protocol, finished), ())
-    sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *sheet.notes))
+    left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
+    sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
     written = [path.name for path in (*_draw(sheet, out, name, form), *_left_out(grid, out))]
     written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []
@@ -165,6 +173,8 @@ def _notes(grid: Grid, specs: Sequence[RunSpec], name: str, perception: Sequence
         lines.append(
             f"Robustness, not run and without points, because the scenarios have no parameter for it: {told}."
         )
+    if specs[0].settings:
+        lines.append(f"Other than in the preset: {settings_text(specs[0].settings)}.")
     if name != "paper":
         lines.append(SPEED_NOTE)
     if any(" FCW" in spec.scenario for spec in specs):

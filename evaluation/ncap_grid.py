@@ -11,11 +11,13 @@ from evaluation.cells import cell_columns, changed_run, shipped_run
 from evaluation.errors import ArgumentError
 from evaluation.protocols.assessment import Protocol
 from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.euroncap_2023 import EuroNcap2023
 from evaluation.protocols.euroncap_2026 import EuroNcap2026
 from evaluation.protocols.grid import Cell, Function
 from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
+from evaluation.protocols.unece_r152 import R152
 from evaluation.runs import RunSpec
 from scenarios.library import scenario_name, scenario_path, shipped_scenario
 from scenarios.openscenario.distributions import Variation, expand
@@ -113,8 +115,13 @@ def all_cells(protocol: Protocol) -> tuple[Cell, ...]:
     return protocol.cells()
 
 
-def grid_of_files(files: Sequence[Path], protocol: Protocol) -> Grid:
+def grid_of_files(files: Sequence[Path], protocol: Protocol, robustness: bool = True) -> Grid:
     """The runs that files ask for, one that several files ask for once, and what the protocol adds to them.
+
+    Args:
+        files: scenarios and distributions.
+        protocol: its grid.
+        robustness: whether to add the runs under robustness conditions.
 
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: a file cannot be read.
@@ -128,7 +135,9 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol) -> Grid:
         for variation in expand(file):
             asked += 1
             definition = load(variation.path, variation.parameters)
-            columns = cell_columns(variation, file, definition)
+            columns = cell_columns(variation, file, definition, isinstance(protocol, EuroNcap2023))
+            if isinstance(protocol, R152):  # it has no tests of the warning alone
+                columns["function"] = str(Function.AEB)
             try:
                 own = measurements([columns | {"v_impact_kmh": 0.0}], cells)
             except ProtocolError as error:
@@ -139,16 +148,20 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol) -> Grid:
             found.setdefault(same, _Found(columns, variation, values, tuple(own)))
     if not found:
         reason = strange[0].reason if strange else "no files"
-        raise ProtocolError(f"no scenario belongs to the protocol: {reason}")
-    return _grid(tuple(found.values()), protocol, asked, tuple(strange))
+        more = f" (and {len(strange) - 1} more runs)" if len(strange) > 1 else ""
+        raise ProtocolError(
+            f"no scenario belongs to the protocol: {reason}{more}; without files the shipped ones are run"
+        )
+    return _grid(tuple(found.values()), protocol, asked, tuple(strange), robustness)
 
 
-def grid_of_shipped(protocol: Protocol, name: str) -> Grid:
+def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> Grid:
     """The runs of the cells for which a scenario is shipped, and what the protocol adds to them.
 
     Args:
         protocol: its grid.
         name: of the protocol.
+        robustness: see `grid_of_files`.
     """
     found = []
     for cell in protocol.cells():
@@ -161,15 +174,18 @@ def grid_of_shipped(protocol: Protocol, name: str) -> Grid:
         if variation is not None:
             final = load(variation.path, variation.parameters).parameters
             found.append(_Found(_columns_of(cell), variation, final, (cell,)))
-    return _grid(found, protocol, len(found), ())
+    return _grid(found, protocol, len(found), (), robustness)
 
 
-def _grid(found: Sequence[_Found], protocol: Protocol, asked: int, strange: tuple[Strange, ...]) -> Grid:
+def _grid(
+    found: Sequence[_Found], protocol: Protocol, asked: int, strange: tuple[Strange, ...], robustness: bool
+) -> Grid:
     runs = [_grid_run(one.columns, one.variation) for one in found]
     undriven: dict[str, dict[str, None]] = {}
     if isinstance(protocol, EuroNcap2026):
         runs += _requirements(found, protocol)
-        runs += _conditions(found, protocol, undriven)
+        if robustness:
+            runs += _conditions(found, protocol, undriven)
     names = {change: tuple(scenarios) for change, scenarios in undriven.items()}
     return Grid(tuple(_named_apart(runs)), asked, strange, names)
 

@@ -387,7 +387,7 @@ def _spec_of(values: Mapping[str, Any]) -> RunSpec:
 
 def notes(specs: Sequence[RunSpec]) -> list[str]:
     """What the reader has to know about maps and light of runs in which somebody perceives, one line each."""
-    lines: dict[str, None] = {}
+    lines: dict[str, list[str]] = {}
     seen: set[tuple[object, ...]] = set()
     for spec in specs:
         same = (spec.file, spec.parameters, spec.map_name, spec.night)
@@ -396,13 +396,13 @@ def notes(specs: Sequence[RunSpec]) -> list[str]:
         seen.add(same)
         definition = definition_of(spec)
         used = perception_map(definition, spec.map_name)
-        if used is not None and spec.map_name is None:
-            lines[f"perception uses the map {used}, laid over {definition.map_path.name}"] = None
-        elif used is not None:
-            lines[f"perception uses the map {used}"] = None
+        if used is not None:
+            tracks = lines.setdefault(f"perception uses the map {used}", [])
+            if spec.map_name is None and definition.map_path.name not in tracks:
+                tracks.append(definition.map_path.name)
         if is_night(definition):
-            lines[f"night: {named_light(spec.night).source}"] = None
-    return list(lines)
+            lines.setdefault(named_light(spec.night).source, [])
+    return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]
 
 
 def read_specs(directory: Path) -> list[RunSpec]:

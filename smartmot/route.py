@@ -211,7 +211,9 @@ def route_along(
 
     first = next((k for k, lanes in enumerate(on) if lanes), None)
     if first is None:
-        raise RouteError("route: the ego's way runs on no driving lane of the map")
+        raise RouteError(
+            "route: the ego's way runs on no driving lane of the map; give --map a map that has one there"
+        )
     end, _, _, entered = max(longest(lane, first) for lane in on[first])
     legs = [[entered[0][0]]]  # lanes that follow one another; between them the way changes lanes
     turns = list[int]()  # the points at which the legs after the first are entered

@@ -28,18 +28,10 @@ from evaluation.protocols.bands import (
     within_tolerance,
 )
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.euroncap_2026_grid import VUT, Criterion, ScoredBlock, blocks
-from evaluation.protocols.grid import (
-    Block,
-    Cell,
-    Function,
-    Layer,
-    Lighting,
-    Measurement,
-    Row,
-    layer_cells,
-)
-from evaluation.protocols.marks import FAILED, MARKS, NOT_RUN, PASSED
+from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
+from evaluation.protocols.euroncap_2026_requirements import gates, requirement_cells, requirement_matrix
+from evaluation.protocols.grid import Block, Cell, Function, Layer, Measurement, Row, layer_cells
+from evaluation.protocols.marks import MARKS, NOT_RUN
 from evaluation.protocols.robustness import (
     CONDITIONS,
     LAYERS,
@@ -66,11 +58,6 @@ _BELOW = (
     "Robustness: ! marks a cell that does not reach what its condition asks for, which is the colour of the "
     "same cell without it, or not to be red."
 )
-_GATE_SPEED_KMH = 10.0
-_GATE_IMPACT_PERCENT = 75.0
-_SLOW_PEDESTRIAN_KMH = 3.0
-_SLOW_TEST_KMH = 20.0
-_REAR_AVOIDED_UP_TO_KMH = 20.0
 _HALF = 0.5
 _EXTENDED_STEPS = (1.0, 0.75, 0.5)
 _ROUNDING = 6  # decimals at which a score is compared with a step, as the calculator does
@@ -135,18 +122,8 @@ class EuroNcap2026:
         }
 
     def requirement_cells(self) -> tuple[Cell, ...]:
-        """Runs for the general requirements only: CPNA-75 with a pedestrian of 3 km/h, day and night."""
-        return tuple(
-            Cell(
-                "CPNA",
-                _SLOW_TEST_KMH,
-                _GATE_IMPACT_PERCENT,
-                _SLOW_PEDESTRIAN_KMH,
-                lighting,
-                condition="general requirement",
-            )
-            for lighting in Lighting
-        )
+        """Runs for the general requirements only."""
+        return requirement_cells()
 
     def colour(self, block: ScoredBlock, cell: Cell, measured: Measurement) -> Colour:
         """Colour of a measured cell.
@@ -201,8 +178,8 @@ class EuroNcap2026:
             if cell in results
         }
         held = self._layers(scored, results, colours)
-        gates = self._gates(results, colours)
-        open_gates = all(gate.passed is not False for gate in gates)
+        tested = gates(self.cells(), results, colours)
+        open_gates = all(gate.passed is not False for gate in tested)
         done = []
         points: list[tuple[ScoredBlock, float]] = []
         for block in scored:
@@ -221,33 +198,12 @@ class EuroNcap2026:
         conditions = list(filter(None, (self._conditions(block, results, colours) for block in scored)))
         return Assessment(
             self.title,
-            (*done, *conditions, *self._requirements(results)),
+            (*done, *conditions, *requirement_matrix(results)),
             sums if open_gates else _shut(sums),
-            gates,
-            (*_missing(done), *_untested(gates), *((_BELOW,) if conditions else ()), *UNKNOWN),
+            tested,
+            (*_missing(done), *_untested(tested), *((_BELOW,) if conditions else ()), *UNKNOWN),
             "relative impact speed in km/h; FCW: time to collision at the warning; head-on: speed reduction",
         )
-
-    def _gates(self, results: Mapping[Cell, Measurement], colours: Mapping[Cell, Colour]) -> tuple[Gate, ...]:
-        """General requirements (v1.1, and the calculator): without them all of Frontal Collisions is 0."""
-        gates = []
-        for lighting in Lighting:
-            first = [
-                colour is Colour.GREEN
-                for cell, colour in colours.items()
-                if (cell.scenario, cell.speed_kmh, cell.impact_percent, cell.lighting)
-                == ("CPNA", _GATE_SPEED_KMH, _GATE_IMPACT_PERCENT, lighting)
-            ]
-            gates.append(Gate(f"CPNA-75 at 10 km/h is green by {lighting}", _all(first)))
-        for cell in self.requirement_cells():
-            slowed = [_slowed(cell, results[cell])] if cell in results else []
-            name = f"CPNA-75 at 20 km/h slows down for a pedestrian of 3 km/h by {cell.lighting}"
-            gates.append(Gate(name, _all(slowed)))
-        rear = [cell for cell in self.cells("CCRs") if _is_gate_of_rear(cell)]
-        green = [colours[cell] is Colour.GREEN for cell in rear if cell in colours]
-        whole = all(green) if green and (not all(green) or len(green) == len(rear)) else None
-        gates.append(Gate("CCRs avoids every standard collision up to 20 km/h", whole))
-        return tuple(gates)
 
     def _layers(
         self,
@@ -287,10 +243,13 @@ class EuroNcap2026:
             return None
         rows: list[Row] = []
         scores: dict[Cell, CellScore] = {}
+        lines = [
+            row for row in grid.rows if any(c is not None and c.layer is Layer.STANDARD for c in row.cells)
+        ]
         for number, condition in enumerate(CONDITIONS.get(scenario, ())):
             for column, label in enumerate(grid.columns):
                 cells: list[Cell | None] = []
-                for line in grid.rows:
+                for line in lines:
                     base = line.cells[column]
                     if base is None or base.layer is not Layer.STANDARD:
                         cells.append(None)
@@ -307,26 +266,10 @@ class EuroNcap2026:
                     rows.append(Row(f"{condition.change}, {label}", tuple(cells)))
         if not any(cell in results for cell in scores):
             return None
-        labels = tuple(line.label for line in grid.rows)
+        labels = tuple(line.label for line in lines)
         header = f"condition, {grid.column_header}"
         matrix = Block(f"{grid.name}, robustness", scenario, header, grid.row_header, labels, tuple(rows))
         return BlockScore(matrix, scores, ())
-
-    def _requirements(self, results: Mapping[Cell, Measurement]) -> Iterable[BlockScore]:
-        """The runs that nothing but a gate asks for, as a matrix; none if there are none."""
-        cells = self.requirement_cells()
-        if not any(cell in results for cell in cells):
-            return
-        names = tuple(str(cell.lighting) for cell in cells)
-        name = f"CPNA-{_GATE_IMPACT_PERCENT:g}, pedestrian {_SLOW_PEDESTRIAN_KMH:g} km/h"
-        block = Block(name, "CPNA", VUT, "must slow down", names, (Row(f"{_SLOW_TEST_KMH:g}", cells),))
-        scores = {
-            cell: CellScore(PASSED if _slowed(cell, found) else FAILED, impact_text(found), found)
-            if (found := results.get(cell)) is not None
-            else CellScore(NOT_RUN, "", None)
-            for cell in cells
-        }
-        yield BlockScore(block, scores, ())
 
     def _holds(
         self,
@@ -429,10 +372,6 @@ def _untested(gates: Iterable[Gate]) -> tuple[str, ...]:
     return (f"required, but no run tests it: {'; '.join(names)}",) if names else ()
 
 
-def _slowed(cell: Cell, measured: Measurement) -> bool:
-    return measured.impact_speed_kmh < cell.speed_kmh
-
-
 def _text(criterion: Criterion, measured: Measurement | None) -> str:
     if measured is None:
         return ""
@@ -441,11 +380,3 @@ def _text(criterion: Criterion, measured: Measurement | None) -> str:
     if criterion is Criterion.REDUCTION and measured.speed_reduction_kmh is not None:
         return f"{measured.speed_reduction_kmh:.1f}"
     return impact_text(measured)
-
-
-def _is_gate_of_rear(cell: Cell) -> bool:
-    return cell.layer is Layer.STANDARD and cell.speed_kmh <= _REAR_AVOIDED_UP_TO_KMH
-
-
-def _all(passed: list[bool]) -> bool | None:
-    return all(passed) if passed else None

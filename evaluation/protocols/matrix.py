@@ -59,7 +59,8 @@ def _table(score: BlockScore) -> rich.table.Table:
         caption_justify="left",
         caption_style="",
     )
-    table.add_column(block.row_header, justify="right", no_wrap=True)
+    # where it is narrow the labels wrap, and the numbers stay whole
+    table.add_column(block.row_header, justify="right")
     for column in block.columns:
         table.add_column(column, justify="right", no_wrap=True)
     for row in block.rows:

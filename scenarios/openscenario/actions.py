@@ -134,7 +134,7 @@ class LongitudinalDistance(RunningAction):
 
 
 class FollowTrajectory(RunningAction):
-    """FollowTrajectoryAction."""
+    """FollowTrajectoryAction. Who is driven by a controller follows the way and not the times."""
 
     domains = frozenset({LATERAL})
 
@@ -154,7 +154,7 @@ class FollowTrajectory(RunningAction):
                 f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
                 f"its length of {self._path.length_m:.6g} m"
             )
-        if action.timing is None:
+        if action.timing is None or self.who.controller is not None:
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
         profile = timed_profile(action, self._path, time_s)

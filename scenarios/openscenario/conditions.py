@@ -11,6 +11,7 @@ from scenarios.openscenario.actors import STANDING_MPS, Actor, State
 from scenarios.openscenario.parameters import COMPARE, compare
 from scenarios.openscenario.paths import Pose
 from scenarios.openscenario.world import Instant, World
+from smartmot.geometry import signed_gap_scalar
 
 TIME_EPSILON_S = 1e-9
 """Times closer than this are the same."""
@@ -137,6 +138,8 @@ def entity_evaluator(kind: model.EntityConditionKind, actor: Actor, world: World
         case model.ReachPositionCondition():
             position, reach = kind.position, kind.tolerance_m
             return lambda instant: _away_m(instant.state(name), world.locator.pose(position)) <= reach
+        case model.TimeToCollisionCondition():
+            return _time_to_collision(kind, actor, world)
     quantity = _quantity(kind, actor, world)
     rule, value = COMPARE[kind.rule], kind.value
     return lambda instant: rule(quantity(instant), value)
@@ -151,7 +154,6 @@ def _quantity(
     | model.RelativeSpeedCondition
     | model.AccelerationCondition
     | model.RelativeDistanceCondition
-    | model.TimeToCollisionCondition
     | model.TimeHeadwayCondition,
     actor: Actor,
     world: World,
@@ -161,61 +163,96 @@ def _quantity(
     match kind:
         case model.SpeedCondition(direction="longitudinal"):
             return lambda instant: instant.state(name).speed_mps
-        case model.SpeedCondition(direction="total"):
+        case model.SpeedCondition(direction=None):
             return lambda instant: abs(instant.state(name).speed_mps)
         case model.SpeedCondition():
-            # entities move along their own x axis: nothing is left for the lateral direction
+            # entities move along their own x axis: nothing is left for the other directions
             return lambda instant: 0.0
         case model.AccelerationCondition():
-            return lambda instant: acceleration_mps2(actor, instant)
+            way = kind.direction
+            return lambda instant: acceleration_mps2(actor, instant, way)
     other = world.actors[kind.entity]
     match kind:
         case model.RelativeSpeedCondition():
-            return lambda instant: instant.state(name).speed_mps - instant.state(other.name).speed_mps
+            along = kind.direction
+            return lambda instant: relative_speed_mps(instant.state(name), instant.state(other.name), along)
         case model.RelativeDistanceCondition():
             how, freespace = kind.kind, kind.freespace
-            return lambda instant: distance_m(actor, other, instant, how, freespace)
-        case model.TimeToCollisionCondition():
-            free = kind.freespace
-            return lambda instant: time_to_collision_s(actor, other, instant, free)
+            return lambda instant: distance_m(
+                actor, other, instant.state(name), instant.state(other.name), how, freespace
+            )
         case model.TimeHeadwayCondition():
-            clear = kind.freespace
-            return lambda instant: _duration_s(
-                distance_m(actor, other, instant, "longitudinal", clear), instant.state(name).speed_mps
+            line, clear = kind.kind, kind.freespace
+            return lambda instant: _headway_s(
+                distance_m(actor, other, instant.state(name), instant.state(other.name), line, clear),
+                abs(instant.state(name).speed_mps),
             )
 
 
-def time_to_collision_s(actor: Actor, other: Actor, instant: Instant, freespace: bool) -> float:
-    """Longitudinal distance over the speed at which it closes; infinite if it does not."""
-    state, seen = instant.state(actor.name), instant.state(other.name)
-    c, s = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
-    ahead = (seen.x_m - state.x_m) * c + (seen.y_m - state.y_m) * s >= 0.0
-    closing = state.speed_mps - seen.speed_mps * math.cos(seen.yaw_rad - state.yaw_rad)
-    return _duration_s(
-        distance_m(actor, other, instant, "longitudinal", freespace), closing if ahead else -closing
-    )
-
-
-def _duration_s(distance_m: float, speed_mps: float) -> float:
+def _headway_s(distance_m: float, speed_mps: float) -> float:
     return distance_m / speed_mps if speed_mps > STANDING_MPS else math.inf
 
 
-def acceleration_mps2(actor: Actor, instant: Instant) -> float:
-    """Acceleration of an entity, from its speeds within a millisecond."""
-    step = 1e-3
-    return (actor.state(instant.time_s + step).speed_mps - instant.state(actor.name).speed_mps) / step
+def _time_to_collision(kind: model.TimeToCollisionCondition, actor: Actor, world: World) -> Evaluator:
+    """Distance over the speed at which it shrinks; where that is not positive the condition does not hold."""
+    other = world.actors[kind.entity]
+    rule, value, how, freespace = COMPARE[kind.rule], kind.value, kind.kind, kind.freespace
+
+    def holds(instant: Instant) -> bool:
+        a, b = instant.state(actor.name), instant.state(other.name)
+
+        def apart_m(time_s: float) -> float:
+            return distance_m(actor, other, _moved(a, time_s), _moved(b, time_s), how, freespace)
+
+        closing_mps = (apart_m(-_MOMENT_S) - apart_m(_MOMENT_S)) / (2.0 * _MOMENT_S)
+        return closing_mps > STANDING_MPS and rule(apart_m(0.0) / closing_mps, value)
+
+    return holds
 
 
-def distance_m(actor: Actor, other: Actor, instant: Instant, kind: str, freespace: bool) -> float:
-    """Distance of two entities, never negative, in the frame of the first.
+_MOMENT_S = 1e-3
+"""Over which rates of change are taken."""
+
+
+def _moved(state: State, time_s: float) -> State:
+    """Where an entity would be that goes straight on at its speed."""
+    way_m = state.speed_mps * time_s
+    x_m, y_m = state.x_m + way_m * math.cos(state.yaw_rad), state.y_m + way_m * math.sin(state.yaw_rad)
+    return state._replace(x_m=x_m, y_m=y_m)
+
+
+def relative_speed_mps(a: State, b: State, direction: model.Direction | None) -> float:
+    """Velocity of a minus that of b in a direction of a; without direction the difference of their speeds."""
+    if direction is None:
+        return abs(a.speed_mps) - abs(b.speed_mps)
+    turn = b.yaw_rad - a.yaw_rad
+    if direction == "longitudinal":
+        return a.speed_mps - b.speed_mps * math.cos(turn)
+    return -b.speed_mps * math.sin(turn) if direction == "lateral" else 0.0
+
+
+def acceleration_mps2(actor: Actor, instant: Instant, direction: model.Direction | None) -> float:
+    """Acceleration of an entity in a direction of it, or its amount, from its velocities within a moment."""
+    now, soon = instant.state(actor.name), actor.state(instant.time_s + _MOMENT_S)
+    turn = soon.yaw_rad - now.yaw_rad
+    along = (soon.speed_mps * math.cos(turn) - now.speed_mps) / _MOMENT_S
+    left = soon.speed_mps * math.sin(turn) / _MOMENT_S
+    if direction is None:
+        return math.hypot(along, left)
+    return {"longitudinal": along, "lateral": left, "vertical": 0.0}[direction]
+
+
+def distance_m(
+    actor: Actor, other: Actor, a: State, b: State, kind: model.Distance, freespace: bool
+) -> float:
+    """Distance of two entities in the states a and b, never negative, in the frame of the first.
 
     Between reference points, or, if `freespace`, between outlines: for `longitudinal` and `lateral` between
     their extents along that axis (0 where these overlap).
     """
-    a, b = instant.state(actor.name), instant.state(other.name)
     if kind == "euclidianDistance":
         if freespace:
-            return max(instant.gap_m(actor.name, other.name), 0.0)
+            return max(signed_gap_scalar(actor.box(a), other.box(b)), 0.0)
         return math.hypot(a.x_m - b.x_m, a.y_m - b.y_m)
     c, s = math.cos(a.yaw_rad), math.sin(a.yaw_rad)
     if kind == "lateral":

@@ -100,7 +100,7 @@ def _axis(node: Node) -> list[dict[str, Value]]:
             raise ContentError(f"{sets.where} needs ParameterValueSets that assign the same parameters")
         return axis
     name = node.text("parameterName")
-    child = node.one_of("DistributionSet DistributionRange UserDefinedDistribution")
+    child = node.one_of("DistributionSet DistributionRange UserDefinedDistribution", "parameterName")
     if child.tag == "UserDefinedDistribution":
         raise UnsupportedError(f"{child.where} is not supported; use a DistributionSet or DistributionRange")
     return [{name: value} for value in (_set(child) if child.tag == "DistributionSet" else _range(child))]

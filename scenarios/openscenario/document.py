@@ -154,14 +154,14 @@ class Node:
             raise ContentError(f"{self.where} needs an element <{tag}>")
         return child
 
-    def one_of(self, tags: str) -> Node:
-        """The only child, which is one of the names (separated by blanks).
+    def one_of(self, tags: str, attributes: str = "") -> Node:
+        """The only child, which is one of the names (separated by blanks); refuses other attributes.
 
         Raises:
             ContentError: there is none, or several.
-            UnsupportedError: it is another.
+            UnsupportedError: it is another, or there are other attributes.
         """
-        self.allow(" ".join(self.attributes()), tags)
+        self.allow(attributes, tags)
         children = list(self)
         if len(children) != 1:
             raise ContentError(f"{self.where} needs one of: {', '.join(tags.split())}; got {len(children)}")

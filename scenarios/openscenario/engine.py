@@ -145,8 +145,6 @@ class Engine:
         roads: Roads | None = None,
         until_contact: bool = False,
     ) -> None:
-        if not definition.entities:
-            raise RunError(f"{definition.path}: there is no entity")
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
         self.definition, self.step_s, self.until_contact = definition, step_s, until_contact

@@ -234,7 +234,7 @@ class Environment:
         illuminance_lx: of the sun (in night environments: of the moon).
         sun_elevation_rad: over the horizon.
         precipitation: dry, rain or snow.
-        precipitation_mm_h: intensity.
+        precipitation_mm_h: intensity; None in version 1.0, which gives a number from 0 to 1 without unit.
         visual_range_m: in fog.
         friction_scale: factor on the road's friction.
     """
@@ -405,6 +405,9 @@ Action: TypeAlias = PrivateAction | GlobalAction
 
 # Conditions
 
+Direction: TypeAlias = Literal["longitudinal", "lateral", "vertical"]
+Distance: TypeAlias = Literal["longitudinal", "lateral", "euclidianDistance"]
+
 
 @dataclass(frozen=True, slots=True)
 class SimulationTimeCondition:
@@ -450,28 +453,30 @@ class CollisionCondition:
 
 @dataclass(frozen=True, slots=True)
 class SpeedCondition:
-    """Speed, along the entity's x axis unless another direction is asked."""
+    """Speed in a direction of the entity; without direction its amount."""
 
     rule: str
     value: float
-    direction: str
+    direction: Direction | None
 
 
 @dataclass(frozen=True, slots=True)
 class RelativeSpeedCondition:
-    """Speed minus another entity's."""
+    """Velocity less another entity's, in a direction of the first; without direction speed less speed."""
 
     entity: str
     rule: str
     value: float
+    direction: Direction | None
 
 
 @dataclass(frozen=True, slots=True)
 class AccelerationCondition:
-    """Acceleration along the entity's x axis."""
+    """Acceleration in a direction of the entity; without direction its amount."""
 
     rule: str
     value: float
+    direction: Direction | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -481,28 +486,29 @@ class RelativeDistanceCondition:
     entity: str
     rule: str
     value: float
-    kind: str
+    kind: Distance
     freespace: bool
-    coordinates: str
 
 
 @dataclass(frozen=True, slots=True)
 class TimeToCollisionCondition:
-    """Longitudinal distance to another entity over the closing speed."""
+    """Distance to another entity over the speed at which it shrinks; does not hold while it does not."""
 
     entity: str
     rule: str
     value: float
+    kind: Distance
     freespace: bool
 
 
 @dataclass(frozen=True, slots=True)
 class TimeHeadwayCondition:
-    """Longitudinal distance to another entity over the own speed."""
+    """Distance to another entity over the own speed."""
 
     entity: str
     rule: str
     value: float
+    kind: Distance
     freespace: bool
 
 

@@ -226,8 +226,10 @@ def environment(node: Node) -> Environment:
         if rain is not None:
             rain.allow("precipitationType intensity precipitationIntensity")
             values["precipitation"] = rain.choice("precipitationType", "dry rain snow")
-            name = "precipitationIntensity" if rain.has("precipitationIntensity") else "intensity"
-            values["precipitation_mm_h"] = rain.positive(name)
+            if rain.has("precipitationIntensity"):
+                values["precipitation_mm_h"] = rain.positive("precipitationIntensity")
+            else:  # 1.0 has a share of an unknown greatest intensity
+                rain.positive("intensity")
     road = node.get("RoadCondition")
     if road is not None:
         road.allow("frictionScaleFactor wetness", "Properties")
@@ -243,7 +245,7 @@ def _entity(node: Node, context: Context) -> Action:
 
 def _variable(node: Node, context: Context) -> Action:
     name = context.variable(node)
-    child = node.one_of("SetAction ModifyAction")
+    child = node.one_of("SetAction ModifyAction", "variableRef")
     if child.tag == "SetAction":
         child.allow("value")
         start = context.variables[name]

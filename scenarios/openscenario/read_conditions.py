@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 from scenarios.openscenario.document import Node
 from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
@@ -12,6 +13,8 @@ from scenarios.openscenario.model import (
     AngleCondition,
     CollisionCondition,
     Condition,
+    Direction,
+    Distance,
     EntityCondition,
     EntityConditionKind,
     ParameterCondition,
@@ -53,8 +56,7 @@ def trigger(node: Node | None, context: Context) -> Trigger | None:
 
 
 def _condition(node: Node, context: Context) -> Condition:
-    node.allow("name delay conditionEdge", "ByEntityCondition ByValueCondition")
-    child = node.one_of("ByEntityCondition ByValueCondition")
+    child = node.one_of("ByEntityCondition ByValueCondition", "name delay conditionEdge")
     kind = _by_entity(child, context) if child.tag == "ByEntityCondition" else _by_value(child, context)
     return Condition(
         node.text("name"),
@@ -128,61 +130,79 @@ def _collision(node: Node, context: Context) -> EntityConditionKind:
 
 def _speed(node: Node, context: Context) -> EntityConditionKind:
     node.allow("value rule direction")
-    direction = node.choice("direction", "longitudinal lateral total", "longitudinal")
-    return SpeedCondition(node.choice("rule", RULES), node.number("value"), direction)
+    return SpeedCondition(node.choice("rule", RULES), node.number("value"), _direction(node))
 
 
 def _relative_speed(node: Node, context: Context) -> EntityConditionKind:
     node.allow("entityRef value rule direction")
-    node.choice("direction", "longitudinal", "longitudinal")
-    return RelativeSpeedCondition(context.entity(node), node.choice("rule", RULES), node.number("value"))
+    return RelativeSpeedCondition(
+        context.entity(node), node.choice("rule", RULES), node.number("value"), _direction(node)
+    )
 
 
 def _acceleration(node: Node, context: Context) -> EntityConditionKind:
     node.allow("value rule direction")
-    node.choice("direction", "longitudinal", "longitudinal")
-    return AccelerationCondition(node.choice("rule", RULES), node.number("value"))
+    return AccelerationCondition(node.choice("rule", RULES), node.number("value"), _direction(node))
+
+
+def _direction(node: Node) -> Direction | None:
+    if not node.has("direction"):
+        return None
+    return cast(Direction, node.choice("direction", "longitudinal lateral vertical"))
 
 
 def _relative_distance(node: Node, context: Context) -> EntityConditionKind:
     node.allow("entityRef value rule relativeDistanceType freespace coordinateSystem routingAlgorithm")
-    kind = node.choice("relativeDistanceType", "longitudinal lateral cartesianDistance euclidianDistance")
+    node.choice("coordinateSystem", "entity", "entity")
     return RelativeDistanceCondition(
         context.entity(node),
         node.choice("rule", RULES),
         node.number("value"),
-        "euclidianDistance" if kind == "cartesianDistance" else kind,
+        _distance_type(node),
         node.boolean("freespace"),
-        node.choice("coordinateSystem", "entity", "entity"),
     )
+
+
+def _distance_type(node: Node, default: str | None = None) -> Distance:
+    """How a distance is measured; 1.0 calls the straight line `cartesianDistance`."""
+    options = "longitudinal lateral cartesianDistance euclidianDistance"
+    kind = node.choice("relativeDistanceType", options, default)
+    return cast(Distance, "euclidianDistance" if kind == "cartesianDistance" else kind)
 
 
 def _time_to_collision(node: Node, context: Context) -> EntityConditionKind:
-    node.allow(
-        "value rule freespace alongRoute coordinateSystem relativeDistanceType",
-        "TimeToCollisionConditionTarget",
-    )
-    _plain(node)
+    node.allow(_TIMED, "TimeToCollisionConditionTarget")
     target = node.need("TimeToCollisionConditionTarget").one_of("EntityRef")
     target.allow("entityRef")
     return TimeToCollisionCondition(
-        context.entity(target), node.choice("rule", RULES), node.number("value"), node.boolean("freespace")
+        context.entity(target),
+        node.choice("rule", RULES),
+        node.number("value"),
+        _timed_distance(node),
+        node.boolean("freespace"),
     )
 
 
 def _time_headway(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("entityRef value rule freespace alongRoute coordinateSystem relativeDistanceType")
-    _plain(node)
+    node.allow(f"entityRef {_TIMED}")
     return TimeHeadwayCondition(
-        context.entity(node), node.choice("rule", RULES), node.number("value"), node.boolean("freespace")
+        context.entity(node),
+        node.choice("rule", RULES),
+        node.number("value"),
+        _timed_distance(node),
+        node.boolean("freespace"),
     )
 
 
-def _plain(node: Node) -> None:
+_TIMED = "value rule freespace alongRoute coordinateSystem relativeDistanceType routingAlgorithm"
+
+
+def _timed_distance(node: Node) -> Distance:
+    """How a time to an entity measures the distance: in a straight line unless the file says otherwise."""
     node.choice("coordinateSystem", "entity", "entity")
-    node.choice("relativeDistanceType", "longitudinal", "longitudinal")
     if node.boolean("alongRoute", False):
         raise UnsupportedError(f"{node.where} alongRoute='true' is not supported")
+    return _distance_type(node, "euclidianDistance")
 
 
 def _stand_still(node: Node, context: Context) -> EntityConditionKind:

@@ -78,6 +78,8 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
         "FileHeader ParameterDeclarations VariableDeclarations CatalogLocations RoadNetwork Entities "
         "Storyboard",
     )
+    header = root.need("FileHeader")
+    header.allow("revMajor revMinor date author description", "License Properties")
     try:
         declared = Declarations(root.get("ParameterDeclarations"), parameters or {}, {})
     except ParameterError as error:
@@ -102,7 +104,7 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     _check_element_references(file, stories, stop)
     return ScenarioDefinition(
         path=file,
-        description=root.need("FileHeader").text("description", ""),
+        description=header.text("description", ""),
         parameters=dict(scope),
         variables=start_values,
         map_path=_map_path(root.need("RoadNetwork")),
@@ -129,13 +131,15 @@ def _map_path(node: Node) -> Path:
 
 def _entities(node: Node) -> list[Node]:
     node.allow(children="ScenarioObject")
-    return list(node)
+    found = list(node)
+    if not found:
+        raise ContentError(f"{node.where} needs at least one ScenarioObject: nobody takes part")
+    return found
 
 
 def _entity(node: Node, context: Context) -> EntityDefinition:
     name = node.text("name")
-    node.allow("name", "CatalogReference Vehicle Pedestrian MiscObject")
-    child = node.one_of("CatalogReference Vehicle Pedestrian MiscObject")
+    child = node.one_of("CatalogReference Vehicle Pedestrian MiscObject", "name")
     if child.tag == "CatalogReference":
         return _object(name, context.catalogs.entry(child, "Vehicle Pedestrian MiscObject"))
     return _object(
@@ -251,7 +255,7 @@ def _event(node: Node, entities: tuple[str, ...], context: Context) -> Event:
     node.allow("name priority maximumExecutionCount", "Action StartTrigger")
     actions: list[NamedAction] = []
     for child in node.all("Action"):
-        kind = child.one_of("GlobalAction PrivateAction")
+        kind = child.one_of("GlobalAction PrivateAction", "name")
         if kind.tag == "GlobalAction":
             actions.append(NamedAction(child.text("name"), global_action(kind, context), ()))
             continue

@@ -181,7 +181,7 @@ class Storyboard:
             if actor is not None and not actor.exists:
                 continue
             part = running(self._world, actor, action)
-            if actor is not None and actor.controller is not None and LONGITUDINAL in part.domains:
+            if actor is not None and actor.controller is not None and part.domains == {LONGITUDINAL}:
                 part.over = True  # the controller drives; a scenario no longer changes its speed
                 continue
             for other in self._running:

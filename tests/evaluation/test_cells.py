@@ -1,11 +1,12 @@
 """Which cells of the protocols scenario files are, against the grids of the protocols themselves."""
 
+import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from evaluation.cells import cell_columns, changed_run, shipped_run
+from evaluation.cells import cell_columns, changed_run, counted_otherwise, shipped_run
 from evaluation.ncap import protocol_for, specs_of
 from evaluation.ncap_grid import all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.protocols.errors import ProtocolError
@@ -129,6 +130,56 @@ def test_files_of_another_protocol_are_told_or_refused(ncap: Path) -> None:
     both = grid_of_files([rear, ncap / "CA-FC_2026" / "Variations" / "StandardRange" / "CPNA.xosc"], r152)
     assert len(both.strange) > 0
     assert {dict(run.columns)["impact_location_percent"] for run in both.runs} == {50.0}
+
+
+@pytest.mark.parametrize("name", ["r152", "2026"])
+def test_files_told_by_overlap_are_the_cells_of_the_place_that_is_hit(ncap: Path, name: str) -> None:
+    """Half of the width overlaps at 97 % of it, which is no cell; all of it at 50 %, in the middle.
+
+    A target of 1.712 m beside the middle by 0.856 m - 1.815 m * (overlap - 50 %).
+    """
+    files = [
+        ncap / "AEB_C2C_2023" / "Variations" / f"NCAP_AEB_C2C_{n}_Variation_2023.xosc"
+        for n in ("CCRs", "CCRm")
+    ]
+    grid = grid_of_files(files, protocol_for(name, ("dry",)), robustness=False)
+    assert grid.runs
+    for run in grid.runs:
+        assert dict(run.columns)["impact_location_percent"] == 50.0
+        assert dict(run.spec.parameters)["Overlap"] == "100"
+    told = {
+        float(match[1])
+        for s in grid.strange
+        if (match := re.search(r"impact_location_percent ([\d.]+)", s.reason))
+    }
+    assert told >= {
+        round(50 + 100 * side * (0.856 - 1.815 * part) / 1.815, 3) for side in (1, -1) for part in (0, 0.25)
+    }
+
+
+def test_files_told_by_impact_location_are_the_cells_of_their_overlap(ncap: Path) -> None:
+    """In 2023 the middle is 100 %; the other places of 2026 overlap by 72, 47 ... %, which are no cells."""
+    folder = ncap / "CA-FC_2026" / "Variations" / "StandardRange"
+    grid = grid_of_files([folder / "CCRs.xosc", folder / "CCRm.xosc"], protocol_for("2023", ("dry",)))
+    told = {
+        (dict(r.columns)["impact_location_percent"], dict(r.spec.parameters)["ImpactLocation"])
+        for r in grid.runs
+    }
+    assert told == {(100.0, "50")}
+    beside = 50 * (1.712 / 1.815 + 1)
+    for percent, overlap in ((75.0, beside - 25), (25.0, 25 - beside), (100.0, beside - 50)):
+        assert counted_otherwise(percent, 1.712 / 1.815, overlaps=True) == pytest.approx(overlap, abs=1e-3)
+        assert counted_otherwise(overlap, 1.712 / 1.815, overlaps=False) == pytest.approx(percent, abs=2e-3)
+
+
+def test_the_regulation_takes_warning_tests_for_what_the_brake_does(ncap: Path) -> None:
+    """Euro NCAP drives 55 km/h and more behind a standing car for the warning; R152 goes up to 60 km/h."""
+    files = [
+        ncap / "AEB_C2C_2023" / "Variations" / f"NCAP_AEB_C2C_CCRs{n}_Variation_2023.xosc"
+        for n in ("", "_FCW")
+    ]
+    grid = grid_of_files(files, protocol_for("r152", ("dry",)))
+    assert sorted(run.spec.v_test_kmh for run in grid.runs) == [10, 20, 30, 40, 45, 50, 55, 60]
 
 
 # ---- shipped scenarios -------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -462,3 +463,43 @@ def test_a_mistake_in_a_process_of_its_own() -> None:
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.startswith("smartmot-eval: --speeds:")
     assert run.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "told"), [((), True), (("--robustness",), True), (("--no-robustness",), False)]
+)
+def test_robustness_is_left_out_on_request(
+    command: Command, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], told: bool
+) -> None:
+    given: list[object] = []
+    monkeypatch.setattr("evaluation.ncap.run_grid", lambda *_, **more: given.append(more["robustness"]))
+    assert command("ncap", "cpna", "--protocol", "2026", *options).status == 0
+    assert given == [told]
+
+
+@pytest.mark.parametrize(
+    ("options", "flags", "collided", "told"),
+    [
+        ((), (1.0, None, None), (False, False, True), "1 of 3 runs needed no emergency brake"),
+        ((), (1.0, 2.0, 3.0), (False, False, False), ""),
+        (("--hold-speed",), (1.0, None, None), (False, False, True), ""),
+        (("--no-aeb",), (None, None, None), (False, False, False), ""),
+    ],
+)
+def test_runs_without_an_emergency_brake_are_told(
+    command: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[str, ...],
+    flags: tuple[float | None, ...],
+    collided: tuple[bool, ...],
+    told: str,
+) -> None:
+    """Behind whoever is ahead the ACC may leave nothing to do, which a table of zeros does not tell."""
+    rows = [
+        SimpleNamespace(flag_time_s=flag, collided=hit) for flag, hit in zip(flags, collided, strict=True)
+    ]
+    monkeypatch.setattr("evaluation.comparison._compare", lambda *_, **__: rows)
+    answer = command("run", "crossing", *options)
+    assert answer.status == 0
+    assert told in answer.out
+    assert ("emergency brake" in answer.out) == bool(told)

@@ -54,6 +54,15 @@ def test_runs_without_a_cell_are_counted_and_listed(cpna: Path, tmp_path: Path) 
     assert "Robustness, not run and without points, because nothing here can simulate it: driver" in shown
 
 
+def test_robustness_can_be_left_out(cpna: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shown = run([str(cpna)], "2026", HELD, out, robustness=False)
+    assert len(results.read_runs(out)) == 2
+    assert "Robustness was left out as asked (--no-robustness), and has no points." in shown
+    assert "CPNA day, robustness" not in shown
+    assert "robustness 0 of 0.125" in shown
+
+
 def test_logs_are_kept_for_the_report_and_the_film(cpna: Path, tmp_path: Path) -> None:
     from evaluation.report.page import write_page
 

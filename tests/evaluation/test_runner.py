@@ -23,7 +23,7 @@ from evaluation.runner import (
     scenario_specs,
     suite_configuration,
 )
-from evaluation.runs import RunRecord, load_named_map
+from evaluation.runs import NO_AEB, RunRecord, load_named_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.errors import ParameterError
 from scenarios.places import Place, Site, lane_at
@@ -207,12 +207,13 @@ def test_maps_laid_over_a_test_track_and_the_night_are_told(ncap: Path) -> None:
     track = str(ncap / "AEB_VRU_2023" / "NCAP_AEB_VRU_CPNA_2023.xosc")
     over = "perception uses the map euro_ncap_street, laid over StraightRoad_NCAP_noRoadmarks.xodr"
     assert notes(scenario_specs(track, {}, Conditions(("map",)))) == [over]
+    assert notes(scenario_specs(track, {}, Conditions((NO_AEB,)))) == []  # nobody perceives
     street = Conditions(("map",), map_name="urban_street")
     assert notes(scenario_specs(track, {}, street)) == ["perception uses the map urban_street"]
     night = str(ncap / "CA-FC_2026" / "CPNA.xosc")
     told = notes(scenario_specs(night, {"LightingConditions": "Night"}, Conditions(("map",), night="camera")))
     assert told[0] == over
-    assert told[1].startswith("night: night range 46 m")
+    assert told[1].startswith("night range 46 m")
     junction = str(ncap / "AEB_VRU_2023" / "NCAP_AEB_VRU_CPTA_2023.xosc")
     assert notes(scenario_specs(junction, {}, Conditions(("map",)))) == []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -12,13 +13,18 @@ from typing import Any
 
 import pytest
 
-from evaluation.protocols.bands import impact_bands, impact_colour, round_half_up, within_tolerance
+from evaluation.ncap import assess, specs_of
+from evaluation.ncap_grid import grid_of_shipped
+from evaluation.protocols.bands import Colour, impact_bands, impact_colour, round_half_up, within_tolerance
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2026 import EuroNcap2026
 from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
 from evaluation.protocols.grid import Cell, Function, Layer, Measurement
+from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import CONDITIONS, LAYERS
 from evaluation.protocols.verification import Source, share_kept, verify_impact
+from evaluation.runner import Conditions
+from evaluation.runs import execute
 
 pytest.importorskip("euroncap_rating_2026", reason="the calculator is a development dependency")
 
@@ -187,6 +193,42 @@ def test_assessed_runs_win_the_calculators_points(name: str, deceleration_mps2: 
     won = {key: t.won if t.before_gate is None else t.before_gate for key, t in totals.items()}
     assert won["standard"] == pytest.approx(standard)
     assert won["extended"] == pytest.approx(extended)
+
+
+def test_real_runs_win_the_calculators_points() -> None:
+    """CPNA by day in the closed loop, on a wet road, from the shipped scenario to the points."""
+    name = "CPNA day"
+    scored = BLOCKS[name]
+    conditions = Conditions(("rectangular",), weather=("rain",), adapts=False)
+    grid = grid_of_shipped(PROTOCOL, "2026", robustness=False)
+    wanted = {("scenario", "CPNA"), ("lighting", "day")}
+    runs = tuple(run for run in grid.runs if wanted <= set(run.columns) and run.spec.v_test_kmh >= 40.0)
+    records = [
+        (run, execute(spec, keep_log=False))
+        for run, spec in specs_of(replace(grid, runs=runs), conditions, "2026")
+    ]
+    block = assess(PROTOCOL, records)["rectangular"].block(name)
+    impact = {
+        (r.spec.v_test_kmh, dict(run.columns)["impact_location_percent"]): r.row.v_impact_kmh
+        for run, r in records
+    }
+    colours = set()
+    for point in points_of(name):
+        cell = cell_of(scored, point)
+        point.color = common.PredictionColor.RED
+        value = impact.get((cell.speed_kmh, cell.impact_percent))
+        assert (value is None) == (cell.speed_kmh < 40.0)
+        if value is not None:
+            computed = matrix_processing.ComputedTestPoint(point, name, numeric.round_half_up(value, 2))
+            point.color = computed.measured_color
+            colours.add(point.color)
+            assert block.scores[cell].mark == MARKS[Colour(point.color.value)]
+    assert len(colours) >= 3
+    standard, extended = test_info.compute_predicted_score(name, points_of(name))
+    totals = {total.name: total for total in block.totals}
+    assert totals["standard"].won == pytest.approx(standard)
+    assert totals["extended"].won == pytest.approx(extended)
+    assert 0.0 < standard < totals["standard"].most
 
 
 def test_share_kept_after_verification() -> None:

@@ -204,6 +204,15 @@ def test_conditions_and_requirements_have_matrices_of_their_own() -> None:
     ]  # 10, 15, 20 farside, 10 nearside
 
 
+def test_robustness_shows_only_the_speeds_of_standard_cells() -> None:
+    """CCRb is standard up to 80 km/h, its matrix goes on to 130 km/h."""
+    runs = avoided("CCRb")
+    harder = next(cell for cell in PROTOCOL.robustness_cells("CCRb"))
+    block = PROTOCOL.assess({**runs, harder: Measurement(0.0)}).block("CCRb, robustness").block
+    assert block.columns == ("30", "40", "50", "60", "70", "80")
+    assert all(len(row.cells) == 6 and None not in row.cells for row in block.rows)
+
+
 def test_untested_requirements_are_named() -> None:
     (line,) = [n for n in PROTOCOL.assess(avoided("CPNA")).notes if n.startswith("required, but")]
     assert "pedestrian of 3 km/h by night" in line

@@ -66,6 +66,20 @@ def test_the_terminal_shows_every_number_letter_and_total() -> None:
     assert "Lane Departure" in text
 
 
+def test_numbers_stay_whole_in_a_narrow_terminal() -> None:
+    """What a log of 80 characters shows: the longest labels wrap."""
+    runs = {
+        cell: Measurement(29.84) for cell in (*PROTOCOL.cells("CBNA"), *PROTOCOL.robustness_cells("CBNA"))
+    }
+    console = Console(width=80, file=io.StringIO(), color_system=None)
+    console.print(matrix_view(make_sheet({"map": PROTOCOL.assess(runs)}, ())))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "…" not in text
+    # red up to 40 km/h: 4 speeds at 75 and 50 % under three conditions that forbid red, and under two that
+    # ask for no worse than without them, beside 4 speeds at 5 locations
+    assert (text.count("29.8! R"), text.count("29.8 R")) == (4 * 2 * 3, 4 * 2 * 2 + 4 * 5)
+
+
 def test_the_page_needs_no_network_and_holds_every_cell() -> None:
     page = matrix_page(sheet())
     assert not re.search(r"https?:|<script|<link|@import|src=|url\(", page)

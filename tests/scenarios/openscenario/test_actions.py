@@ -5,6 +5,7 @@ import math
 import pytest
 
 from scenarios.openscenario import BrakeAt, Engine, RunError, UnsupportedError, load
+from scenarios.openscenario.model import Environment
 from tests.scenarios.openscenario.conftest import (
     CAR,
     EGO_AT_START,
@@ -299,11 +300,42 @@ def test_environment_action_replaces_the_first(play):
     assert engine.world.environment.name == "night"
 
 
+def test_environment_of_version_1_0(play):
+    """Its sun has an intensity in lux, its rain one from 0 to 1 that is no amount."""
+    old = (
+        '<GlobalAction><EnvironmentAction><Environment name="dusk">'
+        '<TimeOfDay animation="false" dateTime="2026-01-01T18:00:00"/><Weather cloudState="overcast">'
+        '<Sun intensity="400" azimuth="3.1" elevation="0.1"/><Fog visualRange="150"/>'
+        '<Precipitation precipitationType="snow" intensity="0.5"/></Weather>'
+        '<RoadCondition frictionScaleFactor="0.4"/></Environment></EnvironmentAction></GlobalAction>'
+    )
+    engine, _ = play(init=old + EGO_AT_START + OTHER_AHEAD, minor=0)
+    assert engine.world.environment == Environment("dusk", 400.0, 0.1, "snow", None, 150.0, 0.4)
+
+
 def test_a_controller_is_not_overruled(write):
     faster = act(maneuver(event("e", speed(30), later(1))), actors="Ego")
     run = Engine(load(write(faster)), BrakeAt(2.0, 5.0)).run()
     assert at(run, "Ego", 1.5)[3] == 10.0
     assert at(run, "Ego", 3.0)[3] == pytest.approx(5.0)
+
+
+def test_a_controller_takes_the_way_of_a_timed_trajectory_and_not_its_times(write):
+    """From 1 s on the ego is on a line to the north that the file would have it stand on until 5 s."""
+    line = wrap(
+        '<RoutingAction><FollowTrajectoryAction><TimeReference><Timing domainAbsoluteRelative="absolute" '
+        'scale="1" offset="0"/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+        '<TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>'
+        '<Vertex time="5"><Position><WorldPosition x="20" y="0"/></Position></Vertex>'
+        '<Vertex time="9"><Position><WorldPosition x="20" y="80"/></Position></Vertex>'
+        "</Polyline></Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction>"
+    )
+    turn = act(maneuver(event("e", line, later(1))), actors="Ego")
+    run = Engine(load(write(turn)), BrakeAt(3.0, 5.0)).run()
+    assert at(run, "Ego", 0.99) == pytest.approx((19.9, -1.75, 0, 10))
+    assert at(run, "Ego", 2.0) == pytest.approx((20, 10, math.pi / 2, 10))
+    assert at(run, "Ego", 4.0) == pytest.approx((20, 27.5, math.pi / 2, 5))
+    assert Engine(load(write(turn))).run().speed_mps[300, 0] == 0.0  # nobody else drives: it waits
 
 
 def test_a_trajectory_gives_way_to_a_route(play):

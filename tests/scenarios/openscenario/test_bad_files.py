@@ -69,6 +69,10 @@ def edited(write, old, new, *acts, **parts):
         ('laneId="-1" s="60"', 'laneId="-1.5" s="60"', ContentError, ["expected a whole number"]),
         ('dynamicsShape="step"', 'dynamicsShape="jump"', UnsupportedError, ["Shape='jump'", "sinusoidal"]),
         ('dynamicsDimension="time"', 'dynamicsDimension="km"', UnsupportedError, ["dynamicsDimension='km'"]),
+        ("<PrivateAction>", '<PrivateAction late="1">', UnsupportedError, ["<PrivateAction> attribute"]),
+        ("<Position>", '<Position late="1">', UnsupportedError, ["<Position> attribute 'late'"]),
+        ("<SpeedActionTarget>", '<SpeedActionTarget late="1">', UnsupportedError, ["attribute 'late'"]),
+        ('author="test"', 'writer="test"', UnsupportedError, [":2: <FileHeader> attribute 'writer'"]),
         ("</TeleportAction>", "</TeleportAction>"
         "<TeleportAction/>", ContentError, ["<PrivateAction>", "got 2"]),
         ('<Private entityRef="Other">', '<Private entityRef="Third">', ContentError, ["entity 'Third'"]),
@@ -147,6 +151,13 @@ def test_text_cannot_be_ordered(write):
     start = trigger(condition(by_value('<VariableCondition variableRef="n" rule="lessThan" value="much"/>')))
     path = write(act(maneuver(event("e", speed(1), start))))
     refused(path, ParameterError, ":10: <VariableCondition> '0' and 'much' cannot be ordered by lessThan")
+
+
+def test_a_scenario_without_anybody_is_refused(write):
+    path = write(init="")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(re.sub("<ScenarioObject.*</ScenarioObject>", "", text), encoding="utf-8")
+    refused(path, ContentError, ":7: <Entities> needs at least one ScenarioObject")
 
 
 def test_places_are_checked_before_the_run(write):

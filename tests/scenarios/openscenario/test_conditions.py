@@ -4,6 +4,8 @@ Ego starts at s = 10 m with 10 m/s (front at 13.5 m), Other stands at s = 60 m (
 4.6 s.
 """
 
+import math
+
 import pytest
 
 from scenarios.openscenario import Engine, load
@@ -96,7 +98,8 @@ BRAKING = act(
         (by_entity('<SpeedCondition value="9" rule="greaterThan"/>'), 0.0),
         (by_entity('<SpeedCondition value="10" rule="greaterThan"/>'), None),
         (by_entity('<SpeedCondition value="1" rule="greaterThan" direction="lateral"/>'), None),
-        (by_entity('<SpeedCondition value="10" rule="equalTo" direction="total"/>'), 0.0),
+        (by_entity('<SpeedCondition value="-1" rule="lessThan" direction="vertical"/>'), None),
+        (by_entity('<SpeedCondition value="10" rule="equalTo" direction="longitudinal"/>'), 0.0),
         (by_entity('<RelativeSpeedCondition entityRef="Other" value="10" rule="greaterOrEqual"/>'), 0.0),
         (by_entity('<RelativeSpeedCondition entityRef="Ego" value="-9" rule="lessThan"/>', "Other"), 0.0),
         (by_entity('<StandStillCondition duration="1.5"/>', "Other"), 1.5),
@@ -115,12 +118,115 @@ def test_first_time(write, kind, expected):
     [
         (by_entity('<SpeedCondition value="4" rule="lessThan"/>'), 2.2),
         (by_entity('<RelativeSpeedCondition entityRef="Other" value="2.5" rule="lessOrEqual"/>'), 2.5),
-        (by_entity('<AccelerationCondition value="-4" rule="lessThan"/>'), 1.0),
+        (by_entity('<AccelerationCondition value="-4" rule="lessThan" direction="longitudinal"/>'), 1.0),
+        (by_entity('<AccelerationCondition value="4" rule="greaterThan"/>'), 1.0),  # its amount
+        (by_entity('<AccelerationCondition value="-4" rule="lessThan"/>'), None),  # no amount is negative
         (by_entity('<TraveledDistanceCondition value="20"/>'), 3.0),
     ],
 )
 def test_while_braking(write, kind, expected):
-    assert fires_at(write, condition(kind), more=(BRAKING,)) == pytest.approx(expected, abs=2e-3)
+    found = fires_at(write, condition(kind), more=(BRAKING,))
+    assert found == (None if expected is None else pytest.approx(expected, abs=2e-3))
+
+
+BESIDE = EGO_AT_START + private("Other", teleport(lane_position(60, lane=-2)))
+"""Other stands 50 m ahead and 3.5 m to the right: 46 m and 1.5 m between the outlines."""
+
+
+def timed(kind, value, rule="lessOrEqual", freespace="false", other="Other", more=""):
+    """A time to collision or a time headway."""
+    common = f'value="{value}" rule="{rule}" freespace="{freespace}" {more}'
+    if kind == "headway":
+        return f'<TimeHeadwayCondition entityRef="{other}" {common}/>'
+    return (
+        f"<TimeToCollisionCondition {common}><TimeToCollisionConditionTarget>"
+        f'<EntityRef entityRef="{other}"/></TimeToCollisionConditionTarget></TimeToCollisionCondition>'
+    )
+
+
+LONGITUDINAL, LATERAL = 'relativeDistanceType="longitudinal"', 'relativeDistanceType="lateral"'
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        (relative_distance(3.6, "lessThan", "lateral", "false"), 0.0),
+        (relative_distance(3.4, "lessThan", "lateral", "false"), None),
+        (relative_distance(1.6, "lessThan", "lateral"), 0.0),
+        (relative_distance(1.4, "lessThan", "lateral"), None),
+        # 2.5 m between the corners: 2 m ahead and 1.5 m aside
+        (relative_distance(2.5, kind="euclidianDistance"), 4.4),
+        (relative_distance(12.5, kind="euclidianDistance", freespace="false"), 3.8),  # 12 m ahead
+        # in a straight line, unless the file says otherwise: sqrt(19.69^2 + 3.5^2) = 20 m at 10 m/s
+        (timed("headway", 2), 5 - math.sqrt(400 - 12.25) / 10),
+        (timed("headway", 2, more=LONGITUDINAL), 3.0),
+        (timed("headway", 0.34, more=LATERAL), None),
+        (timed("headway", 0.36, more=LATERAL), 0.0),
+        # distance d closes at 10 m/s * x / d: d^2 = x^2 + 12.25 = 1.6 s * 10 m/s * x
+        (timed("collision", 1.6), 5 - (8 + math.sqrt(64 - 12.25)) / 10),
+        (timed("collision", 1.6, more=LONGITUDINAL), 3.4),
+        (timed("collision", 1.6, more=LONGITUDINAL, freespace="true"), 3.0),
+        (timed("collision", 99, more=LATERAL), None),  # the lateral distance does not shrink
+    ],
+)
+def test_beside_the_way(write, kind, expected):
+    found = fires_at(write, condition(by_entity(kind)), init=BESIDE)
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-6))
+
+
+AGAINST = '<Orientation type="relative" h="3.141592653589793"/>'
+ACROSS = '<Orientation type="relative" h="1.5707963267948966"/>'
+ONCOMING = EGO_AT_START + private("Other", teleport(lane_position(200, lane=-2, inner=AGAINST)), speed(5))
+CROSSING = EGO_AT_START + private("Other", teleport(lane_position(200, offset=-50, inner=ACROSS)), speed(3))
+LEAVING = EGO_AT_START + private("Other", teleport(lane_position(60)), speed(12))
+REVERSING = private("Ego", teleport(lane_position(100)), speed(-2)) + private(
+    "Other", teleport(lane_position(60))
+)
+
+
+def relative_speed(value, direction="", entity="Other"):
+    """Within 0.01 m/s of a value."""
+    way = f'direction="{direction}"' if direction else ""
+    return tuple(
+        condition(by_entity(f'<RelativeSpeedCondition entityRef="{entity}" value="{v}" rule="{r}" {way}/>'))
+        for v, r in ((value - 0.01, "greaterThan"), (value + 0.01, "lessThan"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("init", "conditions", "expected"),
+    [
+        # two that drive towards each other: velocities add, speeds do not
+        (ONCOMING, relative_speed(15, "longitudinal"), 0.0),
+        (ONCOMING, relative_speed(5), 0.0),
+        # one that crosses to the left: seen from the ego it moves with 3 m/s to the left
+        (CROSSING, relative_speed(10, "longitudinal"), 0.0),
+        (CROSSING, relative_speed(-3, "lateral"), 0.0),
+        (CROSSING, relative_speed(0, "vertical"), 0.0),
+        (CROSSING, relative_speed(7), 0.0),
+        # in reverse the speed is 2 m/s, and -2 m/s in the direction of the car
+        (REVERSING, relative_speed(2), 0.0),
+        (REVERSING, relative_speed(-2, "longitudinal"), 0.0),
+        (REVERSING, (condition(by_entity('<SpeedCondition value="1.9" rule="greaterThan"/>')),), 0.0),
+        (
+            REVERSING,
+            (
+                condition(
+                    by_entity('<SpeedCondition value="1.9" rule="greaterThan" direction="longitudinal"/>')
+                ),
+            ),
+            None,
+        ),
+        # nobody collides with one that drives away, not even late
+        (LEAVING, (condition(by_entity(timed("collision", 1, "greaterThan"))),), None),
+        (LEAVING, (condition(by_entity(timed("collision", 1, "lessThan"))),), None),
+        # backwards towards a car 40 m behind: its front is 36 m behind the rear, or 18 s at 2 m/s
+        (REVERSING, (condition(by_entity(timed("collision", 17, freespace="true"))),), 1.0),
+    ],
+)
+def test_directions(write, init, conditions, expected):
+    found = fires_at(write, *conditions, init=init)
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-6))
 
 
 def test_standstill_after_braking(write):
@@ -129,19 +235,33 @@ def test_standstill_after_braking(write):
     assert found == pytest.approx(3.5, abs=CAPTURE)
 
 
-def test_turning_heading(write):
-    """A quarter of a circle of 20 m at 10 m/s: 1 rad of heading after 2 s."""
-    arc = (
-        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
-        '<TrajectoryFollowingMode followingMode="position"/><TrajectoryRef>'
-        '<Trajectory name="t" closed="false"><Shape>'
-        '<ClothoidSpline><ClothoidSplineSegment length="30" curvatureStart="0.05" curvatureEnd="0.05"/>'
-        "</ClothoidSpline>"
-        "</Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction></PrivateAction>"
-    )
-    init = private("Ego", teleport(lane_position(10)), speed(10), arc) + OTHER_AHEAD
-    kind = by_entity('<AngleCondition angleType="heading" angle="1.0" angleTolerance="0.1"/>')
-    assert fires_at(write, condition(kind), init=init) == pytest.approx(1.8, abs=1e-6)
+ARC = (
+    "<PrivateAction><RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
+    '<TrajectoryFollowingMode followingMode="position"/><TrajectoryRef>'
+    '<Trajectory name="t" closed="false"><Shape>'
+    '<ClothoidSpline><ClothoidSplineSegment length="30" curvatureStart="0.05" curvatureEnd="0.05"/>'
+    "</ClothoidSpline>"
+    "</Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction></PrivateAction>"
+)
+TURNING = private("Ego", teleport(lane_position(10)), speed(10), ARC) + OTHER_AHEAD
+"""A circle of 20 m to the left at 10 m/s for 3 s: 0.5 rad/s, 5 m/s2 to the left."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ('<AngleCondition angleType="heading" angle="1.0" angleTolerance="0.1"/>', 1.8),
+        ('<AccelerationCondition value="4.9" rule="greaterThan" direction="lateral"/>', 0.0),
+        ('<AccelerationCondition value="5.1" rule="greaterThan" direction="lateral"/>', None),
+        ('<AccelerationCondition value="4.9" rule="greaterThan"/>', 0.0),
+        ('<AccelerationCondition value="0.1" rule="greaterThan" direction="longitudinal"/>', None),
+        ('<AccelerationCondition value="0.1" rule="greaterThan" direction="vertical"/>', None),
+        ('<SpeedCondition value="0.1" rule="greaterThan" direction="lateral"/>', None),
+    ],
+)
+def test_while_turning(write, kind, expected):
+    found = fires_at(write, condition(by_entity(kind)), init=TURNING)
+    assert found == (None if expected is None else pytest.approx(expected, abs=1e-6))
 
 
 @pytest.mark.parametrize(

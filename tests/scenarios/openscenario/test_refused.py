@@ -49,6 +49,7 @@ SCHEMA = {
     "ByValueCondition": "ParameterCondition TimeOfDayCondition SimulationTimeCondition "
     "StoryboardElementStateCondition UserDefinedValueCondition TrafficSignalCondition "
     "TrafficSignalControllerCondition VariableCondition",
+    "CollisionCondition": "EntityRef ByType",
     "TimeToCollisionConditionTarget": "Position EntityRef",
     "Position": "WorldPosition RelativeWorldPosition RelativeObjectPosition RoadPosition "
     "RelativeRoadPosition LanePosition RelativeLanePosition RoutePosition GeoPosition TrajectoryPosition",
@@ -99,6 +100,7 @@ ACTIONS = {
 CONDITIONS = {
     "EntityCondition": by_entity("{}"),
     "ByValueCondition": by_value("{}"),
+    "CollisionCondition": by_entity("<CollisionCondition>{}</CollisionCondition>"),
     "TimeToCollisionConditionTarget": by_entity(
         '<TimeToCollisionCondition freespace="true" rule="lessThan" value="1">'
         "<TimeToCollisionConditionTarget>{}</TimeToCollisionConditionTarget></TimeToCollisionCondition>"

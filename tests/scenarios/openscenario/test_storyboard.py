@@ -150,6 +150,7 @@ def test_a_new_speed_action_ends_the_old_one(write):
         ("maneuverGroup", "story::act::group", "completeState", 3.0),
         ("act", "act", "completeState", 3.0),
         ("act", "act", "runningState", 0.0),
+        ("act", "act", "endTransition", 3.0),
         ("event", "story/act/group/m/ramp", "standbyState", 0.0),
     ],
 )
@@ -162,6 +163,43 @@ def test_element_states(write, kind, name, wanted, expected):
         name="second",
     ).replace('"group"', '"watchers"')
     engine = engine_of(write, ramp, group)
+    if expected == 0.0:
+        assert engine.world.variables["n"] == 1
+    else:
+        assert n_at(engine, expected - 0.001) == 0
+        assert n_at(engine, expected + 0.001) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "wanted", "expected"),
+    [
+        # a ramp of 10 s; at 2 s its event is overridden, at 2.5 s one is skipped, at 4 s the act is stopped
+        ("event", "ramp", "stopTransition", 2.0),
+        ("event", "ramp", "completeState", 2.0),
+        ("event", "over", "startTransition", 2.0),
+        ("event", "skipped", "skipTransition", 2.5),
+        ("event", "over", "stopTransition", 4.0),
+        ("act", "act", "stopTransition", 4.0),
+        ("action", "over::a", "stopTransition", 4.0),
+        # the story ends with its only act
+        ("story", "story", "endTransition", 4.0),
+        ("story", "story", "completeState", 4.0),
+        ("story", "story", "runningState", 0.0),
+    ],
+)
+def test_states_of_what_is_overridden_skipped_and_stopped(write, kind, name, wanted, expected):
+    ramp = event("ramp", speed(10, "linear", "time", 10))
+    over = event("over", speed(0, "linear", "time", 10), later(2), priority="override")
+    skipped = event("skipped", speed(5), later(2.5), priority="skip")
+    ramps = act(maneuver(ramp, over, skipped), stop=later(4, "StopTrigger"))
+    seen = event("seen", set_variable("n", 1), trigger(condition(state(kind, name, wanted))))
+    path = write(ramps)
+    text = path.read_text(encoding="utf-8")
+    watch = act(maneuver(seen, name="watch"), name="second").replace('"group"', '"watchers"')
+    path.write_text(
+        text.replace("</Story>", f'</Story><Story name="watcher">{watch}</Story>'), encoding="utf-8"
+    )
+    engine = Engine(load(path))
     if expected == 0.0:
         assert engine.world.variables["n"] == 1
     else:
