@@ -6,6 +6,7 @@ All positions are in the map frame (OpenDRIVE's inertial frame), SI units and ra
 from smartmot.association import AssociationConfig
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, TimeOrderError
+from smartmot.forecast import ForecastConfig, forecast_tracks
 from smartmot.geometry import bev_iou
 from smartmot.kalman import BevFilterConfig
 from smartmot.lifecycle import LifecycleConfig
@@ -29,7 +30,7 @@ from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineSta
 from smartmot.regulatory import RegulatoryElement, regulatory_elements
 from smartmot.route import Route, route_ahead, route_from_lanes
 from smartmot.tracker import ReportConfig, Tracker, TrackerConfig
-from smartmot.tracker_configs import TRACKER_CONFIGS, tracker_config
+from smartmot.tracker_configs import TRACKER_CONFIGS, forecast_config, tracker_config
 from smartmot.tracker_state import TrackerState
 from smartmot.types import Boxes, Detections, EgoState, Forecast, Threats, Tracks
 
@@ -46,6 +47,7 @@ __all__ = [
     "EgoState",
     "EverythingArea",
     "Forecast",
+    "ForecastConfig",
     "FrameResult",
     "LifecycleConfig",
     "MapArea",
@@ -73,6 +75,8 @@ __all__ = [
     "Tracks",
     "bev_iou",
     "detections_from_arrays",
+    "forecast_config",
+    "forecast_tracks",
     "regulatory_elements",
     "route_ahead",
     "route_from_lanes",

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 
 from smartmot.types import BoolArray, FloatArray, IntArray
@@ -10,7 +13,7 @@ _TABLE_CELLS = 2048
 """Up to this size one table is solved at once; taking it apart would take longer."""
 
 
-def contested(row: IntArray, column: IntArray) -> BoolArray:
+def contested(row: IntArray, column: IntArray) -> BoolArray | None:
     """Which pairs share their row or their column with another pair.
 
     Args:
@@ -18,27 +21,31 @@ def contested(row: IntArray, column: IntArray) -> BoolArray:
         column: (P,) columns of the pairs.
 
     Returns:
-        (P,) flags.
+        (P,) flags; None if there is no such pair.
     """
-    shared: BoolArray = (np.bincount(row)[row] > 1) | (np.bincount(column)[column] > 1)
+    in_row, in_column = np.bincount(row), np.bincount(column)
+    # no row and no column comes twice if there are as many of both as pairs
+    if np.count_nonzero(in_row) == len(row) == np.count_nonzero(in_column):
+        return None
+    shared: BoolArray = in_row.take(row) + in_column.take(column) > 2
     return shared
 
 
-def is_one_to_one(row: IntArray, column: IntArray) -> bool:
-    """Whether no pair is contested.
+@cache
+def _hungarian() -> Callable[..., tuple[IntArray, IntArray]]:
+    """SciPy's solver, imported when it is first needed: start-up stays light, and so do frames."""
+    from scipy.optimize import linear_sum_assignment
 
-    Args:
-        row: (P,) rows of the pairs.
-        column: (P,) columns of the pairs.
-
-    Returns:
-        True if every row and every column comes once.
-    """
-    n = len(row)
-    return bool(np.count_nonzero(np.bincount(row)) == n and np.count_nonzero(np.bincount(column)) == n)
+    return linear_sum_assignment
 
 
-def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "hungarian") -> IntArray:
+def solve(
+    row: IntArray,
+    column: IntArray,
+    affinity: FloatArray,
+    method: str = "hungarian",
+    shape: tuple[int, int] | None = None,
+) -> IntArray:
     """Pairs that are matched, at most one per row and one per column.
 
     Args:
@@ -46,11 +53,13 @@ def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "
         column: (P,) columns of the pairs; no pair comes twice.
         affinity: (P,) how well the pairs go together; 0 or less forbids the match.
         method: "hungarian": the greatest total affinity. "greedy": the best pair first.
+        shape: How many rows and columns there are. None: up to the last that has a pair.
 
     Returns:
         (K,) positions of the matched pairs, ascending.
     """
-    shape = (int(row.max()) + 1, int(column.max()) + 1) if len(row) else (0, 0)
+    if shape is None:
+        shape = (int(row.max()) + 1, int(column.max()) + 1) if len(row) else (0, 0)
     if method == "hungarian" and shape[0] * shape[1] <= _TABLE_CELLS:
         return _table(row, column, affinity, shape)
     pair = (affinity > 0.0).nonzero()[0]
@@ -59,9 +68,9 @@ def solve(row: IntArray, column: IntArray, affinity: FloatArray, method: str = "
     if len(pair) < len(affinity):
         row, column, affinity = row[pair], column[pair], affinity[pair]
     open_pairs = contested(row, column)
-    left = np.flatnonzero(open_pairs)
-    if len(left) == 0:
+    if open_pairs is None:
         return pair
+    left = open_pairs.nonzero()[0]
     row, column, affinity = _compact(row[left]), _compact(column[left]), affinity[left]
     if method == "greedy":
         won = _greedy(row, column, affinity)
@@ -97,12 +106,11 @@ def _greedy(row: IntArray, column: IntArray, affinity: FloatArray) -> IntArray:
 
 def _table(row: IntArray, column: IntArray, affinity: FloatArray, shape: tuple[int, int]) -> IntArray:
     """Positions of the pairs of greatest total affinity, by the Hungarian algorithm on a table."""
-    from scipy.optimize import linear_sum_assignment
-
     table = np.zeros(shape)
     table[row, column] = np.maximum(affinity, 0.0)
-    i, j = linear_sum_assignment(table, maximize=True)
-    partner = np.full(shape[0], -1)
+    i, j = _hungarian()(table, maximize=True)
+    partner = np.empty(shape[0], dtype=np.int64)
+    partner.fill(-1)
     partner[i] = j
     # Cells of affinity 0 fill the assignment up and match nothing.
     won: IntArray = ((partner.take(row) == column) & (affinity > 0.0)).nonzero()[0]

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from smartmot.assignment import contested, is_one_to_one, solve
+from smartmot.assignment import contested, solve
 from smartmot.errors import ConfigError
 from smartmot.geometry import bev_giou, iou_exact, iou_scalar, near_pairs
 from smartmot.kalman import Estimate
@@ -112,7 +112,7 @@ class AssociationConfig:
         return (value,) * len(CATEGORIES) if isinstance(value, str) else tuple(value)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Pairs:
     """Pairs of a track and a detection that a gate left, and what affinities are made of.
 
@@ -144,17 +144,17 @@ class Pairs:
 
     def iou(self, which: IntArray) -> FloatArray:
         """(K,) overlaps of some of the pairs."""
-        i, j = self.track.take(which), self.detection.take(which)
-        a, b, offset = self.tracks, self.detections, self.offset_m.take(which, axis=0)
-        a_size, a_yaw = a.size_m.take(i, axis=0), a.yaw_rad.take(i)
-        b_size, b_yaw = b.size_m.take(j, axis=0), b.yaw_rad.take(j)
+        i, j, offset = self.track.take(which), self.detection.take(which), self.offset_m.take(which, axis=0)
+        a, b = self.tracks, self.detections
         if len(which) > _FEW_PAIRS:
-            return iou_exact(_ORIGIN, a_size, a_yaw, offset, b_size, b_yaw)
-        columns = (part.tolist() for part in (a_size, a_yaw, offset, b_size, b_yaw))
+            a_size, b_size = a.size_m.take(i, axis=0), b.size_m.take(j, axis=0)
+            return iou_exact(_ORIGIN, a_size, a.yaw_rad.take(i), offset, b_size, b.yaw_rad.take(j))
+        sizes, yaws = a.size_m.tolist(), a.yaw_rad.tolist()
+        other_sizes, other_yaws = b.size_m.tolist(), b.yaw_rad.tolist()
         return np.array(
             [
-                iou_scalar((0.0, 0.0, *size, yaw), (*shift, *other_size, other_yaw))
-                for size, yaw, shift, other_size, other_yaw in zip(*columns, strict=True)
+                iou_scalar((0.0, 0.0, *sizes[m], yaws[m]), (x, y, *other_sizes[n], other_yaws[n]))
+                for m, n, (x, y) in zip(i.tolist(), j.tolist(), offset.tolist(), strict=True)
             ]
         )
 
@@ -184,13 +184,14 @@ def overlap_then_distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     A pair within the gate that competes with no other matches whatever its overlap, so the exact overlap is
     computed for the remaining pairs only.
     """
-    nearness = np.maximum(1.0 - pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M), 0.0)
+    nearness = distance(pairs, threshold)
     # All distance matches of a frame together stay below the least overlap.
     affinity: FloatArray = nearness * (threshold / (min(len(pairs.tracks), len(pairs.detections)) + 1.0))
     exact = (pairs.touching & (pairs.contested | (nearness == 0.0))).nonzero()[0]
     if len(exact):
         iou = pairs.iou(exact)
-        affinity[exact] = np.where(iou >= threshold.take(exact), iou, affinity.take(exact))
+        enough = (iou >= threshold.take(exact)).nonzero()[0]
+        affinity[exact.take(enough)] = iou.take(enough)
     return affinity
 
 
@@ -203,8 +204,9 @@ def generalised_overlap(pairs: Pairs, threshold: FloatArray) -> FloatArray:
 
 def distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     """1 at the predicted centre, 0 at the gate."""
-    affinity: FloatArray = np.maximum(1.0 - pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M), 0.0)
-    return affinity
+    share: FloatArray = pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M)
+    np.subtract(1.0, share, out=share)
+    return np.maximum(share, 0.0, out=share)
 
 
 def mahalanobis(pairs: Pairs, threshold: FloatArray) -> FloatArray:
@@ -244,10 +246,12 @@ class Associator:
     ) -> None:
         self._config = config
         self._variance = position_variance_m2
+        # one table instead of three: taken once for all tracks
+        self._gates = np.column_stack(
+            (position_variance_m2, table(config.speed_change_mps), table(config.widest_gate_m))
+        )
         # The chi-square quantile of two degrees of freedom has the closed form -2 ln(1 - p).
         self._chi2 = -2.0 * math.log1p(-config.gate_probability)
-        self._widest = table(config.widest_gate_m)
-        self._sudden = table(config.speed_change_mps)
         self._fixed = None if config.gate_m is None else table(config.gate_m)
         costs, methods = config.names("cost"), config.names("method")
         self._rules = [
@@ -292,10 +296,11 @@ class Associator:
             return self._fixed.take(code)
         if self._chi2 == 0.0:
             return np.zeros(len(code))
-        reach: FloatArray = np.sqrt(self._chi2 * (variance_m2 + self._variance.take(code)))
-        sudden = 0.5 * longest_m + (self._sudden * dt_s).take(code)
-        np.maximum(reach, sudden, out=reach)
-        return np.minimum(reach, self._widest.take(code), out=reach)
+        noise_m2, sudden_mps, widest_m = self._gates.take(code, axis=0).T
+        reach: FloatArray = np.sqrt(self._chi2 * (variance_m2 + noise_m2))
+        np.maximum(reach, 0.5 * longest_m + sudden_mps * dt_s, out=reach)
+        np.minimum(reach, widest_m, out=reach)
+        return reach
 
     def match(
         self,
@@ -340,12 +345,11 @@ class Associator:
         offset = center.take(j, axis=0) - tracks.center_m.take(i, axis=0)
         distance_m = np.hypot(offset[:, 0], offset[:, 1])
         gate = reach.take(i)
-        clear = is_one_to_one(i, j)
-        if clear and self._by_distance and np.count_nonzero(distance_m < gate) == len(i):
+        shared = contested(i, j)
+        if shared is None and self._by_distance and np.count_nonzero(distance_m < gate) == len(i):
             return i, j
         code = track_code.take(i)
-        pairs = unchecked(
-            Pairs,
+        pairs = Pairs(
             unchecked(Boxes, tracks.center_m, size, tracks.yaw_rad),
             detections,
             i,
@@ -356,16 +360,18 @@ class Associator:
             distance_m <= radius.take(i) + other.take(j),
             covariance,
             self._variance.take(code),
-            np.zeros(len(i), dtype=np.bool_) if clear else contested(i, j),
+            np.zeros(len(i), dtype=np.bool_) if shared is None else shared,
         )
         if len(self._rules) == 1:
             _, affinity, threshold, method = self._rules[0]
-            pair = _stages(pairs, affinity(pairs, threshold.take(code)), method, first)
+            value = affinity(pairs, threshold.take(code))
+            pair = (value > 0.0).nonzero()[0] if shared is None else _stages(pairs, value, method, first)
             return i.take(pair), j.take(pair)
         chosen, free = [], np.ones(len(center), dtype=np.bool_)
         for members, affinity, threshold, method in self._rules:
             own = members[code] & free[j]
-            pair = _stages(pairs, np.where(own, affinity(pairs, threshold[code]), 0.0), method, first)
+            value = np.where(own, affinity(pairs, threshold[code]), 0.0)
+            pair = (value > 0.0).nonzero()[0] if shared is None else _stages(pairs, value, method, first)
             free[j[pair]] = False
             chosen.append(pair)
         pair = np.sort(np.concatenate(chosen))
@@ -374,13 +380,11 @@ class Associator:
 
 def _stages(pairs: Pairs, affinity: FloatArray, method: str, first: BoolArray | None) -> IntArray:
     """Positions of the matched pairs, ascending, in one stage or in two."""
-    track, detection = pairs.track, pairs.detection
-    if not np.count_nonzero(pairs.contested):
-        return (affinity > 0.0).nonzero()[0]
+    track, detection, shape = pairs.track, pairs.detection, (len(pairs.tracks), len(pairs.detections))
     if first is None:
-        return solve(track, detection, affinity, method)
+        return solve(track, detection, affinity, method, shape)
     early = first.take(detection)
-    won = solve(track, detection, np.where(early, affinity, 0.0), method)
+    won = solve(track, detection, np.where(early, affinity, 0.0), method, shape)
     free = np.ones(int(track.max()) + 1, dtype=np.bool_)
     free[track.take(won)] = False
     left = (~early & free.take(track)).nonzero()[0]

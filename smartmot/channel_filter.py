@@ -35,6 +35,10 @@ _BACKWARDS_MPS = 2.0
 backwards more slowly, 7 km/h."""
 
 
+_STEPS = 32
+"""Time steps that are remembered: stamps k * 0.1 s differ by a dozen values, measured ones always."""
+
+
 class ChannelFilter:
     """Constant velocity or constant acceleration.
 
@@ -62,7 +66,7 @@ class ChannelFilter:
             if not used
         ]
         self._places = _places(k)
-        self._step = lru_cache(maxsize=8)(self._uncached_step)
+        self._steps: dict[float, tuple[FloatArray, FloatArray]] = {}
 
     @property
     def width(self) -> int:
@@ -86,8 +90,11 @@ class ChannelFilter:
         covariance: FloatArray = np.stack(variances, axis=-1)[..., i] * (i == j)
         return covariance
 
-    def _uncached_step(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
+    def _step(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
         """(parts, parts) matrix and (C, 5, parts) offset that carry mean and upper triangle over dt_s."""
+        known = self._steps.get(dt_s)
+        if known is not None:
+            return known
         f, k = self._motion.transition(dt_s), self._k
         pick, spread = self._triangle
         matrix = np.zeros((self._parts, self._parts))
@@ -96,7 +103,10 @@ class ChannelFilter:
         matrix[k:, k:] = pick @ (f[:, None, :, None] * f[:, None, :]).reshape(k * k, k * k) @ spread
         offset = np.zeros((*self._noise.shape, self._parts))
         offset[..., k:] = process_noise(self._densities, dt_s).reshape(*self._noise.shape, k * k) @ pick.T
-        return matrix.T.copy(), offset
+        if len(self._steps) == _STEPS:
+            self._steps.clear()
+        step = self._steps[dt_s] = matrix.T.copy(), offset
+        return step
 
     def _channels(self, state: FloatArray) -> FloatArray:
         """(M, 5, parts) view of the states."""
@@ -151,17 +161,20 @@ class ChannelFilter:
         Returns:
             (N, W) states.
         """
-        k, config = self._k, self._config
+        k, config, (i, j) = self._k, self._config, self._upper
         corrected = state.copy()
         channels = self._channels(corrected)
+        # One row for each channel of each track: arrays of two dimensions take less time than of three.
+        rows = corrected.reshape(-1, self._parts)
         innovation = measurement - channels[..., 0]
         innovation[:, YAW] = heading_innovation(measurement[:, YAW], channels[:, YAW, 0])
         # The first row of the covariance, from the value's variance on.
-        cross = channels[..., k : 2 * k].copy()
-        gain = cross / (cross[..., :1] + self._noise.take(code, axis=0)[..., None])
-        i, j = self._upper
-        channels[..., :k] += gain * innovation[..., None]
-        channels[..., k:] -= gain.take(i, axis=-1) * cross.take(j, axis=-1)
+        cross = rows[:, k : 2 * k].copy()
+        gain = cross / (cross[:, :1] + self._noise.take(code, axis=0).reshape(-1, 1))
+        change = np.empty_like(rows)
+        np.multiply(gain, innovation.reshape(-1, 1), out=change[:, :k])
+        np.multiply(gain.take(i, axis=1), -cross.take(j, axis=1), out=change[:, k:])
+        rows += change
         if velocity_mps is not None and config.use_velocity:
             self._measure_velocity(channels, velocity_mps, code)
         if self._copied:
@@ -169,7 +182,8 @@ class ChannelFilter:
             channels[:, self._copied, 1] = 0.0
         if config.heading == "detector":
             off = np.cos(measurement[:, YAW] - channels[:, YAW, 0]) < 0.0
-            channels[off, YAW, 0] += np.pi
+            if np.count_nonzero(off):
+                channels[off, YAW, 0] += np.pi
         elif config.heading == "motion":
             yaw = channels[:, YAW, 0]
             forward = channels[:, X, 1] * np.cos(yaw) + channels[:, Y, 1] * np.sin(yaw)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import sys
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,9 +17,21 @@ MAX_SIZE_M = 100.0
 MAX_POSITION_M = 1e8
 """Farthest coordinate: five times the northing of any point in UTM."""
 
-_LEAST = np.array([-MAX_POSITION_M, -MAX_POSITION_M, math.ulp(0.0), math.ulp(0.0), -sys.float_info.max, 0.0])
-_GREATEST = np.array([MAX_POSITION_M, MAX_POSITION_M, MAX_SIZE_M, MAX_SIZE_M, sys.float_info.max, 1.0])
-"""Of x, y, length, width, yaw and score. A size is positive, a heading any finite number."""
+MIN_SIZE_M = 1e-3
+"""Shortest side: what is thinner than a millimetre is no box."""
+
+MAX_YAW_RAD = 1e9
+"""Greatest heading: a larger number has lost the digits that say where in the turn it is."""
+
+MAX_SPEED_MPS = 500.0
+"""Fastest measured velocity: the land speed record is 341 m/s."""
+
+LEAST_BOX = np.array([-MAX_POSITION_M, -MAX_POSITION_M, MIN_SIZE_M, MIN_SIZE_M, -MAX_YAW_RAD])
+GREATEST_BOX = np.array([MAX_POSITION_M, MAX_POSITION_M, MAX_SIZE_M, MAX_SIZE_M, MAX_YAW_RAD])
+"""Of x, y, length, width and heading; NaN is in no range."""
+
+_LEAST, _GREATEST = np.append(LEAST_BOX, 0.0), np.append(GREATEST_BOX, 1.0)
+"""The same, then the score."""
 
 
 def detections_from_arrays(
@@ -36,9 +45,9 @@ def detections_from_arrays(
 ) -> tuple[Detections, int]:
     """Detections out of what a detector wrote, without the impossible ones.
 
-    Dropped are rows with a value that is not finite, a side that is not positive or longer than 100 m, a
-    score outside [0, 1], or a category that is not in `smartmot.types.CATEGORIES`. A velocity that is not
-    finite is taken as not measured.
+    Dropped are rows with a value that is not finite, a side under 1 mm or over 100 m, a position or heading
+    that no sensor means (beyond 1e8 m, 1e9 rad), a score outside [0, 1], or a category that is not in
+    `smartmot.types.CATEGORIES`. A velocity that is not finite or over 500 m/s is taken as not measured.
 
     Args:
         stamp_s: Measurement time, seconds.
@@ -53,22 +62,25 @@ def detections_from_arrays(
         The detections and how many rows were dropped.
 
     Raises:
-        ShapeError: The arrays do not have one row per detection.
+        ShapeError: The arrays do not have one row per detection, or the time is no number.
     """
+    try:
+        stamp_s = float(stamp_s)
+    except (TypeError, ValueError):
+        raise ShapeError(f"stamp_s: expected a number of seconds, got {stamp_s!r}") from None
     center = _numbers(center_m, (2,), "center_m")
     n = len(center)
     size, yaw = _numbers(size_m, (2,), "size_m"), _numbers(yaw_rad, (), "yaw_rad")
-    confidence = None if score is None else _numbers(score, (), "score")
+    confidence = np.ones(n) if score is None else _numbers(score, (), "score")
     names = np.full(n, "unknown") if category is None else np.array(category, dtype=np.str_).reshape(-1)
     velocity = None if velocity_mps is None else _numbers(velocity_mps, (2,), "velocity_mps")
-    lengths = {len(part) for part in (size, yaw, confidence, names, velocity) if part is not None}
+    lengths = {len(size), len(yaw), len(confidence), len(names), n if velocity is None else len(velocity)}
     if lengths != {n}:
         raise ShapeError(f"detections: expected {n} rows in every array, got {sorted(lengths)}")
     if velocity is not None:
-        velocity = np.where(np.isfinite(velocity).all(axis=1, keepdims=True), velocity, np.nan)
+        velocity = measured_velocities(velocity)
     rows = np.empty((n, len(_LEAST)))
-    rows[:, :2], rows[:, 2:4], rows[:, 4] = center, size, yaw
-    rows[:, 5] = 1.0 if confidence is None else confidence
+    rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5] = center, size, yaw, confidence
     possible = (rows >= _LEAST) & (rows <= _GREATEST)
     rejected = 0
     # Mostly all is well; which rows are not is asked only when something is wrong.
@@ -80,7 +92,20 @@ def detections_from_arrays(
         velocity = None if velocity is None else velocity[good]
     # Everything that the constructors check has just been checked.
     boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
-    return unchecked(Detections, float(stamp_s), boxes, rows[:, 5], names, velocity), rejected
+    return unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity), rejected
+
+
+def measured_velocities(velocity_mps: FloatArray) -> FloatArray:
+    """Velocities with NaN in place of those that cannot be.
+
+    Args:
+        velocity_mps: (N, 2) velocities.
+
+    Returns:
+        (N, 2) velocities; a row is NaN where a component is not finite or over 500 m/s.
+    """
+    possible = (np.abs(velocity_mps) <= MAX_SPEED_MPS).all(axis=1, keepdims=True)
+    return np.where(possible, velocity_mps, np.nan)
 
 
 def _numbers(values: ArrayLike, row: tuple[int, ...], name: str) -> FloatArray:

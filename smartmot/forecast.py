@@ -26,6 +26,9 @@ class ForecastConfig:
         step_s: spacing of the forecast boxes. The paper draws 4 boxes; 12.5 m apart at 60 km/h they would
             step over a crossing pedestrian, so the boxes here are dense enough to overlap each other.
         max_yaw_rate_radps: turn rates are limited to this; a track that is only just born may show more.
+
+    Raises:
+        ConfigError: A value is outside its range.
     """
 
     ego: str = "ctrv"
@@ -59,7 +62,11 @@ def forecast_tracks(
         time_s: (T,) times after now.
         config: limits.
         delay_s: age of the tracks' estimate now (sensor latency); they are moved on by it first.
+
+    Returns:
+        Poses of the M tracks at the T times, map frame.
     """
+    time_s = np.array(time_s, dtype=np.float64)  # the forecast's own: its arrays are read-only
     shape = (len(tracks), len(time_s))
     center, yaw = np.empty((*shape, 2)), np.empty(shape)
     center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]

@@ -22,11 +22,14 @@ _LEAST_AREA_M2 = 1e-300
 """Stands for a union of 0 in a division."""
 
 _CHUNK = 1024
-"""Pairs treated at once: their intermediate arrays stay in the cache, and none is so large (128 KiB) that the
-allocator maps it anew each time."""
+"""Most pairs treated at once: their intermediate arrays stay in the cache, and none is so large (128 KiB)
+that the allocator maps it anew each time."""
 
 _DENSE_PAIRS = 20_000
 """Up to this many pairs a table of all distances is faster than a tree."""
+
+_FEW_CELLS = 1000
+"""Tables up to this size are searched for pairs as they are."""
 
 _LEAST_SIZE_M = 1e-100
 """Stands for a size of 0 in a division."""
@@ -351,26 +354,29 @@ def iou_scalar(
     ):
         return 0.0
     lx, ly, wx, wy = turn_c * la, turn_s * la, -turn_s * wa, turn_c * wa
-    # The integral of `_common_share`, edge after edge.
+    # The integral of `_common_share`, edge after edge; low and high are y of the edge's ends clamped to b.
     twice = 0.0
     x0, y0 = x + lx - wx, y + ly - wy
+    low = y0 if -wb < y0 < wb else wb if y0 > 0.0 else -wb
     for x1, y1 in (
         (x + lx + wx, y + ly + wy),
         (x - lx + wx, y - ly + wy),
         (x - lx - wx, y - ly - wy),
         (x0, y0),
     ):
-        low = y0 if -wb < y0 < wb else math.copysign(wb, y0)
-        high = y1 if -wb < y1 < wb else math.copysign(wb, y1)
+        high = y1 if -wb < y1 < wb else wb if y1 > 0.0 else -wb
         if low != high:
-            slope = (x1 - x0) / (y1 - y0) if abs(y1 - y0) > _LEAST_RISE else 0.0
+            rise = y1 - y0
+            slope = (x1 - x0) / rise if rise > _LEAST_RISE or rise < -_LEAST_RISE else 0.0
             start, end = x0 + (low - y0) * slope, x1 + (high - y1) * slope
-            over_start = start - math.copysign(lb, start) if abs(start) > lb else 0.0
-            over_end = end - math.copysign(lb, end) if abs(end) > lb else 0.0
-            outside, run = abs(over_start) + abs(over_end), abs(end - start)
-            share = outside / run if outside < run else 1.0
-            twice += (high - low) * (start + end - (over_start + over_end) * share)
-        x0, y0 = x1, y1
+            twice_mean = start + end
+            over_start = start - lb if start > lb else start + lb if start < -lb else 0.0
+            over_end = end - lb if end > lb else end + lb if end < -lb else 0.0
+            if over_start or over_end:
+                outside, run = abs(over_start) + abs(over_end), abs(end - start)
+                twice_mean -= (over_start + over_end) * (outside / run if outside < run else 1.0)
+            twice += (high - low) * twice_mean
+        x0, y0, low = x1, y1, high
     common = max(0.5 * twice, 0.0)
     return min(common / max(4.0 * (la * wa + lb * wb) - common, _LEAST_AREA_M2), 1.0)
 
@@ -399,15 +405,16 @@ def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
     subject, (axis, stretch) = _subject(a_center, a_size, a_yaw), _clip(b_size, b_yaw)
     b_place = b_center[:, 0] + 1j * b_center[:, 1]
     a_area, b_area = a_size[:, 0] * a_size[:, 1], b_size[:, 0] * b_size[:, 1]
-    found = np.empty(len(i))
-    for start in range(0, len(i), _CHUNK):
-        k, m = i[start : start + _CHUNK], j[start : start + _CHUNK]
+    cells = iou.reshape(-1)
+    # pieces of one size: a small rest would cost nearly as much as a whole one
+    step = math.ceil(len(i) / math.ceil(len(i) / _CHUNK))
+    for start in range(0, len(i), step):
+        k, m = i[start : start + step], j[start : start + step]
         near = subject.take(k, axis=1)
         near[0] -= b_place.take(m)
         size_b = b_area.take(m)
         common = _common_share(near, axis.take(m), stretch.take(m, axis=0)) * size_b
-        found[start : start + _CHUNK] = _iou(common, a_area.take(k), size_b)
-    iou[i, j] = found
+        cells[k * len(b_yaw) + m] = _iou(common, a_area.take(k), size_b)
     return iou
 
 
@@ -468,7 +475,11 @@ def near_pairs(
         dy *= dy
         squared += dy
         limit *= limit
-        i, j = (squared <= limit).nonzero()
+        inside = squared <= limit
+        if inside.size <= _FEW_CELLS:
+            i, j = inside.nonzero()
+        else:  # searched as one row, which takes a fifth of the time
+            i, j = np.divmod(inside.reshape(-1).nonzero()[0], m)
         return i, j
     from scipy.spatial import KDTree
 

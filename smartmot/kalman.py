@@ -127,9 +127,9 @@ class BevFilterConfig:
         return np.stack([table(setting) for setting in settings], axis=-1) ** 2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Estimate:
-    """What M filter states say of the objects, map frame.
+    """What M filter states say of the objects, map frame. Not frozen, which would cost more than its content.
 
     Args:
         center_m: (M, 2) centres.

@@ -45,7 +45,10 @@ def check_range(owner: object, name: str, low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PerCategory:
-    """One number for each of the object categories.
+    """One number for each of `smartmot.types.CATEGORIES`; the unit is that of the setting it stands for.
+
+    Args:
+        car, pedestrian, cyclist, truck, motorcycle, unknown: The numbers.
 
     Raises:
         ConfigError: A value is not a finite number.

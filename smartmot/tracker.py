@@ -20,7 +20,7 @@ from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.geometry import wrap_angle
 from smartmot.kalman import BevFilterConfig, BoxFilter, Estimate, measurements
-from smartmot.lifecycle import Lifecycle, LifecycleConfig
+from smartmot.lifecycle import LONGEST_GAP_S, Lifecycle, LifecycleConfig
 from smartmot.motion_models import (
     ConstantTurnRate,
     ConstantVelocity,
@@ -170,15 +170,20 @@ def box_filter(motion: LinearMotion | ConstantTurnRate, config: BevFilterConfig)
 
     Returns:
         The linear filter in closed form, or the extended one for CTRV.
+
+    Raises:
+        ConfigError: It is no motion model.
     """
     from smartmot.turn_filter import TurnFilter
 
+    if not isinstance(motion, ConstantTurnRate) and not hasattr(motion, "densities"):
+        raise ConfigError(f"TrackerConfig.motion: expected a motion model, got {motion!r}")
     return (
         TurnFilter(motion, config) if isinstance(motion, ConstantTurnRate) else ChannelFilter(motion, config)
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class _Measured:
     """The frame's detections over the score threshold, as the filter takes them: N rows each."""
 
@@ -194,9 +199,9 @@ class _Measured:
 class _Frame:
     """M tracks while a frame is worked on: rows and filter states, and the detection each track has.
 
-    `coasting` says whether a track is without detection, `born` counts the tracks of this frame. Most frames
-    bring no births, and in many nothing coasts: what that rules out is not computed. `estimate` is what the
-    filter states say once they are corrected, if somebody has asked.
+    `coasting` says whether a track is without detection, `all_confirmed` whether none is tentative, `born`
+    counts the tracks of this frame. Most frames bring no births, and in many nothing coasts: what that rules
+    out is not computed. `estimate` is what the corrected filter states say, if somebody has asked.
     """
 
     rows: FloatArray
@@ -204,6 +209,7 @@ class _Frame:
     code: IntArray
     source: IntArray
     coasting: bool = True
+    all_confirmed: bool = False
     born: int = 0
     estimate: Estimate | None = None
 
@@ -215,6 +221,9 @@ class Tracker:
         config: Settings; the defaults suit 5 to 20 Hz.
         affinity: How well a predicted track and a detection go together, in place of the configured cost.
 
+    Raises:
+        ConfigError: `config` is no `TrackerConfig`.
+
     Attributes:
         config: The settings.
         state: All that is remembered; assign a saved one to go on from it.
@@ -222,6 +231,10 @@ class Tracker:
     """
 
     def __init__(self, config: TrackerConfig | None = None, affinity: Affinity | None = None) -> None:
+        if not isinstance(config, TrackerConfig | None):
+            raise ConfigError(
+                f"Tracker: expected a TrackerConfig, got {config!r}; smartmot.tracker_config has named ones"
+            )
         self.config = TrackerConfig() if config is None else config
         self.state = TrackerState.empty()
         self.rejected = 0
@@ -261,8 +274,13 @@ class Tracker:
 
         Raises:
             TimeOrderError: The frame is not newer than the one before.
-            ShapeError: `monitored` does not return one flag per object.
+            ShapeError: `detections` are no `Detections`, or `monitored` does not return one flag per object.
         """
+        if not isinstance(detections, Detections):
+            raise ShapeError(
+                f"Tracker.update: expected smartmot.Detections, got {type(detections).__name__}; "
+                "plain arrays go to update_arrays"
+            )
         self.state, tracks = self.step(self.state, detections, monitored)
         return tracks
 
@@ -353,19 +371,22 @@ class Tracker:
         return _Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity)
 
     def _predicted(self, state: TrackerState, dt_s: float) -> _Frame:
-        """Tracks carried over the time step."""
-        rows = state.rows.copy()
+        """Tracks carried over the time step, without those that a pause in the recording ended."""
+        rows, filtered = state.rows.copy(), state.filtered
         code = rows[:, CODE].astype(np.int64)
+        if dt_s > LONGEST_GAP_S:
+            bridged = self._lifecycle.bridges(dt_s, code)
+            rows, filtered, code = rows[bridged], filtered[bridged], code[bridged]
         source = np.empty(len(rows), dtype=np.int64)
         source.fill(_COASTED)
         if len(rows) == 0:
             return _Frame(rows, np.zeros((0, self._filter.width)), code, source)
-        if state.filtered.shape[1] != self._filter.width:
+        if filtered.shape[1] != self._filter.width:
             raise ConfigError(
-                f"tracker state: {state.filtered.shape[1]} filter entries per track, this tracker's motion "
+                f"tracker state: {filtered.shape[1]} filter entries per track, this tracker's motion "
                 f"model has {self._filter.width}; resume with the configuration that made the state"
             )
-        return _Frame(rows, self._filter.predict(state.filtered, code, dt_s), code, source)
+        return _Frame(rows, self._filter.predict(filtered, code, dt_s), code, source)
 
     def _correct(self, frame: _Frame, measured: _Measured, dt_s: float) -> IntArray:
         """Match and correct the tracks in place; the detections left over."""
@@ -390,11 +411,10 @@ class Tracker:
         velocity = None if measured.velocity_mps is None else measured.velocity_mps[detection]
         rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
         measurement = measured.measurement.take(detection, axis=0)
-        # Tracks come in order: where all are matched, whole columns take the place of index arrays.
-        where: slice | IntArray = track
         frame.coasting = len(track) < len(rows)
+        # Tracks come in order: where all are matched, nothing has to be taken out and put back.
+        matched = rows.take(track, axis=0) if frame.coasting else rows
         if not frame.coasting:
-            where = slice(None)
             frame.filtered = self._filter.update(frame.filtered, measurement, velocity, code)
             frame.source = detection
         else:
@@ -402,10 +422,13 @@ class Tracker:
                 frame.filtered.take(track, axis=0), measurement, velocity, code
             )
             frame.source[track] = detection
-        rows[where, SCORE] = score
-        rows[where, SCORE_SUM] += score
-        rows[where, HITS] += 1.0
-        rows[where, MATCHED_S] = measured.stamp_s
+        matched[:, SCORE] = score
+        score_sum, hits = matched[:, SCORE_SUM], matched[:, HITS]
+        score_sum += score
+        hits += 1.0
+        matched[:, MATCHED_S] = measured.stamp_s
+        if frame.coasting:
+            rows[track] = matched
         unknown = code == _UNKNOWN
         if np.count_nonzero(unknown):
             # An unknown track learns its category from the first detection that knows it.
@@ -449,18 +472,21 @@ class Tracker:
             rows[inside, INSIDE_S] = now_s
             inside_all = np.count_nonzero(inside) == len(rows)
         confirmed = rows[:, CONFIRMED] > 0.0
-        may_confirm = np.count_nonzero(confirmed) < len(rows)
+        frame.all_confirmed = np.count_nonzero(confirmed) == len(rows)
         may_die = frame.coasting or not inside_all
-        if not (may_confirm or may_die):
+        if frame.all_confirmed and not may_die:
             return
         coasted_s = now_s - rows[:, MATCHED_S]
-        if may_confirm:
+        if not frame.all_confirmed:
             confirmed = self._lifecycle.confirm(confirmed, now_s - rows[:, BIRTH_S], coasted_s, code)
             rows[:, CONFIRMED] = confirmed
+            frame.all_confirmed = np.count_nonzero(confirmed) == len(rows)
         if not may_die:
             return
-        outside_s = coasted_s if inside_all else now_s - rows[:, INSIDE_S]
-        alive = self._lifecycle.survives(confirmed, coasted_s, outside_s, code)
+        outside_s = None if inside_all else now_s - rows[:, INSIDE_S]
+        alive = self._lifecycle.survives(
+            None if frame.all_confirmed else confirmed, coasted_s, outside_s, code
+        )
         if np.count_nonzero(alive) == len(rows):
             return
         if frame.born:
@@ -483,7 +509,7 @@ class Tracker:
         """(K,) the tracks that the configuration wants to see; None: all."""
         rows, code = frame.rows, frame.code
         conditions: list[BoolArray] = []
-        if not self.config.report.tentative:
+        if not (self.config.report.tentative or frame.all_confirmed):
             conditions.append(rows[:, CONFIRMED] > 0.0)
         if self._shown_coasted is not None and frame.coasting:
             conditions.append(now_s - rows[:, MATCHED_S] <= self._shown_coasted.take(code))
@@ -501,11 +527,10 @@ class Tracker:
     def _report(self, frame: _Frame, measured: _Measured) -> Tracks:
         """What the tracks say at the frame's time."""
         config, now_s = self.config, measured.stamp_s
-        rows, filtered, code, source = frame.rows, frame.filtered, frame.code, frame.source
+        rows, filtered, code = frame.rows, frame.filtered, frame.code
         shown, estimate = self._shown(frame, now_s), frame.estimate
         if shown is not None:
-            rows, filtered = rows.take(shown, axis=0), filtered.take(shown, axis=0)
-            code, source = code.take(shown), source.take(shown)
+            rows, filtered, code = rows.take(shown, axis=0), filtered.take(shown, axis=0), code.take(shown)
         if shown is not None or estimate is None:
             estimate = self._filter.estimate(filtered)
         mean, covariance = self._filter.moments(filtered)
@@ -525,6 +550,7 @@ class Tracker:
         mean[:, self._yaw_entry] = yaw
         if config.report.detected_boxes:
             center, size = center.copy(), size.copy()
+            source = frame.source if shown is None else frame.source.take(shown)
             seen = np.flatnonzero(source != _COASTED)
             boxes = measured.boxes[source[seen]]
             center[seen], size[seen], yaw[seen] = boxes.center_m, boxes.size_m, boxes.yaw_rad

@@ -90,7 +90,7 @@ def unchecked(cls: type[T], *values: object) -> T:
     # mypy takes type[T] for unhashable
     for put, value in zip(_setters(cls), values, strict=True):  # type: ignore[arg-type]
         if type(value) is np.ndarray:
-            value.setflags(write=False)
+            value.setflags(False)  # type: ignore[call-arg]  # write; by name it takes twice the time
         put(made, value)
     return made
 
@@ -153,6 +153,9 @@ class Detections:
         category: (N,) names out of CATEGORIES.
         velocity_mps: (N, 2) velocity over ground as the detector estimates it, map frame; a row of NaN where
             it has none. None: the detector measures no velocity.
+
+    Raises:
+        ShapeError: Shapes disagree, a score is outside [0, 1] or a category is unknown.
     """
 
     stamp_s: float
@@ -213,6 +216,9 @@ class Tracks:
         coasted_s: (M,) time since the last matched detection (0 when matched in this frame).
         confirmed: (M,) whether the life cycle confirmed the track.
         dynamic: (M,) faster than the static/dynamic threshold.
+
+    Raises:
+        ShapeError: Shapes disagree.
     """
 
     stamp_s: float
@@ -265,6 +271,9 @@ class Forecast:
         yaw_rad: (M, T) headings.
         size_m: (M, 2) box sizes, unchanged over the horizon.
         valid: (M, T) whether the prediction counts at that time.
+
+    Raises:
+        ShapeError: Shapes disagree.
     """
 
     time_s: FloatArray
@@ -290,6 +299,17 @@ class Forecast:
 @dataclass(frozen=True, slots=True)
 class EgoState:
     """Odometry of the ego vehicle, map frame; the pose is that of the box centre.
+
+    Args:
+        stamp_s: Time of the measurement.
+        x_m: East of the map's origin.
+        y_m: North of the map's origin.
+        yaw_rad: Heading, counter-clockwise from x.
+        speed_mps: Along the heading; negative in reverse.
+        accel_mps2: Along the heading.
+        yaw_rate_radps: Turn rate, positive to the left.
+        length_m: Outline along the heading.
+        width_m: Outline across it.
 
     Raises:
         ShapeError: a value is not finite, or the outline is not positive.
@@ -322,6 +342,9 @@ class Threats:
         time_to_collision_s: (K,) first forecast time at which the boxes overlap.
         gap_m: (K,) free distance along the ego's heading, from its front to the object's box.
         required_decel_mps2: (K,) constant deceleration that stops the ego within the gap.
+
+    Raises:
+        ShapeError: Shapes disagree.
     """
 
     track_id: IntArray

@@ -45,7 +45,7 @@ def from_camera(
         columns: Further fields of `Objects`.
     """
     h, w, l, _, _, _, ry = boxes.T  # noqa: E741 - KITTI's names
-    with np.errstate(invalid="ignore"):  # boxes that are not finite are rejected later
+    with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
         point = boxes[:, 3:6] @ EGO_R_CAMERA.T
         yaw = wrapped(-ry - 0.5 * np.pi)
         if world_SE3_ego is not None:

@@ -101,7 +101,8 @@ def run_mot(options: MotOptions) -> None:
         start_s = time.thread_time()  # without the thread that draws the bar
         tracked = run.track_dataset(data, config, done)
         used_s = time.thread_time() - start_s
-        written = run.write_tracks(out, data, tracked, writers or dict.fromkeys((data.kind, "csv")))
+        forms = writers or dict.fromkeys((data.kind, "csv"))
+        written = run.write_tracks(out, data, tracked, forms, use_map=options.area == "map")
         scores: list[MotScore] = []
         forecasts: list[ForecastScore] = []
         if labelled:

@@ -29,10 +29,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import ArgumentError
+from smartmot.detection_input import (
+    GREATEST_BOX,
+    LEAST_BOX,
+    MAX_POSITION_M,
+    MAX_SIZE_M,
+    MIN_SIZE_M,
+    measured_velocities,
+)
 from smartmot.types import BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray
 
-MAX_SIZE_M = 100.0
-"""Longest edge of a box that is taken for a road user's. Road trains reach 53.5 m, trams 75 m."""
+_LONGEST_NUMBER = 16
+"""A name with so many digits is a token, not a number."""
+
+MAX_FRAMES = 10_000_000
+"""Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
 
 
 class DatasetError(ArgumentError):
@@ -120,14 +131,11 @@ class Objects:
         return np.searchsorted(self.frame, np.arange(frame_count + 1)).astype(np.int64)
 
     def usable(self) -> BoolArray:
-        """(K,) rows whose every number is finite and whose box is possible."""
-        numbers = np.column_stack(
-            (self.score, self.center_m, self.size_m, self.yaw_rad, self.bottom_m, self.height_m)
-        )
-        good = np.isfinite(numbers).all(axis=1)
-        edges = np.column_stack((self.size_m, self.height_m))
-        with np.errstate(invalid="ignore"):
-            good &= ((edges > 0.0) & (edges <= MAX_SIZE_M)).all(axis=1)
+        """(K,) rows whose box is possible (as in `smartmot.detections_from_arrays`) and has a score."""
+        box = np.column_stack((self.center_m, self.size_m, self.yaw_rad))
+        good = ((box >= LEAST_BOX) & (box <= GREATEST_BOX)).all(axis=1) & np.isfinite(self.score)
+        good &= (self.height_m >= MIN_SIZE_M) & (self.height_m <= MAX_SIZE_M)
+        good &= np.abs(self.bottom_m) <= MAX_POSITION_M
         return np.asarray(good, dtype=np.bool_)
 
 
@@ -153,7 +161,7 @@ class Sequence:
     Args:
         name: Unique in the data set.
         stamp_s: (F,) times of the frames, as they were recorded.
-        frame_name: F names of the frames: frame numbers or sample tokens.
+        frame_name: F names of the frames: frame numbers, times or sample tokens.
         detections: What the detector reported.
         labels: The truth, or None.
         world_SE3_ego: (F, 4, 4) poses of the vehicle (x ahead, y left, z up), or None without odometry.
@@ -170,6 +178,12 @@ class Sequence:
 
     def __len__(self) -> int:
         return len(self.stamp_s)
+
+    def frame_numbers(self) -> IntArray:
+        """(F,) numbers of the frames for files that have numbers: their names if all are, else positions."""
+        if all(name.isdecimal() and len(name) < _LONGEST_NUMBER for name in self.frame_name):
+            return np.array(list(map(int, self.frame_name)), dtype=np.int64)
+        return np.arange(len(self))
 
     def frames(self) -> Iterator[Detections]:
         """The detections of each frame, as the tracker takes them."""
@@ -225,6 +239,13 @@ def log_odds(probability: FloatArray) -> FloatArray:
     return np.asarray(np.log(clipped) - np.log1p(-clipped))
 
 
+_SCORE_ROUNDING = 1e-6
+"""Probabilities that left single precision may be over 1 by so much."""
+
+_LONGEST_STEP_S = 10.0
+"""Nobody records frames so far apart; stamps in milliseconds or nanoseconds look that way."""
+
+
 def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) -> Dataset:
     """A data set from sequences as read: impossible boxes out, scores made probabilities.
 
@@ -235,19 +256,31 @@ def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) 
     rejected = sum(len(a.detections) - len(b.detections) for a, b in zip(sequences, kept, strict=True))
     lowest = min((s.detections.score.min() for s in kept if len(s.detections)), default=0.0)
     highest = max((s.detections.score.max() for s in kept if len(s.detections)), default=1.0)
-    as_log_odds = bool(lowest < 0.0 or highest > 1.0)
+    as_log_odds = bool(lowest < -_SCORE_ROUNDING or highest > 1.0 + _SCORE_ROUNDING)
+    kept = [
+        replace(
+            s,
+            detections=replace(
+                s.detections,
+                score=probability(s.detections.score) if as_log_odds else s.detections.score.clip(0.0, 1.0),
+            ),
+        )
+        for s in kept
+    ]
     if as_log_odds:
-        kept = [
-            replace(s, detections=replace(s.detections, score=probability(s.detections.score))) for s in kept
-        ]
+        notes += (f"scores from {lowest:g} to {highest:g}: taken for log odds",)
+    steps = np.concatenate([np.zeros(0), *(np.diff(s.stamp_s) for s in kept)])
+    if len(steps) and np.median(steps) > _LONGEST_STEP_S:
+        notes += (f"frames are {np.median(steps):g} s apart: are the times in seconds?",)
     return Dataset(kind, tuple(kept), rejected, as_log_odds, notes)
 
 
 def _kept(sequence: Sequence) -> Sequence:
-    """The sequence without impossible boxes, also among the labels."""
+    """The sequence without impossible boxes, also among the labels, and without impossible velocities."""
     labels = sequence.labels
+    detections = sequence.detections[sequence.detections.usable()]
     return replace(
         sequence,
-        detections=sequence.detections[sequence.detections.usable()],
+        detections=replace(detections, velocity_mps=measured_velocities(detections.velocity_mps)),
         labels=None if labels is None else labels[labels.usable()],
     )

@@ -3,7 +3,7 @@
 Layout of the folder, every file per sequence::
 
     detections/<Class>/<seq>.txt   frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha     (AB3DMOT)
-    detections/<seq>.txt           or KITTI tracking text with a score in the last field
+    detections/<seq>.txt           or KITTI tracking text; without its last field, the score, that is 1
     calib/<seq>.txt                row P2                                               (optional)
     ego_pose/<seq>.txt             3 x 4 pose of the camera in the first camera's frame (optional)
     oxts/<seq>.txt                 or KITTI's GPS and IMU records                       (optional)
@@ -26,7 +26,15 @@ import numpy as np
 
 from evaluation.mot.camera import from_camera, image_boxes, to_camera, wrapped
 from evaluation.mot.classes import LEFT_OUT, ClassMap, categories, read_classes
-from evaluation.mot.dataset import Camera, Dataset, DatasetError, Objects, Sequence, finished
+from evaluation.mot.dataset import (
+    MAX_FRAMES,
+    Camera,
+    Dataset,
+    DatasetError,
+    Objects,
+    Sequence,
+    finished,
+)
 from evaluation.mot.kitti_poses import read_matrix, read_poses
 from evaluation.mot.textfile import Table, read_table, read_text
 from smartmot.types import FloatArray, IntArray
@@ -138,6 +146,8 @@ def _read_sequence(
     if length is None:
         known = [len(values) for values in (poses, times) if values is not None]
         given = tables + ([label_table] if label_table is not None else [])
+        for table in given:
+            table.require(table["frame"] < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
         last = [int(table.whole("frame").max()) + 1 for table in given if len(table)]
         length = max([*known[:1], *last], default=0)
     for what, values in (("ego poses", poses), ("times", times)):
@@ -167,8 +177,8 @@ def _read_sequence(
 def _detection_table(path: Path) -> Table:
     """Detections in either format, with the columns of both."""
     first = next((line for line in read_text(path).splitlines() if line.strip()), "")
-    if "," not in first:
-        table = read_table(path, TRACKING_COLUMNS, ("type",))
+    if "," not in first and len(first.split()) != len(DETECTION_COLUMNS):
+        table = read_table(path, TRACKING_COLUMNS, ("type",), optional=1)
     else:
         table = read_table(path, DETECTION_COLUMNS)
         codes = table["type"]
@@ -246,7 +256,8 @@ def tracking_text(sequence: Sequence, tracks: Objects) -> str:
     kind = categories(tracks.category, TYPE_OF_CATEGORY)
     numbers = np.column_stack((alpha, image, boxes, tracks.score))
     form = "%d %d %s 0 0" + " %.6f" * numbers.shape[1]
-    rows = zip(tracks.frame.tolist(), tracks.object_id.tolist(), kind.tolist(), numbers.tolist(), strict=True)
+    frame_number = sequence.frame_numbers()[tracks.frame]
+    rows = zip(frame_number.tolist(), tracks.object_id.tolist(), kind.tolist(), numbers.tolist(), strict=True)
     return "".join(form % (frame, track, name, *values) + "\n" for frame, track, name, values in rows)
 
 

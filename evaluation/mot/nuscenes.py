@@ -3,8 +3,9 @@
 A folder holds one JSON file of detections (`{"meta": ..., "results": {sample_token: [box, ...]}}`) and what
 says when and in which scene each sample was taken: nuScenes' own tables `sample.json` and `scene.json` (in
 the folder, or in a folder `v1.0-*` in it), or a small file `frames.csv` with the columns sample_token, scene
-and stamp_s. With the tables sample_annotation, instance and category there are labels; with sample_data,
-ego_pose, calibrated_sensor and sensor there are ego poses (those of LIDAR_TOP's key frames).
+and stamp_s. Without either the samples are one recording at 2 Hz, in the file's order. With the tables
+sample_annotation, instance and category there are labels; with sample_data, ego_pose, calibrated_sensor and
+sensor there are ego poses (those of LIDAR_TOP's key frames).
 
 Boxes are in the global frame: translation is the centre, size is width, length, height, rotation a quaternion
 w, x, y, z. Source: nuscenes-devkit, eval/detection and eval/tracking README, docs/schema_nuscenes.md.
@@ -73,6 +74,9 @@ MAX_BOXES_PER_SAMPLE = 500
 """The tracking challenge refuses more."""
 
 FRAMES_CSV = "frames.csv"
+FRAME_S = 0.5
+"""nuScenes' samples are taken at 2 Hz."""
+
 _TABLES = ("sample", "scene", "sample_annotation", "instance", "category")
 _POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
 _META = ("use_camera", "use_lidar", "use_radar", "use_map", "use_external")
@@ -90,16 +94,26 @@ def read_nuscenes(folder: Path) -> Dataset:
     if not isinstance(results, dict):
         raise DatasetError(f"{path}: no object 'results' with boxes by sample token")
     tables = _table_folder(path.parent)
-    scenes = _scenes_of_tables(tables) if tables else _scenes_of_csv(path.parent / FRAMES_CSV, path)
+    times = path.parent / FRAMES_CSV
+    sequences, notes = [], []
+    if tables:
+        scenes = _scenes_of_tables(tables)
+    elif times.is_file():
+        scenes = _scenes_of_csv(times)
+    else:
+        scenes = {path.stem: [(token, k * FRAME_S) for k, token in enumerate(results)]}
+        notes.append(
+            f"no times of the samples: taken as one recording in the file's order, {FRAME_S:g} s apart; put "
+            f"sample.json and scene.json of nuScenes or {FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
+        )
     known = {token for samples in scenes.values() for token, _ in samples}
     unknown = [token for token in results if token not in known]
     if unknown:
-        where = tables / "sample.json" if tables else path.parent / FRAMES_CSV
+        where = tables / "sample.json" if tables else times
         raise DatasetError(f"{path}: sample {unknown[0]!r} is not in {where}")
     classes = read_classes(path.parent, CATEGORY_OF_CLASS)
     annotations = _annotations(tables) if tables else {}
     poses = _ego_poses(tables) if tables else {}
-    sequences, notes = [], []
     absent = 0
     for scene, samples in scenes.items():
         tokens = [token for token, _ in samples]
@@ -214,13 +228,8 @@ def _scenes_of_tables(folder: Path) -> Scenes:
     return scenes
 
 
-def _scenes_of_csv(path: Path, results: Path) -> Scenes:
+def _scenes_of_csv(path: Path) -> Scenes:
     """Scenes from the small file beside the detections, in its order."""
-    if not path.is_file():
-        raise DatasetError(
-            f"{results}: needs the times of its samples: put sample.json and scene.json of nuScenes or "
-            f"{FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
-        )
     table = read_headed_table(path, ("sample_token", "scene", "stamp_s"), ("stamp_s",))
     table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
     scenes: Scenes = {}

@@ -120,9 +120,20 @@ def track_dataset(
 
 
 def write_tracks(
-    folder: Path, data: Dataset, tracked: Sequence[TrackedSequence], forms: Iterable[str]
+    folder: Path,
+    data: Dataset,
+    tracked: Sequence[TrackedSequence],
+    forms: Iterable[str],
+    use_map: bool = False,
 ) -> list[Path]:
     """Write the tracks in some formats.
+
+    Args:
+        folder: Where to.
+        data: What was tracked.
+        tracked: Its sequences with their tracks.
+        forms: kitti, csv, nuscenes.
+        use_map: Whether a map chose the detections, for the header of nuScenes' format.
 
     Returns:
         What was written.
@@ -133,6 +144,7 @@ def write_tracks(
     written = []
     for form in forms:
         if form == "kitti":
+            _require_own_files(data)
             written += [
                 _write(
                     folder / f"{_file_name(one.sequence.name)}.txt", tracking_text(one.sequence, one.tracks)
@@ -144,10 +156,21 @@ def write_tracks(
             written.append(_write(folder / TRACKS_CSV, text))
         else:
             text = submission_text(
-                ((one.sequence, one.tracks) for one in tracked), frames_are_samples=data.kind == "nuscenes"
+                ((one.sequence, one.tracks) for one in tracked), data.kind == "nuscenes", use_map
             )
             written.append(_write(folder / TRACKS_NUSCENES, text))
     return written
+
+
+def _require_own_files(data: Dataset) -> None:
+    """See that no two sequences would be written to one file."""
+    first: dict[str, str] = {}
+    for sequence in data.sequences:
+        other = first.setdefault(_file_name(sequence.name), sequence.name)
+        if other != sequence.name:
+            raise DatasetError(
+                f"sequences {other!r} and {sequence.name!r} have the same file name; write csv or nuscenes"
+            )
 
 
 def _file_name(sequence: str) -> str:

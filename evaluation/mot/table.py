@@ -2,7 +2,7 @@
 
 Files of a folder (docs/mot.md says what each column means)::
 
-    detections.csv   [sequence,] stamp_s | frame, x_m, y_m, length_m, width_m, yaw_rad
+    detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
                      [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
     labels.csv       the same with track_id [, ignored]      (optional)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
@@ -10,7 +10,8 @@ Files of a folder (docs/mot.md says what each column means)::
 `classes.csv` says what other names of categories mean (`classes`).
 
 All positions are in one frame that stands still over a sequence (x and y on the ground, yaw counter-clockwise
-from x), or all of them in the vehicle's own.
+from x), or all of them in the vehicle's own. With `ahead_m` and `left_m` in place of `x_m` and `y_m` boxes
+are in the vehicle's frame (headings from its own, velocities over ground along its axes); poses move them.
 """
 
 from __future__ import annotations
@@ -20,22 +21,32 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluation.mot.camera import heading, wrapped
 from evaluation.mot.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
-from evaluation.mot.dataset import Dataset, DatasetError, Objects, Sequence, finished
+from evaluation.mot.dataset import MAX_FRAMES, Dataset, DatasetError, Objects, Sequence, finished
 from evaluation.mot.textfile import Table, read_headed_table
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
 FRAME_S = 0.1
 """Time between frames of a file that has frame numbers only."""
 
-_BOX = ("x_m", "y_m", "length_m", "width_m", "yaw_rad")
+SAME_FRAME_S = 1e-3
+"""Labels so near in time to a frame of detections belong to it: other software rounds stamps."""
+
+_STILL, _VEHICLE = ("x_m", "y_m"), ("ahead_m", "left_m")
+"""Columns of a position: in a frame that stands still, or in the vehicle's."""
+
+_BOX = ("length_m", "width_m", "yaw_rad")
 _NUMBERS = frozenset(
-    (*_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps", "track_id", "ignored")
+    (
+        *(*_STILL, *_VEHICLE, *_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps"),
+        *("track_id", "ignored"),
+    )
 )
 DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
 
 TRACK_COLUMNS = (
-    *("sequence", "frame", "stamp_s", "track_id", "category", "score", *_BOX),
+    *("sequence", "frame", "stamp_s", "track_id", "category", "score", *_STILL, *_BOX),
     *("z_m", "height_m", "vx_mps", "vy_mps"),
 )
 
@@ -49,9 +60,11 @@ def read_csv(folder: Path) -> Dataset:
     path = folder if folder.is_file() else folder / DETECTIONS
     classes = read_classes(path.parent, dict(zip(CATEGORIES, CATEGORIES, strict=True)))
     tables = {"detections": _table(path, _BOX, classes)}
-    for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, ("x_m", "y_m", "yaw_rad"))):
+    for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, (*_STILL, "yaw_rad"))):
         if (path.parent / name).is_file() and path.name != name:
             tables[name] = _table(path.parent / name, needed, classes)
+    if EGO not in tables and len({_stands_still(table) for table in tables.values()}) > 1:
+        raise DatasetError(f"{path.parent}: detections and labels are in different frames; {EGO} is needed")
     names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
     if not names:
         raise DatasetError(f"{path}: no rows; there is nothing to track")
@@ -65,10 +78,14 @@ def read_csv(folder: Path) -> Dataset:
 def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
     """A file with the columns that it needs, its sequence and classes named, and its time as `time_s`."""
     table = read_headed_table(path, needed, _NUMBERS)
+    if not (_stands_still(table) or all(name in table for name in _VEHICLE)):
+        raise DatasetError(f"{path}:1: columns missing: x_m and y_m, or ahead_m and left_m (see docs/mot.md)")
     if "stamp_s" not in table and "frame" not in table:
         raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
     time = "stamp_s" if "stamp_s" in table else "frame"
     table.require(np.isfinite(table[time]), time, "must be finite")
+    if time == "frame":
+        table.require(np.abs(table["frame"]) < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
     table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
     table.columns.setdefault("sequence", np.full(len(table), "0"))
     if "category" in table:
@@ -79,25 +96,37 @@ def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
     return table
 
 
+def _stands_still(table: Table) -> bool:
+    """Whether positions are in a frame that stands still; else they are in the vehicle's."""
+    return all(name in table for name in _STILL)
+
+
 def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
     """One sequence of all files."""
     parts = {key: _rows(table, table["sequence"] == name) for key, table in tables.items()}
-    detected_s = parts["detections"]["time_s"]
+    found = parts["detections"]
+    detected_s = found["time_s"]
     stamp_s, frame = _frames(detected_s)
-    labels = None
-    if LABELS in parts and np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
-        labelled_s = parts[LABELS]["time_s"]
-        stamp_s = np.union1d(stamp_s, labelled_s)
+    labelled_s = None
+    if np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
+        if len(stamp_s) and "stamp_s" not in found:
+            # numbers that are left out are frames without detections
+            stamp_s = np.arange(found["frame"][0], found["frame"][-1] + 1.0) * FRAME_S
+        if LABELS in parts:
+            labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
+            stamp_s = np.union1d(stamp_s, labelled_s)
         frame = np.searchsorted(stamp_s, detected_s)
-        labels = _objects(parts[LABELS], np.searchsorted(stamp_s, labelled_s))
-    detections = _objects(parts["detections"], frame)
+    pose = _poses(parts[EGO], stamp_s) if EGO in parts else None
+    labels = None
+    if labelled_s is not None:
+        labels = _objects(parts[LABELS], np.searchsorted(stamp_s, labelled_s), pose)
     return Sequence(
         name=name,
         stamp_s=stamp_s,
-        frame_name=tuple(f"{t:g}" for t in stamp_s.tolist()),
-        detections=detections,
+        frame_name=_frame_names(stamp_s, found),
+        detections=_objects(found, frame, pose),
         labels=labels,
-        world_SE3_ego=_poses(parts[EGO], stamp_s) if EGO in parts else None,
+        world_SE3_ego=pose,
     )
 
 
@@ -114,8 +143,27 @@ def _frames(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
     return time_s[new], np.cumsum(new) - 1
 
 
-def _objects(table: Table, frame: IntArray) -> Objects:
-    """Rows of a table as boxes."""
+def _snapped(time_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
+    """(K,) times, those within `SAME_FRAME_S` of a frame's replaced by it."""
+    if not len(stamp_s):
+        return time_s
+    after = np.searchsorted(stamp_s, time_s).clip(max=len(stamp_s) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = stamp_s[np.where(time_s - stamp_s[before] < stamp_s[after] - time_s, before, after)]
+    return np.where(np.abs(nearest - time_s) <= SAME_FRAME_S, nearest, time_s)
+
+
+def _frame_names(stamp_s: FloatArray, detections: Table) -> tuple[str, ...]:
+    """F names: frame numbers if the detections go by them, else times."""
+    number = np.rint(stamp_s / FRAME_S)
+    by_time = "stamp_s" in detections or np.any(np.abs(number * FRAME_S - stamp_s) > SAME_FRAME_S)
+    if by_time:
+        return tuple(f"{t:.3f} s" for t in stamp_s.tolist())
+    return tuple(f"{k:.0f}" for k in number.tolist())
+
+
+def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
+    """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
     columns = {}
     if "category" in table:
         columns["category"], columns["kind"] = table["category"], table["kind"]
@@ -131,13 +179,16 @@ def _objects(table: Table, frame: IntArray) -> Objects:
         columns["object_id"] = table.whole("track_id")
     if "ignored" in table:
         columns["ignored"] = table["ignored"] != 0.0
-    found = Objects.of(
-        frame,
-        table.stacked("x_m", "y_m"),
-        size_m=table.stacked("length_m", "width_m"),
-        yaw_rad=table["yaw_rad"],
-        **columns,
-    )
+    still = _stands_still(table)
+    center, yaw = table.stacked(*(_STILL if still else _VEHICLE)), table["yaw_rad"]
+    if not still and world_SE3_ego is not None:
+        pose = world_SE3_ego[frame]
+        with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
+            center = np.einsum("kij,kj->ki", pose[:, :2, :2], center) + pose[:, :2, 3]
+            yaw = wrapped(yaw + heading(pose))
+            if "velocity_mps" in columns:
+                columns["velocity_mps"] = np.einsum("kij,kj->ki", pose[:, :2, :2], columns["velocity_mps"])
+    found = Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
     return found[found.category != LEFT_OUT]
 
 
@@ -146,7 +197,10 @@ def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
     time = table["time_s"]
     if len(time) == 0 or np.any(np.diff(time) <= 0.0):
         raise DatasetError(f"{table.path}: times must rise within a sequence")
-    early, late = stamp_s.min(initial=np.inf) < time[0] - 1e-6, stamp_s.max(initial=-np.inf) > time[-1] + 1e-6
+    early, late = (
+        stamp_s.min(initial=np.inf) < time[0] - SAME_FRAME_S,
+        stamp_s.max(initial=-np.inf) > time[-1] + SAME_FRAME_S,
+    )
     if early or late:
         raise DatasetError(
             f"{table.path}: poses from {time[0]:g} to {time[-1]:g} s do not cover the detections"
@@ -178,7 +232,7 @@ def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:
             )
         )
         rows = zip(
-            tracks.frame.tolist(),
+            sequence.frame_numbers()[tracks.frame].tolist(),
             sequence.stamp_s[tracks.frame].tolist(),
             tracks.object_id.tolist(),
             tracks.category.tolist(),

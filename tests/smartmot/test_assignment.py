@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from smartmot import assignment
-from smartmot.assignment import contested, is_one_to_one, solve
+from smartmot.assignment import contested, solve
 from smartmot.types import FloatArray
 
 
@@ -62,15 +62,16 @@ def test_greedy_totals_at_least_half_of_the_best() -> None:
         assert affinity[i[won], j[won]].max() == affinity.max()
 
 
-def test_one_to_one_means_that_nothing_is_contested() -> None:
+def test_a_pair_is_contested_if_another_has_its_row_or_column() -> None:
     rng, seen = np.random.default_rng(4), set()
     for _ in range(200):
         pairs = np.unique(rng.integers(0, 9, (rng.integers(1, 5), 2)), axis=0)
         i, j = pairs[:, 0], pairs[:, 1]
-        alone = is_one_to_one(i, j)
-        assert alone == (len(set(i.tolist())) == len(set(j.tolist())) == len(i))
-        assert alone == (not contested(i, j).any())
-        seen.add(alone)
+        expected = [bool(((i == a).sum() > 1) | ((j == b).sum() > 1)) for a, b in pairs.tolist()]
+        shared = contested(i, j)
+        assert (shared is None) == (not any(expected))
+        assert shared is None or shared.tolist() == expected
+        seen.add(shared is None)
     assert seen == {True, False}
 
 

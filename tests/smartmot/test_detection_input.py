@@ -41,6 +41,9 @@ def test_good_rows_come_through_as_they_are() -> None:
         ("size_m", [-4.0, 2.0]),
         ("size_m", [4.0, np.nan]),
         ("size_m", [400.0, 2.0]),
+        ("size_m", [1e-320, 2.0]),
+        ("size_m", [4.0, 1e-9]),
+        ("yaw_rad", 1e300),
         ("yaw_rad", np.inf),
         ("yaw_rad", np.nan),
         ("score", 1.2),
@@ -53,6 +56,14 @@ def test_impossible_rows_are_dropped_and_counted(name: str, value: Any) -> None:
     rows[name][1] = value
     detections, rejected = detections_from_arrays(0.0, **rows)
     assert (len(detections), rejected) == (2, 1)
+
+
+@pytest.mark.parametrize("velocity", [[np.nan, 1.0], [np.inf, 1.0], [1.0, -1e200]])
+def test_impossible_velocities_are_not_measured(velocity: list[float]) -> None:
+    detections, rejected = detections_from_arrays(0.0, **GOOD, velocity_mps=[velocity])
+    assert rejected == 0
+    assert detections.velocity_mps is not None
+    assert np.isnan(detections.velocity_mps).all()
 
 
 @settings(max_examples=60, deadline=None)
@@ -89,13 +100,6 @@ def test_scores_and_names_may_be_left_out() -> None:
     assert (detections.score.tolist(), detections.category.tolist()) == ([1.0], ["unknown"])
     nothing, rejected = detections_from_arrays(0.0, [], [], [])
     assert len(nothing) == rejected == 0
-
-
-def test_a_velocity_that_is_not_finite_is_not_measured() -> None:
-    detections, rejected = detections_from_arrays(0.0, **GOOD, velocity_mps=[[np.inf, 1.0]])
-    assert rejected == 0
-    assert detections.velocity_mps is not None
-    assert np.isnan(detections.velocity_mps).all()
 
 
 @pytest.mark.parametrize(

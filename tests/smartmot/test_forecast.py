@@ -135,6 +135,13 @@ def test_times_start_now_and_reach_the_horizon(horizon: float, step: float, coun
     np.testing.assert_allclose(np.diff(times), step)
 
 
+def test_the_callers_times_stay_writeable() -> None:
+    times = np.array([0.0, 1.0])
+    forecast = forecast_tracks(_tracks([[2.0, 0.0]]), times, ForecastConfig())
+    times[1] = 9.0
+    assert forecast.time_s.tolist() == [0.0, 1.0]
+
+
 def test_no_tracks() -> None:
     forecast = forecast_tracks(_tracks(np.zeros((0, 2))), TIMES, ForecastConfig())
     assert forecast.center_m.shape == (0, 31, 2)

@@ -24,6 +24,14 @@ def test_three_frames_survive_at_epoch_stamps() -> None:
     assert rules.survives(np.array([True]), coasted, np.zeros(1), np.zeros(1, int)).all()
 
 
+def test_a_long_pause_ends_what_may_not_live_that_long() -> None:
+    rules = Lifecycle(LifecycleConfig(max_age_s=PerCategory.grouped(0.5, 5.0, 0.5)))
+    code = np.array([0, 1])
+    assert rules.bridges(2.0, code).tolist() == [True, True]
+    assert rules.bridges(2.1, code).tolist() == [False, True]
+    assert rules.bridges(5.1, code).tolist() == [False, False]
+
+
 def test_tentative_tracks_may_die_sooner_and_categories_differ() -> None:
     rules = Lifecycle(LifecycleConfig(max_age_s=PerCategory.grouped(0.5, 1.0, 0.5), tentative_max_age_s=0.0))
     confirmed, code = np.array([True, True, False, False]), np.array([0, 1, 0, 0])

@@ -3,7 +3,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from smartmot.association import Pairs
+from smartmot.association import AssociationConfig, Pairs
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.kalman import BevFilterConfig
 from smartmot.lifecycle import LifecycleConfig
@@ -217,6 +217,47 @@ def test_ids_are_never_used_again() -> None:
     assert tracker.update(_frame(0.0, [[0, 0]])).track_id.tolist() == [1]
 
 
+@pytest.mark.parametrize(("pause_s", "same"), [(0.5, True), (1.9, True), (2.1, False), (1e9, False)])
+def test_a_pause_in_the_recording_ends_the_tracks(pause_s: float, same: bool) -> None:
+    tracker = Tracker()
+    for k in range(10):
+        tracker.update(_frame(0.1 * k, [[0, 0]]))
+    tracks = tracker.update(_frame(0.9 + pause_s, [[0, 0]]))
+    assert tracks.track_id.tolist() == [1 if same else 2]
+
+
+@pytest.mark.parametrize("motion", [ConstantVelocity(), ConstantAcceleration(), ConstantTurnRate()])
+@pytest.mark.parametrize("cost", ["overlap_then_distance", "generalised_overlap", "mahalanobis"])
+def test_whatever_comes_in_numbers_come_out(
+    motion: ConstantVelocity | ConstantAcceleration | ConstantTurnRate, cost: str
+) -> None:
+    """Damaged rows, boxes in one heap, frames of any spacing: finite states, covariances and unique ids."""
+    rng = np.random.default_rng(5)
+    damage = [np.nan, np.inf, -np.inf, 0.0, -1.0, 1e-320, 1e300]
+    tracker = Tracker(TrackerConfig(motion=motion, association=AssociationConfig(cost=cost)))
+    stamp_s = 1.7e9
+    for _ in range(60):
+        stamp_s += rng.choice([1e-4, 0.05, 0.1, 1.0, 30.0, 1e6])
+        n = int(rng.integers(0, 10))
+        rows = np.column_stack(
+            (rng.normal(0, 4, (n, 2)), rng.uniform(0.3, 5, (n, 2)), rng.normal(0, 3, (n, 3)), rng.random(n))
+        )
+        wrong = rng.random(rows.shape) < 0.02
+        rows[wrong] = rng.choice(damage, np.count_nonzero(wrong))
+        tracks = tracker.update_arrays(
+            *(stamp_s, rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 7]),
+            category=rng.choice(["car", "pedestrian", "cyclist", "unknown"], n),
+            velocity_mps=rows[:, 5:7],
+        )
+        assert len(np.unique(tracks.track_id)) == len(tracks)
+        for values in (tracks.mean, tracks.boxes.center_m, tracks.velocity_mps, tracks.yaw_rate_radps):
+            assert np.isfinite(values).all()
+        if len(tracks):
+            least = np.linalg.eigvalsh(tracks.covariance).min()
+            assert least >= -1e-9 * np.abs(tracks.covariance).max()
+    assert tracker.rejected > 0
+
+
 def test_irregular_frame_times() -> None:
     rng = np.random.default_rng(3)
     stamps = np.cumsum(rng.uniform(0.01, 0.14, 60))
@@ -350,6 +391,19 @@ def test_tracks_do_not_depend_on_where_the_map_origin_is() -> None:
 def test_rejects_impossible_settings(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"TrackerConfig.{name}: allowed"):
         TrackerConfig(**{name: value})  # type: ignore[arg-type]
+
+
+def test_what_is_no_configuration_and_no_frame_is_named() -> None:
+    with pytest.raises(
+        ConfigError, match=r"expected a TrackerConfig, got 'default'; smartmot.tracker_config"
+    ):
+        Tracker("default")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="motion: expected a motion model, got 'cv'"):
+        Tracker(TrackerConfig(motion="cv"))  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="got dict; plain arrays go to update_arrays"):
+        Tracker().update({"center_m": []})  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="stamp_s: expected a number of seconds, got 'now'"):
+        Tracker().update_arrays("now", [], [], [])  # type: ignore[arg-type]
 
 
 def test_paper_thresholds() -> None:

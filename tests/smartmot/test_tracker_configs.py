@@ -138,6 +138,16 @@ def test_default_confirms_a_cyclist_at_the_third_hit_and_forgives_one_miss() -> 
         assert shown == expected, missing
 
 
+def test_a_user_forecasts_with_public_names() -> None:
+    """A car at 5 m/s, two seconds ahead in a straight line."""
+    tracker = smartmot.Tracker(smartmot.tracker_config("centerpoint"))
+    for k in range(20):
+        tracks = tracker.update_arrays(0.1 * k, [[0.5 * k, 0.0]], [[4.5, 1.8]], [0.0], [0.9], ["car"])
+    config = smartmot.forecast_config("centerpoint")
+    forecast = smartmot.forecast_tracks(tracks, np.linspace(0.0, config.max_horizon_s, 5), config)
+    np.testing.assert_allclose(forecast.center_m[0, -1], [9.5 + 10.0, 0.0], atol=0.1)
+
+
 def test_a_user_needs_ten_lines() -> None:
     tracker = smartmot.Tracker(smartmot.tracker_config("default"))
     for stamp_s in (0.0, 0.1, 0.23, 0.3):

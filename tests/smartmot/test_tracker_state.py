@@ -1,3 +1,4 @@
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 
 from smartmot.errors import ConfigError, ShapeError
-from smartmot.motion_models import ConstantTurnRate
+from smartmot.motion_models import ConstantAcceleration, ConstantTurnRate
 from smartmot.tracker import Tracker, TrackerConfig
 from smartmot.tracker_configs import TRACKER_CONFIGS
 from smartmot.tracker_state import COLUMNS, FILE_VERSION, TrackerState
@@ -23,9 +24,15 @@ def _frames(count: int) -> list[Detections]:
     return frames
 
 
-@pytest.mark.parametrize("name", [*TRACKER_CONFIGS, "turning"])
+CONFIGS = TRACKER_CONFIGS | {
+    "turning": TrackerConfig(motion=ConstantTurnRate()),
+    "accelerating": TrackerConfig(motion=ConstantAcceleration()),
+}
+
+
+@pytest.mark.parametrize("name", CONFIGS)
 def test_a_resumed_tracker_goes_on_as_if_never_stopped(name: str, tmp_path: Path) -> None:
-    config = TRACKER_CONFIGS.get(name, TrackerConfig(motion=ConstantTurnRate()))
+    config = CONFIGS[name]
     frames, path = _frames(40), tmp_path / "state.npz"
     whole, first = Tracker(config), Tracker(config)
     for frame in frames[:20]:
@@ -40,6 +47,18 @@ def test_a_resumed_tracker_goes_on_as_if_never_stopped(name: str, tmp_path: Path
             np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
         np.testing.assert_array_equal(a.boxes.center_m, b.boxes.center_m)
     assert whole.state.next_id == second.state.next_id > 1
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_tracker_can_be_copied_to_another_process(name: str) -> None:
+    whole, frames = Tracker(CONFIGS[name]), _frames(30)
+    for frame in frames[:15]:
+        whole.update(frame)
+    copied = pickle.loads(pickle.dumps(whole))
+    for frame in frames[15:]:
+        a, b = whole.update(frame), copied.update(frame)
+        np.testing.assert_array_equal(a.track_id, b.track_id)
+        np.testing.assert_array_equal(a.mean, b.mean)
 
 
 def test_an_empty_state_survives_the_file(tmp_path: Path) -> None:

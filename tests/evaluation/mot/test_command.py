@@ -1,6 +1,7 @@
 """The command line, as a user sees it."""
 
 import importlib.util
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -72,9 +73,24 @@ def test_map_filter_and_forecasts_along_lanes(
     with (drive / "detections.csv").open("a") as file:
         file.write("4.9,90,60,4.5,1.8,0.0,car\n")
     street = shipped_map("urban_street")
-    assert call(monkeypatch, drive, "--out", tmp_path, "--filter", "map", "--map", street) == 0
+    options = ("--filter", "map", "--map", street, "--write", "nuscenes")
+    assert call(monkeypatch, drive, "--out", tmp_path, *options) == 0
     assert "1 detections outside the monitored lanes left out" in capsys.readouterr().out
     assert set(pd.read_csv(tmp_path / "forecast.csv")["with_map"]) == {False, True}
+    assert json.loads((tmp_path / TRACKS_NUSCENES).read_text())["meta"]["use_map"] is True
+
+
+@needs_trackeval
+def test_labels_of_what_is_never_detected_are_pointed_out(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (drive / "labels.csv").open("a") as file:
+        file.write("4.9,90,5,0.6,0.6,0.0,pedestrian,7\n")
+    assert call(monkeypatch, drive, "--out", tmp_path) == 0
+    shown = capsys.readouterr().out
+    assert "labels, but no detections, of pedestrian: not scored" in shown
+    assert "nan" not in shown
+    assert set(pd.read_csv(tmp_path / "metrics.csv")["category"]) == {"car"}
 
 
 def test_quiet_prints_nothing(

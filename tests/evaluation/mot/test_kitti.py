@@ -216,6 +216,20 @@ def test_impossible_sizes_are_left_out(tmp_path: Path, size: str) -> None:
     assert (data.rejected, len(data.sequences[0].detections)) == (1, 1)
 
 
+def test_columns_are_known_by_their_number(tmp_path: Path) -> None:
+    """AB3DMOT's fields apart by spaces; KITTI's tracking text without its score."""
+    [sequence] = read_kitti(write(tmp_path / "a", detections__Car=detection().replace(",", " "))).sequences
+    assert (sequence.detections.kind.tolist(), len(sequence.detections)) == (["Car"], 1)
+    labels = f"0 1 Car {REST}\n"
+    [sequence] = read_kitti(write(tmp_path / "b", detections=labels)).sequences
+    assert (sequence.detections.kind.tolist(), sequence.detections.score.tolist()) == (["Car"], [1.0])
+
+
+def test_a_frame_number_that_would_fill_the_memory(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"Car/0000.txt:1: field 'frame' must be under 10000000"):
+        read_kitti(write(tmp_path, detections__Car=detection(frame=10**12)))
+
+
 CAR = "detections__Car"
 
 

@@ -165,15 +165,18 @@ def test_broken_json_names_the_line(tmp_path: Path) -> None:
         read_nuscenes(tmp_path)
 
 
-def test_times_are_needed(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r"needs the times of its samples: put sample.json and scene.json"):
-        read_nuscenes(write(tmp_path, {TOKENS[0]: []}, times=False))
+def test_without_times_the_samples_are_one_recording(tmp_path: Path) -> None:
+    data = read_nuscenes(write(tmp_path, {t: [box()] for t in TOKENS[::-1]}, times=False))
+    [sequence] = data.sequences
+    assert sequence.frame_name == tuple(TOKENS[::-1])
+    assert sequence.stamp_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+    assert any("no times of the samples" in note and "frames.csv" in note for note in data.notes)
 
 
 def test_impossible_boxes_are_counted(tmp_path: Path) -> None:
-    bad = [box(x=float("nan")), box(size=[0.0, 4.0, 1.0]), box(rotation=[0.0] * 4), box()]
+    bad = [box(x=float("nan")), box(size=[0.0, 4.0, 1.0]), box(rotation=[0.0] * 4), box(x=1e300), box()]
     data = read_nuscenes(write(tmp_path, {TOKENS[0]: bad}))
-    assert (data.rejected, len(data.sequences[0].detections)) == (3, 1)
+    assert (data.rejected, len(data.sequences[0].detections)) == (4, 1)
 
 
 def test_submission(tmp_path: Path) -> None:
