@@ -7,15 +7,17 @@ there.
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
 from opendrive.road_cells import RoadCells
 from opendrive.road_geometry import NetworkGeometry
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _BORDER_M = 1e-9
 _FOOT_M = 1e-6
@@ -114,7 +116,7 @@ class _CellTree:
     box: FloatArray
     circle: tuple[FloatArray, FloatArray, FloatArray]
     tree: shapely.STRtree
-    samples: cKDTree
+    samples: "cKDTree"
     cell_of_sample: IntArray
     lane_of_sample: IntArray
 
@@ -356,8 +358,10 @@ class LaneIndex:
         tree = shapely.STRtree(polygons)
         return _CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
 
-    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> tuple[cKDTree, IntArray, IntArray]:
+    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> "tuple[cKDTree, IntArray, IntArray]":
         """Return the middles of the wanted lanes half-way along cells, with their cells and lanes."""
+        from scipy.spatial import cKDTree  # takes longer to import than everything else here
+
         cells, low_m, high_m = self.cells, self.cells.low_m[cell], self.cells.high_m[cell]
         nothing = np.zeros(len(cell))
         feet = _Feet(np.arange(len(cell)), cell, 0.5 * (low_m + high_m), nothing, nothing)

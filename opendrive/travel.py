@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
 from opendrive.errors import PositionError, RouteNotFoundError
@@ -145,6 +143,9 @@ def lane_route(
     stations = _Stations(lanes, graph, changes, (start, goal))
     edges = (stations.along, stations.between(graph), stations.beside(changes, lane_change_cost_m))
     source, target, weight = (np.concatenate(parts) for parts in zip(*edges, strict=True))
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
     # Sparse matrices add up what stands twice; the least weight counts.
     order = np.lexsort((weight, target, source))
     source, target, weight = source[order], target[order], weight[order]

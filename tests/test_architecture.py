@@ -47,6 +47,11 @@ def test_import_of_the_command_line_is_light() -> None:
     assert loaded.strip() == "[]"
 
 
+def test_import_of_the_tracker_is_light() -> None:
+    loaded = python(f"import sys, smartmot; print([m for m in {HEAVY} if m in sys.modules])")
+    assert loaded.strip() == "[]"
+
+
 def test_help_is_light() -> None:
     code = f"""
 import sys
