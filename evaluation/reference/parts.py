@@ -57,7 +57,7 @@ THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
 PARTS: tuple[Part, ...] = (
     CpnaPart("paper", CpnaSuite(TEN_TO[80], BOTH, "paper", ("dry",), DEFAULT_MAP)),
     CpnaPart("static", CpnaSuite(URBAN, BOTH, "paper", ("dry",), DEFAULT_MAP, adversaries="static"), "paper"),
-    MechanismsPart("mechanisms", 10),
+    MechanismsPart("mechanisms", 5),
     CpnaPart("physical", CpnaSuite(TEN_TO[80], BOTH, "physical", ("dry",), DEFAULT_MAP)),
     CpnaPart("weather", CpnaSuite(TEN_TO[60], BOTH, "physical", ("dry", "wet", "rain", "snow"), DEFAULT_MAP)),
     _scenes("frontier_physical", "physical", 1),

@@ -30,7 +30,7 @@ ABLATION: Mapping[str, tuple[Setting, ...]] = {
     "ego_forecast": ("ctrv", "route"),
     "margin_m": (0.0, 1.0, 1.8, 3.0),
     "iou_threshold": (0.001, 0.01, 0.1),
-    "horizon_s": (2.0, 3.0, 4.0, 5.0),
+    "horizon_s": (2.0, 3.0, 5.0),
 }
 """The paper's choices, one of them changed at a time."""
 
