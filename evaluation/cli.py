@@ -11,6 +11,8 @@ import typer
 from evaluation.arguments import DEFAULT_MAP
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
 
 app = typer.Typer(
     name="smartmot-eval",
@@ -614,12 +616,14 @@ def compare(
     vary: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
-            help="Values of a parameter; may be repeated. Default: margin_m and half_width_m.",
+            help="Values of a parameter; may be repeated. Default: margin_m, half_width_m, ego_forecast.",
             metavar="NAME=VALUES",
         ),
     ] = None,
     preset: PresetName = "physical",
-    weather: WeatherNames = "dry",
+    weather: Annotated[
+        str, typer.Option(help="dry, wet, rain, snow; several, comma-separated: a table and figure each.")
+    ] = "dry",
     scenes: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(help="Only these scenes, comma-separated; see docs/study.md. Default: all."),
@@ -665,7 +669,9 @@ def compare(
     conditions = parse_names(weather, tuple(WEATHER), "--weather")
     formats = parse_names(form, PICTURE_FORMATS, "--format")
     varied = parse_vary(vary or [])
-    only = parse_names(scenes, scene_names(), "--scenes") if scenes else ()
+    only = parse_names(scenes, scene_names(), "--scenes") if scenes is not None else ()
+    if growth and (only or full or logs or len(conditions) > 1):
+        raise ArgumentError("--growth: takes one --weather, and neither --scenes, --full nor --logs")
     folder, processes = writable_folder(out), workers or available_cores()
     if growth:
         compare_growth(chosen, preset, conditions[0], seeds, processes, folder, quiet, formats)
@@ -717,9 +723,12 @@ def reports(
 
 
 def main() -> None:
-    """Entry point: run the command; one line and status 2 for a mistake of the user."""
+    """Entry point: run the command; one line and status 2 for a mistake of the user, 130 for Ctrl-C."""
     try:
-        sys.exit(app(standalone_mode=False))
+        status = app(standalone_mode=False)
+        if status == INTERRUPTED:
+            typer.echo("smartmot-eval: interrupted; compare and reports go on if started again", err=True)
+        sys.exit(status)
     except Exception as error:
         message = _message_for_user(error)
         if message is None:

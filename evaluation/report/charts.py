@@ -177,10 +177,17 @@ def _marks(scene: Scene, run: Run) -> list[dict[str, Any]]:
     ]
 
 
-def speed_specs(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> list[tuple[str, Spec]]:
+def speed_specs(
+    runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame], *, many: bool = False
+) -> list[tuple[str, Spec]]:
     """Speed over the time to stop or contact: title and figure of each panel, a curve per test speed.
 
     Curves carry the name of their log as `meta`, so that a click can open the run.
+
+    Args:
+        runs: table of the runs.
+        logs: rows of kind `ego` of their logs.
+        many: scenarios share the panels of their strategies, and curves are told by scenario.
     """
     drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
     if drawn.empty:
@@ -188,14 +195,24 @@ def speed_specs(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> list[tu
     flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
     earliest = min(_EARLIEST_S, float(flags.min()) - 0.3) if len(flags) else _EARLIEST_S
     top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
+    scenarios = dict(zip(runs["log"], map(str, runs["scenario"]), strict=True))
     panels = []
-    for title, rows in panels_of(runs):
+    for title, rows in panels_of(runs.assign(scenario="") if many else runs):
         chosen = rows[rows.index.isin(drawn.index)].sort_values("v_test_kmh")
         data = []
         for run in chosen.to_dict("records"):
-            data += _speed_curve(run, logs[str(run["log"])], earliest)
+            log = logs[str(run["log"])]
+            name = f"{run['v_test_kmh']:g} km/h"
+            if many and name not in scenarios[run["log"]]:
+                name = f"{scenarios[run['log']]}, {name}"
+            elif many:
+                name = scenarios[run["log"]]
+            data += _speed_curve(run, log, earliest, html.escape(name))
         undrawn = sorted(set(rows["v_test_kmh"]) - set(chosen["v_test_kmh"]))
         note = f"no stop or contact: {', '.join(f'{speed:g}' for speed in undrawn)} km/h"
+        if many:
+            undrawn = rows.index.difference(chosen.index).tolist()
+            note = f"{len(undrawn)} of {len(rows)} runs end in neither stop nor contact"
         layout = _layout(300) | {
             "xaxis": _axis("Time to stop or contact (s)", range=[earliest, 0.05], dtick=0.5),
             "yaxis": _axis("Ego speed (km/h)", range=[0, top], dtick=10),
@@ -205,12 +222,13 @@ def speed_specs(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> list[tu
     return panels
 
 
-def _speed_curve(run: dict[Any, Any], log: pd.DataFrame, earliest_s: float) -> list[dict[str, Any]]:
-    """Curve of one run, with its brake request and its contact."""
+def _speed_curve(
+    run: dict[Any, Any], log: pd.DataFrame, earliest_s: float, name: str
+) -> list[dict[str, Any]]:
+    """Curve of one run under a name, with its brake request and its contact."""
     colour, style = speed_style(float(run["v_test_kmh"]))
     time, speed = speed_before_t0(run, log)
     first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
-    name = f"{run['v_test_kmh']:g} km/h"
     curve = {"type": "scatter", "meta": str(run["log"])}
     marks = []
     if not math.isnan(run["flag_time_s"]):

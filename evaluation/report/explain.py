@@ -101,6 +101,7 @@ class Account:
         finding: what came out, one sentence.
         why: what made it so; may be empty.
         for_nobody: whether it stopped for nobody, with an emergency brake or by adapting its speed.
+        frame: the one that shows why: of the first brake request, else where it stands or touches somebody.
         story: (F,) what is happening, for each frame.
         status: (F,) speed and what perception holds, for each frame.
     """
@@ -110,6 +111,7 @@ class Account:
     finding: str
     why: str
     for_nobody: bool
+    frame: int
     story: tuple[str, ...]
     status: tuple[str, ...]
 
@@ -134,11 +136,18 @@ def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
     told = _finding(scene, run, triggers, hit, preset)
     if stands is not None and not triggers and not run["collided"]:
         told = _waiting(scene, stands, setting)
+    if triggers:
+        shown = triggers[0].frame
+    elif run["collided"]:
+        shown = len(scene) - 1
+    else:
+        shown = stands or 0
     return Account(
         outcome,
         kind,
         *told,
         for_nobody,
+        shown,
         _story(scene, run, triggers, hit),
         _status(scene),
     )
@@ -379,7 +388,13 @@ def _waiting(scene: Scene, frame: int, setting: Setting | None) -> tuple[str, st
     place = _place(setting, boxes.center_m[[nearest]])
     where = f" ({place})" if place else ""
     whom = f"{_called(actors.iloc[nearest])}{where}, {ahead[nearest]:.1f} m ahead"
-    return what, f"It keeps its distance to {whom}, as if that were in its way."
+    why = f"It keeps its distance to {whom}, as if that were in its way."
+    if setting is not None and scene.strategy is not None and scene.strategy.name == "rectangular":
+        category = actors["category"].to_numpy(np.str_)
+        if scene.strategy.at(ego).relevance(boxes, category).on_way[nearest]:
+            half = setting.preset.rectangular.half_width_m
+            why += f" It is inside the rectangle, up to {half:g} m to each side, which knows no lanes."
+    return what, why
 
 
 def _who_was_hit(scene: Scene) -> str:

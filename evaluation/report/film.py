@@ -44,7 +44,12 @@ _VIEW = (-10.0, 40.0, -12.5, 12.5)
 """Left, right, low and high of the view in the ego's frame, metres."""
 _COLOURS = 96
 """Size of the one palette of a GIF: flat fills and smoothed edges need no more."""
-_CAPTION_COLUMNS, _CAPTION_LINES = 118, 4
+_TEXT_WIDTH = 0.97
+"""Of a picture's width, for one line of text."""
+_STORY_TOP, _STORY_BOTTOM = 0.06, 0.075
+"""Of a picture's height: where the story begins below the view, and where the legend begins."""
+_SMALLEST_PT, _STEP_PT = 5.5, 0.5
+"""Texts that are too long become smaller, to this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +184,14 @@ class Film:
         from matplotlib.patches import Patch
 
         write = self._figure.text
-        write(0.5, 0.967, self.title, ha="center", va="center", fontsize=10.0, weight="bold")
+        size = 10.0
+        title = write(0.5, 0.967, self.title, ha="center", va="center", fontsize=size, weight="bold")
+        while self._share(title)[0] > _TEXT_WIDTH and size > _SMALLEST_PT:
+            size -= _STEP_PT
+            title.set_fontsize(size)
         self._texts["speed"] = write(0.015, below - 0.015, "", va="top", fontsize=SMALL_PT + 1, weight="bold")
         self._texts["seen"] = write(0.985, below - 0.015, "", va="top", ha="right", fontsize=SMALL_PT)
-        self._texts["story"] = write(0.015, below - 0.06, "", va="top", fontsize=SMALL_PT)
+        self._texts["story"] = write(0.015, below - _STORY_TOP, "", va="top", fontsize=SMALL_PT)
         shown = {role for frame in range(len(self.scene)) for role, _ in self.scene.areas(frame)}
         types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
         handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
@@ -221,8 +230,30 @@ class Film:
         speed, _, seen = self.account.status[frame].partition(" · ")
         self._texts["speed"].set_text(f"t = {ego.stamp_s:.2f} s, {speed}")
         self._texts["seen"].set_text(seen)
-        lines = textwrap.wrap(self.account.story[frame], _CAPTION_COLUMNS)
-        self._texts["story"].set_text("\n".join(lines[:_CAPTION_LINES]))
+        self._tell(self.account.story[frame])
+
+    def _tell(self, text: str) -> None:
+        """Write the story below the view, as large as it fits between the view and the legend."""
+        story = self._texts["story"]
+        room = float(story.get_position()[1]) - _STORY_BOTTOM
+        size = SMALL_PT
+        while True:
+            story.set_fontsize(size)
+            story.set_text(text)
+            columns = max(int(len(text) * _TEXT_WIDTH / max(self._share(story)[0], _TEXT_WIDTH)), 20)
+            story.set_text(textwrap.fill(text, columns))
+            while self._share(story)[0] > _TEXT_WIDTH:
+                columns -= 2
+                story.set_text(textwrap.fill(text, columns))
+            if self._share(story)[1] <= room or size <= _SMALLEST_PT:
+                return
+            size -= _STEP_PT
+
+    def _share(self, text: Any) -> tuple[float, float]:
+        """Width and height of a text as shares of the picture's."""
+        canvas: Any = self._figure.canvas
+        box = text.get_window_extent(canvas.get_renderer())
+        return box.width / self._figure.bbox.width, box.height / self._figure.bbox.height
 
     def _show(self, name: str, rows: pd.DataFrame) -> None:
         self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])

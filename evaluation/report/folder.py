@@ -87,6 +87,7 @@ def read_folder(path: Path) -> RunFolder:
     Raises:
         ResultsError: the folder, its table or its logs are missing or not understood.
     """
+    _refuse_comparison(path)
     runs = results.read_runs(path)
     if runs.empty:
         raise ResultsError(f"{path / results.RUNS_CSV}: no runs; run at least one test into this folder")
@@ -105,6 +106,20 @@ def read_folder(path: Path) -> RunFolder:
     except (ResultsError, OpenDriveError, OpenScenarioError, ScenarioError, SmartMotError) as error:
         notes.append(f"Lanes and monitored areas are not drawn: {error}")
     return RunFolder(path, runs, settings, published, _version(path), tuple(notes))
+
+
+def _refuse_comparison(path: Path) -> None:
+    """A comparison has measures of many runs, and logs only in a folder within it, if asked for.
+
+    Raises:
+        ResultsError: the folder is one.
+    """
+    if not (path / "compare.json").is_file():
+        return
+    inside = path / "runs"
+    if (inside / results.RUNS_CSV).is_file():
+        raise ResultsError(f"{path}: a comparison over scenes; its logged runs are in {inside}")
+    raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
 
 
 def _is_published(path: Path) -> bool:
@@ -152,7 +167,7 @@ def read_settings(path: Path, runs: pd.DataFrame) -> dict[str, Setting]:
             strategy = make_strategy(spec.strategy, preset, scene)
         except ScenarioError:
             strategy = None
-        name = spec.map_name or scene.network.name or ""
+        name = spec.map_name or scene.network.name or str(dict(spec.parameters).get("Map", ""))
         settings[spec.log] = Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must)
     return settings
 

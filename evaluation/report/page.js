@@ -82,7 +82,7 @@
     const found = {
       index, timeS, ego: table(packed.ego), objects: Object.fromEntries(kinds),
       areas: packed.areas.map((rings) => rings.map((steps) => [packed.roles[steps[0]], outline(steps, 1)])),
-      roles: packed.roles, stories: packed.stories, story: restored(packed.story, 1), status: packed.status,
+      first: packed.first, roles: packed.roles, stories: packed.stories, story: restored(packed.story, 1), status: packed.status,
       events: packed.events, diagram: packed.diagram, ground: await loadGround(DATA.maps[index]),
     };
     loaded.set(index, found);
@@ -371,7 +371,7 @@
     draw();
   }
 
-  // A run opens at its first brake request, with what it was for in view.
+  // A run opens where it shows why it ended so, with what it was for in view.
   function showThreats() {
     const threats = run.objects.track[frame].filter((row) => row.label === "threat"), rim = 24;
     const hidden = (seen) => threats.some((row) => {
@@ -395,8 +395,7 @@
     listEvents();
     listLegend();
     await drawDiagram();
-    const request = run.events.find((event) => event[3] === "predicted_collision");
-    seek(request ? request[0] : 0);
+    seek(run.first);
     showThreats();
     if (scroll) $("replay").scrollIntoView();
     document.body.dataset.run = log;

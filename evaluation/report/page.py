@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Container, Hashable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,8 +22,10 @@ from evaluation.report.explain import Account, explain
 from evaluation.report.folder import RunFolder, read_folder
 from evaluation.report.payload import pack_map, pack_run
 from evaluation.report.scene import read_scene
-from evaluation.report.summary import Matrix, Verdict, score_matrix, verdicts
+from evaluation.report.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
+from evaluation.settings import PARAMETERS
 from opendrive import RoadNetwork
+from scenarios.presets import named_preset
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
@@ -150,10 +152,10 @@ def page_content(
         notes=folder.notes,
         verdicts=verdicts(rows, accounts, {view.log: view.title for view in views}),
         matrix=score_matrix(rows, accounts),
-        table=results.comparison_table(folder.runs, PUBLISHED if folder.published else None),
+        table=_numbers(folder),
         runs=views,
-        first=_first(views),
-        panels=charts.speed_specs(rows, curves),
+        first=_first(views, set(rows.loc[rows["false_stop"].astype(bool), "log"])),
+        panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
         palette=palette,
@@ -211,7 +213,7 @@ def _subject(runs: pd.DataFrame) -> str:
 
 
 _FEW = 3
-"""Names that a heading holds."""
+"""Names that a heading holds, and scenarios that get diagrams of their own."""
 
 
 def _facts(folder: RunFolder) -> dict[str, str]:
@@ -223,21 +225,37 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     }
     facts["Scenario"] = _subject(runs)
     facts["Runs"] = str(len(runs))
-    maps = dict.fromkeys(setting.map_name for setting in folder.settings.values())
+    maps = dict.fromkeys(filter(None, (setting.map_name for setting in folder.settings.values())))
     if maps:
         facts["Map"] = ", ".join(maps)
+    for name in ("detector", "tracker"):
+        of = PARAMETERS[name].of
+        used = {setting.preset.name: of(setting.preset) for setting in folder.settings.values()}
+        own = [str(value) for preset, value in used.items() if value != of(named_preset(preset))]
+        if own:
+            facts[name.capitalize()] = ", ".join(dict.fromkeys(own))
     if folder.version:
         facts["Made by"] = f"smartmot {folder.version}"
     return facts
 
 
-def _first(views: list[RunView]) -> int:
-    """The run to open: the first false stop, else the first hit, else the first."""
-    for kind in ("false", "hit"):
-        for index, view in enumerate(views):
-            if view.account.kind == kind:
-                return index
-    return 0
+def _numbers(folder: RunFolder) -> results.Table:
+    """Impact speeds; scores as well where there are any, unless the matrix has a line per scenario."""
+    if by_scenario(folder.runs) or folder.runs["score"].isna().all():
+        return results.impact_table(folder.runs)
+    return results.comparison_table(folder.runs, PUBLISHED if folder.published else None)
+
+
+def _first(views: list[RunView], emergencies: Container[str]) -> int:
+    """The run to open: the first false emergency stop, else stop for nobody, else hit, else the first."""
+    ranks = {"false": 1, "hit": 2}
+
+    def rank(index: int) -> int:
+        view = views[index]
+        kind = view.account.kind
+        return 0 if kind == "false" and view.log in emergencies else ranks.get(kind, 3)
+
+    return min(range(len(views)), key=rank)
 
 
 def _swatch(speed_kmh: float) -> tuple[str, bool]:

@@ -79,6 +79,7 @@ def pack_run(scene: Scene, account: Account, origin_m: FloatArray, diagram: Mapp
     return pack(
         {
             "t": deltas(scene.time_s, PER_SECOND),
+            "first": account.frame,
             "ego": _columns(scene.ego, origin_m) | {"b": deltas(scene.ego["accel_mps2"], PER_METRE)},
             "objects": {kind: _objects(scene.objects[kind], origin_m) for kind in (*TRUTH, *SEEN)},
             "roles": roles,

@@ -59,7 +59,9 @@ def replay(
     setting = folder.settings.get(name)
     scene = read_scene(folder.log(name), setting.strategy if setting else None)
     times = film_times(scene, fps, speed)
-    title = f"{row['scenario']}, {row['strategy']}, {row['v_test_kmh']:g} km/h, {row['weather']}"
+    test = f"{row['v_test_kmh']:g} km/h"
+    told = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
+    title = ", ".join([str(row["strategy"]), *told, str(row["weather"])])
     film = Film(scene, explain(scene, row, setting), setting.network if setting else None, title)
     wanted: list[tuple[Path, Callable[..., None]]] = [(gif, write_gif)] if gif else []
     wanted += [(mp4, write_mp4)] if mp4 else []

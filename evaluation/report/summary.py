@@ -28,6 +28,25 @@ _SHARES = {"hit": 0.0, "false": 0.25, "stop": 1.0, "pass": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
+class Reason:
+    """Why runs failed, told of one of them.
+
+    Args:
+        log: the run that is told of.
+        title: what failed, and in which run.
+        text: what happened in it, and why.
+        others: (log, title) of more runs with such an end.
+        more: how many there are besides.
+    """
+
+    log: str
+    title: str
+    text: str
+    others: tuple[tuple[str, str], ...]
+    more: int
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """What a strategy came to.
 
@@ -35,13 +54,13 @@ class Verdict:
         strategy: its name.
         kind: worst kind of outcome.
         headline: how many runs ended how.
-        reasons: (log, title, text) of one run for each kind of failure.
+        reasons: one run for each kind of failure, and which others failed like that.
     """
 
     strategy: str
     kind: str
     headline: str
-    reasons: tuple[tuple[str, str, str], ...]
+    reasons: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +91,7 @@ def verdicts(runs: pd.DataFrame, accounts: Mapping[str, Account], titles: Mappin
         titles: how each is called, by the name of its log.
     """
     return [
-        _verdict(name, runs[runs["strategy"] == name].sort_values("v_test_kmh"), accounts, titles)
+        _verdict(name, _in_order(runs[runs["strategy"] == name]), accounts, titles)
         for name in ordered_strategies(runs)
     ]
 
@@ -83,15 +102,31 @@ def _verdict(
     names = [str(name) for name in runs["log"]]
     by_kind = {kind: [name for name in names if accounts[name].kind == kind] for kind in SEVERITY}
     false_stops = [name for name in names if accounts[name].for_nobody]
+    emergencies = set(map(str, runs.loc[runs["false_stop"].astype(bool), "log"]))
+    false_stops.sort(key=lambda name: name not in emergencies)
     parts = [_count("contact", by_kind["hit"], runs), _count("stop for nobody", false_stops, runs)]
+    if waits := len(set(false_stops) - emergencies):
+        parts[-1] += f", {'all' if waits == len(false_stops) else waits} of them without an emergency"
     headline = ", ".join(parts)
     reasons = []
     for what, chosen in (("hit", by_kind["hit"]), ("stop for nobody", false_stops)):
         if chosen:
-            text = f"{accounts[chosen[0]].finding} {accounts[chosen[0]].why}".strip()
-            reasons.append((chosen[0], f"Why the {what} ({titles[chosen[0]]})", text))
+            told, *others = chosen
+            text = f"{accounts[told].finding} {accounts[told].why}".strip()
+            also = tuple((name, titles[name].removeprefix(f"{strategy}, ")) for name in others[:_NAMED])
+            title = f"Why the {what} ({titles[told]})"
+            reasons.append(Reason(told, title, text, also, len(others) - len(also)))
     worst = "false" if false_stops and not by_kind["hit"] else next(k for k in SEVERITY if by_kind[k])
     return Verdict(strategy, worst, f"{headline[0].upper()}{headline[1:]}.", tuple(reasons))
+
+
+_NAMED = 12
+"""Further runs that failed in the same way, named in a verdict."""
+
+
+def _in_order(runs: pd.DataFrame) -> pd.DataFrame:
+    """By speed; scenarios as they were run."""
+    return runs if by_scenario(runs) else runs.sort_values("v_test_kmh")
 
 
 def _count(what: str, chosen: list[str], runs: pd.DataFrame) -> str:
@@ -119,13 +154,18 @@ class Matrix:
     lines: list[tuple[str, list[Cell | None]]]
 
 
+def by_scenario(runs: pd.DataFrame) -> bool:
+    """Whether there are many scenarios, each at a speed of its own."""
+    names = set(runs["scenario"])
+    return len(names) > 1 and len(set(zip(runs["scenario"], runs["v_test_kmh"], strict=True))) == len(names)
+
+
 def score_matrix(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Matrix:
     """Scores by strategy, in its conditions, and by test speed; seeds share a place.
 
     Many scenarios, each at a speed of its own, are lines instead, and the strategies the columns.
     """
-    names = set(runs["scenario"])
-    if len(names) > 1 and len(set(zip(runs["scenario"], runs["v_test_kmh"], strict=True))) == len(names):
+    if by_scenario(runs):
         return _scenario_matrix(runs, accounts)
     speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
     conditions = varying_conditions(runs)

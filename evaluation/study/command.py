@@ -228,8 +228,9 @@ def write(
     ]
     if options.seeds > 1:
         lines += ["## Over the seeds\n", markdown_table(seed_table(rows))]
-    if shown := between_usual(options, points, found):
-        lines += ["## Differences\n", markdown_table(difference_table(shown))]
+    different = difference_table(between_usual(options, points, found))
+    if different.rows:
+        lines += ["## Differences\n", markdown_table(different)]
     lines += ["## By scene\n", markdown_table(scene_table(measures, usual))]
     files = {
         "runs.csv": runs_csv(measures),

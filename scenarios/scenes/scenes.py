@@ -65,11 +65,13 @@ class Street:
         name: in tables.
         map_file: from the folder of the scenes, or absolute.
         place: road, driving lane of the ego, and s of the line across the road.
+        come_from: where the ego comes from, if not straight: from there the road leads nowhere else.
     """
 
     name: str
     map_file: str
     place: Place
+    come_from: Place | None = None
 
 
 STRAIGHT = Street("straight", "../maps/urban_street.xodr", Place("1", -1, 400.0))
@@ -94,15 +96,54 @@ def bend(radius_m: float, turn: str, into_m: float = 20.0, kind: str = "") -> St
     return Street(name, f"maps/bend_{radius_m:g}{kind}.xodr", Place("1", lane, s_m))
 
 
-TOWN_STREETS: tuple[tuple[str, str, Place, tuple[float, ...]], ...] = (
-    ("Town01 straight", "Town01.xodr", Place("8", -1, 200.0), (30.0, 50.0)),
-    # 80 m straight, then a right angle with a radius of about 50 m; the lane runs against s
-    ("Town03 bend", "Town03.xodr", Place("21", 1, 60.0), (30.0, 40.0)),
-    # 58 m straight, then a right angle with a radius of about 40 m
-    ("Town10 bend", "c0910_Town10HD.xodr", Place("10", 2, 45.0), (30.0,)),
-    ("campus straight", "CampusUAH_v1_7.xodr", Place("7", -2, 125.0), (30.0, 50.0)),
+_TO_LINE_M = 150.0
+"""Greatest way from where the ego comes from to the end of the road with the line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A stretch of an outer map.
+
+    Args:
+        street: where.
+        speeds_kmh: of the ego.
+        opposite: nearest lane that leads the other way; None: there is none, or none that is long enough.
+        parking: whether there is room for parked cars beside the ego's lane.
+        beside: whether there is a sidewalk that leads on beyond the line.
+    """
+
+    street: Street
+    speeds_kmh: tuple[float, ...]
+    opposite: int | None = None
+    parking: bool = False
+    beside: bool = True
+
+
+def _outer(name: str, file: str, place: Place, come_from: Place | None = None) -> Street:
+    return Street(name, str((OUTER_MAPS / file).resolve()), place, come_from)
+
+
+TOWN_STRAIGHT = Stretch(_outer("Town01 straight", "Town01.xodr", Place("8", -1, 200.0)), (30.0, 50.0), 1)
+# 80 m straight, then a right angle with a radius of about 50 m; the lane runs against s
+TOWN_BEND = Stretch(
+    _outer("Town03 bend", "Town03.xodr", Place("21", 1, 60.0)), (30.0, 40.0), -1, parking=True
 )
-"""Stretches of outer maps: name, file, place, speeds in km/h."""
+# 58 m straight, then a right angle with a radius of about 40 m
+TOWN_SHARP_BEND = Stretch(_outer("Town10 bend", "c0910_Town10HD.xodr", Place("10", 2, 45.0)), (30.0,), -1)
+# lanes one way, and a road that ends 15 m behind the line
+CAMPUS = Stretch(
+    _outer("campus straight", "CampusUAH_v1_7.xodr", Place("7", -2, 125.0)), (30.0, 50.0),
+    parking=True, beside=False,
+)  # fmt: skip
+STRETCHES = (TOWN_STRAIGHT, TOWN_BEND, TOWN_SHARP_BEND, CAMPUS)
+"""Of outer maps."""
+
+# T-junctions: the line is 12 m behind a turn of 90 degrees
+TOWN_TURNS = (
+    _outer("Town01 turn left", "Town01.xodr", Place("6", -1, 12.0), Place("24", -1, 50.0)),
+    _outer("Town01 turn right", "Town01.xodr", Place("6", 1, 212.0), Place("19", -1, 49.0)),
+    _outer("Town03 turn left", "Town03.xodr", Place("90", -1, 12.0), Place("33", -1, 15.0)),
+)
 
 
 @cache
@@ -119,14 +160,20 @@ def place_values(street: Street, side: str, way_m: float) -> dict[str, Value]:
         way_m: from the ego's start to the line.
 
     Raises:
-        ScenarioError: there is no such place, or its road begins too late.
+        ScenarioError: there is no such place, its road begins too late, or the ego does not come there.
         scenarios.openscenario.errors.RunError: the map cannot be read.
     """
     network, place = _network(street.map_file), street.place
     lane = lane_at(network, place)
     along = int(network.lanes.direction[lane])
     left = near_side(network, lane) * (1 if side == "near" else -1)
-    route = route_ahead(network, lane, place.s_m, ahead_m=100.0, behind_m=way_m + 5.0)
+    if street.come_from is None:
+        route = route_ahead(network, lane, place.s_m, ahead_m=100.0, behind_m=way_m + 5.0)
+    else:
+        start = street.come_from
+        route = route_ahead(network, lane_at(network, start), start.s_m, ahead_m=_TO_LINE_M)
+        if lane not in route.lanes:
+            raise ScenarioError(f"{street.name}: from road {start.road_id} the ego comes to other roads")
     index = route.lanes.index(lane)
     line = float(route.entry_m[index]) + route.strips[index].station_at(place.s_m)
     if line < way_m:
@@ -356,21 +403,65 @@ def _must_brake() -> Iterator[SceneRun]:
 
 
 def _towns() -> Iterator[SceneRun]:
-    for name, file, place, speeds in TOWN_STREETS:
-        path = OUTER_MAPS / file
-        if not path.is_file():
-            continue
-        street = Street(name, str(path.resolve()), place)
-        for speed in speeds:
+    for stretch in STRETCHES:
+        if Path(stretch.street.map_file).is_file():
+            for speed in stretch.speeds_kmh:
+                yield from _nothing_in_towns(stretch, speed)
+                yield from _brake_in_towns(stretch, speed)
+    for street in TOWN_TURNS:
+        if Path(street.map_file).is_file():
             for side in ("near", "far"):
                 yield _at(
-                    "people at the kerb", "nothing", "standing", street, side, speed, 5.0, False, Beyond=0.4
-                )
+                    "people around a turn", "nothing", "standing", street, side, 20.0, 10.0, False,
+                    Beyond=0.8,
+                )  # fmt: skip
+            yield _at("crosses after a turn", "brake", "crossing", street, "near", 20.0, 10.0, False)
+
+
+def _nothing_in_towns(stretch: Stretch, speed: float) -> Iterator[SceneRun]:
+    """Scenes of a stretch in which nothing should happen."""
+    street = stretch.street
+    for side in ("near", "far"):
+        yield _at("people at the kerb", "nothing", "standing", street, side, speed, 5.0, False, Beyond=0.4)
+        if stretch.beside:
             yield _at(
-                "stops before the road", "nothing", "stopping", street, "near", speed, 7.0, False,
-                Stop_gap=0.8, Walk_distance=1.0,
+                "walking along", "nothing", "walking", street, side, speed, 5.0, False,
+                "towards the ego, 5 km/h", Walk=-1.0, Target_speed_kmh=5.0, Beyond=0.8,
             )  # fmt: skip
-            yield _at("crosses", "brake", "crossing", street, "near", speed, 7.0, False)
+    yield _at(
+        "stops before the road", "nothing", "stopping", street, "near", speed, 7.0, False,
+        Stop_gap=0.8, Walk_distance=1.0,
+    )  # fmt: skip
+    if stretch.parking:
+        yield _at("parked cars", "nothing", "parked", street, "near", speed, 5.0, False)
+    if stretch.opposite is not None:
+        yield _at(
+            "oncoming car", "nothing", "oncoming", street, "near", speed, 5.0, False,
+            Opposite_lane=float(stretch.opposite), Other_speed_kmh=speed,
+        )  # fmt: skip
+
+
+def _brake_in_towns(stretch: Stretch, speed: float) -> Iterator[SceneRun]:
+    """Scenes of a stretch in which the ego must brake."""
+    street = stretch.street
+    yield _at("crosses", "brake", "crossing", street, "near", speed, 7.0, False)
+    yield _at(
+        "cyclist crosses", "brake", "crossing", street, "near", speed, 7.0, False,
+        Target_catalog="Vehicles", Target_entry="bicyclist", Target_center=0.605, Target_speed_kmh=15.0,
+        Beyond=4.0, Acceleration_distance=2.0,
+    )  # fmt: skip
+    yield _at("hesitates and goes on", "brake", "hesitating", street, "near", speed, 10.0, False)
+    far = place_values(street, "far", 0.0)
+    yield _at(
+        "two at once", "brake", "two_at_once", street, "near", speed, 14.0, False,
+        Other_kerb=far["Kerb"], Other_to_kerb=far["Lane_to_kerb"],
+    )  # fmt: skip
+    yield _at(
+        "car stands", "brake", "stopped_car", street, "near", speed, 7.0, False,
+        Lane=float(street.place.lane_id),
+    )  # fmt: skip
+    if stretch.parking:
+        yield _at("from behind parked cars", "brake", "crossing_parked", street, "near", speed, 7.0, False)
 
 
 @cache
@@ -393,11 +484,14 @@ def choose_scenes(names: Sequence[str] = (), *, full: bool = False) -> tuple[Sce
         full: every variant, not just those of the short comparison.
 
     Raises:
-        ScenarioError: an unknown name.
+        ScenarioError: an unknown name, or one that only the full comparison has.
     """
     known = scene_names()
     for name in names:
         if name not in known:
             raise ScenarioError(f"no scene {name!r}; there are: {'; '.join(known)}")
     wanted = set(names or known)
-    return tuple(run for run in all_scenes() if run.scene in wanted and (full or run.default))
+    chosen = tuple(run for run in all_scenes() if run.scene in wanted and (full or run.default))
+    if absent := [name for name in names if name not in {run.scene for run in chosen}]:
+        raise ScenarioError(f"only the full comparison has {'; '.join(absent)}: add --full")
+    return chosen

@@ -503,3 +503,32 @@ def test_runs_without_an_emergency_brake_are_told(
     assert answer.status == 0
     assert told in answer.out
     assert ("emergency brake" in answer.out) == bool(told)
+
+
+def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evaluation.comparison.compare_cpna", interrupted)
+    answer = command("cpna", "--speeds", "50")
+    assert answer.status == 130
+    assert answer.err.strip() == "smartmot-eval: interrupted; compare and reports go on if started again"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--scenes", ""), "--scenes: nothing given"),
+        (("--growth", "--full"), "--growth: takes one --weather, and neither"),
+        (("--growth", "--weather", "dry,rain"), "--growth: takes one --weather, and neither"),
+        (("--growth", "--scenes", "two at once"), "--growth: takes one --weather, and neither"),
+        (("--growth", "--vary", "margin_m=1"), "exclude one another"),
+    ],
+)
+def test_options_of_compare_that_do_not_go_together(
+    command: Command, options: tuple[str, ...], told: str
+) -> None:
+    answer = command("compare", *options)
+    assert answer.status == 2
+    assert told in answer.err
+    assert answer.err.count("\n") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 from collections.abc import Callable
@@ -86,6 +87,24 @@ def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
     assert (np.abs(first[view].astype(int) - vermillion).max(axis=2) < 8).sum() == 0
     assert (np.abs(flag[view].astype(int) - vermillion).max(axis=2) < 8).sum() > 100
     assert np.array_equal(film.picture(0), first)
+
+
+def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    scene = read_scene(results_folder.log(name), None)
+    account = explain(scene, run, None)
+    word = "Emergency brake for somebody wide, who moves in a margin. "
+    told = dataclasses.replace(account, story=tuple(word * (k % 9) for k in range(len(scene))))
+    film = Film(scene, told, None, "people at the kerb, 60 m bend left, near side, 0.4 m, " * 2)
+    for frame in range(9):
+        image = film.picture(frame).astype(int)
+        # nothing but white at the edges beside the title and below the view, where the texts are
+        for rows in (slice(0, 42), slice(540, 720)):
+            for columns in (slice(0, 5), slice(-5, None)):
+                assert image[rows, columns].min() > 250, (frame, rows, columns)
+        # and a free strip between the story and the legend
+        assert (image[640:680].min(axis=(1, 2)) > 250).any()
 
 
 def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:

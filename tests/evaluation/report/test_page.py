@@ -183,7 +183,7 @@ def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
     assert found["rectangular"].headline == "Contact in 1 of 2 runs (at 60 km/h), no stop for nobody."
     assert found["map"].headline == "No contact, no stop for nobody."
     assert found["map"].reasons == ()
-    assert [title for _, title, _ in found["rectangular"].reasons] == ["Why the hit (rectangular, 60 km/h)"]
+    assert [reason.title for reason in found["rectangular"].reasons] == ["Why the hit (rectangular, 60 km/h)"]
 
 
 def test_the_first_run_shown_is_a_failure(folder: Path) -> None:

@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
-from evaluation.report import page
+from evaluation.report import charts, page
 from evaluation.report.folder import read_folder
-from evaluation.report.summary import score_matrix
-from evaluation.results import read_runs
+from evaluation.report.summary import score_matrix, verdicts
+from evaluation.results import ResultsError, impact_table, read_runs
 from evaluation.study.command import CompareOptions, log_runs
 from scenarios.scenes.scenes import all_scenes
 
@@ -55,6 +56,72 @@ def test_scenes_are_lines_and_strategies_columns(folder: Path) -> None:
     assert marks[0] == ["!", "!"]
     assert "!" not in marks[1]
     assert content.title == f"{BEND}, {CROSSES}"
+
+
+def test_the_page_opens_with_the_false_emergency_stop_at_its_request(folder: Path) -> None:
+    content = page.page_content(read_folder(folder))
+    first = content.runs[content.first]
+    assert (first.strategy, first.account.outcome) == ("map", "false stop")
+    assert first.account.story[first.account.frame].startswith("Emergency brake since")
+    assert first.account.story[first.account.frame - 1] == "Follows its lane."
+    # the run without an emergency opens where the ego has come to a standstill, and says what is to blame
+    waits = next(view.account for view in content.runs if view.account.outcome == "waits for nobody")
+    assert waits.story[waits.frame].startswith("Stands behind")
+    assert not waits.story[waits.frame - 1].startswith("Stands behind")
+    assert "inside the rectangle, up to 2.6 m to each side, which knows no lanes" in waits.why
+    rectangle = next(verdict for verdict in content.verdicts if verdict.strategy == "rectangular")
+    assert "stop for nobody in 1 of 2 runs, all of them without an emergency" in rectangle.headline
+
+
+def test_many_scenarios_share_the_diagram_of_their_strategy(folder: Path) -> None:
+    results = read_folder(folder)
+    logs = {str(name): results.log(str(name)) for name in results.runs["log"]}
+    panels = charts.speed_specs(results.runs, logs, many=True)
+    assert [title for title, _ in panels] == ["rectangular", "map"]
+    for title, spec in panels:
+        own = results.runs[(results.runs["strategy"] == title) & results.runs["t0_s"].notna()]
+        curves = [trace for trace in spec["data"] if trace["mode"] == "lines"]
+        assert {curve["meta"] for curve in curves} == set(own["log"])
+        for curve in curves:
+            scenario = own.loc[own["log"] == curve["meta"], "scenario"].iloc[0]
+            assert curve["hovertemplate"].startswith(f"{scenario}: ")
+    # the rectangle's ego waits on the bend: neither an emergency stop nor a contact
+    (note,) = panels[0][1]["layout"]["annotations"]
+    assert note["text"] == "1 of 2 runs end in neither stop nor contact"
+
+
+def test_scenarios_as_lines_have_impact_speeds_once(folder: Path) -> None:
+    table = page.page_content(read_folder(folder)).table
+    assert table == impact_table(read_runs(folder))
+    assert len(table.rows) == 2
+
+
+def test_runs_that_end_alike_are_named(folder: Path) -> None:
+    runs = read_runs(folder)
+    rows = runs[runs["strategy"] == "map"]
+    [bend] = rows.loc[rows["scenario"] == BEND, "log"]
+    content = page.page_content(read_folder(folder))
+    account = next(view.account for view in content.runs if view.log == bend)
+    many = pd.concat(
+        [rows[rows["log"] == bend].assign(log=f"log{k}", scenario=f"bend {k}") for k in range(15)]
+    )
+    titles = {name: f"map, {scenario}" for name, scenario in zip(many["log"], many["scenario"], strict=True)}
+    [verdict] = verdicts(many, dict.fromkeys(many["log"], account), titles)
+    [reason] = verdict.reasons
+    assert reason.log == "log0"
+    assert reason.others[:2] == (("log1", "bend 1"), ("log2", "bend 2"))
+    assert len(reason.others) + reason.more == 14
+
+
+def test_the_folder_of_a_comparison_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "compare.json").write_text("{}")
+    (tmp_path / "runs.csv").write_text("scene,variant\n")
+    with pytest.raises(ResultsError, match="a comparison over scenes without logs; make them with compare"):
+        read_folder(tmp_path)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "runs.csv").write_text("")
+    with pytest.raises(ResultsError, match=r"its logged runs are in .*runs"):
+        read_folder(tmp_path)
 
 
 def test_criticality_of_each_run_lies_beside(folder: Path) -> None:

@@ -211,6 +211,13 @@ def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> 
     assert "## Over the seeds" not in text
     assert "## Differences" not in text
     assert (alone / "differences.csv").read_text().startswith("weather,strategy,settings,against,")
+    # with two strategies between which nothing differs there is no empty table either
+    same = tmp_path / "same"
+    same.mkdir()
+    compare(options(same, strategies=("map", "all"), vary={}, scenes=("car stands in a bend",)))
+    text = (same / "table.md").read_text()
+    assert "the strategies do not differ" in text
+    assert "## Differences" not in text
 
 
 def test_options_that_exclude_one_another(tmp_path: Path) -> None:
