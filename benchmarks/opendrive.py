@@ -2,7 +2,7 @@
 
     python -m benchmarks.opendrive [--peer-python PYTHON] [--no-peer] [--rounds N] [MAP.xodr ...]
 
-Everything is timed in this session, in processor time, as medians over rounds. CARLA's library (libcarla,
+Everything is timed in one run, in processor time, as medians over rounds. CARLA's library (libcarla,
 package carla on PyPI) runs in an environment of its own, which is made for the occasion unless an
 interpreter that has it is named. Without maps on the command line the reference maps beside the project are
 taken if they are there, else the ones that are shipped.
