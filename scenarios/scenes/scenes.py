@@ -19,7 +19,7 @@ from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.roads import load_roads
 from scenarios.places import Place, kerb_m, lane_at, near_side
 from scenarios.scenes.scene_maps import STRAIGHT_M, bend_length_m
-from smartmot.route import route_ahead
+from smartmot.route import route_ahead, route_from_lanes
 
 SCENES = Path(__file__).parent
 OUTER_MAPS = SCENES.parents[2] / "shared" / "opendrive" / "maps"
@@ -109,6 +109,7 @@ class Stretch:
         speeds_kmh: of the ego.
         opposite: nearest lane that leads the other way; None: there is none, or none that is long enough.
         parking: whether there is room for parked cars beside the ego's lane.
+        between: whether cars may stand on both sides of the ego's lane without being in an oncoming one.
         beside: whether there is a sidewalk that leads on beyond the line.
     """
 
@@ -117,6 +118,7 @@ class Stretch:
     opposite: int | None = None
     parking: bool = False
     beside: bool = True
+    between: bool = False
 
 
 def _outer(name: str, file: str, place: Place, come_from: Place | None = None) -> Street:
@@ -133,7 +135,7 @@ TOWN_SHARP_BEND = Stretch(_outer("Town10 bend", "c0910_Town10HD.xodr", Place("10
 # lanes one way, and a road that ends 15 m behind the line
 CAMPUS = Stretch(
     _outer("campus straight", "CampusUAH_v1_7.xodr", Place("7", -2, 125.0)), (30.0, 50.0),
-    parking=True, beside=False,
+    parking=True, beside=False, between=True,
 )  # fmt: skip
 STRETCHES = (TOWN_STRAIGHT, TOWN_BEND, TOWN_SHARP_BEND, CAMPUS)
 """Of outer maps."""
@@ -144,6 +146,91 @@ TOWN_TURNS = (
     _outer("Town01 turn right", "Town01.xodr", Place("6", 1, 212.0), Place("19", -1, 49.0)),
     _outer("Town03 turn left", "Town03.xodr", Place("90", -1, 12.0), Place("33", -1, 15.0)),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A road that leads away from a junction, with one lane each way.
+
+    Args:
+        road_id: id of the road.
+        lane_id: the lane away from the junction; the one towards it has the other sign.
+    """
+
+    road_id: str
+    lane_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """A turn at a junction of an outer map.
+
+    Args:
+        town: in tables.
+        map_file: absolute.
+        turn: left or right.
+        enter: by which somebody comes.
+        across: the arm straight on, or, at the end of a road, the one opposite to `exit`.
+        exit: by which the one leaves who turns.
+    """
+
+    town: str
+    map_file: str
+    turn: Literal["left", "right"]
+    enter: Arm
+    across: Arm
+    exit: Arm
+
+    @property
+    def name(self) -> str:
+        """In tables."""
+        return f"{self.town} turn {self.turn}"
+
+
+_TOWN01 = str((OUTER_MAPS / "Town01.xodr").resolve())
+# T-junctions: from the road that ends there, and off the one that leads on
+ENDS = (
+    Junction("Town01", _TOWN01, "left", Arm("24", 1), Arm("5", 1), Arm("6", -1)),
+    Junction("Town01", _TOWN01, "right", Arm("19", 1), Arm("7", -1), Arm("6", 1)),
+)
+LEADS_ON = (
+    Junction("Town01", _TOWN01, "left", Arm("6", 1), Arm("7", -1), Arm("19", 1)),
+    Junction("Town01", _TOWN01, "right", Arm("6", -1), Arm("5", 1), Arm("24", 1)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RoadWorks:
+    """Road works on a straight road of an outer map whose road marks let the ego change lanes before them.
+
+    Args:
+        name: in tables.
+        map_file: absolute.
+        closed: lane and s of the first barrier.
+        beside: the lane that the ego changes to.
+        approach_m: from the ego's start to the first barrier.
+        run_out_m: from there to the end of the straight road, or less.
+    """
+
+    name: str
+    map_file: str
+    closed: Place
+    beside: int
+    approach_m: float
+    run_out_m: float
+
+
+ROAD_WORKS = (
+    RoadWorks("campus straight", CAMPUS.street.map_file, Place("7", -2, 85.0), -1, 80.0, 50.0),
+    RoadWorks("Town03 straight", TOWN_BEND.street.map_file, Place("3", -2, 68.0), -1, 65.0, 50.0),
+)
+
+
+OUTER_TRAFFIC = (
+    ("Town01 straight", "Town01.xodr", "traffic_town", 40.0),
+    ("campus two lanes", "CampusUAH_v1_7.xodr", "traffic_campus", 50.0),
+)
+"""Name in tables, outer map, recordings and speed of the ego in km/h."""
 
 
 @cache
@@ -408,6 +495,7 @@ def _towns() -> Iterator[SceneRun]:
             for speed in stretch.speeds_kmh:
                 yield from _nothing_in_towns(stretch, speed)
                 yield from _brake_in_towns(stretch, speed)
+    yield from _traffic_in_towns()
     for street in TOWN_TURNS:
         if Path(street.map_file).is_file():
             for side in ("near", "far"):
@@ -416,6 +504,110 @@ def _towns() -> Iterator[SceneRun]:
                     Beyond=0.8,
                 )  # fmt: skip
             yield _at("crosses after a turn", "brake", "crossing", street, "near", 20.0, 10.0, False)
+
+
+def _arm_values(network: RoadNetwork, role: str, arm: Arm) -> dict[str, Value]:
+    """Values of the parameters of an arm: s at the junction is 0 or the road's length."""
+    lane = lane_at(network, Place(arm.road_id, arm.lane_id, 0.0))
+    along = int(network.lanes.direction[lane])
+    return {
+        f"{role}_road": arm.road_id,
+        f"{role}_lane": float(arm.lane_id),
+        f"{role}_along": float(along),
+        f"{role}_zero": 0.0 if along > 0 else float(network.lanes.s_end_m[lane]),
+    }
+
+
+def junction_values(junction: Junction) -> dict[str, Value]:
+    """Values of the place parameters of scenes at a junction.
+
+    Raises:
+        ScenarioError: there is no such arm.
+        scenarios.openscenario.errors.RunError: the map cannot be read.
+    """
+    network = _network(junction.map_file)
+    return {
+        "Map": junction.map_file,
+        "Turn": 1.0 if junction.turn == "left" else -1.0,
+        **_arm_values(network, "Enter", junction.enter),
+        **_arm_values(network, "Across", junction.across),
+        **_arm_values(network, "Exit", junction.exit),
+    }
+
+
+def _turn_length_m(junction: Junction) -> float:
+    """Length of the lanes in a junction from the arm that the ego comes by to the one that it leaves by."""
+    network = _network(junction.map_file)
+    values = junction_values(junction)
+    ends = (
+        lane_at(network, Place(arm.road_id, lane_id, float(values[f"{role}_zero"])))
+        for role, arm, lane_id in (
+            ("Enter", junction.enter, -junction.enter.lane_id),
+            ("Exit", junction.exit, junction.exit.lane_id),
+        )
+    )
+    route = route_from_lanes(network, network.shortest_route(*ends))
+    return float(route.entry_m[-1] - route.entry_m[1])
+
+
+def _town_run(
+    scene: str, file: str, name: str, speed_kmh: float, parameters: dict[str, Value], **values: Value
+) -> SceneRun:
+    """A variant at a junction or at road works of an outer map, in which nothing should happen."""
+    return SceneRun(
+        scene,
+        f"{name}, {speed_kmh:g} km/h",
+        "nothing",
+        str(SCENES / f"{file}.xosc"),
+        tuple(sorted((parameters | {"Ego_speed_kmh": speed_kmh} | values).items())),
+        speed_kmh,
+        default=False,
+    )
+
+
+def _town_traffic() -> Iterator[SceneRun]:
+    for junction in ENDS:
+        if Path(junction.map_file).is_file():
+            place = junction_values(junction)
+            for speed in (15.0, 20.0):
+                yield _town_run(
+                    "turn past waiting cars", "turn_waiting_car", junction.name, speed, place,
+                    Turn_length=_turn_length_m(junction),
+                )  # fmt: skip
+    for junction in LEADS_ON:
+        if Path(junction.map_file).is_file():
+            place = junction_values(junction)
+            yield _town_run(
+                "car ahead turns off", "turning_off", junction.name, 50.0, place,
+                Across_way=30.0, Exit_way=100.0,
+            )  # fmt: skip
+    for works in ROAD_WORKS:
+        if Path(works.map_file).is_file():
+            network, closed = _network(works.map_file), works.closed
+            lane = lane_at(network, closed)
+            beside = lane_at(network, Place(closed.road_id, works.beside, closed.s_m))
+            place = {
+                "Map": works.map_file,
+                "Road": closed.road_id,
+                "Line_s": closed.s_m,
+                "Along": float(network.lanes.direction[lane]),
+                "From_t": float(sum(network.lane_offsets(lane, closed.s_m))) / 2,
+                "To_t": float(sum(network.lane_offsets(beside, closed.s_m))) / 2,
+                "Approach": works.approach_m,
+                "Run_out": works.run_out_m,
+            }
+            yield _town_run("lane change at road works", "road_works", works.name, 50.0, place)
+
+
+def _traffic_in_towns() -> Iterator[SceneRun]:
+    for name, map_name, file, kmh in OUTER_TRAFFIC:
+        map_file = (OUTER_MAPS / map_name).resolve()
+        if map_file.is_file():
+            for number in (1, 2):
+                yield SceneRun(
+                    "moving traffic", f"{name}, traffic {number}, {kmh:g} km/h", "nothing",
+                    str(SCENES / f"{file}_{number}.xosc"), (("Map", str(map_file)),), kmh, False,
+                )  # fmt: skip
 
 
 def _nothing_in_towns(stretch: Stretch, speed: float) -> Iterator[SceneRun]:
@@ -434,6 +626,13 @@ def _nothing_in_towns(stretch: Stretch, speed: float) -> Iterator[SceneRun]:
     )  # fmt: skip
     if stretch.parking:
         yield _at("parked cars", "nothing", "parked", street, "near", speed, 5.0, False)
+    if stretch.between:
+        lane = lane_at(_network(street.map_file), street.place)
+        inner, outer = _network(street.map_file).lane_offsets(lane, street.place.s_m)
+        yield _at(
+            "between two standing cars", "nothing", "between_cars", street, "near", speed, 5.0, False,
+            Lane_t=float(inner + outer) / 2,
+        )  # fmt: skip
     if stretch.opposite is not None:
         yield _at(
             "oncoming car", "nothing", "oncoming", street, "near", speed, 5.0, False,
@@ -467,7 +666,7 @@ def _brake_in_towns(stretch: Stretch, speed: float) -> Iterator[SceneRun]:
 @cache
 def all_scenes() -> tuple[SceneRun, ...]:
     """Every variant that can be run here: those of outer maps only where the maps are."""
-    makers = (_standing, _walking, _stopping, _traffic, _junctions, _must_brake, _towns)
+    makers = (_standing, _walking, _stopping, _traffic, _junctions, _must_brake, _towns, _town_traffic)
     return tuple(run for maker in makers for run in maker())
 
 

@@ -2,11 +2,12 @@
 
 The vehicles follow each other by the Intelligent Driver Model and change lanes by MOBIL (highway-env's
 `IDMVehicle`) on the scene's own road. The ego drives among them as it would unbraked, and they see it. Of the
-random traffic of rising seeds those are taken in which nobody touches anybody and the ego always keeps its
-distance to who is ahead and behind. Recorded vehicles do not react to an ego that brakes: one that stops for
-nobody may be hit from behind.
+random traffic of rising seeds those are taken in which nobody touches anybody, nobody goes on to another road
+and the ego always keeps its distance to who is ahead and behind. Recorded vehicles do not react to an ego
+that brakes: one that stops for nobody may be hit from behind.
 
-``python -m scenarios.scenes.traffic_scenes`` writes all of them again, byte by byte the same.
+``python -m scenarios.scenes.traffic_scenes`` writes all of them again, byte by byte the same; those on outer
+maps only where the maps are.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from lxml import etree
 from opendrive import RoadNetwork, load_map
 from scenarios.highway_road import MapLane, MapRoadNetwork, highway_road_network
 from scenarios.scenes.scene_maps import MAPS
+from scenarios.scenes.scenes import OUTER_MAPS
 from smartmot.route import route_from_lanes
 from smartmot.types import FloatArray
 
@@ -32,8 +34,9 @@ SCENES = Path(__file__).parent
 
 STEP_S, VERTEX_EVERY = 0.1, 5
 """Step of highway-env, and how many make the time between two vertices of a trajectory."""
-DRIVEN_M, AFTER_S = 250.0, 6.0
-"""Way of the ego, and how long the traffic is recorded beyond it for an ego that falls behind."""
+DRIVEN_M, DRIVEN_IN_TOWN_M, AFTER_S = 250.0, 120.0, 6.0
+"""Way of the ego on the scenes' own roads and on the shorter ones of outer maps, and how long the traffic is
+recorded beyond it for an ego that falls behind."""
 FREE_S = 1.2
 """The unbraked ego has at least that time gap in front and behind; highway-env's drivers aim at 1.5 s."""
 REFERENCE_M = 1.368
@@ -42,17 +45,19 @@ REFERENCE_M = 1.368
 
 @dataclass(frozen=True, slots=True)
 class TrafficScene:
-    """Traffic on one of the scenes' maps.
+    """Traffic on a road of one of the scenes' maps or of an outer map.
 
     Args:
         name: of the file.
         description: in the file.
-        map_name: of the map.
-        lane_id, start_s: where the ego starts, on road 1.
+        map_name: of the map's file, without its ending.
+        lane_id, start_s: where the ego starts on the road.
         speed_kmh: of the ego.
         number: which of the admissible random seeds, from 0.
         groups: lane, number of vehicles, lowest and highest place ahead of the ego, lowest and highest
             desired speed in km/h.
+        road_id: of the road.
+        outer: whether the map is an outer one, whose place the file does not know: it declares it as `Map`.
     """
 
     name: str
@@ -63,6 +68,18 @@ class TrafficScene:
     speed_kmh: float
     number: int
     groups: tuple[tuple[int, int, tuple[float, float], tuple[float, float]], ...]
+    road_id: str = "1"
+    outer: bool = False
+
+    @property
+    def map_path(self) -> Path:
+        """The map's file; an outer one may be absent."""
+        return (OUTER_MAPS if self.outer else MAPS) / f"{self.map_name}.xodr"
+
+    @property
+    def driven_m(self) -> float:
+        """Way of the ego."""
+        return DRIVEN_IN_TOWN_M if self.outer else DRIVEN_M
 
 
 def _on_two_lanes(number: int) -> TrafficScene:
@@ -84,7 +101,32 @@ def _in_a_bend(number: int) -> TrafficScene:
     )  # fmt: skip
 
 
-TRAFFIC = tuple(make(number) for make in (_on_two_lanes, _in_a_bend) for number in range(3))
+def _in_a_town(number: int) -> TrafficScene:
+    return TrafficScene(
+        f"traffic_town_{number + 1}",
+        "Traffic comes towards the ego on a street of a town, and others drive ahead of it and behind it",
+        "Town01", -1, 32.0, 40.0, number,
+        ((-1, 1, (24.0, 32.0), (40.0, 44.0)), (-1, 1, (-27.0, -23.0), (36.0, 40.0)),
+         (1, 4, (135.0, 230.0), (28.0, 36.0))),
+        road_id="15", outer=True,
+    )  # fmt: skip
+
+
+def _on_a_campus(number: int) -> TrafficScene:
+    return TrafficScene(
+        f"traffic_campus_{number + 1}",
+        "On two lanes one way somebody overtakes the ego, one behind it changes lanes, a slower car is ahead",
+        "CampusUAH_v1_7", -2, 30.0, 50.0, number,
+        ((-1, 1, (-14.0, -8.0), (62.0, 68.0)), (-2, 1, (45.0, 60.0), (44.0, 48.0)),
+         (-2, 1, (-27.0, -25.0), (54.0, 58.0))),
+        road_id="33", outer=True,
+    )  # fmt: skip
+
+
+TRAFFIC = (
+    *(make(number) for make in (_on_two_lanes, _in_a_bend) for number in range(3)),
+    *(make(number) for make in (_in_a_town, _on_a_campus) for number in range(2)),
+)
 
 
 class _SampledLane(MapLane):
@@ -112,11 +154,12 @@ class _SampledLane(MapLane):
         return self._line.project(float(position[0]), float(position[1]))
 
 
-def _sampled(network: RoadNetwork) -> MapRoadNetwork:
-    """The road as highway-env has it, with sampled lanes."""
+def _sampled(network: RoadNetwork, road_id: str) -> MapRoadNetwork:
+    """The map as highway-env has it, with sampled lanes on the road."""
     roads = highway_road_network(network)
     for lane, (start, end, number) in roads.name_of_lane.items():
-        roads.graph[start][end][number] = _SampledLane(network, lane)
+        if network.lanes.key[lane].road_id == road_id:
+            roads.graph[start][end][number] = _SampledLane(network, lane)
     return roads
 
 
@@ -131,6 +174,7 @@ class _Traffic:
 
     def __init__(self, scene: TrafficScene, network: MapRoadNetwork, seed: int) -> None:
         rng = np.random.default_rng(seed)
+        self._road_id = scene.road_id
         self._road = Road(network, np_random=np.random.RandomState(seed))
         self._own, start = self._lane(network, scene.lane_id), scene.start_s
         speed = scene.speed_kmh / 3.6
@@ -153,9 +197,8 @@ class _Traffic:
                     )
                 )  # fmt: skip
 
-    @staticmethod
-    def _lane(network: MapRoadNetwork, lane_id: int) -> MapLane:
-        key = ("1", 0, lane_id)
+    def _lane(self, network: MapRoadNetwork, lane_id: int) -> MapLane:
+        key = (self._road_id, 0, lane_id)
         lane: MapLane = network.get_lane(network.name_of_lane[network.network.lane_index_of(key)])
         return lane
 
@@ -173,7 +216,14 @@ class _Traffic:
             self._road.step(STEP_S)
             if step * STEP_S <= driven_s and any(vehicle.crashed for vehicle in self._road.vehicles):
                 return None
+            if any(self._has_left(vehicle) for vehicle in self._road.vehicles):
+                return None
         return [np.array(way) for way in ways]
+
+    def _has_left(self, vehicle: ControlledVehicle) -> bool:
+        """Whether a vehicle has gone on to another road; where none follows it stays on this one."""
+        lane: MapLane = vehicle.lane
+        return lane.network.lanes.key[lane.lane].road_id != self._road_id
 
     def _is_free(self) -> bool:
         """Whether nobody is near ahead of the ego in its lane, or behind it."""
@@ -189,9 +239,13 @@ class _Traffic:
 
 
 def build_scene(scene: TrafficScene) -> bytes:
-    """The scene as an OpenSCENARIO file."""
-    network = _sampled(load_map(MAPS / f"{scene.map_name}.xodr"))
-    driven_s = DRIVEN_M / (scene.speed_kmh / 3.6)
+    """The scene as an OpenSCENARIO file.
+
+    Raises:
+        opendrive.errors.OpenDriveError: there is no map.
+    """
+    network = _sampled(load_map(scene.map_path), scene.road_id)
+    driven_s = scene.driven_m / (scene.speed_kmh / 3.6)
     left = scene.number
     for seed in count():
         ways = _Traffic(scene, network, seed).run(driven_s + AFTER_S, driven_s)
@@ -206,11 +260,14 @@ def _file(scene: TrafficScene, ways: list[FloatArray]) -> bytes:
     _add(root, "FileHeader", revMajor=1, revMinor=3, date="2026-11-22T00:00:00", author="smartmot",
          description=scene.description)  # fmt: skip
     declared = _add(root, "ParameterDeclarations")
+    if scene.outer:
+        _add(declared, "ParameterDeclaration", name="Map", parameterType="string", value=scene.map_path.name)
     for name, value in (("Ego_length", 4.4), ("Ego_width", 1.8)):
         _add(declared, "ParameterDeclaration", name=name, parameterType="double", value=value)
     catalogs = _add(root, "CatalogLocations")
     _add(_add(catalogs, "VehicleCatalog"), "Directory", path="../definitions/catalogs/vehicles")
-    _add(_add(root, "RoadNetwork"), "LogicFile", filepath=f"maps/{scene.map_name}.xodr")
+    map_file = "$Map" if scene.outer else f"maps/{scene.map_name}.xodr"
+    _add(_add(root, "RoadNetwork"), "LogicFile", filepath=map_file)
     entities = _add(root, "Entities")
     ego = _add(_add(entities, "ScenarioObject", name="Ego"), "CatalogReference", catalogName="Vehicles",
                entryName="ego")  # fmt: skip
@@ -221,7 +278,7 @@ def _file(scene: TrafficScene, ways: list[FloatArray]) -> bytes:
     actions = _add(_add(storyboard, "Init"), "Actions")
     own = _add(actions, "Private", entityRef="Ego")
     position = _add(_add(_add(own, "PrivateAction"), "TeleportAction"), "Position")
-    _add(position, "LanePosition", roadId=1, laneId=scene.lane_id, s=scene.start_s)
+    _add(position, "LanePosition", roadId=scene.road_id, laneId=scene.lane_id, s=scene.start_s)
     speed = _add(_add(_add(own, "PrivateAction"), "LongitudinalAction"), "SpeedAction")
     _add(speed, "SpeedActionDynamics", dynamicsShape="step", dynamicsDimension="time", value=0)
     target = _add(speed, "SpeedActionTarget")
@@ -233,7 +290,7 @@ def _file(scene: TrafficScene, ways: list[FloatArray]) -> bytes:
         _trajectory(_add(actions, "Private", entityRef=name), way)
     stop = _add(storyboard, "StopTrigger")
     for name, condition, limit in (
-        ("passed", "TraveledDistanceCondition", {"value": DRIVEN_M}),
+        ("passed", "TraveledDistanceCondition", {"value": scene.driven_m}),
         ("the ego waits", "StandStillCondition", {"duration": 3}),
     ):
         group = _add(stop, "ConditionGroup")
@@ -267,10 +324,11 @@ def _add(parent: etree._Element, tag: str, **attributes: Any) -> etree._Element:
 
 
 def write_scenes(directory: Path = SCENES) -> None:
-    """Write all scenes into a directory, which is made if it is missing."""
+    """Write all scenes whose maps are there into a directory, which is made if it is missing."""
     directory.mkdir(parents=True, exist_ok=True)
     for scene in TRAFFIC:
-        (directory / f"{scene.name}.xosc").write_bytes(build_scene(scene))
+        if scene.map_path.is_file():
+            (directory / f"{scene.name}.xosc").write_bytes(build_scene(scene))
 
 
 if __name__ == "__main__":

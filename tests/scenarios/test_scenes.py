@@ -12,8 +12,8 @@ from scenarios.library import scenario_path
 from scenarios.openscenario import Engine, load
 from scenarios.places import Place
 from scenarios.scenes.scene_maps import MAPS, SPIRAL_M, STRAIGHT_M, bend_length_m, build_maps
-from scenarios.scenes.scenes import SceneRun, Street, all_scenes, choose_scenes, place_values
-from scenarios.scenes.traffic_scenes import TRAFFIC, build_scene
+from scenarios.scenes.scenes import OUTER_MAPS, SceneRun, Street, all_scenes, choose_scenes, place_values
+from scenarios.scenes.traffic_scenes import TRAFFIC, TrafficScene, build_scene
 
 SHORT = choose_scenes()
 REST = [run for run in all_scenes() if not run.default]
@@ -109,14 +109,25 @@ def test_a_way_that_does_not_fit_is_refused() -> None:
         place_values(street, "near", 70.0)
 
 
-def test_recorded_traffic_is_what_the_recorder_writes() -> None:
-    (scene,) = (found for found in TRAFFIC if found.name == "traffic_bend_1")
-    assert build_scene(scene) == (MAPS.parent / "traffic_bend_1.xosc").read_bytes()
+def recording(name: str) -> TrafficScene:
+    (scene,) = (found for found in TRAFFIC if found.name == name)
+    if not scene.map_path.is_file():
+        pytest.skip(f"no {scene.map_path.name} in {OUTER_MAPS}")
+    return scene
 
 
-@pytest.mark.parametrize("name", ["traffic_two_lanes_1", "traffic_bend_2"])
+@pytest.mark.parametrize("name", ["traffic_bend_1", "traffic_town_1", "traffic_campus_1"])
+def test_recorded_traffic_is_what_the_recorder_writes(name: str) -> None:
+    assert build_scene(recording(name)) == (MAPS.parent / f"{name}.xosc").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "name", ["traffic_two_lanes_1", "traffic_bend_2", "traffic_town_1", "traffic_campus_1"]
+)
 def test_recorded_traffic_moves_and_keeps_clear_of_the_ego(name: str) -> None:
-    engine = Engine(load(MAPS.parent / f"{name}.xosc"))
+    scene = recording(name)
+    values = {"Map": str(scene.map_path.resolve())} if scene.outer else {}
+    engine = Engine(load(MAPS.parent / f"{name}.xosc", values))
     start = engine.entities.boxes.center_m.copy()
     length = engine.entities.boxes.size_m[0, 0]
     while not engine.over:
@@ -131,7 +142,9 @@ def test_recorded_traffic_moves_and_keeps_clear_of_the_ego(name: str) -> None:
         assert (np.abs(ahead[near]) - length > 10.0).all()
     assert engine.contact is None
     moved = np.hypot(*(engine.entities.boxes.center_m - start).T)
-    assert (moved > 100.0).all()
+    # at no less than half the ego's speed, slowed down by who is ahead
+    assert moved[0] > 100.0
+    assert (moved > 0.5 * moved[0]).all()
 
 
 def test_unknown_scene() -> None:
@@ -142,4 +155,5 @@ def test_unknown_scene() -> None:
 def test_every_scene_file_is_used() -> None:
     files = {Path(run.file).stem for run in all_scenes()}
     shipped = {path.stem for path in MAPS.parent.glob("*.xosc")}
-    assert shipped <= files
+    absent = {scene.name for scene in TRAFFIC if not scene.map_path.is_file()}
+    assert shipped - absent <= files
