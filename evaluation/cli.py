@@ -105,7 +105,7 @@ MOT_EXAMPLES = """
 
 `smartmot-eval mot kitti/training --config my_tracker:MyTracker`
 
-Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install 'smartmot[mot]'.
+Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.
 """
 
 COMPARE_EXAMPLES = """

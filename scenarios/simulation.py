@@ -24,6 +24,7 @@ from scenarios.sensors import ObjectDetector, Sensor
 from smartmot.errors import PluginError
 from smartmot.monitored_area import MonitoredAreaStrategy, RectangularArea, ego_extent
 from smartmot.pipeline import Pipeline, PipelineState
+from smartmot.plugins import require
 from smartmot.route import route_along
 from smartmot.types import Detections, EgoState, FloatArray
 
@@ -146,7 +147,10 @@ class Simulation:
         self.engine = Engine(definition, self._drive, roads=roads, until_contact=True)
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
-        self._sensor: ObjectDetector = (preset.detector or Sensor)(preset.sensor, seed)
+        own = preset.detector
+        self._sensor: ObjectDetector = (
+            require(own(preset.sensor, seed), "observe", own.name) if own else Sensor(preset.sensor, seed)
+        )
         self._rule = rule or StopRule()
         names = [entity.name for entity in definition.entities]
         self._own = names.index(self.engine.ego.name)

@@ -6,7 +6,7 @@ from scenarios.errors import ScenarioError
 from scenarios.places import Scene
 from scenarios.presets import Preset
 from smartmot.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
-from smartmot.plugins import is_plugin, plugin
+from smartmot.plugins import is_plugin, plugin, require
 
 STRATEGIES = ("rectangular", "map", "all")
 """Shipped ones; one of the user's own is named `package.module:name`."""
@@ -25,8 +25,8 @@ def make_strategy(name: str, preset: Preset, scene: Scene) -> MonitoredAreaStrat
         smartmot.errors.PluginError: the user's own cannot be loaded or made.
     """
     if is_plugin(name):
-        strategy: MonitoredAreaStrategy = plugin(name)(scene, preset)
-        return strategy
+        own: MonitoredAreaStrategy = require(plugin(name)(scene, preset), "at", name)
+        return own
     if name == "rectangular":
         return RectangularArea(preset.rectangular, preset.pipeline.braking_distance)
     if name == "map":

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmot.errors import PluginError, SmartMotError
-from smartmot.plugins import failure
+from smartmot.plugins import failure, require
 from smartmot.types import CATEGORIES, Boxes, Detections, Tracks
 
 DYNAMIC_MPS = 0.5
@@ -107,13 +107,7 @@ def own(make: Callable[[], ObjectTracker]) -> ObjectTracker:
     Raises:
         PluginError: It fails, or makes something that is no tracker.
     """
-    tracker = make()
-    if not callable(getattr(tracker, "update", None)):
-        raise PluginError(
-            f"{getattr(make, 'name', make)}: made {type(tracker).__name__}, which has no update(detections); "
-            "see smartmot.ObjectTracker"
-        )
-    return tracker
+    return require(make(), "update", str(getattr(make, "name", make)))
 
 
 def update_own(tracker: ObjectTracker, detections: Detections) -> Tracks:

@@ -8,10 +8,17 @@ import importlib.util
 import sys
 import traceback
 from dataclasses import dataclass
+from functools import cache
+from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from smartmot.errors import PluginError, SmartMotError
+
+T = TypeVar("T")
+
+_OURS = {Path(__file__).parents[1] / name for name in ("opendrive", "smartmot", "scenarios", "evaluation")}
+"""Folders of this distribution's packages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +37,20 @@ class Plugin:
         """What the class or function returns.
 
         Raises:
-            PluginError: It fails.
+            PluginError: It does not take the arguments, or fails.
         """
+        found = _found(self.name)
         try:
-            return _found(self.name)(*arguments)
+            signature(found).bind(*arguments)
+        except TypeError as error:
+            given = ", ".join(type(argument).__name__ for argument in arguments)
+            raise PluginError(
+                f"{self.name}: is called with ({given}), but: {error}; see docs/plugins.md"
+            ) from None
+        except ValueError:  # written in C, without a signature
+            pass
+        try:
+            return found(*arguments)
         except SmartMotError:
             raise
         except Exception as error:
@@ -59,11 +76,33 @@ def plugin(name: str) -> Plugin:
     return Plugin(name, _digest(name.partition(":")[0]))
 
 
+def require(made: T, method: str, name: str) -> T:
+    """What a user's class or function has made, if it has a method.
+
+    Args:
+        made: The object.
+        method: Name of what it must have.
+        name: What made it, for the message.
+
+    Raises:
+        PluginError: It has not.
+    """
+    if not callable(getattr(made, method, None)):
+        raise PluginError(f"{name}: made {type(made).__name__}, which has no {method}(); see docs/plugins.md")
+    return made
+
+
 def failure(name: str, error: Exception) -> PluginError:
-    """What to say of an error in a user's code: which, and where it happened."""
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    place = f"{last.filename}, line {last.lineno}"
-    return PluginError(f"{name}: {type(error).__name__}: {_one_line(error)} ({place})")
+    """What to say of an error in a user's code: which, and where in that code it happened."""
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<") and _OURS.isdisjoint(Path(frame.filename).parents)
+    ]
+    # the user's line is told rather than that of a library which it calls
+    frames = [frame for frame in frames if "site-packages" not in frame.filename] or frames
+    place = f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
+    return PluginError(f"{name}: {type(error).__name__}: {_one_line(error)}{place}")
 
 
 def _found(name: str) -> Any:
@@ -91,6 +130,7 @@ def _found(name: str) -> Any:
     return found
 
 
+@cache
 def _digest(module_name: str) -> str:
     """Hash of the module's source, or of all modules of the package that it belongs to."""
     spec = importlib.util.find_spec(module_name.partition(".")[0])

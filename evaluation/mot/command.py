@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -111,16 +112,9 @@ def run_mot(options: MotOptions) -> None:
             scores = run.score_tracks(tracked, similarities, best, done)
             written.append(run.write_scores(out, scores))
         if labelled and options.forecast:
-            tracked_by_model = dict.fromkeys(OF_VELOCITY, tracked)
             if isinstance(config, TrackerConfig):
-                models = motions(config.motion)
-                begin("forecasting", data.frame_count * (len(models) - 1))
-                tracked_by_model = {
-                    name: tracked
-                    if model == config.motion
-                    else run.track_dataset(data, replace(config, motion=model), done)
-                    for name, model in models.items()
-                }
+                begin("forecasting", data.frame_count * (len(MODELS) - 1))
+            tracked_by_model = _tracked_by_model(data, config, tracked, done)
             along_lanes = lanes.along_lanes if lanes is not None else None
             forecasts = score_forecasts(tracked_by_model, categories, along_lanes)
             written.append(run.write_forecasts(out, forecasts))
@@ -143,6 +137,23 @@ def run_mot(options: MotOptions) -> None:
     console.print(f"written to {out}: {_listed(written)}", highlight=False, soft_wrap=True)
     for path in filter(None, (options.gif, options.video)):
         console.print(f"film: {path}", highlight=False, soft_wrap=True)
+
+
+def _tracked_by_model(
+    data: Dataset,
+    config: TrackerConfig | Plugin,
+    tracked: list[TrackedSequence],
+    done: Callable[[], None],
+) -> dict[str, list[TrackedSequence]]:
+    """The tracks that each model's forecasts start from: ours with its filter, another's as they are."""
+    if not isinstance(config, TrackerConfig):
+        return dict.fromkeys(OF_VELOCITY, tracked)
+    return {
+        name: tracked
+        if model == config.motion
+        else run.track_dataset(data, replace(config, motion=model), done)
+        for name, model in motions(config.motion).items()
+    }
 
 
 def _film(

@@ -306,7 +306,7 @@ class _TrackEval:
                 self.clear, self.identity, self.hota = CLEAR(setting), Identity(setting), HOTA()
         except ImportError as error:
             raise MetricsUnavailableError(
-                f"metrics need trackeval ({error}); install it with: pip install 'smartmot[mot]'"
+                f"metrics need trackeval ({error}); install it with: pip install trackeval"
             ) from None
 
     def run(self, metric: Any, counted: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

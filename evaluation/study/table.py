@@ -81,8 +81,9 @@ def summarise(runs: Sequence[RunMeasures]) -> Summary:
     seeds: dict[int, list[RunMeasures]] = {}
     for run in runs:
         seeds.setdefault(run.seed, []).append(run)
-    single = [_over_scenes(group) for group in seeds.values()]
-    return replace(_over_scenes(runs), over_seeds={name: _over_seeds(single, name) for name in MEASURES})
+    together = _over_scenes(runs)
+    single = [_over_scenes(group) for group in seeds.values()] if len(seeds) > 1 else [together]
+    return replace(together, over_seeds={name: _over_seeds(single, name) for name in MEASURES})
 
 
 def _over_seeds(single: Sequence[Summary], name: str) -> Estimate:

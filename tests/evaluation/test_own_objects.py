@@ -58,6 +58,11 @@ def nothing(scene, preset):
     return Nothing()
 
 
+class Pair:
+    def __init__(self, one, other):
+        pass
+
+
 class Late:
     def __init__(self, config, seed):
         pass
@@ -164,13 +169,15 @@ def test_recorded_detections_are_tracked_and_scored_with_it(folder: Path) -> Non
 
 def test_a_changed_source_makes_another_run(folder: Path) -> None:
     """A comparison that goes on where it was must not take the results of a tracker that was rewritten."""
+    from evaluation import fingerprint as fingerprint_module
     from evaluation.fingerprint import fingerprint
     from evaluation.runs import RunSpec
+    from smartmot import plugins
 
     def key(module: str, strategy: str, settings: tuple[tuple[str, str], ...]) -> str:
-        spec = RunSpec("CPNA", "cpna", (), strategy.format(module), "physical", "dry", 50.0)
         put = tuple((name, value.format(module)) for name, value in settings)
-        return fingerprint(RunSpec(**{**_values(spec), "settings": put}))
+        named = strategy.format(module)
+        return fingerprint(RunSpec("CPNA", "cpna", (), named, "physical", "dry", 50.0, settings=put))
 
     for strategy, settings in (("map", (("tracker", "{}:Nobody"),)), ("{}:corridor", ())):
         sys.modules.pop("mine", None)
@@ -178,14 +185,9 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
         assert key("mine", strategy, settings) == before
         source = folder / "mine.py"
         source.write_text(source.read_text() + "\n# rewritten\n")
-        from evaluation import fingerprint as module
-
-        module._preset_text.cache_clear()  # as in the next process
+        fingerprint_module._preset_text.cache_clear()  # as in the next process
+        plugins._digest.cache_clear()
         assert key("mine", strategy, settings) != before
-
-
-def _values(spec: object) -> dict[str, object]:
-    return {name: getattr(spec, name) for name in spec.__slots__}  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -193,13 +195,17 @@ def _values(spec: object) -> dict[str, object]:
     [
         (("--tracker", "best"), "--tracker: unknown 'best'; use one of: preset, ab3dmot, centerpoint"),
         (("--tracker", "mine:Missing"), "mine has no 'Missing'"),
-        (("--tracker", "mine:Blind"), "mine:Blind: TypeError"),
+        (("--tracker", "mine:Blind"), "mine:Blind: is called with (), but: missing a required argument"),
+        (("--tracker", "builtins:list"), "builtins:list: made list, which has no update()"),
         (("--detector", "sensor"), "--detector: unknown 'sensor'; use one of: preset or package.module:name"),
-        (("--detector", "mine:Nobody"), "mine:Nobody: TypeError"),
+        (("--detector", "mine:Nobody"), "mine:Nobody: is called with (SensorConfig, int), but: too many"),
+        (("--detector", "mine:corridor"), "mine:corridor: AttributeError: 'SensorConfig' object has no"),
+        (("--detector", "mine:Pair"), "mine:Pair: made Pair, which has no observe(); see docs/plugins.md"),
         (("--detector", "mine:Late"), "mine:Late: detections of -1 s at 0 s; give them the ego's time"),
         (("--strategy", "map,corridor"), "--strategy: unknown 'corridor'"),
         (("--strategy", "absent:corridor"), "no module 'absent'"),
         (("--strategy", "mine:nothing"), "mine:nothing: RuntimeError: not today ("),
+        (("--strategy", "mine:Pair"), "mine:Pair: made Pair, which has no at(); see docs/plugins.md"),
     ],
 )
 def test_mistakes_are_one_line(

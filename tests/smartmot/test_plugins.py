@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from smartmot.errors import PluginError
-from smartmot.plugins import is_plugin, plugin
+from smartmot.plugins import is_plugin, plugin, require
 
 SOURCE = """
 class Thing:
@@ -14,6 +14,10 @@ class Thing:
         pass
 
 number = 5
+
+def inverse():
+    import numpy as np
+    return np.linalg.inv(np.zeros((2, 2)))
 
 def refuses():
     from smartmot.errors import ConfigError
@@ -93,5 +97,11 @@ def test_what_fails_when_it_is_made_says_where(folder: Path) -> None:
     (folder / "thing_d.py").write_text(SOURCE)
     with pytest.raises(PluginError, match=r"thing_d:Thing: ZeroDivisionError: .*thing_d\.py, line 4\)$"):
         plugin("thing_d:Thing")(0)
+    with pytest.raises(PluginError, match=r"thing_d:inverse: LinAlgError: .*\(.*thing_d\.py, line 12\)$"):
+        plugin("thing_d:inverse")()  # not the line of the library that it calls
+    with pytest.raises(PluginError, match=r"is called with \(int, str\), but: too many .*docs/plugins\.md$"):
+        plugin("thing_d:Thing")(1, "x")
+    with pytest.raises(PluginError, match=r"thing_d:Thing: made Thing, which has no run\(\)"):
+        require(plugin("thing_d:Thing")(4), "run", "thing_d:Thing")
     with pytest.raises(ValueError, match=r"^no$"):  # one of our own errors says enough
         plugin("thing_d:refuses")()
