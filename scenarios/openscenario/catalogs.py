@@ -29,7 +29,8 @@ class Catalogs:
     """
 
     def __init__(self, node: Node | None) -> None:
-        self._files: list[Path] = []
+        self.files: list[Path] = []
+        """Every file of the directories, in the order in which they were read."""
         self._entries: dict[tuple[str, str], tuple[Path, Element]] = {}
         self._names: list[str] = []
         if node is None:
@@ -48,9 +49,9 @@ class Catalogs:
         if not directory.is_dir():
             raise CatalogError(f"{node.where} catalog directory {directory} does not exist")
         for file in sorted(directory.glob("*.xosc")):
-            if file in self._files:
+            if file in self.files:
                 continue
-            self._files.append(file)
+            self.files.append(file)
             for catalog in parse(file).iterchildren("Catalog"):
                 name = catalog.get("name", "")
                 self._names.append(name)

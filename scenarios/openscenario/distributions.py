@@ -26,11 +26,13 @@ class Variation:
         name: file name and number.
         path: the scenario file.
         parameters: values in place of the declared ones.
+        source: the file that asks for it: a distribution, or the scenario itself; None: no file does.
     """
 
     name: str
     path: Path
     parameters: Mapping[str, Value]
+    source: Path | None = None
 
 
 def expand(path: str | PathLike[str]) -> list[Variation]:
@@ -48,7 +50,7 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
     root = Node(parse(file), file, {})
     node = root.get("ParameterValueDistribution")
     if node is None:
-        return [Variation(file.stem, file, {})]
+        return [Variation(file.stem, file, {}, file)]
     root.allow("noNamespaceSchemaLocation", "FileHeader ParameterValueDistribution")
     node.allow(children="ScenarioFile Deterministic Stochastic")
     scenario = _scenario_file(node.need("ScenarioFile"))
@@ -68,7 +70,7 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
         values: dict[str, Value] = {}
         for part in choice:
             values.update(part)
-        variations.append(Variation(f"{file.stem}_{number:02d}", scenario, values))
+        variations.append(Variation(f"{file.stem}_{number:02d}", scenario, values, file))
     return variations
 
 

@@ -654,6 +654,7 @@ class ScenarioDefinition:
         init: actions before the start, with the entity that carries them out (None: global).
         stories: the storyboard.
         stop: stop trigger of the storyboard.
+        files: every file that was read for it: the scenario, all files of its catalog directories, the map.
     """
 
     path: Path
@@ -665,6 +666,7 @@ class ScenarioDefinition:
     init: tuple[tuple[str | None, Action], ...]
     stories: tuple[Story, ...]
     stop: Trigger | None
+    files: tuple[Path, ...] = ()
 
     def events(self) -> Iterator[Event]:
         """All events, in the order of the file."""

@@ -102,16 +102,18 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
     stop = trigger(storyboard.get("StopTrigger"), context)
     _check_element_references(file, stories, stop)
+    map_path = _map_path(root.need("RoadNetwork"))
     return ScenarioDefinition(
         path=file,
         description=header.text("description", ""),
         parameters=dict(scope),
         variables=start_values,
-        map_path=_map_path(root.need("RoadNetwork")),
+        map_path=map_path,
         entities=entities,
         init=tuple(_init(storyboard.need("Init"), context)),
         stories=stories,
         stop=stop,
+        files=(file, *catalogs.files, map_path),
     )
 
 

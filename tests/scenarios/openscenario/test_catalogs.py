@@ -121,3 +121,14 @@ def test_environment_and_maneuver_from_catalogs(write, tmp_path):
     assert (found.name, found.illuminance_lx, found.visual_range_m) == ("night", 0.1, 80.0)
     assert (found.precipitation, found.precipitation_mm_h, found.friction_scale) == ("rain", 3.0, 0.7)
     assert found.sun_elevation_rad == pytest.approx(0.5235988)
+
+
+def test_a_definition_names_every_file_that_was_read(shop, tmp_path):
+    path = shop(reference())
+    (tmp_path / "catalogs" / "another.xosc").write_text(CATALOG.format(CAR), encoding="utf-8")
+    assert load(path).files == (
+        path,
+        tmp_path / "catalogs" / "another.xosc",
+        tmp_path / "catalogs" / "things.xosc",
+        tmp_path / "two_roads.xodr",
+    )

@@ -80,6 +80,12 @@ def test_range_ends(variation):
 def test_a_scenario_is_one_run(write):
     runs = expand(write())
     assert [(r.name, dict(r.parameters)) for r in runs] == [("small", {})]
+    assert runs[0].source == runs[0].path
+
+
+def test_a_variation_knows_the_file_that_asks_for_it(variation):
+    path = variation(values("v", 1))
+    assert [(r.source, r.path.name) for r in expand(path)] == [(path, "small.xosc")]
 
 
 @pytest.mark.parametrize(
