@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.exact import exact_floats
 from scenarios.recording import COLUMNS, TEXT_COLUMNS
 
 if TYPE_CHECKING:
@@ -178,9 +179,7 @@ def read_runs(directory: Path) -> pd.DataFrame:
     try:
         header = pd.read_csv(path, nrows=0)
         _require_columns(path, list(header.columns), RUN_COLUMNS)
-        return pd.read_csv(
-            path, dtype=dtypes, keep_default_na=False, na_values=[""], float_precision="round_trip"
-        )
+        return pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats())
     except ResultsError:
         raise
     except (OSError, ValueError) as error:

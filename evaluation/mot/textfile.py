@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.exact import exact_floats
 from evaluation.mot.dataset import DatasetError
 from smartmot.types import FloatArray, IntArray
 
@@ -177,7 +178,7 @@ def _parsed(
             keep_default_na=False,
             na_values={name: _NOT_A_NUMBER for name in names if name not in texts},
             quoting=3,  # no quotes: a quotation mark is a character like any other
-            float_precision="round_trip",
+            **exact_floats(),
         )
     except ValueError:  # pandas does not tell where
         raise _no_number(path, rows, number, separator, names, texts) from None

@@ -101,7 +101,8 @@ def read_scene(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None) -> Sce
     if ego.empty:
         raise ResultsError("log without rows of kind 'ego': nothing to show; see docs/run-log.md")
     ego = ego.assign(yaw_rate_radps=_yaw_rate(ego))
-    decided = ego["time_s"].isin(log.loc[log["kind"].isin(SEEN), "time_s"]).to_numpy()
+    # a copy: pandas 3 hands out read-only views
+    decided = ego["time_s"].isin(log.loc[log["kind"].isin(SEEN), "time_s"]).to_numpy(dtype=bool, copy=True)
     if not decided.any():
         decided[:] = True
     decided[-1] = True
