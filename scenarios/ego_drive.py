@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from scenarios.brakes import BrakeConfig
@@ -25,6 +26,7 @@ class EgoDrive:
 
     def __init__(self, brakes: BrakeConfig, length_m: float, adapts: bool = True) -> None:
         self.brakes, self._length_m, self._adapts = brakes, length_m, adapts
+        self.commands_from_s = -math.inf
         self.speed_mps = 0.0
         self.accel_mps2 = 0.0
         self.braking_since_s: float | None = None

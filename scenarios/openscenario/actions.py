@@ -6,11 +6,13 @@ import math
 from itertools import pairwise
 
 from scenarios.openscenario import model
-from scenarios.openscenario.actors import STANDING_MPS, Actor, State
+from scenarios.openscenario.actors import STANDING_MPS, Actor
 from scenarios.openscenario.document import as_number
 from scenarios.openscenario.errors import RunError
-from scenarios.openscenario.paths import Path, straight
+from scenarios.openscenario.paths import Path, Pose
+from scenarios.openscenario.positions import references
 from scenarios.openscenario.profiles import Piece, SpeedProfile, transition
+from scenarios.openscenario.roads import Leg, Roads
 from scenarios.openscenario.synchronize import approach, final_speed_without_wish
 from scenarios.openscenario.world import Instant, World
 
@@ -22,9 +24,11 @@ ROUTE_REACH_M = 10.0
 TRAJECTORY_REACH_M = 1.0
 """An entity that follows a trajectory can be teleported this far beside it."""
 
-MASTER_LAG_S = 0.01
-"""How old the knowledge of a synchronised entity about its master is: one cycle at 100 Hz, at which Euro NCAP
-has tests sampled (Frontal Collisions v1.1), and what esmini's targets lag with its usual step."""
+SAME_WAY = math.cos(math.pi / 4)
+"""Who heads further away from its route than 45 degrees does not go on along it."""
+
+PLAN_EPSILON_S = 1e-9
+"""A plan is made again if the master's expected arrival changes by more."""
 
 NO_ARRIVAL_S = 1e5
 """Time that is planned with as long as a master stands: who is synchronised with it comes to a standstill."""
@@ -44,6 +48,7 @@ class RunningAction:
     def __init__(self, world: World, actor: Actor | None) -> None:
         self.world, self.actor = world, actor
         self.over = False
+        self.stopped = False
 
     def start(self, time_s: float) -> None:
         """Begin."""
@@ -57,13 +62,22 @@ class RunningAction:
         """Adapt at the beginning of a step; most actions have nothing to adapt."""
         return
 
+    def needs(self) -> frozenset[str]:
+        """Entities without which it cannot go on."""
+        return frozenset()
+
     def stop(self, time_s: float) -> None:
-        """End it from outside."""
-        self.over = True
+        """End it from outside: the entity keeps the place and the speed that it has."""
+        self.leave(time_s)
+        self.over = self.stopped = True
 
     def finish(self, time_s: float) -> None:
         """End it because `ended` says so."""
         self.over = True
+
+    def leave(self, time_s: float) -> None:
+        """Let go of the entity before the end; who is not moved by the action has nothing to do."""
+        return
 
     @property
     def who(self) -> Actor:
@@ -93,6 +107,10 @@ class Speed(RunningAction):
     def ended(self, instant: Instant) -> bool:
         """At the target speed."""
         return instant.time_s >= self._profile.end_s - 1e-9
+
+    def leave(self, time_s: float) -> None:
+        """Go on with the present speed."""
+        self.who.keep_speed(time_s)
 
 
 class LongitudinalDistance(RunningAction):
@@ -127,14 +145,17 @@ class LongitudinalDistance(RunningAction):
         """At once, unless it is continuous."""
         return not self._action.continuous
 
-    def stop(self, time_s: float) -> None:
+    def needs(self) -> frozenset[str]:
+        """Whom it keeps the distance from."""
+        return frozenset({self._action.entity})
+
+    def leave(self, time_s: float) -> None:
         """Go on with the present speed."""
         self.who.detach(time_s)
-        super().stop(time_s)
 
 
 class FollowTrajectory(RunningAction):
-    """FollowTrajectoryAction. Who is driven by a controller follows the way and not the times."""
+    """FollowTrajectoryAction. Who is commanded by a controller follows the way and not the times."""
 
     domains = frozenset({LATERAL})
 
@@ -154,7 +175,7 @@ class FollowTrajectory(RunningAction):
                 f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
                 f"its length of {self._path.length_m:.6g} m"
             )
-        if action.timing is None or self.who.controller is not None:
+        if action.timing is None:
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
         profile = timed_profile(action, self._path, time_s)
@@ -166,14 +187,33 @@ class FollowTrajectory(RunningAction):
         return instant.state(self.who.name).station_m >= self._path.length_m
 
     def finish(self, time_s: float) -> None:
-        """Go straight on."""
-        pose = self.who.state(time_s).pose
-        self.who.follow(time_s, straight(pose), 0.0, trajectory=False)
+        """Go on along the route or the lane."""
+        go_on(self.who, self.world, time_s)
         self.over = True
 
-    def stop(self, time_s: float) -> None:
-        """Go straight on, unless what replaces it says otherwise."""
-        self.finish(time_s)
+    def leave(self, time_s: float) -> None:
+        """Go on along the route or the lane, with the present speed."""
+        go_on(self.who, self.world, time_s)
+        if self._action.timing is not None:
+            self.who.keep_speed(time_s)
+
+
+def go_on(actor: Actor, world: World, time_s: float) -> None:
+    """Leave a trajectory: on along the route of the entity or its lane, at its offset; else straight."""
+    pose, roads = actor.state(time_s).pose, world.locator.roads
+    path = route_way(roads, actor.route, pose) if actor.route is not None else None
+    if path is None or math.cos(path.pose(path.project(pose.x_m, pose.y_m)[0])[2] - pose.yaw_rad) < SAME_WAY:
+        path = roads.way(pose)
+    actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+
+
+def route_way(roads: Roads, legs: list[Leg], pose: Pose) -> Path | None:
+    """The way along a route at the offset of a pose; None if the pose is too far from it."""
+    middle = roads.path(legs, 0.0)
+    station, left = middle.project(pose.x_m, pose.y_m)
+    if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:
+        return None
+    return middle if abs(left) < 1e-9 else roads.path(legs, left)
 
 
 def timed_profile(action: model.FollowTrajectoryAction, path: Path, time_s: float) -> SpeedProfile:
@@ -216,14 +256,12 @@ class AssignRoute(RunningAction):
 
     def start(self, time_s: float) -> None:
         """Put the entity on the route."""
-        roads, locator = self.world.locator.roads, self.world.locator
-        legs = locator.legs(self._route)
+        legs = self.world.locator.legs(self._route)
         pose = self.who.state(time_s).pose
-        middle = roads.path(legs, 0.0)
-        station, left = middle.project(pose.x_m, pose.y_m)
-        if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:
+        path = route_way(self.world.locator.roads, legs, pose)
+        if path is None:
             raise RunError(f"'{self.who.name}' is not on route '{self._route.name}', which it is assigned")
-        path = middle if abs(left) < 1e-9 else roads.path(legs, left)
+        self.who.route = legs
         self.who.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
 
 
@@ -243,6 +281,7 @@ class Teleport(RunningAction):
                 raise RunError(f"'{self.who.name}' is teleported off the trajectory that it follows")
             self.who.follow(time_s, self.who.path, station, trajectory=True)
             return
+        self.who.route = None
         path = self.world.locator.roads.way(pose)
         self.who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
 
@@ -260,51 +299,55 @@ class Synchronize(RunningAction):
     def __init__(self, world: World, actor: Actor, action: model.SynchronizeAction) -> None:
         super().__init__(world, actor)
         self._action = action
-        self._arrival_s: float | None = None
+        self._arrival_s = math.inf
         self._frozen = False
+        self._own_path: Path | None = None
+        self._master_path: Path | None = None
 
     def start(self, time_s: float) -> None:
-        """Find both places on the paths, and make the first plan."""
+        """Find both places, and make the first plan."""
         action, actor = self._action, self.who
-        master = self._master = self.world.actors[action.master]
-        target = self.world.locator.pose(action.target)
-        master_target = self.world.locator.pose(action.master_target)
-        self._station = actor.path.project(target.x_m, target.y_m)[0]
-        self._master_station = master.path.project(master_target.x_m, master_target.y_m)[0]
-        self._from_rest = abs(actor.state(time_s).speed_mps) <= STANDING_MPS
+        self._master = self.world.actors[action.master]
+        self._target = self.world.locator.pose(action.target)
+        self._master_target = self.world.locator.pose(action.master_target)
+        self._from_rest = abs(actor.asked_mps(time_s)) <= STANDING_MPS
+        self._find_stations()
+        self._arrival_s = self._master.arrives_s(time_s, self._master_station)
         self._plan(time_s)
 
+    def _find_stations(self) -> bool:
+        """Find both places on the ways of the two, if these are new; whether one is."""
+        actor, master = self.who, self._master
+        if actor.path is self._own_path and master.path is self._master_path:
+            return False
+        self._own_path, self._master_path = actor.path, master.path
+        self._station = actor.path.project(self._target.x_m, self._target.y_m)[0]
+        self._master_station = master.path.project(self._master_target.x_m, self._master_target.y_m)[0]
+        return True
+
     def update(self, instant: Instant) -> None:
-        """Make a new plan if the master will arrive at another time than planned."""
+        """Make a new plan if a way is a new one, or the master will arrive at another time than planned."""
+        time_s = instant.time_s
+        moved = self._find_stations()
         if self._frozen:
             return
-        time_s = instant.time_s
         speed = abs(instant.state(self.who.name).speed_mps)
         if (self._from_rest and speed > STANDING_MPS) or time_s >= self._steady_from_s:
             self._frozen = True
             return
-        arrival = self._master_arrival_s(time_s, instant.state(self._master.name))
-        planned = self._arrival_s
-        if arrival != planned and (arrival is None or planned is None or abs(arrival - planned) > 1e-6):
+        arrival = self._master.arrives_s(time_s, self._master_station)
+        if moved or (arrival != self._arrival_s and not abs(arrival - self._arrival_s) <= PLAN_EPSILON_S):
+            self._arrival_s = arrival
             self._plan(time_s)
 
-    def _master_arrival_s(self, time_s: float, state: State) -> float | None:
-        """When the master is expected at its place if it keeps its speed; None if it does not get there."""
-        speed = self._master.progress_mps(state)
-        left = self._master_station - state.station_m
-        if left <= 0.0:
-            return time_s
-        return time_s + left / speed + MASTER_LAG_S if speed > STANDING_MPS else None
-
     def _plan(self, time_s: float) -> None:
-        action, actor = self._action, self.who
-        self._arrival_s = arrival = self._master_arrival_s(time_s, self._master.state(time_s))
+        action, actor, arrival = self._action, self.who, self._arrival_s
         state = actor.state(time_s)
         speed = actor.progress_mps(state)
         left_m = max(self._station - state.station_m, 0.0)
-        left_s = NO_ARRIVAL_S if arrival is None else arrival - time_s
+        left_s = arrival - time_s if arrival < math.inf else NO_ARRIVAL_S
         if action.final_speed is None:
-            final = final_speed_without_wish(speed, left_m, left_s) if arrival is not None else 0.0
+            final = final_speed_without_wish(speed, left_m, left_s) if arrival < math.inf else 0.0
         else:
             final = target_speed_mps(action.final_speed, self.world, time_s)
         if self._from_rest and final <= 0.0:
@@ -330,6 +373,14 @@ class Synchronize(RunningAction):
     def ended(self, instant: Instant) -> bool:
         """The entity is at its place."""
         return instant.state(self.who.name).station_m >= self._station - 1e-9
+
+    def needs(self) -> frozenset[str]:
+        """The master, as long as the plan follows it."""
+        return frozenset() if self._frozen else frozenset({self._action.master})
+
+    def leave(self, time_s: float) -> None:
+        """Go on with the present speed."""
+        self.who.keep_speed(time_s)
 
 
 class Switch(RunningAction):
@@ -369,6 +420,26 @@ def target_speed_mps(target: float | model.RelativeSpeed, world: World, time_s: 
         other = world.actors[target.entity].state(time_s).speed_mps
         return other * target.value if target.is_factor else other + target.value
     return target
+
+
+def referred(action: model.Action) -> frozenset[str]:
+    """Entities that an action refers to when it starts."""
+    match action:
+        case model.SpeedAction(target=model.RelativeSpeed(entity=name)):
+            return frozenset({name})
+        case model.LongitudinalDistanceAction():
+            return frozenset({action.entity})
+        case model.SynchronizeAction():
+            speed = action.final_speed
+            names = {speed.entity} if isinstance(speed, model.RelativeSpeed) else set[str]()
+            return references(action.target) | references(action.master_target) | names | {action.master}
+        case model.TeleportAction():
+            return references(action.position)
+        case model.FollowTrajectoryAction():
+            return references(action.trajectory)
+        case model.AssignRouteAction():
+            return references(action.route)
+    return frozenset()
 
 
 def running(world: World, actor: Actor | None, action: model.Action) -> RunningAction:

@@ -11,9 +11,13 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import EntityDefinition
 from scenarios.openscenario.paths import Path, Pose, straight
 from scenarios.openscenario.profiles import SpeedProfile
+from scenarios.openscenario.roads import Leg
 
 STANDING_MPS = 1e-9
 """Slower than this is standing."""
+
+COMMAND_EPSILON_S = 1e-9
+"""A controller that commands from an instant this near on commands now."""
 
 
 class State(NamedTuple):
@@ -71,7 +75,9 @@ class Actor:
         self.on_trajectory = False
         self.profile = SpeedProfile(0.0, 0.0)
         self.tow: Tow | None = None
+        self.route: list[Leg] | None = None
         self.controller: EgoController | None = None
+        self.commanded = False
         self.standing_since_s: float | None = 0.0
         self.set_off_s: float | None = None
         self._steady_s = 0.0
@@ -87,7 +93,7 @@ class Actor:
     def state(self, time_s: float) -> State:
         """State at a time from the anchor on."""
         pose = None
-        if self.controller is not None:
+        if self.controller is not None and self.commanded:
             motion = self.controller.motion(self._anchor_s, time_s - self._anchor_s)
             distance, speed, pose = motion.distance_m, motion.speed_mps, motion.pose
         elif self.tow is not None:
@@ -116,7 +122,7 @@ class Actor:
 
     def pass_on(self, time_s: float, state: State) -> None:
         """Take note of the end of a step; who is driven by a controller is anchored there."""
-        if self.controller is not None:
+        if self.commanded:
             self._anchor(time_s, state)
         else:
             self._note(time_s, state.speed_mps)
@@ -128,7 +134,7 @@ class Actor:
         return state
 
     def _anchor(self, time_s: float, state: State) -> None:
-        if self.controller is not None:
+        if self.controller is not None and self.commanded:
             self.controller.advance(self._anchor_s, time_s - self._anchor_s)
         self._anchor_s, self._anchor_station = time_s, state.station_m
         self._anchor_travelled = state.travelled_m
@@ -140,10 +146,38 @@ class Actor:
             self.standing_since_s = None
             self._reversed = speed_mps < 0.0
             if self.set_off_s is None:
-                alone = self.tow is None and self.controller is None
+                alone = self.tow is None and not self.commanded
                 self.set_off_s = min(self.profile.sets_off_s(), time_s) if alone else time_s
         elif self.standing_since_s is None:
             self.standing_since_s = time_s
+
+    def heed(self, time_s: float) -> bool:
+        """Let the controller take command, or give it back, as it says; whether that has changed."""
+        if self.controller is None:
+            return False
+        commands = self.controller.commands_from_s <= time_s + COMMAND_EPSILON_S
+        if commands == self.commanded:
+            return False
+        state = self.anchor(time_s)
+        if commands:
+            self.controller.take_over(time_s, self.path, state.station_m, state.speed_mps)
+        self.commanded = commands
+        return True
+
+    def asked_mps(self, time_s: float) -> float:
+        """Speed along the heading that the scenario asks for: its speed unless a controller commands it."""
+        return self._towed(time_s).speed_mps if self.tow is not None else self.profile.at(time_s)[1]
+
+    def arrives_s(self, time_s: float, station_m: float) -> float:
+        """When it will be at a place of its path if nothing changes its plans; infinite if never."""
+        state = self.state(time_s)
+        left = station_m - state.station_m
+        if left <= 0.0:
+            return time_s
+        if self.tow is not None or self.commanded:
+            speed = self.progress_mps(state)
+            return time_s + left / speed if speed > STANDING_MPS else math.inf
+        return self.profile.covers_s(time_s, left, self.on_trajectory)
 
     def steady_since_s(self, time_s: float) -> float | None:
         """Since when its speed has been constant at a time; None if it is changing."""
@@ -182,7 +216,8 @@ class Actor:
         self._anchor_distance = profile.at(time_s)[0]
         same = before is not None and abs(profile.at(time_s)[1] - state.speed_mps) < STANDING_MPS
         self._steady_s = before if same and before is not None else time_s
-        self._note(time_s, profile.at(time_s)[1])
+        if not self.commanded:
+            self._note(time_s, profile.at(time_s)[1])
 
     def attach(self, time_s: float, leader: Actor, ahead_m: float) -> None:
         """Keep a distance from another entity from a time on."""
@@ -193,6 +228,8 @@ class Actor:
                 raise RunError(f"'{self.name}' keeps a distance from an entity that keeps one from it")
             chain = chain.tow.leader if chain.tow is not None else None
         self.tow = Tow(leader, ahead_m)
+        if self.commanded:
+            return
         state = self._towed(time_s)
         self._anchor_station = state.station_m
         self._note(time_s, state.speed_mps)
@@ -200,7 +237,11 @@ class Actor:
     def detach(self, time_s: float) -> None:
         """Go on alone with the present speed."""
         if self.tow is not None:
-            self.drive(time_s, SpeedProfile(time_s, self._towed(time_s).speed_mps))
+            self.keep_speed(time_s)
+
+    def keep_speed(self, time_s: float) -> None:
+        """Go on with the speed that it has (or, while it is commanded, that the scenario asks for)."""
+        self.drive(time_s, SpeedProfile(time_s, self.asked_mps(time_s)))
 
     # Outline
 

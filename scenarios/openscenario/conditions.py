@@ -10,6 +10,7 @@ from scenarios.openscenario import model
 from scenarios.openscenario.actors import STANDING_MPS, Actor, State
 from scenarios.openscenario.parameters import COMPARE, compare
 from scenarios.openscenario.paths import Pose
+from scenarios.openscenario.positions import references
 from scenarios.openscenario.world import Instant, World
 from smartmot.geometry import signed_gap_scalar
 
@@ -89,11 +90,15 @@ def evaluator(kind: model.ValueConditionKind | model.EntityCondition, world: Wor
                 (world.actors[name], entity_evaluator(kind.kind, world.actors[name], world))
                 for name in kind.entities
             ]
-            if len(parts) == 1:
+            others = [world.actors[name] for name in referred(kind.kind)]
+            every = all if kind.every else any
+            if len(parts) == 1 and not others:
                 actor, holds = parts[0]
                 return lambda instant: actor.exists and holds(instant)
-            every = all if kind.every else any
-            return lambda instant: every(holds(instant) for actor, holds in parts if actor.exists)
+            return lambda instant: (
+                all(other.exists for other in others)
+                and every(actor.exists and holds(instant) for actor, holds in parts)
+            )
         case model.SimulationTimeCondition():
             rule, value = COMPARE[kind.rule], kind.value
             return lambda instant: rule(instant.time_s, value)
@@ -108,6 +113,22 @@ def evaluator(kind: model.ValueConditionKind | model.EntityCondition, world: Wor
             return lambda instant: world.element_state(*element)
 
 
+def referred(kind: model.EntityConditionKind) -> frozenset[str]:
+    """Entities that a condition refers to beside the triggering ones."""
+    match kind:
+        case (
+            model.CollisionCondition()
+            | model.RelativeSpeedCondition()
+            | model.RelativeDistanceCondition()
+            | model.TimeToCollisionCondition()
+            | model.TimeHeadwayCondition()
+        ):
+            return frozenset({kind.entity})
+        case model.ReachPositionCondition():
+            return references(kind.position)
+    return frozenset()
+
+
 def entity_evaluator(kind: model.EntityConditionKind, actor: Actor, world: World) -> Evaluator:
     """The bare condition on one entity as a function of an instant."""
     name = actor.name
@@ -116,7 +137,6 @@ def entity_evaluator(kind: model.EntityConditionKind, actor: Actor, world: World
             other = world.actors[kind.entity]
             return lambda instant: (
                 other is not actor
-                and other.exists
                 and instant.circle_gap_m(name, other.name) <= 0.0
                 and instant.gap_m(name, other.name) <= 0.0
             )

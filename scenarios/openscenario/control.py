@@ -1,8 +1,9 @@
 """Who drives the ego: the seam between the scenario and a controller.
 
-The scenario places the ego and gives it its initial speed and its way (lane, route or trajectory). From then
-on a controller, if there is one, decides how far it goes and how fast it is; it may also leave the way by
-giving poses of its own. Without one the ego keeps its speed along its way.
+The scenario places the ego, gives it its way (lane, route or trajectory) and moves it: by speed actions,
+distances, synchronisation, timed trajectories. A controller, if there is one, says from when on it commands
+the ego. Then it decides how far the ego goes and how fast it is; it may also leave the way by giving poses of
+its own. What the scenario does to the ego's speed meanwhile changes only what `Actor.asked_mps` tells.
 """
 
 from __future__ import annotations
@@ -29,16 +30,24 @@ class Motion:
 
 
 class EgoController(Protocol):
-    """Drives the ego."""
+    """Drives the ego while it commands it.
+
+    Attributes:
+        commands_from_s: from when on it commands the ego; the scenario drives before that, and again if it is
+            set later than now. The engine looks at it at the beginning of every step, and splits the step
+            that it falls into.
+    """
+
+    commands_from_s: float
 
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
-        """Take the ego over.
+        """Take the ego over, at the instant from which on it is commanded.
 
         Args:
             time_s: now.
             path: its way.
             station_m: where on it.
-            speed_mps: initial speed, negative in reverse.
+            speed_mps: its speed, negative in reverse.
         """
 
     def motion(self, time_s: float, duration_s: float) -> Motion:
@@ -53,7 +62,7 @@ class EgoController(Protocol):
 
 
 class BrakeAt:
-    """Keeps the speed until a time, then brakes to a standstill.
+    """Leaves the ego to the scenario until a time, then brakes to a standstill.
 
     Args:
         time_s: when to brake.
@@ -61,19 +70,18 @@ class BrakeAt:
     """
 
     def __init__(self, time_s: float, decel_mps2: float) -> None:
-        self.brake_time_s, self.decel_mps2 = time_s, decel_mps2
+        self.commands_from_s, self.decel_mps2 = time_s, decel_mps2
         self.speed_mps = 0.0
 
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
-        """Start with the initial speed."""
+        """Brake from the speed that it has."""
         self.speed_mps = speed_mps
 
     def motion(self, time_s: float, duration_s: float) -> Motion:
-        """Free rolling, braking and standing within the duration."""
-        free = min(max(self.brake_time_s - time_s, 0.0), duration_s)
+        """Braking and standing within the duration."""
         speed = abs(self.speed_mps)
-        braking = min(duration_s - free, speed / self.decel_mps2)
-        distance = speed * (free + braking) - 0.5 * self.decel_mps2 * braking**2
+        braking = min(duration_s, speed / self.decel_mps2)
+        distance = speed * braking - 0.5 * self.decel_mps2 * braking**2
         left = speed - self.decel_mps2 * braking
         sign = -1.0 if self.speed_mps < 0.0 else 1.0
         return Motion(sign * distance, sign * left if left > 1e-12 else 0.0)

@@ -17,7 +17,7 @@ from scenarios.openscenario.actors import Actor, State
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.paths import Pose
-from scenarios.openscenario.positions import Locator
+from scenarios.openscenario.positions import Locator, references
 from scenarios.openscenario.roads import Roads, load_roads
 from scenarios.openscenario.storyboard import Storyboard
 from scenarios.openscenario.trajectories import starts_at_entity
@@ -126,7 +126,7 @@ class Engine:
 
     Args:
         definition: the scenario.
-        ego_controller: drives the ego from the end of the initial actions on; None: it keeps its speed.
+        ego_controller: drives the ego from the instant on that it says; None: the scenario does throughout.
         ego: name of the ego; the first entity if there is none of that name.
         step_s: step.
         roads: the network, if it is already loaded.
@@ -179,10 +179,8 @@ class Engine:
         for actor in self._actors.values():
             if not actor.placed:
                 raise RunError(f"entity '{actor.name}' is never given a position in Init")
-        if controller is not None:
-            state = self.ego.state(0.0)
-            controller.take_over(0.0, self.ego.path, state.station_m, state.speed_mps)
-            self.ego.controller = controller
+        self.ego.controller = controller
+        self.ego.heed(0.0)
         self._check_places()
         self._now = Instant(0.0, self._actors)
         self._first_contact(self._now)
@@ -190,19 +188,24 @@ class Engine:
         self._sample()
 
     def _check_places(self) -> None:
-        """Work out every place that a later action names, to find those off the road before the run."""
+        """Work out every place that a later action names, to find those off the road before the run.
+
+        What is relative to an entity is known only when its action starts.
+        """
         locator = self.world.locator
         for event in self.definition.events():
             for action in (named.action for named in event.actions):
                 match action:
                     case model.SynchronizeAction():
-                        locator.pose(action.target)
-                        locator.pose(action.master_target)
-                    case model.TeleportAction():
+                        for position in (action.target, action.master_target):
+                            if not references(position):
+                                locator.pose(position)
+                    case model.TeleportAction() if not references(action.position):
                         locator.pose(action.position)
-                    case model.FollowTrajectoryAction(trajectory=curve) if not starts_at_entity(curve):
-                        locator.trajectory(curve, None)
-                    case model.AssignRouteAction():
+                    case model.FollowTrajectoryAction(trajectory=curve):
+                        if not starts_at_entity(curve) and not references(curve):
+                            locator.trajectory(curve, None)
+                    case model.AssignRouteAction() if not references(action.route):
                         locator.legs(action.route)
 
     def _pose_now(self, name: str) -> Pose:
@@ -255,17 +258,24 @@ class Engine:
         for _ in range(MAX_SPLITS):
             if self.over or self.time_s >= end - TOLERANCE_S:
                 break
+            if self.ego.heed(self.time_s):
+                self._process()
             self.storyboard.update(self._now)
-            ahead = Instant(end, self._actors)
+            ahead = Instant(min(end, self._command_s()), self._actors)
             if self._signature(ahead) == self._before:
                 self._move(ahead)
             else:
-                self._move(self._next_change(end))
+                self._move(self._next_change(ahead.time_s))
                 self._first_contact(self._now)
                 self._process()
         else:
             raise RunError(f"at {self.time_s:.3f} s more than {MAX_SPLITS} changes within one step")
         self._sample()
+
+    def _command_s(self) -> float:
+        """When the controller takes command, if that is to come."""
+        controller = self.ego.controller
+        return math.inf if controller is None or self.ego.commanded else controller.commands_from_s
 
     def _move(self, instant: Instant) -> None:
         self.time_s, self._now = instant.time_s, instant

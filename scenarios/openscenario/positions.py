@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import (
+    ClothoidSpline,
     LanePosition,
+    Nurbs,
     Orientation,
+    Polyline,
     Position,
     RelativeLanePosition,
     RelativeObjectPosition,
@@ -19,6 +23,7 @@ from scenarios.openscenario.model import (
     RoadPosition,
     Route,
     RoutePosition,
+    Shape,
     Trajectory,
     TrajectoryPosition,
     WorldPosition,
@@ -28,18 +33,57 @@ from scenarios.openscenario.roads import LanePlace, Leg, Roads
 from scenarios.openscenario.trajectories import build, starts_at_entity
 
 
+def references(place: Position | Route | Trajectory) -> frozenset[str]:
+    """Entities that a position, a route or a trajectory is relative to."""
+    match place:
+        case (
+            RelativeLanePosition()
+            | RelativeRoadPosition()
+            | RelativeObjectPosition()
+            | RelativeWorldPosition()
+        ):
+            return frozenset({place.entity})
+        case RoutePosition():
+            return references(place.route)
+        case TrajectoryPosition():
+            return references(place.trajectory)
+        case Route():
+            return frozenset[str]().union(*map(references, place.waypoints))
+        case Trajectory():
+            return frozenset[str]().union(*map(references, _positions(place.shape)))
+    return frozenset()
+
+
+def _positions(shape: Shape) -> list[Position]:
+    match shape:
+        case Polyline():
+            return [vertex.position for vertex in shape.vertices]
+        case ClothoidSpline():
+            return [segment.start for segment in shape.segments if segment.start is not None]
+        case Nurbs():
+            return list(shape.control_points)
+
+
 class Locator:
-    """Turns positions into poses, routes into legs and trajectories into paths; remembers the latter two.
+    """Turns positions into poses, routes into legs and trajectories into paths.
+
+    What is relative to an entity is worked out anew every time; of the rest routes and trajectories are kept.
 
     Args:
         roads: the network.
         pose_of: pose of an entity by name, now.
+        kept: routes and trajectories worked out before.
     """
 
-    def __init__(self, roads: Roads, pose_of: Callable[[str], Pose]) -> None:
+    def __init__(
+        self, roads: Roads, pose_of: Callable[[str], Pose], kept: dict[Route | Trajectory, Any] | None = None
+    ) -> None:
         self.roads, self._pose_of = roads, pose_of
-        self._routes: dict[Route, list[Leg]] = {}
-        self._trajectories: dict[Trajectory, Path] = {}
+        self._kept: dict[Route | Trajectory, Any] = {} if kept is None else kept
+
+    def at(self, pose_of: Callable[[str], Pose]) -> Locator:
+        """The same at another time: with other poses of the entities."""
+        return Locator(self.roads, pose_of, self._kept)
 
     def pose(self, position: Position) -> Pose:
         """Pose of a position.
@@ -129,21 +173,23 @@ class Locator:
         Raises:
             RunError: a waypoint is in no lane, or no way leads there.
         """
-        if route not in self._routes:
-            places: list[LanePlace] = []
-            for waypoint in route.waypoints:
-                if isinstance(waypoint, LanePosition):
-                    lane = self.roads.lane(waypoint.road_id, waypoint.lane_id, waypoint.s_m)
-                    places.append(
-                        LanePlace(lane, waypoint.road_id, waypoint.lane_id, waypoint.s_m, 0.0, 0.0, 1)
-                    )
-                    continue
-                place = self.roads.place(self.pose(waypoint))
-                if place is None:
-                    raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
-                places.append(place)
-            self._routes[route] = self.roads.route_legs(places)
-        return self._routes[route]
+        found: list[Leg] | None = self._kept.get(route)
+        if found is not None:
+            return found
+        places: list[LanePlace] = []
+        for waypoint in route.waypoints:
+            if isinstance(waypoint, LanePosition):
+                lane = self.roads.lane(waypoint.road_id, waypoint.lane_id, waypoint.s_m)
+                places.append(LanePlace(lane, waypoint.road_id, waypoint.lane_id, waypoint.s_m, 0.0, 0.0, 1))
+                continue
+            place = self.roads.place(self.pose(waypoint))
+            if place is None:
+                raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
+            places.append(place)
+        legs = self.roads.route_legs(places)
+        if not references(route):
+            self._kept[route] = legs
+        return legs
 
     def trajectory(self, trajectory: Trajectory, entity: str | None) -> Path:
         """Path of a trajectory; one without start begins at the entity.
@@ -151,12 +197,13 @@ class Locator:
         Raises:
             RunError: it has no start and there is no entity to begin at.
         """
-        if trajectory in self._trajectories:
-            return self._trajectories[trajectory]
+        found: Path | None = self._kept.get(trajectory)
+        if found is not None:
+            return found
         here = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
-        path, fixed = build(trajectory, self.pose, here), not starts_at_entity(trajectory)
-        if fixed:
-            self._trajectories[trajectory] = path
+        path = build(trajectory, self.pose, here)
+        if not starts_at_entity(trajectory) and not references(trajectory):
+            self._kept[trajectory] = path
         return path
 
 

@@ -77,6 +77,31 @@ class SpeedProfile:
                 return before + distance, speed
         return 0.0, self._pieces[0].start_mps
 
+    def covers_s(self, time_s: float, distance_m: float, either_way: bool) -> float:
+        """When a distance will be covered from a time on; infinite if it never is.
+
+        Args:
+            time_s: from when on.
+            distance_m: positive.
+            either_way: whether driving in reverse covers it as well.
+        """
+
+        def left_m(until_s: float) -> float:
+            gone = self.at(until_s)[0] - before
+            return distance_m - (abs(gone) if either_way else gone)
+
+        before = self.at(time_s)[0]
+        low = time_s
+        for high in (*(start for start, _ in self._starts if start > time_s), max(self.end_s, time_s)):
+            if left_m(high) <= 0.0:
+                for _ in range(60):
+                    middle = 0.5 * (low + high)
+                    low, high = (middle, high) if left_m(middle) > 0.0 else (low, middle)
+                return high
+            low = high
+        speed = abs(self.final_mps) if either_way else self.final_mps
+        return low + left_m(low) / speed if speed > 0.0 else NEVER_S
+
     def sets_off_s(self) -> float:
         """Until when the speed is zero at the beginning; infinite if it stays so."""
         for (start, _), piece in zip(self._starts, self._pieces, strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scenarios.openscenario import model
-from scenarios.openscenario.actions import LONGITUDINAL, RunningAction, running
+from scenarios.openscenario.actions import RunningAction, referred, running
 from scenarios.openscenario.actors import Actor
 from scenarios.openscenario.conditions import Watch
 from scenarios.openscenario.errors import RunError
@@ -181,8 +181,14 @@ class Storyboard:
             if actor is not None and not actor.exists:
                 continue
             part = running(self._world, actor, action)
-            if actor is not None and actor.controller is not None and part.domains == {LONGITUDINAL}:
-                part.over = True  # the controller drives; a scenario no longer changes its speed
+            missing = sorted(name for name in referred(action) if not self._world.actors[name].exists)
+            if missing:
+                self._world.note(
+                    f"{type(action).__name__} of '{part.who.name}' at {instant.time_s:.3f} s is not carried "
+                    f"out: it refers to '{missing[0]}', which is deleted"
+                )
+                part.over = part.stopped = True
+                started.append(part)
                 continue
             for other in self._running:
                 if (
@@ -247,8 +253,15 @@ class Storyboard:
         if self.over:
             return False
         changed = False
+        actors = self._world.actors
         for part in self._running:
-            if not part.over and part.ended(instant):
+            if part.over:
+                continue
+            alone = part.actor is not None and not part.actor.exists
+            if alone or not all(actors[name].exists for name in part.needs()):
+                part.stop(instant.time_s)
+                changed = True
+            elif part.ended(instant):
                 part.finish(instant.time_s)
                 changed = True
         self._running = [part for part in self._running if not part.over]
@@ -317,7 +330,10 @@ class Storyboard:
             changed = False
             for action in event.actions:
                 if action.state == RUNNING and all(part.over for part in action.running):
-                    action.end()
+                    if any(part.stopped for part in action.running):
+                        action.halt(instant.time_s)
+                    else:
+                        action.end()
                     changed = True
             if all(action.state == COMPLETE for action in event.actions):
                 event.executions += 1

@@ -50,6 +50,7 @@ class World:
         variables: present values.
         element_state: tells whether a storyboard element is in a state or just made a transition.
         environment: light and weather, if the scenario sets them.
+        notes: lines about what is not as the file asks for it.
     """
 
     actors: dict[str, Actor]
@@ -57,3 +58,9 @@ class World:
     variables: dict[str, Value]
     element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
     environment: Environment | None = None
+    notes: list[str] = field(default_factory=list[str])
+
+    def note(self, line: str) -> None:
+        """Add a note, unless it is there."""
+        if line not in self.notes:
+            self.notes.append(line)

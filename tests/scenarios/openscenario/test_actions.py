@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from scenarios.openscenario import BrakeAt, Engine, RunError, UnsupportedError, load
+from scenarios.openscenario import BrakeAt, Engine, Motion, RunError, UnsupportedError, load
 from scenarios.openscenario.model import Environment
 from tests.scenarios.openscenario.conftest import (
     CAR,
@@ -134,13 +134,6 @@ BESIDE = private("Ego", teleport(lane_position(10)), speed(10)) + private(
 )
 
 
-@pytest.fixture
-def no_lag(monkeypatch):
-    """Plans by the master's present place, so that numbers stay round."""
-    monkeypatch.setattr("scenarios.openscenario.actions.MASTER_LAG_S", 0.0)
-
-
-@pytest.mark.usefixtures("no_lag")
 def test_synchronised_from_rest(play):
     """Ego needs 8 s to s = 90. Other has 10 m to go, the last 6 m (3 s) at 2 m/s: the first 4 m take 4 s at
     0.5 m/s2. So it sets off at 1 s, is steady from 5 s on and at its place at 8 s.
@@ -154,15 +147,6 @@ def test_synchronised_from_rest(play):
         assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v))
 
 
-def test_a_synchronised_entity_knows_its_master_one_cycle_late(play):
-    """The same, and everything 10 ms later."""
-    _, run = play(act(maneuver(event("e", STEADY))), init=BESIDE)
-    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((1.01, 5.01))
-    for t, x, v in ((1.01, 60, 0), (3.01, 61, 1), (5.01, 64, 2), (8.01, 70, 2)):
-        assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v))
-
-
-@pytest.mark.usefixtures("no_lag")
 def test_steady_time(play):
     """The same with 2 s of steady state: 4 m at 2 m/s; 6 m before take 6 s."""
     _, run = play(
@@ -173,7 +157,6 @@ def test_steady_time(play):
     assert at(run, "Other", 8.0) == pytest.approx((70, -5.25, 0, 2))
 
 
-@pytest.mark.usefixtures("no_lag")
 def test_synchronised_while_moving(play):
     """24 m in 8 s from 4 m/s to 2 m/s is a mean of 3 m/s: one constant deceleration."""
     init = BESIDE + private("Other", speed(4))
@@ -182,7 +165,6 @@ def test_synchronised_while_moving(play):
     assert at(run, "Other", 8.0) == pytest.approx((84, -5.25, 0, 2))
 
 
-@pytest.mark.usefixtures("no_lag")
 def test_no_final_speed(play):
     """Constant acceleration: 16 m in 8 s from rest ends with 4 m/s."""
     _, run = play(act(maneuver(event("e", synchronize(76, 90, final="")))), init=BESIDE)
@@ -190,7 +172,6 @@ def test_no_final_speed(play):
     assert at(run, "Other", 8.0) == pytest.approx((76, -5.25, 0, 4))
 
 
-@pytest.mark.usefixtures("no_lag")
 @pytest.mark.parametrize(("kind", "value"), [("delta", -8), ("factor", 0.2)])
 def test_final_speed_relative_to_the_master(play, kind, value):
     final = (
@@ -205,7 +186,6 @@ def test_final_speed_relative_to_the_master(play, kind, value):
 STEADY = synchronize(70, 90, steady='<TargetDistanceSteadyState distance="6"/>')
 
 
-@pytest.mark.usefixtures("no_lag")
 @pytest.mark.parametrize("brake_time_s", [6.0, 3.0])
 def test_once_set_off_the_profile_stays_whatever_the_master_does(write, brake_time_s):
     definition = load(write(act(maneuver(event("e", STEADY))), init=BESIDE))
@@ -222,7 +202,6 @@ def test_before_it_sets_off_it_waits_for_the_master(write):
     assert at(run, "Other", 10.0)[0] == 60.0
 
 
-@pytest.mark.usefixtures("no_lag")
 def test_a_slower_master_delays_the_start(play):
     """At 0.5 s the ego slows to 5 m/s at once, at s = 15: 75 m take 15 s more; the start moves to 8.5 s."""
     slow = act(maneuver(event("slow", speed(5), later(0.5)), name="slow"), actors="Ego", name="second")
@@ -313,11 +292,56 @@ def test_environment_of_version_1_0(play):
     assert engine.world.environment == Environment("dusk", 400.0, 0.1, "snow", None, 150.0, 0.4)
 
 
-def test_a_controller_is_not_overruled(write):
+def test_the_scenario_drives_until_the_controller_commands(write):
     faster = act(maneuver(event("e", speed(30), later(1))), actors="Ego")
-    run = Engine(load(write(faster)), BrakeAt(2.0, 5.0)).run()
-    assert at(run, "Ego", 1.5)[3] == 10.0
+    engine = Engine(load(write(faster)), BrakeAt(2.0, 5.0))
+    run = engine.run()
+    for t, x, v in ((0.9, 19, 10), (1.5, 35, 30), (2.0, 50, 30), (3.0, 77.5, 25)):
+        assert at(run, "Ego", t) == pytest.approx((x, -1.75, 0, v))
+
+
+def test_a_commanding_controller_is_not_overruled(write):
+    """The event ends as it would; the ego goes on braking, and what it is asked for is known."""
+    faster = act(maneuver(event("e", speed(30, "linear", "time", 1), later(1))), actors="Ego")
+    engine = Engine(load(write(faster)), BrakeAt(0.5, 2.0))
+    run = engine.run()
     assert at(run, "Ego", 3.0)[3] == pytest.approx(5.0)
+    assert engine.ego.asked_mps(engine.time_s) == 30.0
+
+
+class Holds:
+    """Keeps the speed, and commands within an interval."""
+
+    def __init__(self, from_s=0.0):
+        self.commands_from_s = from_s
+
+    def take_over(self, time_s, path, station_m, speed_mps):
+        self.taken_s, self.speed_mps = time_s, speed_mps
+
+    def motion(self, time_s, duration_s):
+        return Motion(self.speed_mps * duration_s, self.speed_mps)
+
+    def advance(self, time_s, duration_s):
+        pass
+
+
+def test_command_is_taken_inside_a_step_and_given_back(write):
+    """From 10 m/s by 2 m/s2 to 20 m/s; held at 12 m/s from 1 s on for 2 s, then on as asked."""
+    faster = act(maneuver(event("e", speed(20, "linear", "rate", 2))), actors="Ego")
+    beside = EGO_AT_START + private("Other", teleport(lane_position(60, lane=-2)))
+    controller = Holds(1.0049)
+    engine = Engine(load(write(faster, init=beside)), controller)
+    while engine.time_s < 3.0 - 1e-9:
+        engine.advance(0.01)
+    assert (controller.taken_s, controller.speed_mps) == pytest.approx((1.0049, 12.0098))
+    now = engine.entities
+    assert now.speed_mps[0] == pytest.approx(12.0098)
+    x = 10 + 10 * 1.0049 + 1.0049**2 + 12.0098 * (3 - 1.0049)
+    assert now.reference_m[0, 0] == pytest.approx(x)
+    controller.commands_from_s = math.inf
+    engine.advance(0.5)
+    assert engine.entities.speed_mps[0] == pytest.approx(17.0)
+    assert engine.entities.reference_m[0, 0] == pytest.approx(x + 0.5 * 16.5)
 
 
 def test_a_controller_takes_the_way_of_a_timed_trajectory_and_not_its_times(write):
@@ -331,10 +355,10 @@ def test_a_controller_takes_the_way_of_a_timed_trajectory_and_not_its_times(writ
         "</Polyline></Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction>"
     )
     turn = act(maneuver(event("e", line, later(1))), actors="Ego")
-    run = Engine(load(write(turn)), BrakeAt(3.0, 5.0)).run()
+    run = Engine(load(write(turn)), Holds()).run()
     assert at(run, "Ego", 0.99) == pytest.approx((19.9, -1.75, 0, 10))
     assert at(run, "Ego", 2.0) == pytest.approx((20, 10, math.pi / 2, 10))
-    assert at(run, "Ego", 4.0) == pytest.approx((20, 27.5, math.pi / 2, 5))
+    assert at(run, "Ego", 4.0) == pytest.approx((20, 30, math.pi / 2, 10))
     assert Engine(load(write(turn))).run().speed_mps[300, 0] == 0.0  # nobody else drives: it waits
 
 

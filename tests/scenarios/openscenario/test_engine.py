@@ -133,6 +133,8 @@ def test_stepwise(write):
 class Swerve:
     """Leaves the lane: drives straight on from the take-over at an angle."""
 
+    commands_from_s = 0.0
+
     def take_over(self, time_s, path, station_m, speed_mps):
         self.pose, self.speed = Pose(*path.pose(station_m)).moved(0, 0, 0.1), speed_mps
 

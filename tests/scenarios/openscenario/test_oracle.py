@@ -1,7 +1,10 @@
-"""The published Euro NCAP scenarios against reference runs of esmini 3.6.0 (10 ms steps; braking 5 ms).
+"""The published Euro NCAP scenarios against all reference runs of esmini 3.6.0 (10 ms steps; braking 5 ms).
 
-esmini integrates by whole steps; ours are closed forms. What whole steps do is worked out here as well, so
-that numbers explain the differences: with esmini's step its value comes out, with ever finer steps ours.
+esmini integrates by whole steps, notices a contact at the end of one, and its synchronised targets know their
+master one step late; ours are closed forms, and target and master arrive at the same instant, as the standard
+asks. So the two agree within one of *its* steps: 10 ms, and what the target walks across the ego's width
+meanwhile. What whole steps do is worked out here as well: with esmini's step its value comes out, with ever
+finer steps ours.
 """
 
 import csv
@@ -14,11 +17,14 @@ from scenarios.openscenario import BrakeAt, Engine, expand, load
 from scenarios.openscenario.control import Motion
 
 STEP_S = 0.01
-LAG_S = 0.01
+ROUNDED_S = 0.001
+"""Times of the reference fall on whole steps, give or take rounding."""
+ROUNDED_PERCENT = 0.4
+"""Its impact locations are rounded to 0.1 %, its boxes and speeds to millimetres."""
 EGO_WIDTH_M = 1.815
 FRONT_M = 1.349 + 4.358 / 2
-PER_FAMILY = 6
-"""Runs of every family in the tests; `python -m benchmarks.openscenario` compares all."""
+TWO_STEPS = ("2023_CPFA-50_Variation_03",)
+"""At 25 km/h the start falls on a step: rounding makes esmini's target two steps late instead of one."""
 
 
 def rows(ncap, name):
@@ -37,68 +43,67 @@ def library(ncap):
 
 @pytest.fixture(scope="module")
 def pairs(ncap, library):
-    """(reference row, our run): some of every family, spread over its runs."""
-    families = {}
-    for row in rows(ncap, "no_braking_summary.csv"):
-        families.setdefault((row["scenario"], row["file"][:8]), []).append(row)
+    """(reference row, our run) of all runs."""
+    variations = {}
     found = []
-    for family in families.values():
-        for k in np.unique(np.linspace(0, len(family) - 1, PER_FAMILY).round().astype(int)):
-            row = family[k]
-            variation = expand(library / row["file"])[int(row["perm"])]
-            found.append((row, Engine(load(variation.path, variation.parameters)).run()))
+    for row in rows(ncap, "no_braking_summary.csv"):
+        if row["file"] not in variations:
+            variations[row["file"]] = expand(library / row["file"])
+        variation = variations[row["file"]][int(row["perm"])]
+        found.append((row, Engine(load(variation.path, variation.parameters)).run()))
     return found
 
 
 def test_contact_times_and_speeds(pairs):
-    assert len(pairs) >= 40
+    assert len(pairs) >= 132
     for row, run in pairs:
         # a sample of the reference is up to one step later than the touch
-        assert run.contact_time_s == pytest.approx(float(row["t_contact"]), abs=0.0101), row["tag"]
-        assert run.ego_speed_at_contact_kmh == pytest.approx(float(row["v_ego_kph"]), abs=0.1), row["tag"]
-        assert run.target_speed_at_contact_kmh == pytest.approx(float(row["v_tgt_kph"]), abs=0.1), row["tag"]
+        assert 0.0 <= float(row["t_contact"]) - run.contact_time_s <= STEP_S + ROUNDED_S, row["tag"]
+        assert run.ego_speed_at_contact_kmh == pytest.approx(float(row["v_ego_kph"]), abs=0.05), row["tag"]
+        assert run.target_speed_at_contact_kmh == pytest.approx(float(row["v_tgt_kph"]), abs=0.05), row["tag"]
 
 
 def test_target_times(pairs):
+    """One step late by its knowledge of the master, and up to one by sampling."""
     for row, run in pairs:
         start, steady = number(row["t_tgt_start"]), number(row["t_tgt_steady"])
         assert (run.target_start_time_s is None) == (start is None), row["tag"]
         if start is not None:
-            assert run.target_start_time_s == pytest.approx(start, abs=0.02), row["tag"]
-        assert run.target_steady_time_s == pytest.approx(steady, abs=0.02), row["tag"]
+            assert run.target_start_time_s == pytest.approx(start, abs=2 * STEP_S + ROUNDED_S), row["tag"]
+        assert run.target_steady_time_s == pytest.approx(steady, abs=2 * STEP_S + ROUNDED_S), row["tag"]
 
 
 def test_impact_locations(pairs):
-    """The reference takes the first sample after the touch; see the next test for what that explains."""
+    """Within what the target walks in one step of the reference."""
     for row, run in pairs:
-        assert run.impact_location_percent == pytest.approx(float(row["box_centre_pct"]), abs=1.05), row[
+        steps = 2 if row["tag"] in TWO_STEPS else 1
+        walked = 100.0 * steps * STEP_S * abs(float(row["v_tgt_kph"])) / 3.6 / EGO_WIDTH_M
+        allowed = walked + ROUNDED_PERCENT
+        assert run.impact_location_percent == pytest.approx(float(row["box_centre_pct"]), abs=allowed), row[
             "tag"
         ]
 
 
-def test_impact_locations_at_the_references_own_sample(pairs):
-    """What is left of the difference is the sample, up to 10 ms or 1.2 % of the width after the touch.
-
-    Where a touch falls on a step, as at 25 km/h, rounding decides between two samples.
-    """
+def test_impact_locations_where_the_reference_takes_them(pairs):
+    """What the difference consists of: its sample after the touch, of a target that is one step late."""
     checked = 0
     for row, run in pairs:
-        if float(row["speed"]) == 25.0:
+        if float(row["speed"]) == 25.0 or number(row["t_tgt_start"]) is None:
             continue
         after = int(np.searchsorted(run.time_s, run.contact_time_s))
         k = [after - 1, after]
         dx, dy = run.x_m[k, 1] - run.x_m[k, 0], run.y_m[k, 1] - run.y_m[k, 0]
         left_m = dy * np.cos(run.yaw_rad[k, 0]) - dx * np.sin(run.yaw_rad[k, 0])
         walks_mps = (left_m[1] - left_m[0]) / (run.time_s[after] - run.time_s[after - 1])
-        later_s = float(row["t_contact"]) - run.contact_time_s
+        later_s = float(row["t_contact"]) - STEP_S - run.contact_time_s
         there = run.impact_location_percent + 100.0 * walks_mps * later_s / EGO_WIDTH_M
-        assert there == pytest.approx(float(row["box_centre_pct"]), abs=0.06), row["tag"]
+        assert there == pytest.approx(float(row["box_centre_pct"]), abs=0.1), row["tag"]
         checked += 1
     assert checked >= 35
 
 
 def test_trajectories(ncap, library):
-    """The target within 3 mm; the ego is equal."""
+    """The target within 3 mm of where it was one step of the reference before; the ego is equal."""
     for path in sorted((ncap / "oracle" / "trajectories").glob("*.csv")):
         table = np.genfromtxt(path, delimiter=",", names=True)
         family = path.stem.removeprefix("2023_").removesuffix("_00")
@@ -108,19 +113,19 @@ def test_trajectories(ncap, library):
         assert n > 600
         for name, column in (("Ego_x", run.x_m), ("Ego_y", run.y_m), ("Ego_v", run.speed_mps)):
             np.testing.assert_allclose(table[name][:n], column[:n, 0], atol=2e-6)
-        np.testing.assert_allclose(table["VRU_x"][:n], run.x_m[:n, 1], atol=2e-6)
-        np.testing.assert_allclose(table["VRU_y"][:n], run.y_m[:n, 1], atol=3e-3)
+        np.testing.assert_allclose(table["VRU_x"][1:n], run.x_m[: n - 1, 1], atol=2e-6)
+        np.testing.assert_allclose(table["VRU_y"][1:n], run.y_m[: n - 1, 1], atol=3e-3)
         turn = np.sin(0.5 * (table["VRU_h"][:n] - run.yaw_rad[:n, 1]))
         np.testing.assert_allclose(turn, 0.0, atol=2e-6)
 
 
 def stepped_crossing(speed_kmh, step_s):
-    """Box centre at the first step of overlap in CPFA-50, if the target sees the ego 10 ms late."""
+    """Box centre at the first step of overlap in CPFA-50, if the target sees the ego one step late."""
     v, final = speed_kmh / 3.6, 8 / 3.6
     way, steady, gap = 6.06, 4.5, 6 * v - FRONT_M - 0.25
-    left, moving, k, late = way, False, 0, round(LAG_S / step_s)
+    left, moving, k = way, False, 0
     while gap - v * step_s * k > 1e-9:
-        seen = (gap - v * step_s * max(k - late, 0)) / v
+        seen = (gap - v * step_s * max(k - 1, 0)) / v
         rest_m, rest_s = left - steady, seen - steady / final
         if rest_m < 1e-6 or rest_s < 1e-6:
             speed = final
@@ -174,6 +179,8 @@ class SteppedBrake:
     def __init__(self, time_s, decel_mps2, step_s=0.005):
         self.begin_s = math.ceil(time_s / step_s - 1e-9) * step_s
         self.change_mps, self.step_s, self.speed_mps = decel_mps2 * step_s, step_s, 0.0
+
+    commands_from_s = 0.0
 
     def take_over(self, time_s, path, station_m, speed_mps):
         self.speed_mps = speed_mps
