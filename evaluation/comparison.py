@@ -56,7 +56,7 @@ def compare_files(
     notes = runner.notes(specs)
     configuration = runner.scenario_configuration(specs, notes)
     rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
-    silent = sum(not row.collided and row.flag_time_s is None for row in rows)
+    silent = sum(row.avoided and row.flag_time_s is None for row in rows)
     if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
         notes.append(
             f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or nobody was in "
@@ -99,6 +99,8 @@ def _compare(
     console.print(results.rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
+    for line in results.told_runs(rows):
+        console.print(line, highlight=False)
     return rows
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from evaluation.exact import exact_floats
 from scenarios.recording import COLUMNS, TEXT_COLUMNS
+from scenarios.simulation import TIME_LIMIT_S, EndReason, is_avoided
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,7 +45,7 @@ Published = Mapping[float, tuple[float, float | None]]
 
 _LOG_TEXT = frozenset(TEXT_COLUMNS)
 _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
-_EMPTY = "–"
+_EMPTY, _CUT_OFF = "–", "cut off"
 
 
 class ResultsError(ValueError):
@@ -72,7 +73,10 @@ class RunRow:
         stop_gap_m: free distance left when the ego stood still.
         contact_time_s: time of contact.
         t0_s: time of stop or contact.
-        false_stop: whether the ego braked before the target, which stood at first, had set off.
+        end_reason: why the run ended, a `scenarios.simulation.EndReason`; `time_limit`: it was cut off.
+        end_time_s: when it ended.
+        false_activation: whether the emergency brake was requested where nothing should happen, or before a
+            target that was to set off had done so; None where neither can be.
         target_start_time_s: when the target left standstill.
         target_steady_time_s: since when its speed was constant at the contact, or else at the end.
         ego_speed_at_contact_kmh: along its heading, negative in reverse.
@@ -97,7 +101,9 @@ class RunRow:
     stop_gap_m: float | None
     contact_time_s: float | None
     t0_s: float | None
-    false_stop: bool
+    end_reason: str
+    end_time_s: float
+    false_activation: bool | None
     target_start_time_s: float | None
     target_steady_time_s: float | None
     ego_speed_at_contact_kmh: float | None
@@ -105,9 +111,20 @@ class RunRow:
     impact_location_percent: float | None
     log: str | None
 
+    @property
+    def avoided(self) -> bool:
+        """Whether the run counts as a collision avoided; see `scenarios.simulation.is_avoided`."""
+        return is_avoided(self.collided, self.end_reason, self.false_activation)
+
 
 RUN_COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 """Columns of `runs.csv`, in the order in which they are written."""
+
+OLD_FALSE_ACTIVATION = "false_stop"
+"""What version 0.1.0 called the column `false_activation`."""
+
+SINCE_0_2 = ("end_reason", "end_time_s", "false_activation")
+"""Columns that folders of version 0.1.0 do not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +182,8 @@ def read_runs(directory: Path) -> pd.DataFrame:
     """Read `runs.csv` of a result folder.
 
     Returns:
-        One row per run; missing numbers and a missing log name are NaN.
+        One row per run; missing numbers and texts are NaN, `false_activation` is True, False or None. What
+        version 0.1.0 did not write is missing; its `false_stop` is taken for `false_activation`.
 
     Raises:
         ResultsError: the folder or the file is missing, or the file is no table of runs.
@@ -174,12 +192,23 @@ def read_runs(directory: Path) -> pd.DataFrame:
 
     path = directory / RUNS_CSV
     _require_file(path)
-    kinds = {"int": "int64", "float": "float64", "float | None": "float64", "bool": "bool"}
+    kinds = {"int": "int64", "float": "float64", "float | None": "float64"}
+    kinds |= {"bool": "bool", "bool | None": "boolean"}
     dtypes: dict[str, Any] = {f.name: kinds.get(str(f.type), "str") for f in dataclasses.fields(RunRow)}
     try:
-        header = pd.read_csv(path, nrows=0)
-        _require_columns(path, list(header.columns), RUN_COLUMNS)
-        return pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats())
+        header = list(pd.read_csv(path, nrows=0).columns)
+        of_old = OLD_FALSE_ACTIVATION in header
+        new = SINCE_0_2 if of_old else ()
+        _require_columns(path, header, [name for name in RUN_COLUMNS if name not in new])
+        if of_old:
+            dtypes[OLD_FALSE_ACTIVATION] = dtypes.pop("false_activation")
+        runs = pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats())
+        if of_old:
+            runs = runs.rename(columns={OLD_FALSE_ACTIVATION: "false_activation"})
+            runs = runs.reindex(columns=list(RUN_COLUMNS))
+        marks = runs["false_activation"]
+        runs["false_activation"] = marks.astype(object).where(marks.notna(), None)
+        return runs
     except ResultsError:
         raise
     except (OSError, ValueError) as error:
@@ -268,9 +297,9 @@ def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | No
             (None where none was published).
 
     Returns:
-        The table, with one line of total scores per condition and the false stops at its foot. A strategy's
-        columns stand together: impact speed, score and, if published, that impact speed and how far ours is
-        above it.
+        The table, with one line of total scores per condition and, if there were any, runs that were cut off
+        and false activations at its foot. A strategy's columns stand together: impact speed, score and, if
+        published, that impact speed and how far ours is above it.
 
     Raises:
         ResultsError: there are no runs or a column is missing.
@@ -304,8 +333,11 @@ def comparison_table(runs: pd.DataFrame, published: Mapping[str, Published] | No
             cells = [_total_cells(group, name, speeds, reference.get(name)) for name in strategies]
             lead = [*map(str, values), "mean", "total"]
             totals.append((*lead, *(text for cell in cells for text in cell)))
-    if runs["false_stop"].any():
-        totals.append(_false_stop_line(runs, strategies, len(conditions), reference))
+    for name, shares in _remarks(runs, strategies):
+        line = [name, *[""] * len(conditions)]
+        for strategy, share in zip(strategies, shares, strict=True):
+            line += [share, *[""] * (3 if strategy in reference else 1)]
+        totals.append(tuple(line))
     repeats = int(runs.groupby([*conditions, "strategy", "v_test_kmh"]).size().max())
     caption = f"Means over up to {repeats} runs per speed and strategy." if repeats > 1 else ""
     return Table(tuple(header), tuple(rows), tuple(totals), caption)
@@ -315,7 +347,8 @@ def impact_table(runs: pd.DataFrame) -> Table:
     """Impact speed of each strategy, per scenario and test speed, for tests without a score.
 
     Returns:
-        The table, with the contacts and, if there were any, the false stops at its foot.
+        The table, with the contacts and, if there were any, runs that were cut off and false activations at
+        its foot.
 
     Raises:
         ResultsError: there are no runs or a column is missing.
@@ -326,22 +359,65 @@ def impact_table(runs: pd.DataFrame) -> Table:
     strategies = ordered_strategies(runs)
     conditions = varying_conditions(runs)
     lead = [*conditions, "v_test_kmh"]
-    wide = runs.pivot_table(values="v_impact_kmh", index=lead, columns="strategy", aggfunc="mean", sort=True)
     rows = []
-    for values, impacts in zip(wide.index, wide[strategies].to_numpy(), strict=True):
-        *names, speed = values if isinstance(values, tuple) else (values,)
-        rows.append((*map(str, names), f"{speed:g}", *(_number(float(v), ".2f") for v in impacts)))
-    totals = [("contacts", *[""] * len(conditions), *_shares(runs, strategies, "collided"))]
-    if runs["false_stop"].any():
-        totals.append(("false stops", *[""] * len(conditions), *_shares(runs, strategies, "false_stop")))
+    for values, group in runs.groupby(lead, sort=True):
+        *names, speed = values
+        cells = [_impact(group[group["strategy"] == strategy]) for strategy in strategies]
+        rows.append((*map(str, names), f"{speed:g}", *cells))
+    finished = runs[~cut_off(runs)]
+    contacts = ("contacts", *[""] * len(conditions), *_shares(finished, strategies, finished["collided"]))
+    remarks = [(name, *[""] * len(conditions), *shares) for name, shares in _remarks(runs, strategies)]
+    totals = [contacts, *remarks]
     header = (*conditions, "v_test (km/h)", *(f"{strategy} v_impact (km/h)" for strategy in strategies))
     return Table(header, tuple(rows), tuple(totals))
 
 
-def _shares(runs: pd.DataFrame, strategies: Sequence[str], column: str) -> list[str]:
-    """How many runs of each strategy are marked in a column."""
-    chosen = [runs.loc[runs["strategy"] == strategy, column] for strategy in strategies]
-    return [f"{int(marks.sum())} of {len(marks)}" for marks in chosen]
+def cut_off(runs: pd.DataFrame) -> pd.Series[bool]:
+    """Which runs the time limit ended; what they would have come to is not known."""
+    return runs["end_reason"].eq(EndReason.TIME_LIMIT)
+
+
+def avoided(runs: pd.DataFrame) -> pd.Series[bool]:
+    """Which runs count as a collision avoided; see `scenarios.simulation.is_avoided`."""
+    return ~runs["collided"] & ~cut_off(runs) & ~runs["false_activation"].eq(True)
+
+
+def _shares(runs: pd.DataFrame, strategies: Sequence[str], marks: pd.Series[bool]) -> list[str]:
+    """How many runs of each strategy are marked."""
+    chosen = [marks[runs["strategy"] == strategy] for strategy in strategies]
+    return [f"{int(mine.sum())} of {len(mine)}" for mine in chosen]
+
+
+def _remarks(runs: pd.DataFrame, strategies: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """What lowers the worth of a result, where it happened: name, and how many runs of each strategy."""
+    found = []
+    ended, can_be = cut_off(runs), runs[runs["false_activation"].notna()]
+    false = can_be["false_activation"].eq(True)
+    if ended.any():
+        found.append(("cut off", _shares(runs, strategies, ended)))
+    if false.any():
+        found.append(("false activations", _shares(can_be, strategies, false)))
+    return found
+
+
+def told_runs(rows: Sequence[RunRow], time_limit_s: float = TIME_LIMIT_S) -> list[str]:
+    """What the reader has to know about finished runs, one line each; none if all ended as they should."""
+    ended = sum(row.end_reason == EndReason.TIME_LIMIT for row in rows)
+    lines = []
+    if ended:
+        lines.append(
+            f"{ended} of {len(rows)} runs were cut off at {time_limit_s:g} s: they count nowhere as avoided, "
+            "and have no score; shorten what comes before, or give the scenario a stop trigger"
+        )
+    return lines
+
+
+def _impact(chosen: pd.DataFrame) -> str:
+    """Mean impact speed of the runs that were not cut off."""
+    finished = chosen[~cut_off(chosen)]
+    if len(chosen) and finished.empty:
+        return _CUT_OFF
+    return _number(float(finished["v_impact_kmh"].mean()) if len(finished) else math.nan, ".2f")
 
 
 def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
@@ -394,10 +470,10 @@ def _select(group: pd.DataFrame, strategy: str, speed: float) -> pd.DataFrame:
 def _cells(group: pd.DataFrame, strategy: str, speed: float, published: Published | None) -> list[str]:
     """Texts of one strategy at one speed."""
     chosen = _select(group, strategy, speed)
-    impact = float(chosen["v_impact_kmh"].mean()) if len(chosen) else math.nan
     score = float(chosen["score"].mean()) if len(chosen) else math.nan
-    texts = [_number(impact, ".2f"), _number(score, ".2f")]
+    texts = [_impact(chosen), _number(score, ".2f")]
     if published is not None:
+        impact = float(chosen["v_impact_kmh"][~cut_off(chosen)].mean())
         there, _ = published.get(speed, (math.nan, None))
         texts += [_number(there, ".2f"), _number(impact - there, "+.2f")]
     return texts
@@ -424,18 +500,6 @@ def _total_cells(
         known = [score for score in scores if score is not None]
         texts += [f"score {sum(known):g}" if known else "", ""]
     return texts
-
-
-def _false_stop_line(
-    runs: pd.DataFrame, strategies: Sequence[str], lead: int, published: Mapping[str, object]
-) -> tuple[str, ...]:
-    """The false stops of each strategy out of its runs."""
-    line = ["false stops"] + [""] * lead
-    for strategy in strategies:
-        stops = runs.loc[runs["strategy"] == strategy, "false_stop"]
-        line += [f"{int(stops.sum())} of {len(stops)}", ""]
-        line += [""] * 2 if strategy in published else []
-    return tuple(line)
 
 
 def _number(value: float, form: Literal[".2f", "+.2f"]) -> str:

@@ -31,7 +31,7 @@ from scenarios.presets import (
     preset_at_night,
     preset_in_weather,
 )
-from scenarios.simulation import Outcome, Simulation, StopRule
+from scenarios.simulation import EndReason, Outcome, Simulation, StopRule
 from scenarios.strategies import make_strategy
 from smartmot.errors import SmartMotError
 from smartmot.monitored_area import MonitoredAreaStrategy
@@ -69,7 +69,7 @@ class RunSpec:
             it holds it until it brakes, and the run ends when it stands.
         settings: parameters of perception that depart from the preset; see `evaluation.settings`.
         must: what the ego must do, where that is known: brake, or nothing; then every emergency request is
-            a false stop.
+            a false activation.
     """
 
     scenario: str
@@ -285,14 +285,16 @@ def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
         v_test_kmh=spec.v_test_kmh,
         v_impact_kmh=impact,
         collided=contact is not None,
-        score=paper_score(spec.v_test_kmh, impact) if spec.paper_points else None,
+        score=run_points(outcome, spec.v_test_kmh) if spec.paper_points else None,
         score_max=paper_score_max(spec.v_test_kmh) if spec.paper_points else None,
         flag_time_s=outcome.flag_time_s,
         flag_distance_m=outcome.flag_distance_m,
         stop_gap_m=outcome.stop_gap_m,
         contact_time_s=outcome.contact_time_s,
         t0_s=contact.time_s if contact else outcome.stop_time_s,
-        false_stop=outcome.false_stop or (spec.must == "nothing" and outcome.flag_time_s is not None),
+        end_reason=outcome.end_reason.value,
+        end_time_s=outcome.end_time_s,
+        false_activation=_false_activation(spec, outcome),
         target_start_time_s=outcome.target_start_time_s,
         target_steady_time_s=outcome.target_steady_time_s,
         ego_speed_at_contact_kmh=contact.ego_speed_mps * 3.6 if contact else None,
@@ -300,3 +302,18 @@ def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
         impact_location_percent=contact.impact_location_percent if contact else None,
         log=spec.log if has_log else None,
     )
+
+
+def _false_activation(spec: RunSpec, outcome: Outcome) -> bool | None:
+    if spec.must == "nothing":
+        return outcome.flag_time_s is not None
+    return outcome.false_activation
+
+
+def run_points(outcome: Outcome, v_test_kmh: float) -> float | None:
+    """The paper's points; none of a run that was cut off, 0 for braking before the target has set off."""
+    if outcome.end_reason is EndReason.TIME_LIMIT:
+        return None
+    if outcome.false_activation:
+        return 0.0
+    return paper_score(v_test_kmh, outcome.impact_speed_mps * 3.6)

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
@@ -14,9 +15,17 @@ from opendrive import RoadNetwork
 from scenarios.ego_drive import EgoDrive
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.engine import Contact, Engine, Entities
-from scenarios.openscenario.model import ScenarioDefinition, SpeedAction, SynchronizeAction
+from scenarios.openscenario.model import (
+    Action,
+    FollowTrajectoryAction,
+    LongitudinalDistanceAction,
+    ScenarioDefinition,
+    SpeedAction,
+    SynchronizeAction,
+)
 from scenarios.openscenario.paths import Path
 from scenarios.openscenario.roads import Roads
+from scenarios.openscenario.storyboard import STANDBY, EventElement
 from scenarios.places import Scene
 from scenarios.presets import Preset
 from scenarios.recording import RunLog
@@ -43,7 +52,47 @@ WALKS_ALONG_MPS = 0.5
 SAME_SPEED_MPS, SLOWED_MPS = 0.1, 1.0
 """The ego follows a target if it is as fast as that one and so much slower than it was at first."""
 
+TIME_LIMIT_S = 60.0
+"""A run that nothing else has ended is cut off then."""
+
+STANDS_MPS = 0.1
+"""Slower is standing still; a car that adapts its speed to one that stands comes to 0 ever more slowly."""
+
 StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
+
+
+class EndReason(StrEnum):
+    """Why a run ended. All but the last say that what was to come has come.
+
+    Attributes:
+        CONTACT: the ego touched somebody.
+        STOPPED: the ego stood, or drove on from a stop, and nothing more was to come.
+        PASSED: the target, once ahead, is behind the ego.
+        FOLLOWED: the ego drives behind the target, no faster than that.
+        STORYBOARD: the scenario's own stop trigger.
+        TIME_LIMIT: the run was cut off; what would have come is not known.
+    """
+
+    CONTACT = "contact"
+    STOPPED = "stopped"
+    PASSED = "passed"
+    FOLLOWED = "followed"
+    STORYBOARD = "storyboard"
+    TIME_LIMIT = "time_limit"
+
+
+def is_avoided(collided: bool, end_reason: str, false_activation: bool | None) -> bool:
+    """Whether a run in which the ego must brake counts as a collision avoided.
+
+    Not if it was cut off before anything could happen, nor if the ego braked for something else than the
+    target before that had set off: then it never met the target as the test has it.
+
+    Args:
+        collided: whether the ego touched anybody.
+        end_reason: an `EndReason`; empty where it is not known, as of runs of version 0.1.0.
+        false_activation: see `Outcome`.
+    """
+    return not collided and end_reason != EndReason.TIME_LIMIT and not false_activation
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +102,22 @@ class StopRule:
     A run in which the ego has braked and is no faster than a target that goes the same way ends too.
 
     Args:
-        time_limit_s: at the latest.
+        time_limit_s: at the latest; such a run is cut off, and counts nowhere as avoided.
         after_resume_s: this long after the ego drives on from a stop.
         after_pass_m: once the ego's centre is this far beyond the target's.
-        after_following_s: this long behind a target to whose speed the ego has adapted its own.
+        after_following_s: this long behind a target to whose speed the ego has adapted its own, unless an
+            event is left that would change the target's.
+        after_standstill_s: once the ego has stood so long while nothing changes any more: nobody comes
+            nearer, and no event is left that would change the target's speed. 3 s is what the stop triggers
+            of the shipped scenes wait.
         at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
     """
 
-    time_limit_s: float = 60.0
+    time_limit_s: float = TIME_LIMIT_S
     after_resume_s: float = 1.5
     after_pass_m: float = 10.0
     after_following_s: float = 3.0
+    after_standstill_s: float = 3.0
     at_standstill: bool = False
 
 
@@ -81,8 +135,11 @@ class Outcome:
         target: name of the entity that the test is about.
         target_start_time_s: when it left standstill.
         target_steady_time_s: since when its speed was constant at the contact, or else at the end.
-        false_stop: whether the request came before a target that was to set off had done so: then it can only
-            have been meant for nobody.
+        false_activation: whether a request came before a target that was to set off had done so: then it
+            can only have been meant for somebody else. None where the target stands for good, moves from the
+            start on, or does not exist.
+        end_reason: why the run ended.
+        end_time_s: when.
         log: everything that happened.
         frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
     """
@@ -96,9 +153,16 @@ class Outcome:
     target: str | None
     target_start_time_s: float | None
     target_steady_time_s: float | None
-    false_stop: bool
+    false_activation: bool | None
+    end_reason: EndReason
+    end_time_s: float
     log: RunLog
     frame_time_ms: FloatArray
+
+    @property
+    def avoided(self) -> bool:
+        """Whether the run counts as a collision avoided; see `is_avoided`."""
+        return is_avoided(self.contact is not None, self.end_reason, self.false_activation)
 
     @property
     def contact_time_s(self) -> float | None:
@@ -164,6 +228,8 @@ class Simulation:
         self._initial_mps = self._drive.speed_mps
         self._backwards = self._initial_mps < 0.0
         self._following_since_s: float | None = None
+        self._standing_since_s: float | None = None
+        self._was_ahead = False
         self._way: Path | None = None
         self._pipeline: Pipeline | None = None
         self._state: PipelineState | None = None
@@ -180,20 +246,25 @@ class Simulation:
         steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
         first = _steps(config.phase_s, "frame phase")
         _steps(config.latency_s, "latency")
+        reason = EndReason.TIME_LIMIT
         for step in range(round(self._rule.time_limit_s / STEP_S)):
             now = step * STEP_S
             frame, between = divmod(step - first, steps_per_frame)
             if frame >= 0 and between == 0:
-                if self._over(now):
+                over = self._over(now)
+                if over is not None:
+                    reason = over
                     break
                 self._measure(now, frame)
             self._decide(now)
             engine.advance(now + STEP_S - engine.time_s)
             if engine.over:
+                reason = EndReason.STORYBOARD if engine.contact is None else EndReason.CONTACT
                 break
             if self._stop is None and self._flag is not None and abs(self._drive.speed_mps) <= 0.0:
                 self._stop = (now + STEP_S, self._gap_to_target(now + STEP_S))
                 if self._rule.at_standstill:
+                    reason = EndReason.STOPPED
                     break
         if engine.contact is not None:
             self._log_truth(engine.time_s)
@@ -208,12 +279,9 @@ class Simulation:
             target=run.target,
             target_start_time_s=run.target_start_time_s,
             target_steady_time_s=run.target_steady_time_s,
-            false_stop=self._flag is not None
-            and (
-                _is_to_set_off(engine.definition, engine.target)
-                if run.target_start_time_s is None
-                else self._flag.time_s < run.target_start_time_s
-            ),
+            false_activation=self._false_activation(run.target_start_time_s),
+            end_reason=reason,
+            end_time_s=engine.time_s,
             log=self._log,
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
@@ -349,43 +417,85 @@ class Simulation:
         ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
         return max(float(ahead) - ego.length_m / 2, 0.0)
 
-    def _over(self, time_s: float) -> bool:
-        """Whether the run is finished."""
+    def _false_activation(self, set_off_s: float | None) -> bool | None:
+        """Whether the first request came before the target had set off; None where it does not do so."""
+        if set_off_s is None:
+            if not _is_to_set_off(self.engine.definition, self.engine.target):
+                return None
+            return self._flag is not None
+        if set_off_s <= STEP_S:
+            return None
+        return self._flag is not None and self._flag.time_s < set_off_s
+
+    def _over(self, time_s: float) -> EndReason | None:
+        """Why the run is finished; None: it is not."""
         if self._resumed_s is not None:
-            return time_s >= self._resumed_s + self._rule.after_resume_s
+            return EndReason.STOPPED if time_s >= self._resumed_s + self._rule.after_resume_s else None
+        if self._rests(time_s):
+            return EndReason.STOPPED
         if self._target is None:
-            return False
+            return None
         ego, center = self._course(time_s), self._world().boxes.center_m[self._target]
         target_mps = self._target_along_mps(time_s)
         if self._flag is not None and max(ego.speed_mps, WALKS_ALONG_MPS) <= target_mps:
-            return True
+            return EndReason.FOLLOWED
         follows = (
             target_mps > WALKS_ALONG_MPS
             and abs(ego.speed_mps - target_mps) < SAME_SPEED_MPS
             and ego.speed_mps < abs(self._initial_mps) - SLOWED_MPS
         )
-        if not follows:
+        if not follows or self._target_waits():
             self._following_since_s = None
         elif self._following_since_s is None:
             self._following_since_s = time_s
         elif time_s >= self._following_since_s + self._rule.after_following_s:
-            return True
+            return EndReason.FOLLOWED
         along = math.cos(ego.yaw_rad) * (center[0] - ego.x_m) + math.sin(ego.yaw_rad) * (center[1] - ego.y_m)
-        return float(along) < -self._rule.after_pass_m
+        self._was_ahead |= float(along) > 0.0
+        return EndReason.PASSED if self._was_ahead and float(along) < -self._rule.after_pass_m else None
+
+    def _rests(self, time_s: float) -> bool:
+        """Whether the ego has stood for long enough while nothing changes any more."""
+        if abs(self._drive.speed_mps) >= STANDS_MPS or not self._nobody_comes() or self._target_waits():
+            self._standing_since_s = None
+        elif self._standing_since_s is None:
+            self._standing_since_s = time_s
+        else:
+            return time_s >= self._standing_since_s + self._rule.after_standstill_s
+        return False
+
+    def _nobody_comes(self) -> bool:
+        """Whether everybody else stands or moves away from the ego."""
+        world = self._world()
+        others = self._others[world.exists[self._others]]
+        yaw, speed = world.boxes.yaw_rad[others], world.speed_mps[others]
+        apart = world.boxes.center_m[others] - world.boxes.center_m[self._own]
+        nearing = -speed * (np.cos(yaw) * apart[:, 0] + np.sin(yaw) * apart[:, 1])
+        return not np.count_nonzero((np.abs(speed) >= STANDS_MPS) & (nearing > 0.0))
+
+    def _target_waits(self) -> bool:
+        """Whether an event is left that would change the target's speed."""
+        return any(
+            isinstance(element, EventElement)
+            and element.state == STANDBY
+            and any(self.engine.target in a.entities and _drives(a.action) for a in element.event.actions)
+            for element in self.engine.storyboard.elements
+        )
+
+
+def _drives(action: Action) -> bool:
+    """Whether an action changes the speed of the entity that carries it out."""
+    if isinstance(action, FollowTrajectoryAction):
+        return action.timing is not None
+    return isinstance(action, (SpeedAction, LongitudinalDistanceAction, SynchronizeAction))
 
 
 def _is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:
-    """Whether an event of the scenario gives the target a speed."""
-    actions = (
-        action.action
-        for event in definition.events()
-        for action in event.actions
-        if target in action.entities
-    )
-    return any(
-        isinstance(action, SynchronizeAction) or (isinstance(action, SpeedAction) and action.target != 0.0)
-        for action in actions
-    )
+    """Whether the scenario moves the target: by an event, or by an initial action that takes time."""
+    named = [a for event in definition.events() for a in event.actions]
+    actions = [action for name, action in definition.init if name == target]
+    actions += [a.action for a in named if target in a.entities]
+    return any(_drives(a) and not (isinstance(a, SpeedAction) and a.target == 0.0) for a in actions)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from evaluation.results import ResultsError
+from evaluation.results import OLD_FALSE_ACTIVATION, SINCE_0_2, ResultsError
 
 Record = TypeVar("Record")
 
@@ -41,21 +42,24 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
         ResultsError: the file is missing, or is another table.
     """
     fields = dataclasses.fields(kind)  # type: ignore[arg-type]
-    readers = {field.name: _READ[str(field.type).partition(" | ")[0]] for field in fields}
-    optional = {field.name for field in fields if "None" in str(field.type)}
     rows = read_rows(path)
     try:
         return [
-            kind(
-                **{
-                    name: None if name in optional and not row[name] else read(row[name])
-                    for name, read in readers.items()
-                }
-            )
-            for row in rows
+            kind(**{field.name: _value(row, field.name, str(field.type)) for field in fields}) for row in rows
         ]
     except (KeyError, ValueError) as error:
         raise ResultsError(f"{path}: not a table of this version ({error!r}); make it again") from None
+
+
+def _value(row: Mapping[str, str], name: str, kind: str) -> Any:
+    """A cell as the value that was written; what version 0.1.0 did not write is not known."""
+    of_old = OLD_FALSE_ACTIVATION in row
+    if of_old and name in SINCE_0_2:
+        name = OLD_FALSE_ACTIVATION if name == "false_activation" else name
+        if name not in row:
+            return {"str": "", "float": math.nan}[kind]
+    text = row[name]
+    return None if "None" in kind and not text else _READ[kind.partition(" | ")[0]](text)
 
 
 def read_json(path: Path) -> dict[str, Any]:

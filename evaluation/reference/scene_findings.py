@@ -49,7 +49,8 @@ def strategy_table(runs: Sequence[RunMeasures]) -> Table:
     lines = []
     for row in summaries([run for point in SHOWN.values() for run in of_point(runs, point)]):
         avoided, stops, any_stop = (
-            f"{_count(rate)} of {rate.count}" for rate in (row.avoided, row.false_stops, row.needless_stops)
+            f"{_count(rate)} of {rate.count}"
+            for rate in (row.avoided, row.false_activations, row.needless_stops)
         )
         lines.append(
             (
@@ -71,7 +72,7 @@ def speed_table(runs: Sequence[RunMeasures]) -> Table:
     for speed in sorted({run.v_test_kmh for run in runs}):
         cells = []
         for must, good in (
-            ("brake", lambda run: not run.collided),
+            ("brake", lambda run: run.avoided),
             ("nothing", lambda run: run.needless_stop),
         ):
             for point in SHOWN.values():
@@ -121,7 +122,7 @@ Places = dict[str, list[float]]
 
 def contacts_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
     """Where the first strategy never has a contact and the second has."""
-    return _where(runs, SHOWN[one], SHOWN[two], "brake", lambda run: run.collided)
+    return _where(runs, SHOWN[one], SHOWN[two], "brake", lambda run: not run.avoided)
 
 
 def stops_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
@@ -176,7 +177,7 @@ def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -
         cells = []
         for runs in (physical, paper):
             row = summaries(of_point(runs, point))[0]
-            rates = (row.avoided, row.false_stops, row.needless_stops)
+            rates = (row.avoided, row.false_activations, row.needless_stops)
             cells += [f"{_count(rate)} of {rate.count}" for rate in rates]
         lines.append((name, *cells))
     return Table(tuple(header), tuple(lines))
@@ -203,7 +204,7 @@ def ablation_table(runs: Sequence[RunMeasures]) -> Table:
 def _changes(row: Summary, base: Summary) -> tuple[int, int, int]:
     return (
         _count(row.avoided) - _count(base.avoided),
-        _count(row.false_stops) - _count(base.false_stops),
+        _count(row.false_activations) - _count(base.false_activations),
         _count(row.needless_stops) - _count(base.needless_stops),
     )
 
@@ -266,10 +267,10 @@ def told_growth(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> list[s
         alone, middle, crowd = (milliseconds(strategy, n) for n in (few, half, most))
         tracks = mean(strategy, most, lambda run, time: run.tracks_mean) or 0.0
         flags = [
-            mean(strategy, n, lambda run, time: None if run.false_stop else run.flag_time_s)
+            mean(strategy, n, lambda run, time: None if run.false_activation else run.flag_time_s)
             for n in (few, most)
         ]
-        false = sum(run.false_stop for run in runs if run.strategy == strategy and run.others == most)
+        false = sum(run.false_activation for run in runs if run.strategy == strategy and run.others == most)
         runs_there = sum(run.strategy == strategy and run.others == most for run in runs)
         text = (
             f"{strategy.capitalize()}: {alone:.2f} ms per frame with {few} others, {middle:.2f} with {half}, "
@@ -317,7 +318,7 @@ def told_in_short(runs: Sequence[RunMeasures]) -> list[str]:
     if missed:
         widest = max(FRONTIER["margin_m"], key=float)
         wide = Point("map", (("margin_m", widest), ("ego_forecast", "ctrv")))
-        left = _where(runs, wide, MAP, "brake", lambda run: run.collided)
+        left = _where(runs, wide, MAP, "brake", lambda run: not run.avoided)
         lines.append(
             f"The price of the map's margin: {_text(missed, 'contact')} that everything avoids. With "
             f"{widest:g} m instead of 1.8 m the map avoids {_text(left, 'contact')} more."

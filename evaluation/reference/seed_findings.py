@@ -32,7 +32,7 @@ class Outcome:
 
 OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
     {
-        "avoided": Outcome("contacts avoided", "brake", lambda run: not run.collided),
+        "avoided": Outcome("contacts avoided", "brake", lambda run: run.avoided),
         "needless_stops": Outcome("stops for nobody", "nothing", lambda run: run.needless_stop),
     }
 )

@@ -130,7 +130,7 @@ def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
     hit = _who_was_hit(scene) if run["collided"] else ""
     stands = _stands(scene)
     idle = setting is not None and setting.must == "nothing" and not triggers and stands is not None
-    for_nobody = bool(run["false_stop"]) or idle
+    for_nobody = bool(run["false_activation"]) or idle
     kind = "hit" if run["collided"] else "false" if for_nobody else "stop" if triggers else "pass"
     outcome = "waits for nobody" if idle and not run["collided"] else _outcome(run, kind)
     told = _finding(scene, run, triggers, hit, preset)
@@ -178,7 +178,7 @@ def _finding(
         request = (
             f"The brake was requested {first.gap_m:.1f} m before {'it' if first.who == hit else first.who}"
         )
-    if run["false_stop"]:
+    if run["false_activation"]:
         what = f"Brakes for nobody in its way{f', and hits {hit} at {impact}' if hit else ''}."
         request += f", {first.how}"
     elif run["collided"]:

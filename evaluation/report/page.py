@@ -154,7 +154,7 @@ def page_content(
         matrix=score_matrix(rows, accounts),
         table=_numbers(folder),
         runs=views,
-        first=_first(views, set(rows.loc[rows["false_stop"].astype(bool), "log"])),
+        first=_first(views, set(rows.loc[rows["false_activation"].eq(True), "log"])),
         panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],

@@ -102,7 +102,7 @@ def _verdict(
     names = [str(name) for name in runs["log"]]
     by_kind = {kind: [name for name in names if accounts[name].kind == kind] for kind in SEVERITY}
     false_stops = [name for name in names if accounts[name].for_nobody]
-    emergencies = set(map(str, runs.loc[runs["false_stop"].astype(bool), "log"]))
+    emergencies = set(map(str, runs.loc[runs["false_activation"].eq(True), "log"]))
     false_stops.sort(key=lambda name: name not in emergencies)
     parts = [_count("contact", by_kind["hit"], runs), _count("stop for nobody", false_stops, runs)]
     if waits := len(set(false_stops) - emergencies):

@@ -69,7 +69,7 @@ def best(curve: Curve) -> int:
 
     def rank(k: int) -> tuple[float, float, float, int]:
         row = curve.rows[k]
-        return -row.avoided.value, row.false_stops.value, row.needless_stops.value, k
+        return -row.avoided.value, row.false_activations.value, row.needless_stops.value, k
 
     return min(range(len(curve.rows)), key=rank)
 
@@ -124,7 +124,7 @@ def _told(curve: Curve) -> str:
         f"of {len(curve.values)} values of the {parameter.text} from {curve.values[0]:g} to "
         f"{curve.values[-1]:g} {parameter.unit}, "
     )
-    if not first.false_stops.count:
+    if not first.false_activations.count:
         text += (
             f"{curve.values[k]:g} {parameter.unit} is the least that avoids most: {_numbers(curve.rows[k])}. "
         )
@@ -152,7 +152,11 @@ def _numbers(row: Summary) -> str:
         parts.append(
             f"{round(row.avoided.value * row.avoided.count)} of {row.avoided.count} contacts avoided"
         )
-    if row.false_stops.count:
-        stops, needless = (round(rate.value * rate.count) for rate in (row.false_stops, row.needless_stops))
-        parts.append(f"{stops} of {row.false_stops.count} false stops ({needless} counting standstills)")
+    if row.false_activations.count:
+        stops, needless = (
+            round(rate.value * rate.count) for rate in (row.false_activations, row.needless_stops)
+        )
+        parts.append(
+            f"{stops} of {row.false_activations.count} false stops ({needless} counting standstills)"
+        )
     return ", ".join(parts)

@@ -251,7 +251,7 @@ def write(
             if options.ablation:
                 figure = figures.ablation(here, f"One choice changed: {title}, {weather}")
                 written += figures.save(figure, out / f"ablation{several}", options.formats)
-            elif any(row.avoided.count for row in here) and any(row.false_stops.count for row in here):
+            elif any(row.avoided.count for row in here) and any(row.false_activations.count for row in here):
                 figure = figures.frontier(here, points, f"{title}, {weather}")
                 written += figures.save(figure, out / f"frontier{several}", options.formats)
     except OSError as error:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from evaluation.results import Table
 from evaluation.study.grid import Point
 from evaluation.study.intervals import Estimate, clustered_difference, clustered_mean, sign_test
-from evaluation.study.measures import RunMeasures
+from evaluation.study.measures import RunMeasures, impact_kmh
 from evaluation.study.table import to_csv
 
 
@@ -35,10 +35,11 @@ class Compared:
 
 
 COMPARED: Mapping[str, Compared] = {
-    "avoided": Compared("contacts avoided", "brake", lambda run: not run.collided, True),
-    "v_impact_kmh": Compared("mean impact", "brake", lambda run: run.v_impact_kmh, False, "km/h", 1),
+    "avoided": Compared("contacts avoided", "brake", lambda run: run.avoided, True),
+    "v_impact_kmh": Compared("mean impact", "brake", impact_kmh, False, "km/h", 1),
     "flag_time_s": Compared("time of the flag", "brake", lambda run: run.flag_time_s, False, "s", 2),
-    "false_stops": Compared("false emergency stops", "nothing", lambda run: run.false_stop),
+    "false_activations": Compared("false activations", "nothing", lambda run: run.false_activation),
+    "early_activations": Compared("early activations", "brake", lambda run: run.false_activation),
     "needless_stops": Compared("any stop for nobody", "nothing", lambda run: run.needless_stop),
     "speed_loss_kmh": Compared("speed loss", "nothing", lambda run: run.speed_loss_kmh, False, "km/h", 1),
     "delay_s": Compared("mean delay", "nothing", lambda run: run.delay_s, False, "s", 2),
@@ -46,7 +47,7 @@ COMPARED: Mapping[str, Compared] = {
 }
 """By the names of the columns of the summaries; the time of a flag has a meaning in one and the same run."""
 
-SHOWN = ("avoided", "v_impact_kmh", "false_stops", "needless_stops", "delay_s")
+SHOWN = ("avoided", "v_impact_kmh", "false_activations", "needless_stops", "delay_s")
 """Those that are shown as text."""
 
 Pair = tuple[Point, Point]

@@ -81,7 +81,7 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
     drawn: list[list[list[Mark]]] = []
     for axes, name, label, heading in (
-        (panels[0], "false_stops", "runs with an emergency stop (%)", "Emergency stops for nobody"),
+        (panels[0], "false_activations", "runs with an emergency stop (%)", "Emergency stops for nobody"),
         (
             panels[1],
             "needless_stops",
@@ -117,7 +117,9 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in found if curve.parameter}
     told = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
     numbers = f"Numbers along the curves: {told}. Ringed: the paper's.\n" if told else ""
-    count = f"{rows[0].avoided.count} runs that ask for braking, {rows[0].false_stops.count} that do not"
+    count = (
+        f"{rows[0].avoided.count} runs that ask for braking, {rows[0].false_activations.count} that do not"
+    )
     figure.text(
         0.5, 0.015 * _HEIGHT_IN / height,
         f"{numbers}"
@@ -189,7 +191,7 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     height = list(range(len(changed)))[::-1]
     for axes, name, label in zip(
         panels,
-        ("avoided", "false_stops"),
+        ("avoided", "false_activations"),
         ("contacts avoided", "false emergency stops"),
         strict=True,
     ):
@@ -212,11 +214,11 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     )
     figure.suptitle(title, fontsize=FONT_PT, y=1 - 0.12 / figure.get_figheight())
     told = ", ".join(
-        f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_stops.value:.0f}"
+        f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_activations.value:.0f}"
         for name, row in base.items()
     )
     one = [
-        f"{100 / rate.count:.1f}" for rate in (changed[0].avoided, changed[0].false_stops) if rate.count
+        f"{100 / rate.count:.1f}" for rate in (changed[0].avoided, changed[0].false_activations) if rate.count
     ] if changed else []  # fmt: skip
     figure.text(
         0.5, 0.05 / figure.get_figheight(),

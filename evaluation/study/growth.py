@@ -55,7 +55,7 @@ class GrowthRun:
         strategy, others, seed: who, among how many.
         tracks_mean: per frame.
         flag_time_s: first emergency request; None without one.
-        false_stop: whether it came before the pedestrian set off.
+        false_activation: whether it came before the pedestrian set off.
         v_impact_kmh: speed at contact, 0 without.
     """
 
@@ -64,7 +64,7 @@ class GrowthRun:
     seed: int
     tracks_mean: float
     flag_time_s: float | None
-    false_stop: bool
+    false_activation: bool
     v_impact_kmh: float
 
 
@@ -170,7 +170,7 @@ def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
         seed=spec.seed,
         tracks_mean=tracks / max(spent.frames, 1),
         flag_time_s=outcome.flag_time_s,
-        false_stop=outcome.false_stop,
+        false_activation=outcome.false_activation is True,
         v_impact_kmh=outcome.impact_speed_mps * 3.6,
     )
     return measured, spent
@@ -269,7 +269,9 @@ def _tracks(pairs: Sequence[Timed]) -> Estimate:
 
 def _flag_s(pairs: Sequence[Timed]) -> Estimate:
     """Over the runs whose flag is for the pedestrian."""
-    return mean_t([run.flag_time_s for run, _ in pairs if run.flag_time_s is not None and not run.false_stop])
+    return mean_t(
+        [run.flag_time_s for run, _ in pairs if run.flag_time_s is not None and not run.false_activation]
+    )
 
 
 def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table:
@@ -289,7 +291,7 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
                 f"{_median_ms(mine).value:.2f}",
                 f"{_tracks(mine).value:.1f}",
                 f"{flag.value:.2f}" if flag.count else "–",
-                f"{sum(run.false_stop for run, _ in mine)}/{len(mine)}",
+                f"{sum(run.false_activation for run, _ in mine)}/{len(mine)}",
                 f"{np.mean([run.v_impact_kmh for run, _ in mine]):.1f}",
             ]
         lines.append(tuple(line))
@@ -302,7 +304,7 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
 
 def growth_csv(runs: Sequence[GrowthRun]) -> bytes:
     """One line per run, without times."""
-    names = ("strategy", "others", "seed", "tracks_mean", "flag_time_s", "false_stop", "v_impact_kmh")
+    names = ("strategy", "others", "seed", "tracks_mean", "flag_time_s", "false_activation", "v_impact_kmh")
     return _csv(names, [[getattr(run, name) for name in names] for run in runs])
 
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.protocols.bands import impact_colour
+from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.paper import paper_score
-from evaluation.runs import FrameTime, frame_time, preset_of, simulation_of
+from evaluation.runs import FrameTime, frame_time, preset_of, run_points, simulation_of
 from evaluation.settings import settings_text
 from evaluation.study.criticality import criticality
 from evaluation.study.grid import StudyRun
-from scenarios.simulation import StopRule
+from scenarios.simulation import EndReason, Outcome, StopRule, is_avoided
 
-THROUGH = StopRule(time_limit_s=60.0, after_resume_s=math.inf, after_pass_m=math.inf)
+THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
 """A scene in which nothing should happen is driven to its end, so that the delay can be measured."""
 STANDING_MPS = 0.1
 
@@ -37,8 +36,10 @@ class RunMeasures:
         flag_distance_m: free distance to the target then.
         flag_ttc_s: time to collision with anybody then, from ground truth at constant velocities; None also
             where nobody was on a collision course.
-        false_stop: an emergency request where nothing should happen.
-        needless_stop: a false stop, or a standstill where nothing should happen: adapting the speed to
+        end_reason: why the run ended, see `scenarios.simulation.EndReason`.
+        false_activation: an emergency request where nothing should happen, or before a target that was to set
+            off had done so; None where the ego must brake for one that stands or moves from the start.
+        needless_stop: a false activation, or a standstill where nothing should happen: adapting the speed to
             somebody who is in nobody's way can end in a standstill without an emergency.
         speed_loss_kmh: by how much it was slower at the slowest than without braking.
         delay_s: how much later it was where it came to than without braking.
@@ -65,7 +66,8 @@ class RunMeasures:
     flag_time_s: float | None
     flag_distance_m: float | None
     flag_ttc_s: float | None
-    false_stop: bool
+    end_reason: str
+    false_activation: bool | None
     needless_stop: bool
     speed_loss_kmh: float
     delay_s: float
@@ -75,6 +77,21 @@ class RunMeasures:
     tracks_mean: float
     min_ttc_s: float | None
     max_btn: float
+
+    @property
+    def avoided(self) -> bool:
+        """Whether the run counts as a collision avoided; see `scenarios.simulation.is_avoided`."""
+        return is_avoided(self.collided, self.end_reason, self.false_activation)
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether the time limit ended it: it is in no share."""
+        return self.end_reason == EndReason.TIME_LIMIT
+
+
+def impact_kmh(run: RunMeasures) -> float | None:
+    """Impact speed for means, 0 for a collision avoided; None of a run that tells nothing about it."""
+    return run.v_impact_kmh if run.collided or run.avoided else None
 
 
 def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
@@ -114,12 +131,13 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
         v_test_kmh=spec.v_test_kmh,
         collided=outcome.contact is not None,
         v_impact_kmh=impact,
-        score=None if nothing else paper_score(spec.v_test_kmh, impact),
-        band=None if nothing else _band(spec.v_test_kmh, impact),
+        score=None if nothing else run_points(outcome, spec.v_test_kmh),
+        band=None if nothing else _band(outcome, spec.v_test_kmh),
         flag_time_s=outcome.flag_time_s,
         flag_distance_m=outcome.flag_distance_m,
         flag_ttc_s=flag_ttc,
-        false_stop=nothing and flagged,
+        end_reason=outcome.end_reason.value,
+        false_activation=flagged if nothing else outcome.false_activation,
         needless_stop=nothing and (flagged or float(speed.min()) < STANDING_MPS),
         speed_loss_kmh=3.6 * float(speed[0] - speed.min()),
         delay_s=duration - driven / float(speed[0]),
@@ -133,11 +151,15 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
     return measures, spent
 
 
-def _band(v_test_kmh: float, v_impact_kmh: float) -> str | None:
+def _band(outcome: Outcome, v_test_kmh: float) -> str | None:
+    """Colour of the impact speed; of braking before the target has set off the worst."""
+    if outcome.end_reason is EndReason.TIME_LIMIT:
+        return None
     try:
-        return impact_colour(v_test_kmh, v_impact_kmh).value
+        colour = impact_colour(v_test_kmh, outcome.impact_speed_mps * 3.6)
     except ProtocolError:
         return None
+    return (Colour.RED if outcome.false_activation else colour).value
 
 
 def _finite(value: float) -> float | None:

@@ -16,7 +16,7 @@ from evaluation.protocols.paper import paper_score_max
 from evaluation.results import Table
 from evaluation.study.grid import Point
 from evaluation.study.intervals import Estimate, clustered_mean, clustered_rate, mean_t
-from evaluation.study.measures import RunMeasures
+from evaluation.study.measures import RunMeasures, impact_kmh
 
 INTERVALS = (
     "Intervals (95 %) are over the scenes: runs of one scene are alike, whatever variant and seed, so that "
@@ -24,7 +24,10 @@ INTERVALS = (
     "NCAP 2026 gives for such impact speeds."
 )
 
-SHARES = ("avoided", "score_share", "band_share", "false_stops", "needless_stops")
+SHARES = (
+    "avoided", "score_share", "band_share", "false_activations", "early_activations", "cut_off",
+    "needless_stops",
+)  # fmt: skip
 """Measures between 0 and 1."""
 
 
@@ -34,14 +37,18 @@ class Summary:
 
     Args:
         strategy, settings, weather: who and where.
-        avoided: share of runs without contact, of those where the ego must brake.
-        v_impact_kmh: mean impact speed of those, 0 without contact.
+        avoided: share of collisions avoided, of the runs where the ego must brake; one in which it braked
+            before the target had set off avoided none.
+        v_impact_kmh: mean impact speed of those, 0 for a collision avoided.
         score_share: the paper's points of those over what could be won.
         band_share: mean share of a cell's points that Euro NCAP 2026 gives for the impact speed of those.
         flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course.
         flag_distance_m: mean distance to the target at the flag, of those with a flag.
-        false_stops: share of runs with an emergency request, of those where nothing should happen.
-        false_stops_per_km: the same by distance driven.
+        false_activations: share of runs with an emergency request, of those where nothing should happen.
+        false_activations_per_km: the same by distance driven.
+        early_activations: share of runs with a request before the target had set off, of those where the ego
+            must brake for one that stands at first and sets off.
+        cut_off: share of all runs that the time limit ended; they are in no other measure.
         needless_stops: share with an emergency request or a standstill.
         speed_loss_kmh, delay_s: means where nothing should happen.
         tracks: mean number of tracks over all runs.
@@ -57,8 +64,10 @@ class Summary:
     band_share: Estimate
     flag_ttc_s: Estimate
     flag_distance_m: Estimate
-    false_stops: Estimate
-    false_stops_per_km: float
+    false_activations: Estimate
+    false_activations_per_km: float
+    early_activations: Estimate
+    cut_off: Estimate
     needless_stops: Estimate
     speed_loss_kmh: Estimate
     delay_s: Estimate
@@ -101,27 +110,33 @@ def _value(measured: Estimate | float) -> float:
 
 def _over_scenes(runs: Sequence[RunMeasures]) -> Summary:
     """All measures, with intervals over the scenes where there are any."""
-    brake = [run for run in runs if run.must == "brake"]
-    nothing = [run for run in runs if run.must == "nothing"]
+    finished = [run for run in runs if not run.cut_off]
+    brake = [run for run in finished if run.must == "brake"]
+    nothing = [run for run in finished if run.must == "nothing"]
     km = sum(run.distance_m for run in nothing) / 1000
-    stops = sum(run.false_stop for run in nothing)
+    activations = sum(run.false_activation is True for run in nothing)
     most = sum(paper_score_max(run.v_test_kmh) or 0.0 for run in brake)
     return Summary(
         strategy=runs[0].strategy,
         settings=runs[0].settings,
         weather=runs[0].weather,
-        avoided=_rate_of(brake, lambda run: not run.collided),
-        v_impact_kmh=_mean_of(brake, lambda run: run.v_impact_kmh),
+        avoided=_rate_of(brake, lambda run: run.avoided),
+        v_impact_kmh=_mean_of(brake, impact_kmh),
         score_share=sum(run.score or 0.0 for run in brake) / most if most else math.nan,
         band_share=_mean_of(brake, lambda run: WEIGHT[Colour(run.band)] if run.band else None),
         flag_ttc_s=_mean_of(brake, lambda run: run.flag_ttc_s),
         flag_distance_m=_mean_of(brake, lambda run: run.flag_distance_m),
-        false_stops=_rate_of(nothing, lambda run: run.false_stop),
-        false_stops_per_km=stops / km if km else math.nan,
+        false_activations=_rate_of(nothing, lambda run: run.false_activation is True),
+        false_activations_per_km=activations / km if km else math.nan,
+        early_activations=_rate_of(
+            [run for run in brake if run.false_activation is not None],
+            lambda run: run.false_activation is True,
+        ),
+        cut_off=_rate_of(runs, lambda run: run.cut_off),
         needless_stops=_rate_of(nothing, lambda run: run.needless_stop),
         speed_loss_kmh=_mean_of(nothing, lambda run: run.speed_loss_kmh),
         delay_s=_mean_of(nothing, lambda run: run.delay_s),
-        tracks=_mean_of(runs, lambda run: run.tracks_mean),
+        tracks=_mean_of(finished, lambda run: run.tracks_mean),
     )
 
 
@@ -164,8 +179,8 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             _plain(100 * row.band_share.value, 0),
             _mean(row.flag_ttc_s, 2),
             _mean(row.flag_distance_m, 1),
-            _rate(row.false_stops),
-            _plain(row.false_stops_per_km, 2),
+            _rate(row.false_activations),
+            _plain(row.false_activations_per_km, 2),
             _rate(row.needless_stops),
             _mean(row.speed_loss_kmh, 1),
             _mean(row.delay_s, 2),
@@ -190,7 +205,7 @@ def short_table(rows: Sequence[Summary]) -> Table:
             row.settings or "-",
             f"{_plain(100 * row.avoided.value, 0)} %",
             _plain(row.v_impact_kmh.value, 1),
-            *(f"{_plain(100 * rate.value, 0)} %" for rate in (row.false_stops, row.needless_stops)),
+            *(f"{_plain(100 * rate.value, 0)} %" for rate in (row.false_activations, row.needless_stops)),
             _plain(row.delay_s.value, 2),
         )
         for row in rows
@@ -215,7 +230,7 @@ def seed_table(rows: Sequence[Summary]) -> Table:
                 row.settings or "as the preset has it",
                 _rate(over["avoided"]),
                 _mean(over["v_impact_kmh"], 1),
-                _rate(over["false_stops"]),
+                _rate(over["false_activations"]),
                 _rate(over["needless_stops"]),
                 _mean(over["delay_s"], 2),
             )
@@ -229,7 +244,7 @@ def seed_table(rows: Sequence[Summary]) -> Table:
 
 
 def _counts(rows: Sequence[Summary]) -> str:
-    brake, nothing = rows[0].avoided.count, rows[0].false_stops.count
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
     return f"Per line {brake} runs where the ego must brake and {nothing} where nothing should happen."
 
 
@@ -246,11 +261,12 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
     for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake"):
         cells = []
         for who in chosen:
-            mine = group.get(who, [])
+            mine = [run for run in group.get(who, []) if not run.cut_off]
             if must == "brake":
-                cells.append(f"{sum(not run.collided for run in mine)}/{len(mine)} avoided")
+                cells.append(f"{sum(run.avoided for run in mine)}/{len(mine)} avoided")
             else:
-                stops, still = sum(run.false_stop for run in mine), sum(run.needless_stop for run in mine)
+                stops = sum(run.false_activation is True for run in mine)
+                still = sum(run.needless_stop for run in mine)
                 other = f" +{still - stops} standstill" if still > stops else ""
                 cells.append(f"{stops}/{len(mine)} false stops{other}")
         lines.append((must, scene, *cells))

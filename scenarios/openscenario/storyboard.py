@@ -229,6 +229,11 @@ class Storyboard:
         return watches
 
     @property
+    def elements(self) -> list[Element]:
+        """Everything from the stories down to the actions."""
+        return self._elements
+
+    @property
     def running(self) -> list[RunningAction]:
         """Actions that go on."""
         return self._running

@@ -22,20 +22,24 @@ from evaluation.results import (
     ResultsError,
     RunRow,
     Table,
+    avoided,
     comparison_table,
+    impact_table,
     log_path,
     markdown_table,
     read_log,
     read_logs,
     read_runs,
     rich_table,
+    told_runs,
     write_log,
     write_runs,
 )
 
 DOCUMENTED_RUNS = (
     "scenario,strategy,preset,weather,adversaries,seed,v_test_kmh,v_impact_kmh,collided,score,score_max,"
-    "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,false_stop,target_start_time_s,"
+    "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,end_reason,end_time_s,false_activation,"
+    "target_start_time_s,"
     "target_steady_time_s,ego_speed_at_contact_kmh,target_speed_at_contact_kmh,impact_location_percent,log"
 )
 DOCUMENTED_LOG = (
@@ -58,7 +62,9 @@ STOPPED = RunRow(
     stop_gap_m=1.5,
     contact_time_s=None,
     t0_s=4.25,
-    false_stop=False,
+    end_reason="stopped",
+    end_time_s=6.5,
+    false_activation=False,
     target_start_time_s=2.0,
     target_steady_time_s=None,
     ego_speed_at_contact_kmh=None,
@@ -75,6 +81,8 @@ HIT = replace(
     stop_gap_m=None,
     contact_time_s=4.1,
     t0_s=4.1,
+    end_reason="contact",
+    end_time_s=4.1,
     target_steady_time_s=2.5,
     ego_speed_at_contact_kmh=23.0,
     target_speed_at_contact_kmh=5.0,
@@ -351,13 +359,68 @@ def test_comparison_averages_seeds() -> None:
     assert table.caption == "Means over up to 2 runs per speed and strategy."
 
 
-def test_comparison_keeps_conditions_apart_and_counts_false_stops() -> None:
-    stop = replace(STOPPED, adversaries="static", false_stop=True)
+def test_comparison_keeps_conditions_apart_and_counts_false_activations() -> None:
+    stop = replace(STOPPED, adversaries="static", false_activation=True)
     table = comparison_table(runs_of(STOPPED, HIT, stop))
     assert table.header[:2] == ("adversaries", "v_test (km/h)")
     assert [row[:2] for row in table.rows] == [("none", "50"), ("static", "50")]
     assert table.rows[1] == ("static", "50", "–", "–", "0.00", "2.00")
-    assert table.totals[-1] == ("false stops", "", "0 of 1", "", "1 of 2", "")
+    assert table.totals[-1] == ("false activations", "", "0 of 1", "", "1 of 2", "")
+
+
+CUT_OFF = replace(STOPPED, score=None, end_reason="time_limit", end_time_s=60.0, false_activation=None)
+
+
+def test_a_run_that_was_cut_off_has_no_number_in_a_table() -> None:
+    table = comparison_table(runs_of(CUT_OFF, HIT))
+    assert table.rows == (("50", "23.00", "0.00", "cut off", "–"),)
+    assert table.totals == (
+        ("total", "", "0.00/2", "", "–"),
+        ("cut off", "0 of 1", "", "1 of 1", ""),
+    )
+    # false activations and cut-off runs have denominators of their own
+    impacts = impact_table(runs_of(CUT_OFF, replace(STOPPED, v_test_kmh=60.0), HIT))
+    assert impacts.rows == (("50", "23.00", "cut off"), ("60", "–", "0.00"))
+    assert impacts.totals == (("contacts", "1 of 1", "0 of 1"), ("cut off", "0 of 1", "1 of 2"))
+    assert told_runs([CUT_OFF, HIT]) == [
+        "1 of 2 runs were cut off at 60 s: they count nowhere as avoided, and have no score; shorten what "
+        "comes before, or give the scenario a stop trigger"
+    ]
+    assert told_runs([STOPPED, HIT]) == []
+
+
+def test_a_mean_leaves_out_a_run_that_was_cut_off() -> None:
+    table = comparison_table(runs_of(replace(CUT_OFF, strategy="rectangular", seed=2), HIT))
+    assert table.rows == (("50", "23.00", "0.00"),)
+
+
+def test_avoided_of_a_table_and_of_its_rows_agree(tmp_path: Path) -> None:
+    rows = [
+        STOPPED,
+        HIT,
+        CUT_OFF,
+        replace(STOPPED, false_activation=True),
+        replace(STOPPED, end_reason="passed"),
+    ]
+    write_runs(tmp_path, rows, {})
+    assert avoided(read_runs(tmp_path)).tolist() == [row.avoided for row in rows]
+    assert [row.avoided for row in rows] == [True, False, False, False, True]
+
+
+def test_a_folder_of_version_0_1_0_is_still_read(tmp_path: Path) -> None:
+    """It has `false_stop` and neither why nor when a run ended."""
+    write_runs(tmp_path, [replace(STOPPED, false_activation=True), HIT], {})
+    lines = [line.split(",") for line in (tmp_path / "runs.csv").read_text().splitlines()]
+    new = [lines[0].index(name) for name in ("end_reason", "end_time_s")]
+    old = [[cell for k, cell in enumerate(line) if k not in new] for line in lines]
+    old[0][old[0].index("false_activation")] = "false_stop"
+    (tmp_path / "runs.csv").write_text("".join(",".join(line) + "\n" for line in old))
+    runs = read_runs(tmp_path)
+    assert list(runs.columns) == list(RUN_COLUMNS)
+    assert runs["false_activation"].tolist() == [True, False]
+    assert runs["end_reason"].isna().all()
+    assert avoided(runs).tolist() == [False, False]
+    assert comparison_table(runs).rows == (("50", "23.00", "0.00", "0.00", "2.00"),)
 
 
 def test_comparison_of_nothing_says_so() -> None:

@@ -95,7 +95,7 @@ def test_rows_agree_with_themselves(paper_records: list[RunRecord]) -> None:
         assert row.collided or (row.v_impact_kmh == 0.0 and row.stop_gap_m is not None and row.stop_gap_m > 0)
         assert row.target_start_time_s == pytest.approx(2.0)
         assert row.target_steady_time_s == pytest.approx(2.0)
-        assert not row.false_stop
+        assert not row.false_activation
         if row.collided:
             assert row.t0_s == row.contact_time_s
             assert row.target_speed_at_contact_kmh == pytest.approx(5.0)
@@ -135,7 +135,7 @@ def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
     decide = pipeline.decide
     monkeypatch.setattr(pipeline, "decide", lambda *a: (decide(*a)[0], BrakeCommand(True), ()))
     (record,) = run_suite(CpnaSuite((30.0,), ("map",), "paper", ("dry",), "urban_street"), site)
-    assert record.row.false_stop
+    assert record.row.false_activation
     assert record.row.flag_time_s == 0.0
     assert not record.row.collided
 

@@ -37,7 +37,7 @@ from scenarios.openscenario.reader import load
 from scenarios.places import Scene, Site
 from scenarios.presets import PAPER, PHYSICAL, Preset
 from scenarios.sensors import SensorConfig
-from scenarios.simulation import Outcome, Simulation, StopRule
+from scenarios.simulation import EndReason, Outcome, Simulation, StopRule, is_avoided
 from scenarios.strategies import make_strategy
 from smartmot.aeb import BrakeCommand
 from smartmot.monitored_area import EverythingArea
@@ -170,7 +170,7 @@ def test_contact_without_braking_is_at_the_time_of_the_closed_form(site: Site, s
     assert outcome.impact_speed_mps == pytest.approx(speed_kmh * KMH, abs=1e-9)
     assert outcome.target_start_time_s == pytest.approx(LEAD_S, abs=1e-6)
     assert outcome.flag_time_s is outcome.stop_time_s is outcome.stop_gap_m is None
-    assert not outcome.false_stop
+    assert not outcome.false_activation
 
 
 @pytest.mark.parametrize("speed_kmh", [30, 50, 60, 80])
@@ -392,18 +392,84 @@ def test_a_run_ends_once_the_ego_has_adapted_its_speed() -> None:
 
 @pytest.mark.parametrize(
     ("brake_s", "starts_after_m", "is_false"),
-    [(0.5, 20.0, True), (2.5, 20.0, False), (0.5, 0.0, False), (0.5, 60.0, True)],
+    [(0.5, 20.0, True), (2.5, 20.0, False), (0.5, 0.0, None), (0.5, 60.0, True), (9.0, 60.0, False)],
 )
-def test_a_request_before_the_target_has_set_off_is_a_false_stop(
-    brake_s: float, starts_after_m: float, is_false: bool
+def test_a_request_before_the_target_has_set_off_is_a_false_activation(
+    brake_s: float, starts_after_m: float, is_false: bool | None
 ) -> None:
     """20 m are gone after 2 s; the ego, stopped before, never gets to 60 m; at 0 m nobody is to set off."""
     walker = Other("pedestrian", 140.0, LANE_Y_M - 4.0, math.pi / 2, 0.6, 0.5)
     if starts_after_m:
         walker = dataclasses.replace(walker, speed_mps=5 * KMH, after_m=starts_after_m)
     outcome = simulation(36, [walker], BrakesAt(brake_s), rule=StopRule(time_limit_s=5.0)).run()
-    assert outcome.flag_time_s == pytest.approx(brake_s)
-    assert outcome.false_stop == is_false
+    assert outcome.flag_time_s == (pytest.approx(brake_s) if brake_s < 5.0 else None)
+    assert outcome.false_activation is is_false
+
+
+def test_a_target_that_moves_from_the_start_cannot_be_braked_for_too_early() -> None:
+    walker = Other("pedestrian", 140.0, LANE_Y_M - 4.0, math.pi / 2, 0.6, 0.5, speed_mps=1.0)
+    outcome = simulation(36, [walker], BrakesAt(0.5), rule=StopRule(time_limit_s=5.0)).run()
+    assert outcome.flag_time_s == pytest.approx(0.5)
+    assert outcome.false_activation is None
+
+
+# ---- why a run ends ----------------------------------------------------------------------------------------
+
+
+def test_a_contact_ends_the_run() -> None:
+    outcome = simulation(36, [car_at(150.0)], None).run()
+    assert outcome.contact is not None
+    assert (outcome.end_reason, outcome.end_time_s) == (EndReason.CONTACT, outcome.contact_time_s)
+    assert not outcome.avoided
+
+
+def test_a_run_that_is_cut_off_avoids_nothing() -> None:
+    """The car is reached after about 4.6 s; until then nobody knows what would have come."""
+    outcome = simulation(36, [car_at(150.0)], None, rule=StopRule(time_limit_s=2.0)).run()
+    assert (outcome.end_reason, outcome.end_time_s) == (EndReason.TIME_LIMIT, pytest.approx(2.0))
+    assert outcome.contact is None
+    assert not outcome.avoided
+
+
+def test_a_target_behind_from_the_start_has_not_been_passed() -> None:
+    outcome = simulation(36, [car_at(80.0)], None, rule=StopRule(time_limit_s=3.0)).run()
+    assert outcome.end_reason is EndReason.TIME_LIMIT
+
+
+def test_an_ego_that_stands_for_good_behind_a_queue_has_stopped() -> None:
+    """By speed adaptation, and with the emergency brake that stays on for the car in its lane."""
+    adapted = perceiving(40, [car_at(220.0)], "map").run()
+    assert (adapted.end_reason, adapted.avoided) == (EndReason.STOPPED, True)
+    held = simulation(36, [car_at(150.0)], BrakesAt(0.5)).run()
+    assert (held.end_reason, held.avoided) == (EndReason.STOPPED, True)
+    # it stands at about 2.04 s and 3 s later nothing has changed
+    assert held.stop_time_s is not None
+    assert held.end_time_s == pytest.approx(held.stop_time_s + 3.0, abs=0.06)
+
+
+def test_standing_while_the_target_is_still_to_set_off_is_no_end() -> None:
+    """The walker waits for the ego to be gone 60 m, which it never is: nothing was avoided."""
+    walker = Other("pedestrian", 180.0, LANE_Y_M - 4.0, math.pi / 2, 0.6, 0.5, speed_mps=1.0, after_m=60.0)
+    outcome = simulation(36, [walker], BrakesAt(0.5), rule=StopRule(time_limit_s=12.0)).run()
+    assert outcome.end_reason is EndReason.TIME_LIMIT
+    assert not outcome.avoided
+
+
+@pytest.mark.parametrize(
+    ("collided", "end_reason", "false_activation", "avoided"),
+    [
+        (False, "stopped", False, True),
+        (False, "followed", None, True),
+        (False, "", False, True),  # of a folder that does not say it
+        (True, "contact", False, False),
+        (False, "time_limit", None, False),
+        (False, "stopped", True, False),
+    ],
+)
+def test_what_counts_as_avoided(
+    collided: bool, end_reason: str, false_activation: bool | None, avoided: bool
+) -> None:
+    assert is_avoided(collided, end_reason, false_activation) is avoided
 
 
 # ---- the ego's way -----------------------------------------------------------------------------------------

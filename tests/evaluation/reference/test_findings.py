@@ -24,7 +24,8 @@ def row(strategy: str, v_test: float, v_impact: float, weather: str = "dry") -> 
         scenario="CPNA", strategy=strategy, preset="paper", weather=weather, adversaries="none", seed=0,
         v_test_kmh=v_test, v_impact_kmh=v_impact, collided=v_impact > 0, score=paper_score(v_test, v_impact),
         score_max=paper_score_max(v_test), flag_time_s=3.0, flag_distance_m=None, stop_gap_m=None,
-        contact_time_s=None, t0_s=3.0 + flag + 0.1, false_stop=False, target_start_time_s=None,
+        contact_time_s=None, t0_s=3.0 + flag + 0.1, end_reason="contact" if v_impact else "stopped",
+        end_time_s=9.0, false_activation=False, target_start_time_s=None,
         target_steady_time_s=None, ego_speed_at_contact_kmh=None, target_speed_at_contact_kmh=None,
         impact_location_percent=None, log=None,
     )  # fmt: skip
@@ -115,7 +116,8 @@ def measured(name: str, must: str, bad: bool) -> RunMeasures:
         scene=f"scene to {must}", variant="v", must=must, strategy=point.strategy, settings=point.text,
         preset="physical", weather="dry", seed=0, v_test_kmh=50.0, collided=bad and must == "brake",
         v_impact_kmh=0.0, score=None, band=None, flag_time_s=None, flag_distance_m=None, flag_ttc_s=None,
-        false_stop=False, needless_stop=bad and must == "nothing", speed_loss_kmh=0.0, delay_s=0.0,
+        end_reason="passed", false_activation=False, needless_stop=bad and must == "nothing",
+        speed_loss_kmh=0.0, delay_s=0.0,
         distance_m=100.0, duration_s=10.0, detections_mean=1.0, tracks_mean=1.0, min_ttc_s=None, max_btn=0.0,
     )  # fmt: skip
 

@@ -89,7 +89,8 @@ def _row(**values: Any) -> dict[str, Any]:
         "scenario": "street", "strategy": "rectangular", "preset": "physical", "weather": "dry",
         "adversaries": "none", "seed": 0, "v_test_kmh": 36.0, "v_impact_kmh": 0.0, "collided": False,
         "score": np.nan, "score_max": np.nan, "flag_time_s": np.nan, "flag_distance_m": np.nan,
-        "stop_gap_m": np.nan, "contact_time_s": np.nan, "t0_s": np.nan, "false_stop": False, "log": "one",
+        "stop_gap_m": np.nan, "contact_time_s": np.nan, "t0_s": np.nan, "end_reason": "passed",
+        "end_time_s": 2.0, "false_activation": False, "log": "one",
     } | values  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any)
 
     area = RectangularArea(PHYSICAL.rectangular, PHYSICAL.pipeline.braking_distance)
     scene = bystander_scene(drive, area)
-    run = run_row(false_stop=True, flag_time_s=0.8, t0_s=1.0)
+    run = run_row(false_activation=True, flag_time_s=0.8, t0_s=1.0)
 
     class Empty:
         """A map without any lane at the place."""
@@ -126,7 +126,7 @@ def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any)
 
 
 def test_without_settings_there_are_facts_but_no_reasons(drive: Any, run_row: Any) -> None:
-    account = explain(bystander_scene(drive, None), run_row(false_stop=True, flag_time_s=0.8), None)
+    account = explain(bystander_scene(drive, None), run_row(false_activation=True, flag_time_s=0.8), None)
     assert account.why == (
         "The brake was requested 7.5 m before another pedestrian, standing, 2.4 m to the right of the ego's "
         "axis."

@@ -58,10 +58,10 @@ def options(out: Path, **changes: object) -> CompareOptions:
 def test_the_forecast_along_the_route_cures_the_false_stop_in_the_60_m_bend() -> None:
     name = "people at the kerb, 60 m bend left, near side, 0.4 m, 50 km/h"
     turn, route = one(name, Point("map")), one(name, Point("map", (("ego_forecast", "route"),)))
-    assert turn.false_stop
+    assert turn.false_activation
     assert turn.needless_stop
     assert turn.speed_loss_kmh == pytest.approx(50.0)
-    assert not route.false_stop
+    assert not route.false_activation
     assert (route.speed_loss_kmh, route.delay_s) == pytest.approx((0.0, 0.0), abs=1e-4)  # chords of the way
 
 
@@ -143,7 +143,7 @@ def measured(
         weather="dry", seed=seed, v_test_kmh=50.0, collided=bad and not nothing,
         v_impact_kmh=20.0 if bad and not nothing else 0.0, score=None if nothing else 2.0,
         band=None if nothing else "orange" if bad else "green", flag_time_s=1.0,
-        flag_distance_m=10.0, flag_ttc_s=1.0, false_stop=bad and nothing,
+        flag_distance_m=10.0, flag_ttc_s=1.0, end_reason="passed", false_activation=bad and nothing,
         needless_stop=nothing and (bad or standstill), speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0,
         duration_s=10.0, detections_mean=2.0, tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
     )  # fmt: skip
@@ -155,8 +155,8 @@ def test_summary_counts() -> None:
     row = summarise(runs)
     assert (row.avoided.value, row.avoided.count) == (0.75, 4)
     assert row.v_impact_kmh.value == 5.0
-    assert (row.false_stops.value, row.needless_stops.value) == (0.5, 0.75)
-    assert row.false_stops_per_km == pytest.approx(2.0)  # 2 stops in 4 x 250 m
+    assert (row.false_activations.value, row.needless_stops.value) == (0.5, 0.75)
+    assert row.false_activations_per_km == pytest.approx(2.0)  # 2 stops in 4 x 250 m
     assert row.score_share == 1.0
     assert row.band_share.value == pytest.approx((0.5 + 3) / 4)
 

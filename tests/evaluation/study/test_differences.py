@@ -29,7 +29,8 @@ def run(point: Point, scene: str, variant: int, must: str = "brake", **changes: 
     made = RunMeasures(
         scene=scene, variant=f"{variant}", must=must, strategy=point.strategy, settings=point.text,
         preset="physical", weather="dry", seed=0, v_test_kmh=50.0, collided=False, v_impact_kmh=0.0,
-        score=2.0, band="green", flag_time_s=1.0, flag_distance_m=10.0, flag_ttc_s=1.0, false_stop=False,
+        score=2.0, band="green", flag_time_s=1.0, flag_distance_m=10.0, flag_ttc_s=1.0, end_reason="passed",
+        false_activation=False,
         needless_stop=False, speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0, duration_s=10.0,
         detections_mean=2.0, tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
     )  # fmt: skip

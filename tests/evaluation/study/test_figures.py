@@ -22,8 +22,9 @@ def summary(point: Point, avoided: float, stops: float) -> Summary:
     rates = [Estimate(r, max(r - 0.1, 0.0), min(r + 0.1, 1.0), 20) for r in (avoided, stops)]
     return Summary(
         strategy=point.strategy, settings=point.text, weather="dry", avoided=rates[0], v_impact_kmh=NONE,
-        score_share=0.5, band_share=NONE, flag_ttc_s=NONE, flag_distance_m=NONE, false_stops=rates[1],
-        false_stops_per_km=1.0, needless_stops=rates[1], speed_loss_kmh=NONE, delay_s=NONE, tracks=NONE,
+        score_share=0.5, band_share=NONE, flag_ttc_s=NONE, flag_distance_m=NONE, false_activations=rates[1],
+        false_activations_per_km=1.0, early_activations=NONE, cut_off=NONE,
+        needless_stops=rates[1], speed_loss_kmh=NONE, delay_s=NONE, tracks=NONE,
     )  # fmt: skip
 
 

@@ -17,7 +17,8 @@ def run(scene: str, must: str, seed: int, **changes: object) -> RunMeasures:
     made = RunMeasures(
         scene=scene, variant="v", must=must, strategy="map", settings="", preset="physical", weather="dry",
         seed=seed, v_test_kmh=50.0, collided=False, v_impact_kmh=0.0, score=2.0, band="green",
-        flag_time_s=1.0, flag_distance_m=10.0, flag_ttc_s=1.0, false_stop=False, needless_stop=False,
+        flag_time_s=1.0, flag_distance_m=10.0, flag_ttc_s=1.0, end_reason="passed",
+        false_activation=False, needless_stop=False,
         speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0, duration_s=10.0, detections_mean=2.0,
         tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
     )  # fmt: skip
@@ -31,7 +32,9 @@ def three_seeds() -> list[RunMeasures]:
         for k, scene in enumerate(("a", "b")):
             hit = k < seed
             runs.append(run(scene, "brake", seed, collided=hit, v_impact_kmh=4.0 + seed + (-1) ** k))
-        runs.append(run("c", "nothing", seed, delay_s=1.0 + seed, false_stop=seed == 2, needless_stop=True))
+        runs.append(
+            run("c", "nothing", seed, delay_s=1.0 + seed, false_activation=seed == 2, needless_stop=True)
+        )
         runs.append(run("d", "nothing", seed, delay_s=1.0 + seed, needless_stop=True))
     return runs
 
@@ -46,7 +49,7 @@ def test_seeds_give_one_value_each() -> None:
     delay = over["delay_s"]
     assert (delay.value, delay.low, delay.high) == pytest.approx((2.0, 2.0 - half, 2.0 + half))
     # stops per km: 0, 0 and 1 in 2 x 250 m
-    stops = over["false_stops_per_km"]
+    stops = over["false_activations_per_km"]
     half = t * (2 / math.sqrt(3)) / math.sqrt(3)
     assert (stops.value, stops.low, stops.high) == pytest.approx((2 / 3, 2 / 3 - half, 2 / 3 + half))
 
@@ -77,7 +80,7 @@ def test_columns_over_the_seeds_are_filled_with_two_seeds_and_empty_with_one() -
     (one,) = table_of(summaries([r for r in runs if r.seed == 0]))
     ends = [f"{name}_seed_{end}" for name in MEASURES for end in ("low", "high")]
     assert list(many) == list(one)
-    assert len(ends) == 2 * 12
+    assert len(ends) == 2 * 14
     assert all(many[name] for name in ends)
     assert not any(one[name] for name in ends)
     assert float(many["v_impact_kmh_seed_high"]) == pytest.approx(5.0 + 4.3026527 / math.sqrt(3))
