@@ -202,7 +202,9 @@ def read_runs(directory: Path) -> pd.DataFrame:
         _require_columns(path, header, [name for name in RUN_COLUMNS if name not in new])
         if of_old:
             dtypes[OLD_FALSE_ACTIVATION] = dtypes.pop("false_activation")
-        runs = pd.read_csv(path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats())
+        runs: pd.DataFrame = pd.read_csv(
+            path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats()
+        )
         if of_old:
             runs = runs.rename(columns={OLD_FALSE_ACTIVATION: "false_activation"})
             runs = runs.reindex(columns=list(RUN_COLUMNS))
