@@ -27,6 +27,11 @@ TRAJECTORY_REACH_M = 1.0
 SAME_WAY = math.cos(math.pi / 4)
 """Who heads further away from its route than 45 degrees does not go on along it."""
 
+ASKED = ("a speed of", "an acceleration of", "a deceleration of")
+UNITS = ("m/s", "m/s2", "m/s2")
+PERFORMANCE_ROUNDED = 1e-6
+"""Share by which rounding may exceed a limit without a note."""
+
 PLAN_EPSILON_S = 1e-9
 """A plan is made again if the master's expected arrival changes by more."""
 
@@ -79,6 +84,29 @@ class RunningAction:
         """Let go of the entity before the end; who is not moved by the action has nothing to do."""
         return
 
+    def drive(self, time_s: float, profile: SpeedProfile) -> SpeedProfile:
+        """Give the entity a speed profile, within its Performance if that is to be applied; the one it has.
+
+        A profile that asks for more is noted.
+        """
+        who, limits = self.who, self.who.definition.performance
+        if limits is not None:
+            name = f"'{who.name}' ({who.definition.model})"
+            allowed = (limits.max_speed_mps, limits.max_acceleration_mps2, limits.max_deceleration_mps2)
+            for asked, most, unit, what in zip(profile.demands(), allowed, UNITS, ASKED, strict=True):
+                if asked > most * (1.0 + PERFORMANCE_ROUNDED):
+                    self.world.note(
+                        f"the file asks for {asked:.3g} {unit} of {name}, whose "
+                        f"Performance allows {what} {most:.3g}"
+                        + (": limited to that" if self.world.apply_performance else ""),
+                        (who.name, what),
+                        asked,
+                    )
+            if self.world.apply_performance:
+                profile = profile.limited(limits)
+        who.drive(time_s, profile)
+        return profile
+
     @property
     def who(self) -> Actor:
         """The entity that carries it out."""
@@ -101,8 +129,7 @@ class Speed(RunningAction):
         now = self.who.state(time_s).speed_mps
         target = target_speed_mps(action.target, self.world, time_s)
         pieces = transition(action.shape, action.dimension, action.value, now, target)
-        self._profile = SpeedProfile(time_s, target, pieces)
-        self.who.drive(time_s, self._profile)
+        self._profile = self.drive(time_s, SpeedProfile(time_s, target, pieces))
 
     def ended(self, instant: Instant) -> bool:
         """At the target speed."""
@@ -180,7 +207,7 @@ class FollowTrajectory(RunningAction):
             return
         profile = timed_profile(action, self._path, time_s)
         self.who.follow(time_s, self._path, profile.at(time_s)[0], trajectory=True)
-        self.who.drive(time_s, profile)
+        self.drive(time_s, profile)
 
     def ended(self, instant: Instant) -> bool:
         """At its end."""
@@ -356,9 +383,8 @@ class Synchronize(RunningAction):
         steady_m, steady_s = self._steady(final)
         pieces = approach(max(speed, 0.0), final, left_m - steady_m, left_s - steady_s)
         # no way or no time left: on at the final speed
-        profile = SpeedProfile(time_s, final, pieces or ())
+        profile = self.drive(time_s, SpeedProfile(time_s, final, pieces or ()))
         self._steady_from_s = profile.end_s
-        actor.drive(time_s, profile)
 
     def _steady(self, final_mps: float) -> tuple[float, float]:
         """Way and duration of the steady state."""

@@ -131,6 +131,8 @@ class Engine:
         step_s: step.
         roads: the network, if it is already loaded.
         until_contact: whether the ego's first contact ends the run.
+        apply_performance: whether vehicles stay within the Performance that their catalog gives them, as in
+            esmini; else it is noted where the file asks for more.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -144,6 +146,7 @@ class Engine:
         step_s: float = STEP_S,
         roads: Roads | None = None,
         until_contact: bool = False,
+        apply_performance: bool = False,
     ) -> None:
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
@@ -151,7 +154,9 @@ class Engine:
         self._actors = {entity.name: Actor(entity) for entity in definition.entities}
         self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
         locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
-        self.world = World(self._actors, locator, dict(definition.variables))
+        self.world = World(
+            self._actors, locator, dict(definition.variables), apply_performance=apply_performance
+        )
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
         self.contact: Contact | None = None
@@ -229,6 +234,11 @@ class Engine:
                     names.extend(action.entities)
         names.extend(actor.name for actor in self._others)
         return next((name for name in names if name != self.ego.name), None)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines about what is not as the file asks for it, so far."""
+        return self.world.notes
 
     # Stepping
 

@@ -204,6 +204,15 @@ class Trajectory:
 
 
 @dataclass(frozen=True, slots=True)
+class Performance:
+    """Limits of a vehicle, none of them negative."""
+
+    max_speed_mps: float
+    max_acceleration_mps2: float
+    max_deceleration_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
 class EntityDefinition:
     """A road user or obstacle. The reference point of a vehicle is the middle of its rear axle on the ground.
 
@@ -213,6 +222,7 @@ class EntityDefinition:
         category: one of the detection categories.
         length_m, width_m, height_m: bounding box.
         center_x_m, center_y_m: centre of the box in front of and to the left of the reference point.
+        performance: what a vehicle can do, if the file says so.
     """
 
     name: str
@@ -223,6 +233,7 @@ class EntityDefinition:
     height_m: float
     center_x_m: float
     center_y_m: float
+    performance: Performance | None = None
 
 
 @dataclass(frozen=True, slots=True)

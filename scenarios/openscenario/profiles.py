@@ -6,9 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from scenarios.openscenario.model import SpeedShape
+from scenarios.openscenario.model import Performance, SpeedShape
 
 NEVER_S = math.inf
+
+SLOPES = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}
+"""The greatest slope of a shape, in units of change / duration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,36 @@ class SpeedProfile:
                 return before + distance, speed
         return 0.0, self._pieces[0].start_mps
 
+    def demands(self) -> tuple[float, float, float]:
+        """Greatest speed, acceleration and deceleration, as amounts; changes at once do not count."""
+        fastest, up, down = abs(self.final_mps), 0.0, 0.0
+        for piece in self._pieces:
+            fastest = max(fastest, abs(piece.start_mps), abs(piece.end_mps))
+            rate = SLOPES[piece.shape] * abs(piece.end_mps - piece.start_mps) / piece.duration_s
+            if abs(piece.end_mps) > abs(piece.start_mps) or piece.start_mps * piece.end_mps < 0.0:
+                up = max(up, rate)
+            if abs(piece.end_mps) < abs(piece.start_mps) or piece.start_mps * piece.end_mps < 0.0:
+                down = max(down, rate)
+        return fastest, up, down
+
+    def limited(self, limits: Performance) -> SpeedProfile:
+        """The same speeds as far as limits allow, reached later where they ask for a slower change."""
+
+        def within(speed_mps: float) -> float:
+            return min(max(speed_mps, -limits.max_speed_mps), limits.max_speed_mps)
+
+        pieces: list[Piece] = []
+        for piece in self._pieces:
+            start, end = within(piece.start_mps), within(piece.end_mps)
+            rates = [limits.max_acceleration_mps2] if abs(end) > abs(start) or start * end < 0.0 else []
+            rates += [limits.max_deceleration_mps2] if abs(end) < abs(start) or start * end < 0.0 else []
+            change = SLOPES[piece.shape] * abs(end - start)
+            rate = min(rates, default=math.inf)
+            if change > 0.0 and rate <= 0.0:  # it cannot change its speed
+                return SpeedProfile(self.start_s, start, pieces)
+            pieces.append(Piece(max(piece.duration_s, change / rate), start, end, piece.shape))
+        return SpeedProfile(self.start_s, within(self.final_mps), pieces)
+
     def covers_s(self, time_s: float, distance_m: float, either_way: bool) -> float:
         """When a distance will be covered from a time on; infinite if it never is.
 
@@ -126,9 +159,7 @@ def transition(
     if shape == "step" or change == 0.0:
         return ()
     if dimension == "rate":
-        # the greatest slope of the shape, in units of change / duration
-        slope = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}[shape]
-        duration = slope * change / value
+        duration = SLOPES[shape] * change / value
     elif dimension == "distance":
         mean = 0.5 * abs(start_mps + end_mps)
         duration = value / mean if mean > 0.0 else 0.0

@@ -23,6 +23,7 @@ from scenarios.openscenario.model import (
     Maneuver,
     ManeuverGroup,
     NamedAction,
+    Performance,
     ScenarioDefinition,
     Story,
     StoryboardElementStateCondition,
@@ -169,6 +170,7 @@ def _object(name: str, node: Node) -> EntityDefinition:
     center, size = box.need("Center"), box.need("Dimensions")
     center.allow("x y z")
     size.allow("length width height")
+    limits = node.get("Performance")
     return EntityDefinition(
         name=name,
         model=node.text("name"),
@@ -178,6 +180,14 @@ def _object(name: str, node: Node) -> EntityDefinition:
         height_m=size.positive("height"),
         center_x_m=center.number("x"),
         center_y_m=center.number("y"),
+        performance=None if limits is None else _performance(limits),
+    )
+
+
+def _performance(node: Node) -> Performance:
+    node.allow("maxSpeed maxAcceleration maxDeceleration maxAccelerationRate maxDecelerationRate")
+    return Performance(
+        node.positive("maxSpeed"), node.positive("maxAcceleration"), node.positive("maxDeceleration")
     )
 
 

@@ -50,7 +50,7 @@ class World:
         variables: present values.
         element_state: tells whether a storyboard element is in a state or just made a transition.
         environment: light and weather, if the scenario sets them.
-        notes: lines about what is not as the file asks for it.
+        apply_performance: whether entities stay within their Performance, whatever the file asks for.
     """
 
     actors: dict[str, Actor]
@@ -58,9 +58,16 @@ class World:
     variables: dict[str, Value]
     element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
     environment: Environment | None = None
-    notes: list[str] = field(default_factory=list[str])
+    apply_performance: bool = False
+    _notes: dict[tuple[str, ...], tuple[float, str]] = field(default_factory=dict)
 
-    def note(self, line: str) -> None:
-        """Add a note, unless it is there."""
-        if line not in self.notes:
-            self.notes.append(line)
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines about what is not as the file asks for it."""
+        return tuple(line for _, line in self._notes.values())
+
+    def note(self, line: str, about: tuple[str, ...] = (), amount: float = 0.0) -> None:
+        """Take a note; of those about the same, the one of the greatest amount stays."""
+        key = about or (line,)
+        if key not in self._notes or self._notes[key][0] < amount:
+            self._notes[key] = amount, line

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from scenarios.openscenario import BrakeAt, Engine, Motion, RunError, UnsupportedError, load
-from scenarios.openscenario.model import Environment
+from scenarios.openscenario.model import Environment, Performance
 from tests.scenarios.openscenario.conftest import (
     CAR,
     EGO_AT_START,
@@ -381,6 +381,39 @@ def test_a_trajectory_gives_way_to_a_route(play):
     engine, run = play(act(maneuver(event("e", wrap(route), later(2)))), init=init)
     assert not engine.world.actors["Other"].on_trajectory
     assert at(run, "Other", 8.0) == pytest.approx((100, -1.75, 0, 5))
+
+
+def test_more_than_the_performance_allows_is_noted_or_not_done(write):
+    """5 and 10 m/s2 are allowed: 10 m/s more within 1 s takes 2 s; who turns round accelerates as well."""
+    changes = act(
+        maneuver(
+            event("up", speed(20, "linear", "time", 1), later(1)),
+            event("down", speed(-10, "linear", "time", 2), later(4)),
+        ),
+        actors="Ego",
+    )
+    definition = load(write(changes, init=BESIDE))
+    assert definition.entities[0].performance == Performance(70.0, 5.0, 10.0)
+    engine = Engine(definition)
+    assert engine.notes == ()
+    run = engine.run()
+    assert at(run, "Ego", 2.0)[3] == pytest.approx(20.0)
+    assert engine.notes == (
+        "the file asks for 15 m/s2 of 'Ego' (car), whose Performance allows an acceleration of 5",
+        "the file asks for 15 m/s2 of 'Ego' (car), whose Performance allows a deceleration of 10",
+    )
+    engine = Engine(definition, apply_performance=True)
+    run = engine.run()
+    for t, v in ((2, 15), (3, 20), (4, 20), (5, 15), (8, 0), (9, -5), (10, -10)):
+        assert at(run, "Ego", t)[3] == pytest.approx(v, abs=1e-6)
+    assert all(note.endswith(": limited to that") for note in engine.notes)
+
+
+def test_a_step_is_at_once_whatever_the_performance_is(write):
+    step = act(maneuver(event("e", speed(60), later(1))), actors="Ego")
+    engine = Engine(load(write(step, init=BESIDE)), apply_performance=True)
+    run = engine.run()
+    assert (at(run, "Ego", 2)[3], engine.notes) == (60.0, ())
 
 
 def test_the_car_of_these_tests():
