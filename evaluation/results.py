@@ -45,6 +45,9 @@ Published = Mapping[float, tuple[float, float | None]]
 
 _LOG_TEXT = frozenset(TEXT_COLUMNS)
 _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
+MANY_DROPPED = 0.1
+"""Users are told when more than this share of the detections of a run is dropped."""
+
 _EMPTY, _CUT_OFF = "–", "cut off"
 
 
@@ -77,6 +80,10 @@ class RunRow:
         end_time_s: when it ended.
         false_activation: whether the emergency brake was requested where nothing should happen, or before a
             target that was to set off had done so; None where neither can be.
+        detections: what the detector reported in the run.
+        dropped_score: of these, dropped for a score under the tracker's threshold.
+        dropped_category: for an unknown category.
+        dropped_box: for an impossible box.
         target_start_time_s: when the target left standstill.
         target_steady_time_s: since when its speed was constant at the contact, or else at the end.
         ego_speed_at_contact_kmh: along its heading, negative in reverse.
@@ -104,12 +111,21 @@ class RunRow:
     end_reason: str
     end_time_s: float
     false_activation: bool | None
+    detections: int | None
+    dropped_score: int | None
+    dropped_category: int | None
+    dropped_box: int | None
     target_start_time_s: float | None
     target_steady_time_s: float | None
     ego_speed_at_contact_kmh: float | None
     target_speed_at_contact_kmh: float | None
     impact_location_percent: float | None
     log: str | None
+
+    @property
+    def dropped(self) -> int:
+        """Detections dropped for whatever reason."""
+        return sum(count or 0 for count in (self.dropped_score, self.dropped_category, self.dropped_box))
 
     @property
     def avoided(self) -> bool:
@@ -123,7 +139,15 @@ RUN_COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 OLD_FALSE_ACTIVATION = "false_stop"
 """What version 0.1.0 called the column `false_activation`."""
 
-SINCE_0_2 = ("end_reason", "end_time_s", "false_activation")
+SINCE_0_2 = (
+    "end_reason",
+    "end_time_s",
+    "false_activation",
+    "detections",
+    "dropped_score",
+    "dropped_category",
+    "dropped_box",
+)
 """Columns that folders of version 0.1.0 do not have."""
 
 
@@ -192,7 +216,7 @@ def read_runs(directory: Path) -> pd.DataFrame:
 
     path = directory / RUNS_CSV
     _require_file(path)
-    kinds = {"int": "int64", "float": "float64", "float | None": "float64"}
+    kinds = {"int": "int64", "float": "float64", "float | None": "float64", "int | None": "float64"}
     kinds |= {"bool": "bool", "bool | None": "boolean"}
     dtypes: dict[str, Any] = {f.name: kinds.get(str(f.type), "str") for f in dataclasses.fields(RunRow)}
     try:
@@ -410,6 +434,15 @@ def told_runs(rows: Sequence[RunRow], time_limit_s: float = TIME_LIMIT_S) -> lis
         lines.append(
             f"{ended} of {len(rows)} runs were cut off at {time_limit_s:g} s: they count nowhere as avoided, "
             "and have no score; shorten what comes before, or give the scenario a stop trigger"
+        )
+    lost = [row for row in rows if row.dropped > MANY_DROPPED * (row.detections or 0)]
+    if lost:
+        worst = max(lost, key=lambda row: row.dropped / (row.detections or 1))
+        lines.append(
+            f"in {len(lost)} of {len(rows)} runs more than a tenth of the detections were dropped; most in "
+            f"{worst.scenario}, {worst.strategy}, {worst.v_test_kmh:g} km/h: of {worst.detections} "
+            f"{worst.dropped_score} for a score under the tracker's threshold, {worst.dropped_category} for "
+            f"an unknown category, {worst.dropped_box} for an impossible box"
         )
     return lines
 

@@ -9,7 +9,16 @@ import numpy as np
 
 from scenarios.errors import ScenarioError
 from smartmot.geometry import corners, wrap_angle
-from smartmot.types import BoolArray, Boxes, Detections, EgoState, FloatArray, StrArray, unchecked
+from smartmot.types import (
+    NOTHING_DROPPED,
+    BoolArray,
+    Boxes,
+    Detections,
+    EgoState,
+    FloatArray,
+    StrArray,
+    unchecked,
+)
 
 _RAYS = 9
 
@@ -131,7 +140,8 @@ class Sensor:
             boxes.size_m,
             wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
         )
-        return unchecked(Detections, ego.stamp_s, noisy, np.ones(len(seen)), category.take(seen), None)
+        scores, names = np.ones(len(seen)), category.take(seen)
+        return unchecked(Detections, ego.stamp_s, noisy, scores, names, None, NOTHING_DROPPED)
 
     def _visible(self, ego: EgoState, boxes: Boxes) -> BoolArray:
         config = self.config

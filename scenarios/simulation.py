@@ -32,10 +32,10 @@ from scenarios.recording import RunLog
 from scenarios.sensors import ObjectDetector, Sensor
 from smartmot.errors import PluginError
 from smartmot.monitored_area import MonitoredAreaStrategy, RectangularArea, ego_extent
-from smartmot.pipeline import Pipeline, PipelineState
+from smartmot.pipeline import FrameResult, Pipeline, PipelineState
 from smartmot.plugins import require
 from smartmot.route import route_along
-from smartmot.types import Detections, EgoState, FloatArray
+from smartmot.types import NOTHING_DROPPED, Detections, Dropped, EgoState, FloatArray
 
 STEP_S = 0.01
 """Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
@@ -57,6 +57,10 @@ TIME_LIMIT_S = 60.0
 
 STANDS_MPS = 0.1
 """Slower is standing still; a car that adapts its speed to one that stands comes to 0 ever more slowly."""
+
+SOME_DETECTIONS = 5
+"""A quarter of a second of one object at 20 Hz: if none of so many detections has the score that the tracker
+asks for, the fault is the detector's or the threshold's and not that of a single weak detection."""
 
 StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
 
@@ -140,6 +144,8 @@ class Outcome:
             start on, or does not exist.
         end_reason: why the run ended.
         end_time_s: when.
+        detections: how many detections the detector reported, dropped ones included.
+        dropped: how many of them were dropped, and why.
         log: everything that happened.
         frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
     """
@@ -156,6 +162,8 @@ class Outcome:
     false_activation: bool | None
     end_reason: EndReason
     end_time_s: float
+    detections: int
+    dropped: Dropped
     log: RunLog
     frame_time_ms: FloatArray
 
@@ -230,6 +238,7 @@ class Simulation:
         self._following_since_s: float | None = None
         self._standing_since_s: float | None = None
         self._was_ahead = False
+        self._counts = _Counts()
         self._way: Path | None = None
         self._pipeline: Pipeline | None = None
         self._state: PipelineState | None = None
@@ -241,7 +250,12 @@ class Simulation:
         self._resumed_s: float | None = None
 
     def run(self) -> Outcome:
-        """Run to the end."""
+        """Run to the end.
+
+        Raises:
+            PluginError: a detector or tracker of the user's own fails, or no detection has the score that the
+                tracker asks for.
+        """
         config, engine = self._preset.sensor, self.engine
         steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
         first = _steps(config.phase_s, "frame phase")
@@ -268,6 +282,7 @@ class Simulation:
                     break
         if engine.contact is not None:
             self._log_truth(engine.time_s)
+        self._require_scores()
         run = engine.result()
         return Outcome(
             contact=engine.contact,
@@ -282,6 +297,8 @@ class Simulation:
             false_activation=self._false_activation(run.target_start_time_s),
             end_reason=reason,
             end_time_s=engine.time_s,
+            detections=self._counts.reported,
+            dropped=self._counts.dropped,
             log=self._log,
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
@@ -376,6 +393,7 @@ class Simulation:
             start_ns = time.thread_time_ns()
             self._state, result = pipeline.step(state, detections, self._course(now))
             self._spent_ns.append(time.thread_time_ns() - start_ns)
+            self._counts.add(result)
             self._log.perception(odometry, result)
             self._drive.control(now, result.command.emergency, result.lead)
             if result.command.emergency and self._flag is None:
@@ -416,6 +434,27 @@ class Simulation:
         ego = self._course(time_s)
         ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
         return max(float(ahead) - ego.length_m / 2, 0.0)
+
+    def _require_scores(self) -> None:
+        """Refuse a run in which no detection could start a track: the ego was blind.
+
+        Raises:
+            PluginError: so it was.
+        """
+        counts = self._counts
+        if counts.trackable or counts.kept + counts.before.score < SOME_DETECTIONS:
+            return
+        assert self._pipeline is not None
+        assert self._state is not None
+        limits = self._pipeline.score_limits(self._state.tracker)
+        least = "" if limits is None else f" of {float(limits.start.min()):g}"
+        detector = self._preset.detector
+        raise PluginError(
+            f"{detector.name if detector else 'sensor'}: none of {counts.reported} detections has the score"
+            f"{least} that the tracker needs to start a track (highest: {counts.highest:.3g}), so that "
+            "nobody would be seen; scale the detector's scores, or give a tracker with a lower threshold "
+            "(--tracker package.module:name)"
+        )
 
     def _false_activation(self, set_off_s: float | None) -> bool | None:
         """Whether the first request came before the target had set off; None where it does not do so."""
@@ -496,6 +535,39 @@ def _is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:
     actions = [action for name, action in definition.init if name == target]
     actions += [a.action for a in named if target in a.entities]
     return any(_drives(a) and not (isinstance(a, SpeedAction) and a.target == 0.0) for a in actions)
+
+
+@dataclass(slots=True)
+class _Counts:
+    """Detections of a run so far.
+
+    Args:
+        kept: those that reached the pipeline.
+        before: those that the detector itself had dropped.
+        dropped: by the detector and the tracker.
+        trackable: those with which a track can start.
+        highest: score.
+    """
+
+    kept: int = 0
+    before: Dropped = NOTHING_DROPPED
+    dropped: Dropped = NOTHING_DROPPED
+    trackable: int = 0
+    highest: float = 0.0
+
+    @property
+    def reported(self) -> int:
+        """All detections that the detector made."""
+        return self.kept + self.before.total
+
+    def add(self, result: FrameResult) -> None:
+        """Count a frame."""
+        detections = result.detections
+        self.kept += len(detections)
+        self.before += detections.dropped
+        self.dropped += result.dropped
+        self.trackable += result.trackable
+        self.highest = max(self.highest, float(detections.score.max(initial=0.0)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ from smartmot.route import Route, route_ahead, route_from_lanes
 from smartmot.tracker import ReportConfig, Tracker, TrackerConfig
 from smartmot.tracker_configs import TRACKER_CONFIGS, forecast_config, tracker_config
 from smartmot.tracker_state import TrackerState
-from smartmot.types import Boxes, Detections, EgoState, Forecast, Threats, Tracks
+from smartmot.types import Boxes, Detections, Dropped, EgoState, Forecast, Threats, Tracks
 
 __all__ = [
     "TRACKER_CONFIGS",
@@ -44,6 +44,7 @@ __all__ = [
     "ConstantTurnRate",
     "ConstantVelocity",
     "Detections",
+    "Dropped",
     "EgoState",
     "EverythingArea",
     "Forecast",

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
 from smartmot.geometry import from_frame, wrap_angle
-from smartmot.types import CATEGORIES, Boxes, Detections, FloatArray, unchecked
+from smartmot.types import CATEGORIES, NOTHING_DROPPED, Boxes, Detections, Dropped, FloatArray, unchecked
 
 _KNOWN = frozenset(CATEGORIES)
 
@@ -59,7 +59,8 @@ def detections_from_arrays(
         velocity_mps: (N, 2) measured velocities over ground.
 
     Returns:
-        The detections and how many rows were dropped.
+        The detections and how many rows were dropped; `Detections.dropped` tells why. A row that is wrong in
+        more than one way counts once: by its box, else its category, else its score.
 
     Raises:
         ShapeError: The arrays do not have one row per detection, or the time is no number.
@@ -82,17 +83,22 @@ def detections_from_arrays(
     rows = np.empty((n, len(_LEAST)))
     rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5] = center, size, yaw, confidence
     possible = (rows >= _LEAST) & (rows <= _GREATEST)
-    rejected = 0
+    dropped = NOTHING_DROPPED
     # Mostly all is well; which rows are not is asked only when something is wrong.
     given = names.tolist()
     if np.count_nonzero(possible) < possible.size or not _KNOWN.issuperset(given):
-        good = possible.all(axis=1) & np.array([name in _KNOWN for name in given], dtype=np.bool_)
-        rejected = n - int(np.count_nonzero(good))
+        box, known = (
+            possible[:, :-1].all(axis=1),
+            np.array([name in _KNOWN for name in given], dtype=np.bool_),
+        )
+        good = box & known & possible[:, -1]
+        counts = [np.count_nonzero(lost) for lost in (box & known & ~good, box & ~known, ~box)]
+        dropped = Dropped(*map(int, counts))
         rows, names = rows[good], names[good]
         velocity = None if velocity is None else velocity[good]
     # Everything that the constructors check has just been checked.
     boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
-    return unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity), rejected
+    return unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped), dropped.total
 
 
 def measured_velocities(velocity_mps: FloatArray) -> FloatArray:
@@ -138,4 +144,6 @@ def to_map(detections: Detections, x_m: float, y_m: float, yaw_rad: float) -> De
         from_frame(boxes.center_m, x_m, y_m, yaw_rad), boxes.size_m, wrap_angle(boxes.yaw_rad + yaw_rad)
     )
     turned = None if velocity is None else from_frame(velocity, 0.0, 0.0, yaw_rad)
-    return Detections(detections.stamp_s, moved, detections.score, detections.category, turned)
+    return Detections(
+        detections.stamp_s, moved, detections.score, detections.category, turned, detections.dropped
+    )

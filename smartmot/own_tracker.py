@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from smartmot.errors import PluginError, SmartMotError
 from smartmot.plugins import failure, require
+from smartmot.tracker import ScoreLimits, Tracker
 from smartmot.types import CATEGORIES, Boxes, Detections, Tracks
 
 DYNAMIC_MPS = 0.5
@@ -18,7 +19,11 @@ DYNAMIC_MPS = 0.5
 
 
 class ObjectTracker(Protocol):
-    """What a tracker of one's own must do. `smartmot.Tracker` does it as well."""
+    """What a tracker of one's own must do. `smartmot.Tracker` does it as well.
+
+    It may have a number `score_threshold`: then detections under it are counted as dropped, and a detector of
+    which none reaches it is an error instead of a run in which nobody is seen.
+    """
 
     def update(self, detections: Detections, /) -> Tracks:
         """Process one frame and remember what it needs for the next.
@@ -108,6 +113,24 @@ def own(make: Callable[[], ObjectTracker]) -> ObjectTracker:
         PluginError: It fails, or makes something that is no tracker.
     """
     return require(make(), "update", str(getattr(make, "name", make)))
+
+
+def limits_of_own(tracker: object) -> ScoreLimits | None:
+    """Scores that a tracker of the user's asks for; None: it tells none.
+
+    Raises:
+        PluginError: its `score_threshold` is no number in [0, 1].
+    """
+    if isinstance(tracker, Tracker):
+        return tracker.score_limits
+    told = getattr(tracker, "score_threshold", None)
+    if told is None:
+        return None
+    if not isinstance(told, (int, float)) or not 0.0 <= told <= 1.0:
+        kind = f"tracker {type(tracker).__module__}:{type(tracker).__qualname__}"
+        raise PluginError(f"{kind}: score_threshold must be a number in [0, 1], got {told!r}")
+    least = np.full(len(CATEGORIES), float(told))
+    return ScoreLimits(least, least)
 
 
 def update_own(tracker: ObjectTracker, detections: Detections) -> Tracks:

@@ -26,13 +26,14 @@ from smartmot.monitored_area import (
     is_vulnerable,
     overhang_m,
 )
-from smartmot.own_tracker import ObjectTracker, own, update_own
+from smartmot.own_tracker import ObjectTracker, limits_of_own, own, update_own
 from smartmot.route import Route
-from smartmot.tracker import Tracker, TrackerConfig, TrackerState
+from smartmot.tracker import ScoreLimits, Tracker, TrackerConfig, TrackerState
 from smartmot.types import (
     BoolArray,
     Boxes,
     Detections,
+    Dropped,
     EgoState,
     FloatArray,
     Forecast,
@@ -100,6 +101,8 @@ class FrameResult:
 
     Args:
         detections: all detections of the frame.
+        dropped: how many detections were dropped, by the detector and by the tracker.
+        trackable: how many have a score with which a track can start.
         kept: (N,) which of them the monitored area kept.
         tracks: M tracks at the detections' time.
         forecast: of the tracks, from the ego's time on.
@@ -112,6 +115,8 @@ class FrameResult:
     """
 
     detections: Detections
+    dropped: Dropped
+    trackable: int
     kept: BoolArray
     tracks: Tracks
     forecast: Forecast
@@ -210,8 +215,21 @@ class Pipeline:
             lead = _lead(scene, gap, ego)
         situation = self._situation(area, scene, ego)
         aeb, command, events = decide(state.aeb, situation, config.aeb)
-        result = FrameResult(detections, kept, tracks, forecast, ego_forecast, found, lead, command, events)
+        dropped, trackable = self._used(state.tracker, detections)
+        result = FrameResult(
+            detections, dropped, trackable, kept, tracks, forecast, ego_forecast, found, lead, command, events
+        )
         return PipelineState(tracker_state, aeb), result
+
+    def score_limits(self, tracker: TrackerState | ObjectTracker) -> ScoreLimits | None:
+        """Scores that the tracker asks for; None: one of the user's own that tells none."""
+        return limits_of_own(tracker) if self._tracker is None else self._tracker.score_limits
+
+    def _used(self, tracker: TrackerState | ObjectTracker, detections: Detections) -> tuple[Dropped, int]:
+        """What is dropped of a frame, and how many detections can start a track."""
+        limits = self.score_limits(tracker)
+        dropped, trackable = limits.counts(detections) if limits is not None else (0, len(detections))
+        return detections.dropped + Dropped(score=dropped), trackable
 
     def _track(
         self, tracker: TrackerState | ObjectTracker, detections: Detections, area: MonitoredArea

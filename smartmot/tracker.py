@@ -56,7 +56,15 @@ from smartmot.types import (
     unchecked,
 )
 
-__all__ = ["Monitored", "ReportConfig", "Tracker", "TrackerConfig", "TrackerState", "box_filter"]
+__all__ = [
+    "Monitored",
+    "ReportConfig",
+    "ScoreLimits",
+    "Tracker",
+    "TrackerConfig",
+    "TrackerState",
+    "box_filter",
+]
 
 Monitored = Callable[[Boxes, StrArray], BoolArray]
 """Which objects are monitored: M boxes in the map frame and (M,) categories to (M,) flags."""
@@ -183,6 +191,28 @@ def box_filter(motion: LinearMotion | ConstantTurnRate, config: BevFilterConfig)
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreLimits:
+    """Which scores a tracker takes, by category in the order of `smartmot.types.CATEGORIES`.
+
+    Args:
+        drop: (C,) detections under it are dropped.
+        start: (C,) a detection under it can start no track that is returned.
+    """
+
+    drop: FloatArray
+    start: FloatArray
+
+    def counts(self, detections: Detections) -> tuple[int, int]:
+        """How many detections are dropped, and how many can start a track."""
+        score = detections.score
+        if not len(score):
+            return 0, 0
+        code = np.array([_CODES[name] for name in detections.category.tolist()], dtype=np.int64)
+        dropped = np.count_nonzero(score < self.drop.take(code))
+        return int(dropped), int(np.count_nonzero(score >= self.start.take(code)))
+
+
 @dataclass(slots=True, eq=False)
 class _Measured:
     """The frame's detections over the score threshold, as the filter takes them: N rows each."""
@@ -228,6 +258,7 @@ class Tracker:
         config: The settings.
         state: All that is remembered; assign a saved one to go on from it.
         rejected: Impossible detections that `update_arrays` has dropped so far.
+        score_limits: Scores that it asks for.
     """
 
     def __init__(self, config: TrackerConfig | None = None, affinity: Affinity | None = None) -> None:
@@ -256,6 +287,11 @@ class Tracker:
         self._shown_coasted = None if report.coasted_s is None else table(report.coasted_s) + 1e-6
         self._shown_score = _unless_zero(report.score)
         self._shown_mean_score = _unless_zero(report.mean_score)
+        least = [config.second_stage_score, config.lifecycle.birth_score, report.score, report.mean_score]
+        self.score_limits = ScoreLimits(
+            table(config.score_threshold),
+            np.max([table(s) for s in (config.score_threshold, *least)], axis=0),
+        )
 
     def reset(self) -> None:
         """Forget all tracks; identifiers start at 1 again."""

@@ -142,6 +142,32 @@ class Boxes:
         return unchecked(cls, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
 
 
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """How many detections of a frame were dropped, by reason.
+
+    Args:
+        score: no score in [0, 1], or one under the tracker's threshold.
+        category: not in CATEGORIES.
+        box: impossible: not finite, no size, no place on earth.
+    """
+
+    score: int = 0
+    category: int = 0
+    box: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.score + self.category + self.box
+
+    def __add__(self, other: Dropped) -> Dropped:
+        return Dropped(self.score + other.score, self.category + other.category, self.box + other.box)
+
+
+NOTHING_DROPPED = Dropped()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
     """What a detector reports for one frame, map frame.
@@ -153,6 +179,7 @@ class Detections:
         category: (N,) names out of CATEGORIES.
         velocity_mps: (N, 2) velocity over ground as the detector estimates it, map frame; a row of NaN where
             it has none. None: the detector measures no velocity.
+        dropped: what the detector reported besides and is left out here.
 
     Raises:
         ShapeError: Shapes disagree, a score is outside [0, 1] or a category is unknown.
@@ -163,6 +190,7 @@ class Detections:
     score: FloatArray
     category: StrArray
     velocity_mps: FloatArray | None = None
+    dropped: Dropped = NOTHING_DROPPED
 
     def __post_init__(self) -> None:
         n = len(self.boxes)
@@ -190,12 +218,14 @@ class Detections:
         index = _positions(index)
         velocity = None if self.velocity_mps is None else _part(self.velocity_mps, index)
         score, category = _part(self.score, index), _part(self.category, index)
-        return unchecked(Detections, self.stamp_s, self.boxes[index], score, category, velocity)
+        return unchecked(Detections, self.stamp_s, self.boxes[index], score, category, velocity, self.dropped)
 
     @classmethod
     def empty(cls, stamp_s: float) -> Detections:
         """A frame in which nothing was detected."""
-        return unchecked(cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None)
+        return unchecked(
+            cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None, NOTHING_DROPPED
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,8 +22,9 @@ from evaluation.mot.map_filter import filter_by_map
 from evaluation.mot.metrics import SIMILARITIES, MotScore
 from evaluation.mot.tracking import TrackedSequence
 from opendrive import RoadNetwork, load_map
+from smartmot.own_tracker import limits_of_own, own
 from smartmot.plugins import Plugin, is_plugin, plugin
-from smartmot.tracker import TrackerConfig
+from smartmot.tracker import Tracker, TrackerConfig
 from smartmot.tracker_configs import TRACKER_CONFIGS, tracker_config
 
 OF_VELOCITY = ("cv", "ctrv")
@@ -85,6 +86,9 @@ def run_mot(options: MotOptions) -> None:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
     if isinstance(config, TrackerConfig):
         notes += run.weak_categories(data, config)
+    limits = Tracker(config).score_limits if isinstance(config, TrackerConfig) else limits_of_own(own(config))
+    if limits is not None:
+        notes += run.told_dropped(data, limits)
     notes += run.unscored_categories(data)
     for note in notes:
         console.print(f"note: {note}", highlight=False, soft_wrap=True)

@@ -18,9 +18,9 @@ from evaluation.mot.metrics import SCORE_COLUMNS, MotScore, compare, evaluate
 from evaluation.mot.nuscenes import read_nuscenes, submission_text
 from evaluation.mot.table import DETECTIONS, read_csv, tracks_text
 from evaluation.mot.tracking import TrackedSequence, track_sequence
-from smartmot.motion_models import table
+from evaluation.results import MANY_DROPPED
 from smartmot.own_tracker import ObjectTracker, own
-from smartmot.tracker import Tracker, TrackerConfig
+from smartmot.tracker import ScoreLimits, Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
 if TYPE_CHECKING:
@@ -67,10 +67,7 @@ def _recognised(folder: Path) -> str:
 
 def weak_categories(data: Dataset, config: TrackerConfig) -> list[str]:
     """What to tell users of a detector whose scores hardly start a track, by category."""
-    least = np.max(
-        [table(s) for s in (config.score_threshold, config.second_stage_score, config.lifecycle.birth_score)],
-        axis=0,
-    )
+    least = Tracker(config).score_limits.start
     notes = []
     for code, category in enumerate(CATEGORIES):
         found = [s.detections.score[s.detections.category == category] for s in data.sequences]
@@ -83,6 +80,24 @@ def weak_categories(data: Dataset, config: TrackerConfig) -> list[str]:
                 "configuration to the detector (docs/tracking.md)"
             )
     return notes
+
+
+def told_dropped(data: Dataset, limits: ScoreLimits) -> list[str]:
+    """What to tell users of detections under the tracker's score threshold: many of them, or all."""
+    counts = [limits.counts(frame) for s in data.sequences for frame in s.frames()]
+    dropped, usable = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
+    total = sum(len(s.detections) for s in data.sequences)
+    scale = " (as probability)" if data.log_odds else ""
+    if total and not usable:
+        highest = max(float(s.detections.score.max(initial=0.0)) for s in data.sequences)
+        return [
+            f"no tracks: none of {total} detections has the score of {float(limits.start.min()):g}{scale} "
+            f"that the tracker needs to start one (highest: {highest:.3g}); scale the scores, or give a "
+            "configuration with lower thresholds (--config)"
+        ]
+    if dropped > MANY_DROPPED * total:
+        return [f"{dropped} of {total} detections dropped: their scores are under the tracker's threshold"]
+    return []
 
 
 def unscored_categories(data: Dataset) -> list[str]:

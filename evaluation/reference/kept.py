@@ -57,7 +57,7 @@ def _value(row: Mapping[str, str], name: str, kind: str) -> Any:
     if of_old and name in SINCE_0_2:
         name = OLD_FALSE_ACTIVATION if name == "false_activation" else name
         if name not in row:
-            return {"str": "", "float": math.nan}[kind]
+            return None if "None" in kind else {"str": "", "float": math.nan}[kind]
     text = row[name]
     return None if "None" in kind and not text else _READ[kind.partition(" | ")[0]](text)
 

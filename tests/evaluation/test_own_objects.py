@@ -11,6 +11,8 @@ import pytest
 from evaluation.cli import main
 
 SOURCE = '''
+import dataclasses
+
 import numpy as np
 import smartmot
 from scenarios.sensors import Sensor
@@ -40,6 +42,36 @@ class Blind(Sensor):
 
 class Same(Sensor):
     """As shipped."""
+
+
+class Fourfold(Sensor):
+    """Every detection four times: as it is, with a low score, an unknown name, no width."""
+
+    def observe(self, frame, ego, boxes, category, there=None):
+        seen = super().observe(frame, ego, boxes, category, there)
+        n = len(seen)
+        center = np.repeat(seen.boxes.center_m, 4, axis=0)
+        size, yaw = np.repeat(seen.boxes.size_m, 4, axis=0), np.repeat(seen.boxes.yaw_rad, 4)
+        score, names = np.ones(4 * n), np.repeat(seen.category, 4).astype("U20")
+        score[1::4], names[2::4], size[3::4, 1] = 0.1, "unicorn", 0.0
+        found, _ = smartmot.detections_from_arrays(ego.stamp_s, center, size, yaw, score, names)
+        return found
+
+
+class Choosy:
+    """A tracker that tells its threshold."""
+
+    score_threshold = 0.5
+
+    def __init__(self):
+        self.tracker = smartmot.Tracker()
+
+    def update(self, detections):
+        return self.tracker.update(detections)
+
+
+class Unclear(Choosy):
+    score_threshold = "high"
 
 
 def corridor(scene, preset):
@@ -112,6 +144,67 @@ def test_shipped_objects_under_other_names_change_nothing(folder: Path) -> None:
     assert usual[0] == 0.0 < usual[1]
     assert impacts(folder, "--strategy", "mine:corridor") == usual
     assert impacts(folder, "--strategy", "map", "--detector", "mine:Same") == usual
+
+
+LOW_SCORES = (Path(__file__).parents[1] / "data" / "field" / "runs" / "low_scores.py").read_text()
+
+
+@pytest.mark.parametrize("tracker", ["preset", "mine:ours", "default", "mine:Choosy"])
+def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
+    folder: Path, capfd: pytest.CaptureFixture[str], tracker: str
+) -> None:
+    """Whoever makes the tracker: no result instead of one that looks like a bad brake."""
+    (folder / "low_scores.py").write_text(LOW_SCORES)
+    command = ("run", "crossing", "--param", "Ego_speed_kmh=40", "--strategy", "map", "--no-pictures", "-q")
+    options = ("--detector", "low_scores:LowScores", "--tracker", tracker, "--out", "out")
+    assert call(*command, *options) == 2
+    [line] = capfd.readouterr().err.splitlines()
+    assert "low_scores:LowScores: none of " in line
+    assert "highest: 0.25), so that nobody would be seen; scale the detector's scores, or give" in line
+    assert not (folder / "out" / "runs.csv").exists()
+    sys.modules.pop("low_scores", None)
+
+
+def test_what_perception_drops_is_counted_by_reason_and_said(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Of the four copies of a detection one is left: speeds are those of the shipped detector."""
+    usual = impacts(folder, "--strategy", "map")
+    options = ("--strategy", "map", "--detector", "mine:Fourfold", "--tracker")
+    for tracker in ("preset", "mine:ours"):
+        assert impacts(folder, *options, tracker) == usual
+        with (folder / "out" / "runs.csv").open() as file:
+            for row in csv.DictReader(file):
+                count = int(row["detections"])
+                assert count > 40
+                reasons = [int(row[f"dropped_{reason}"]) for reason in ("score", "category", "box")]
+                assert reasons == [count // 4] * 3
+    capfd.readouterr()
+    command = ("cpna", "--speeds", "40", "--no-pictures", "--out", "out")
+    assert call(*command, *options, "preset") == 0
+    told = " ".join(capfd.readouterr().out.split())
+    assert "in 1 of 1 runs more than a tenth of the detections were dropped" in told
+    assert call(*command, "--strategy", "map") == 0
+    assert "dropped" not in capfd.readouterr().out
+
+
+def test_recorded_detections_under_the_threshold_are_counted_and_said(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Ten detections of 0.25 and ten of 0.9; then the ten of 0.25 alone."""
+    row = "{t},car,{x},{y},4.5,1.8,0.0,{score}\n"
+    header = "stamp_s,category,x_m,y_m,length_m,width_m,yaw_rad,score\n"
+    low = [row.format(t=k / 10, x=float(k), y=2.0, score=0.25) for k in range(10)]
+    high = [row.format(t=k / 10, x=float(k), y=20.0, score=0.9) for k in range(10)]
+    for tracker in ("smartmot", "mine:ours"):
+        (folder / "detections.csv").write_text(header + "".join(map("".join, zip(low, high, strict=True))))
+        assert call("mot", ".", "--config", tracker, "--out", "out") == 0
+        told = " ".join(capfd.readouterr().out.split())
+        assert "10 of 20 detections dropped: their scores are under the tracker's threshold" in told
+        (folder / "detections.csv").write_text(header + "".join(low))
+        assert call("mot", ".", "--config", tracker, "--out", "out") == 0
+        told = " ".join(capfd.readouterr().out.split())
+        assert "no tracks: none of 10 detections has the score of 0.3 that the tracker needs" in told
 
 
 def test_processes_know_the_objects_as_well(folder: Path) -> None:
@@ -202,6 +295,7 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
         (("--detector", "mine:corridor"), "mine:corridor: AttributeError: 'SensorConfig' object has no"),
         (("--detector", "mine:Pair"), "mine:Pair: made Pair, which has no observe(); see docs/plugins.md"),
         (("--detector", "mine:Late"), "mine:Late: detections of -1 s at 0 s; give them the ego's time"),
+        (("--tracker", "mine:Unclear"), "Unclear: score_threshold must be a number in [0, 1], got 'high'"),
         (("--strategy", "map,corridor"), "--strategy: unknown 'corridor'"),
         (("--strategy", "absent:corridor"), "no module 'absent'"),
         (("--strategy", "mine:nothing"), "mine:nothing: RuntimeError: not today ("),

@@ -19,6 +19,7 @@ import pytest
 from evaluation.results import (
     LOG_COLUMNS,
     RUN_COLUMNS,
+    SINCE_0_2,
     ResultsError,
     RunRow,
     Table,
@@ -39,7 +40,7 @@ from evaluation.results import (
 DOCUMENTED_RUNS = (
     "scenario,strategy,preset,weather,adversaries,seed,v_test_kmh,v_impact_kmh,collided,score,score_max,"
     "flag_time_s,flag_distance_m,stop_gap_m,contact_time_s,t0_s,end_reason,end_time_s,false_activation,"
-    "target_start_time_s,"
+    "detections,dropped_score,dropped_category,dropped_box,target_start_time_s,"
     "target_steady_time_s,ego_speed_at_contact_kmh,target_speed_at_contact_kmh,impact_location_percent,log"
 )
 DOCUMENTED_LOG = (
@@ -65,6 +66,10 @@ STOPPED = RunRow(
     end_reason="stopped",
     end_time_s=6.5,
     false_activation=False,
+    detections=120,
+    dropped_score=0,
+    dropped_category=0,
+    dropped_box=0,
     target_start_time_s=2.0,
     target_steady_time_s=None,
     ego_speed_at_contact_kmh=None,
@@ -411,7 +416,7 @@ def test_a_folder_of_version_0_1_0_is_still_read(tmp_path: Path) -> None:
     """It has `false_stop` and neither why nor when a run ended."""
     write_runs(tmp_path, [replace(STOPPED, false_activation=True), HIT], {})
     lines = [line.split(",") for line in (tmp_path / "runs.csv").read_text().splitlines()]
-    new = [lines[0].index(name) for name in ("end_reason", "end_time_s")]
+    new = [lines[0].index(name) for name in SINCE_0_2 if name != "false_activation"]
     old = [[cell for k, cell in enumerate(line) if k not in new] for line in lines]
     old[0][old[0].index("false_activation")] = "false_stop"
     (tmp_path / "runs.csv").write_text("".join(",".join(line) + "\n" for line in old))

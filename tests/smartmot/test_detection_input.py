@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ShapeError
 from smartmot.tracker import Tracker
-from smartmot.types import Boxes, Detections
+from smartmot.types import Boxes, Detections, Dropped
 
 GOOD: dict[str, Any] = {
     "center_m": [[1.0, 2.0]],
@@ -56,6 +56,10 @@ def test_impossible_rows_are_dropped_and_counted(name: str, value: Any) -> None:
     rows[name][1] = value
     detections, rejected = detections_from_arrays(0.0, **rows)
     assert (len(detections), rejected) == (2, 1)
+    reason = name if name in ("score", "category") else "box"
+    assert detections.dropped == Dropped(**{reason: 1})
+    # the count goes with the frame, whatever is chosen or moved
+    assert detections[:0].dropped == to_map(detections, 1.0, 2.0, 0.3).dropped == detections.dropped
 
 
 @pytest.mark.parametrize("velocity", [[np.nan, 1.0], [np.inf, 1.0], [1.0, -1e200]])

@@ -25,7 +25,8 @@ def row(strategy: str, v_test: float, v_impact: float, weather: str = "dry") -> 
         v_test_kmh=v_test, v_impact_kmh=v_impact, collided=v_impact > 0, score=paper_score(v_test, v_impact),
         score_max=paper_score_max(v_test), flag_time_s=3.0, flag_distance_m=None, stop_gap_m=None,
         contact_time_s=None, t0_s=3.0 + flag + 0.1, end_reason="contact" if v_impact else "stopped",
-        end_time_s=9.0, false_activation=False, target_start_time_s=None,
+        end_time_s=9.0, false_activation=False,
+        detections=120, dropped_score=0, dropped_category=0, dropped_box=0, target_start_time_s=None,
         target_steady_time_s=None, ego_speed_at_contact_kmh=None, target_speed_at_contact_kmh=None,
         impact_location_percent=None, log=None,
     )  # fmt: skip
