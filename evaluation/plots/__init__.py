@@ -1,8 +1,8 @@
 """Pictures of runs: the sequence of events, speed before stop or contact, the scene from above, the map.
 
-Every function returns a `matplotlib.figure.Figure` that belongs to nobody else: no pyplot, no global state.
+Every function returns a `matplotlib.figure.Figure` that is the caller's alone: no pyplot, no global state.
 Sizes are chosen so that the texts stay readable when a figure is printed 85 mm wide. Colours are safe for
-colour-blind readers (Okabe and Ito) and stand for the same thing in every picture.
+colour-blind readers (Okabe and Ito) and mean the same in every picture.
 """
 
 from evaluation.plots.scene import birdseye, map_picture

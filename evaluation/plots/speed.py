@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.plots.log_rows import TIME_TOLERANCE_S, of_kind
+from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import (
     BLACK,
     BLUE,
@@ -42,7 +43,7 @@ _ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
 
 
 def speed_style(v_test_kmh: float) -> tuple[str, LineStyle]:
-    """Colour and line style that stand for a test speed in every picture."""
+    """Colour and line style of a test speed, the same in every picture."""
     tens = int(v_test_kmh // 10)
     return SPEED_COLOURS[(tens - 1) % len(SPEED_COLOURS)], "-" if v_test_kmh % 10 == 0 else "--"
 
@@ -63,6 +64,7 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     if runs.empty:
         raise ResultsError("speed curves: the table of runs is empty; run at least one test")
     panels = panels_of(runs)
+    looks = strategy_looks(map(str, runs["strategy"]))
     strategies = len(ordered_strategies(runs))
     columns = min(strategies if strategies in (2, 3) else 2, len(panels))
     lines = math.ceil(len(panels) / columns)
@@ -85,6 +87,7 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
         letter = chr(ord("a") + number) if number < 26 else str(number + 1)
         set_title(axes, f"({letter}) {name}", room=30)
         _set_scales(axes, earliest, top)
+        axes.spines["top"].set(color=looks[str(rows["strategy"].iloc[0])][0], linewidth=2.5)
         for row in rows[rows.index.isin(drawn.index)].sort_values("v_test_kmh").to_dict("records"):
             _draw_speed_curve(axes, row, logs[row["log"]], earliest)
         _note_undrawn(axes, rows[rows["t0_s"].isna()])
@@ -184,10 +187,10 @@ def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, ear
 
 
 def _note_undrawn(axes: Axes, runs: pd.DataFrame) -> None:
-    """Names the test speeds that end in neither stop nor contact, which have no T0."""
+    """Name the test speeds that end in neither stop nor contact, which have no T0."""
     speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
     if speeds:
-        text = "no stop or contact:\n" + ", ".join(f"{speed:g}" for speed in speeds) + " km/h"
+        text = "no emergency stop, no contact:\n" + ", ".join(f"{speed:g}" for speed in speeds) + " km/h"
         axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
 
 
@@ -200,7 +203,7 @@ def _add_legend(figure: Figure, speeds_kmh: Sequence[float]) -> None:
         colour, style = speed_style(speed)
         handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=f"{speed:g} km/h"))
     mark: dict[str, Any] = {"color": "#333333", "linestyle": "none", "markersize": 6.0}
-    handles.append(Line2D([], [], marker="x", markeredgewidth=1.8, label="collision flag", **mark))
+    handles.append(Line2D([], [], marker="x", markeredgewidth=1.8, label="brake requested", **mark))
     handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="contact", **mark))
     figure.legend(
         handles=handles,

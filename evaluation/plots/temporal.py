@@ -40,6 +40,9 @@ Event = tuple[float, str, str]
 LAYERS = ("monitors", "unexpected", "selector", "start")
 """Layers of the event log, from the top of the temporal diagram to its bottom."""
 
+_EVENT_TEXTS = {"collision": "collision predicted"}
+"""What the paper calls a collision is a prediction: nothing is hit then. The log keeps the paper's name."""
+
 CAUSES = {
     "predicted_collision": "collision",
     "unexpected": "forecasted_pedestrian",
@@ -87,6 +90,11 @@ def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
     return figure
 
 
+def event_text(name: str) -> str:
+    """How an event of the log is shown."""
+    return _EVENT_TEXTS.get(name, name)
+
+
 def time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
     """First and last time of a run, never equal."""
     times = [*ego["time_s"], *events["time_s"]]
@@ -118,7 +126,7 @@ def _draw_layers(axes: Axes, events: pd.DataFrame, end_s: float) -> None:
             lines.append(arrow)
     if known:
         lines += [((float(events["time_s"].min()), h), (end_s, h)) for h in height.values()]
-    texts = [(time, height[layer], name) for time, layer, name in known]
+    texts = [(time, height[layer], event_text(name)) for time, layer, name in known]
     place_labels(axes, texts, lines, offsets_pt=(7.5, 16.5), leaders=True)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.plots.speed import panels_of, speed_before_t0, speed_style
 from evaluation.plots.style import BLACK, BLUE, GREY, MPS_TO_KMH, VERMILLION, WINE
-from evaluation.plots.temporal import LAYERS, STATE_COLOURS, Event, latest_cause
+from evaluation.plots.temporal import LAYERS, STATE_COLOURS, Event, event_text, latest_cause
 from evaluation.report.folder import Run
 from evaluation.report.scene import Scene
 
@@ -102,7 +102,7 @@ def _state(time_s: float, until_s: float, height: int, name: str) -> dict[str, A
         "x": _rounded([time_s, until_s], 3),
         "y": [height, height],
         "line": {"color": STATE_COLOURS[name], "width": 6},
-        "hovertemplate": f"{name}<br>%{{x:.2f}} s<extra></extra>",
+        "hovertemplate": f"{event_text(name)}<br>%{{x:.2f}} s<extra></extra>",
     }
 
 
@@ -122,7 +122,7 @@ def _events(events: Sequence[Event], height: dict[str, int], end_s: float) -> di
         "mode": "markers+text",
         "x": _rounded([time for time, _, _ in events], 3),
         "y": [height[layer] for _, layer, _ in events],
-        "text": [html.escape(name) for _, _, name in events],  # plotly reads some HTML
+        "text": [html.escape(event_text(name)) for _, _, name in events],  # plotly reads some HTML
         "textposition": places,
         "textfont": {"size": 11},
         "marker": {
@@ -187,7 +187,7 @@ def speed_specs(
     Args:
         runs: table of the runs.
         logs: rows of kind `ego` of their logs.
-        many: scenarios share the panels of their strategies, and curves are told by scenario.
+        many: scenarios share the panels of their strategies, and curves are named by scenario.
     """
     drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
     if drawn.empty:
@@ -209,10 +209,10 @@ def speed_specs(
                 name = scenarios[run["log"]]
             data += _speed_curve(run, log, earliest, html.escape(name))
         undrawn = sorted(set(rows["v_test_kmh"]) - set(chosen["v_test_kmh"]))
-        note = f"no stop or contact: {', '.join(f'{speed:g}' for speed in undrawn)} km/h"
+        note = f"no emergency stop, no contact: {', '.join(f'{speed:g}' for speed in undrawn)} km/h"
         if many:
             undrawn = rows.index.difference(chosen.index).tolist()
-            note = f"{len(undrawn)} of {len(rows)} runs end in neither stop nor contact"
+            note = f"{len(undrawn)} of {len(rows)} runs end in neither emergency stop nor contact"
         layout = _layout(300) | {
             "xaxis": _axis("Time to stop or contact (s)", range=[earliest, 0.05], dtick=0.5),
             "yaxis": _axis("Ego speed (km/h)", range=[0, top], dtick=10),

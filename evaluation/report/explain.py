@@ -12,17 +12,31 @@ from evaluation.plots.style import MPS_TO_KMH
 from evaluation.report.folder import Run, Setting
 from evaluation.report.scene import Scene, boxes_in
 from scenarios.presets import Preset
+from scenarios.simulation import EndReason
 from smartmot.forecast import forecast_ego
 from smartmot.geometry import signed_gap
-from smartmot.monitored_area import MonitoredLanes, ego_extent, ego_frame
+from smartmot.monitored_area import MonitoredLanes, ego_extent, ego_frame, is_vulnerable
 from smartmot.pipeline import STANDING_MPS
-from smartmot.types import FloatArray
+from smartmot.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NO_BRAKING = "none"
-"""Strategy of runs without perception, in which nobody brakes."""
+"""Strategy of runs without perception, in which nothing brakes."""
+
+SLOWED_KMH = 1.0
+"""An ego that is never slower than before by more than this has kept its speed: Euro NCAP allows as much to
+the speed of a test (AEB protocols, tolerance of the vehicle under test)."""
+
+BRAKING_MPS2 = 1.0
+"""Deceleration from which on a car brakes: Euro NCAP takes the crossing of -1 m/s2 for the beginning of
+braking (T_AEB). Less is what a car does that is let roll."""
+
+KINDS = ("hit", "mitigated", "false", "unnecessary", "cut", "invalid", "stop", "pass")
+"""Kinds of outcome, the worst first: a collision; one at a speed that braking has reduced; a false
+activation; unnecessary braking by speed adaptation where nothing should happen; cut off by the time limit; a
+test without conflict; stopped or slowed without contact; passed without braking."""
 
 _SAME_OBJECT_M = 2.0
 """A track belongs to the actor of its category that is nearest and no farther than this."""
@@ -31,17 +45,14 @@ _LATE_S = 0.25
 """An object first tracked this short before the brake request was not late by the decision's fault."""
 
 _STEADY_MPS2 = 0.05
-"""A change of speed smaller than this is not told: it would read 0.0."""
+"""A smaller change of speed is left out: it would read 0.0."""
+
+_STAYED_EVERY = 10
+"""Frames from one look at where an object is to the next: half a second."""
 
 _AHEAD_S = np.arange(0.0, 6.01, 0.05)
 _OFF_COURSE_M = 1.0
-"""An error of the ego's forecast smaller than this is not told."""
-
-_SLOWING = (
-    "Slows down to keep its distance to who is taken to be in its way, as adaptive cruise control does."
-)
-
-_BEHIND = "Stands behind who is taken to be in its way, without an emergency."
+"""A smaller error of the ego's forecast is left out."""
 
 _LONG_STOP_S = 60.0
 """Longer than any car brakes: `BrakeConfig.travel` over this time is the whole way to standstill."""
@@ -92,32 +103,83 @@ class Trigger:
 
 
 @dataclass(frozen=True, slots=True)
+class Slowing:
+    """Speed lost without an emergency brake, by speed adaptation or because the scenario asks for it.
+
+    Args:
+        first, last: the scene's frames of the greatest and of the least speed.
+        from_mps, to_mps: these speeds.
+        decel_mps2: greatest deceleration between them.
+        cause: the object that the speed was adapted to, and where it was; empty where none is known.
+        why: why it counts as being in the way; may be empty.
+    """
+
+    first: int
+    last: int
+    from_mps: float
+    to_mps: float
+    decel_mps2: float
+    cause: str
+    why: str
+
+    @property
+    def depth(self) -> str:
+        """`from 50 to 12 km/h at 2.5 m/s²`."""
+        start = f"{self.from_mps * MPS_TO_KMH:.0f}{' km/h' if self.stands else ''}"
+        return f"from {start}{self.end} at {self.decel_mps2:.1f} m/s²"
+
+    @property
+    def end(self) -> str:
+        """Speed at the end, with a space before it."""
+        return " to a standstill" if self.stands else f" to {self.to_mps * MPS_TO_KMH:.0f} km/h"
+
+    @property
+    def text(self) -> str:
+        """Depth and cause."""
+        return f"{self.depth}{f' for {self.cause}' if self.cause else ''}"
+
+    @property
+    def stands(self) -> bool:
+        """Whether it ends in a standstill."""
+        return self.to_mps < STANDING_MPS
+
+    @property
+    def brakes(self) -> bool:
+        """Whether the ego brakes, rather than lets itself roll."""
+        return self.stands or self.decel_mps2 > BRAKING_MPS2
+
+
+@dataclass(frozen=True, slots=True)
 class Account:
     """A run in words.
 
     Args:
         outcome: what came out, in a few words.
-        kind: hit, false (stop for nobody), stop, or pass.
+        kind: one of `KINDS`.
+        must: what the ego had to do, brake or nothing; empty where that is not known.
         finding: what came out, one sentence.
         why: what made it so; may be empty.
-        for_nobody: whether it stopped for nobody, with an emergency brake or by adapting its speed.
-        frame: the one that shows why: of the first brake request, else where it stands or touches somebody.
-        story: (F,) what is happening, for each frame.
-        status: (F,) speed and what perception holds, for each frame.
+        false_activation: whether the emergency brake was requested for nothing; None where that cannot be.
+        unnecessary: whether the ego braked where nothing should happen, in an emergency or not.
+        frame: the one that shows why: of the first brake request, of the strongest slowing, or of the
+        contact. story: (F,) what is happening, for each frame. status: (F,) speed and what perception holds,
+        for each frame.
     """
 
     outcome: str
     kind: str
+    must: str
     finding: str
     why: str
-    for_nobody: bool
+    false_activation: bool | None
+    unnecessary: bool
     frame: int
     story: tuple[str, ...]
     status: tuple[str, ...]
 
 
 def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
-    """Tell what happened in a run.
+    """Say what happened in a run.
 
     Args:
         scene: the run.
@@ -125,61 +187,144 @@ def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
         setting: map and conditions; without them there are fewer reasons.
     """
     preset = setting.preset if setting else None
+    must = setting.must if setting else ""
     requests = scene.events.loc[scene.events["label"] == "predicted_collision", "time_s"].tolist()
     triggers = [_trigger(scene, float(time), setting, preset) for time in requests]
+    slowing = _slowing(scene, run, setting)
     hit = _who_was_hit(scene) if run["collided"] else ""
-    stands = _stands(scene)
-    idle = setting is not None and setting.must == "nothing" and not triggers and stands is not None
-    for_nobody = bool(run["false_activation"]) or idle
-    kind = "hit" if run["collided"] else "false" if for_nobody else "stop" if triggers else "pass"
-    outcome = "waits for nobody" if idle and not run["collided"] else _outcome(run, kind)
-    told = _finding(scene, run, triggers, hit, preset)
-    if stands is not None and not triggers and not run["collided"]:
-        told = _waiting(scene, stands, setting)
+    kind = _kind(scene, run, must, triggers, slowing)
+    finding, why = _finding(scene, run, kind, triggers, slowing, hit, must, preset)
     if triggers:
         shown = triggers[0].frame
     elif run["collided"]:
         shown = len(scene) - 1
     else:
-        shown = stands or 0
+        shown = slowing.last if slowing else 0
+    false_activation = _false_activation(run)
     return Account(
-        outcome,
-        kind,
-        *told,
-        for_nobody,
-        shown,
-        _story(scene, run, triggers, hit),
-        _status(scene),
+        outcome=_outcome(run, kind, slowing),
+        kind=kind,
+        must=must,
+        finding=finding,
+        why=why,
+        false_activation=false_activation,
+        unnecessary=must == "nothing" and (bool(false_activation) or _adapts(slowing)),
+        frame=shown,
+        story=_story(scene, run, triggers, slowing, hit),
+        status=_status(scene),
     )
 
 
-def _outcome(run: Run, kind: str) -> str:
-    if kind == "hit":
-        return f"hit, {run['v_impact_kmh']:.1f} km/h"
-    if kind == "false":
-        return "false stop"
-    if kind == "stop":
+def _false_activation(run: Run) -> bool | None:
+    """Whether the run has one; None where it cannot have any."""
+    value = run["false_activation"]
+    return None if value is None or value != value else bool(value)  # NaN where the column is empty
+
+
+def _cut_off(run: Run) -> bool:
+    """Whether the time limit ended the run; folders of version 0.1.0 do not say."""
+    return bool(run["end_reason"] == EndReason.TIME_LIMIT)
+
+
+def _adapts(slowing: Slowing | None) -> bool:
+    """Whether the ego brakes because it adapts its speed to somebody."""
+    return slowing is not None and slowing.brakes and bool(slowing.cause)
+
+
+def _kind(scene: Scene, run: Run, must: str, triggers: list[Trigger], slowing: Slowing | None) -> str:
+    if run["collided"]:
+        before = float(scene.ego["speed_mps"].abs().max()) * MPS_TO_KMH
+        braked = bool(triggers or (slowing and slowing.cause)) and run["v_impact_kmh"] < before - SLOWED_KMH
+        return "mitigated" if braked else "hit"
+    if _false_activation(run):
+        return "false"
+    if must == "nothing" and _adapts(slowing):
+        return "unnecessary"
+    if _cut_off(run):
+        return "cut"
+    if must == "brake" and not triggers and not (slowing and slowing.cause):
+        return "invalid"  # nothing has braked: without any brake there is no contact either
+    return "stop" if triggers or slowing else "pass"
+
+
+def _outcome(run: Run, kind: str, slowing: Slowing | None) -> str:
+    if kind in ("hit", "mitigated"):
+        return f"{kind}, {run['v_impact_kmh']:.1f} km/h"
+    words = {
+        "false": "false activation",
+        "cut": "cut off",
+        "invalid": "no conflict",
+        "pass": "no braking",
+    }
+    if kind in words:
+        return words[kind]
+    if kind == "unnecessary" and slowing is not None:
+        return f"unnecessary braking{slowing.end}"
+    if not math.isnan(run["t0_s"]) or slowing is None:
         return "slowed" if math.isnan(run["t0_s"]) else "stopped"
-    return "no braking"
+    return "stopped" if slowing.stands else f"slowed{slowing.end}"
 
 
 def _finding(
-    scene: Scene, run: Run, triggers: list[Trigger], hit: str, preset: Preset | None
+    scene: Scene,
+    run: Run,
+    kind: str,
+    triggers: list[Trigger],
+    slowing: Slowing | None,
+    hit: str,
+    must: str,
+    preset: Preset | None,
 ) -> tuple[str, str]:
     """What came out, and why."""
+    if triggers:
+        what, why = _emergency(scene, run, triggers[0], hit, preset)
+        if slowing is not None and slowing.first < triggers[0].frame:
+            why += f" Before that, the ego had slowed {slowing.text}."
+    elif run["collided"]:
+        what, why = _unbraked_contact(scene, run, slowing, hit)
+    elif slowing is not None:
+        begin = "Unnecessary braking: slows" if kind == "unnecessary" else "Slows"
+        what, why = f"{begin} {slowing.text}, without an emergency.", slowing.why
+        if not slowing.cause:
+            why = "Nothing that it tracks is in its way then." if run["strategy"] != NO_BRAKING else (
+                "Nothing watches in this run: the scenario slows the ego."
+            )  # fmt: skip
+    else:
+        what, why = f"Keeps its speed within {SLOWED_KMH:g} km/h, and passes without contact.", ""
+    if kind == "invalid":
+        why = f"{why} There was nothing to avoid: a test without conflict, which counts in no rate."
+    if must == "brake" and kind == "stop":
+        what = f"Collision avoided. {what}"
+    if _cut_off(run) and not run["collided"]:
+        what += f" The time limit ended the run at t = {scene.time_s[-1]:.1f} s."
+    return what, why.strip()
+
+
+def _unbraked_contact(scene: Scene, run: Run, slowing: Slowing | None, hit: str) -> tuple[str, str]:
+    """What came out, and why, where a contact came without any emergency request."""
+    if run["v_impact_kmh"] < STANDING_MPS * MPS_TO_KMH:
+        return f"Is hit by {hit} while it stands.", ""
+    what = f"Hits {hit} at {run['v_impact_kmh']:.1f} km/h"
+    if slowing is None:
+        return f"{what} without braking.", _why_never(scene, run)
+    return f"{what}, slowed {slowing.text}, but without an emergency brake.", _why_never(scene, run)
+
+
+def _emergency(scene: Scene, run: Run, first: Trigger, hit: str, preset: Preset | None) -> tuple[str, str]:
+    """What came out, and why, where the emergency brake was requested."""
     impact = f"{run['v_impact_kmh']:.1f} km/h"
-    if not triggers:
-        if run["collided"]:
-            return f"Hits {hit} at {impact} without braking.", _why_never(scene, run)
-        return "Never brakes, and touches nobody.", ""
-    first = triggers[0]
     request = f"The brake was requested for {first.who}"
     if not math.isnan(first.gap_m):
         request = (
             f"The brake was requested {first.gap_m:.1f} m before {'it' if first.who == hit else first.who}"
         )
-    if run["false_activation"]:
-        what = f"Brakes for nobody in its way{f', and hits {hit} at {impact}' if hit else ''}."
+    if _false_activation(run):
+        least = float(scene.ego["speed_mps"].abs().iloc[first.frame :].min())
+        until = "to a standstill" if least < STANDING_MPS else f"to {least * MPS_TO_KMH:.0f} km/h"
+        what = (
+            f"False activation: emergency braking from {first.speed_mps * MPS_TO_KMH:.0f} km/h {until} for "
+            f"{first.who}{f', then hits {hit} at {impact}' if hit else ''}."
+        )
         request += f", {first.how}"
     elif run["collided"]:
         what = f"Hits {hit} at {impact}."
@@ -187,7 +332,8 @@ def _finding(
             need_m = preset.brakes.travel(first.speed_mps, 0.0, _LONG_STOP_S)[0]
             request += f"; from {first.speed_mps * MPS_TO_KMH:.0f} km/h these brakes need {need_m:.1f} m"
     elif math.isnan(run["t0_s"]):
-        what = "Brakes, and passes without contact or standstill."
+        least = float(scene.ego["speed_mps"].abs().iloc[first.frame :].min())
+        what = f"Slows to {least * MPS_TO_KMH:.0f} km/h in an emergency, and passes without contact."
     elif math.isnan(run["stop_gap_m"]):
         what = "Stops without contact."
     elif run["stop_gap_m"] > 0:
@@ -200,7 +346,7 @@ def _finding(
 def _why_never(scene: Scene, run: Run) -> str:
     """Why an ego that hits somebody has not braked."""
     if run["strategy"] == NO_BRAKING:
-        return "In this run nobody watches and nobody brakes."
+        return "Nothing watches and nothing brakes in this run."
     detections, tracks = scene.objects["detection"], scene.objects["track"]
     if detections.empty:
         return "Nothing was ever detected."
@@ -275,13 +421,19 @@ def _place(setting: Setting | None, center_m: FloatArray) -> str:
 def _name(scene: Scene, frame: int, track: pd.Series[float]) -> str:
     """The object of a track: that of the test, or another."""
     category = str(track["category"])
+    actor = _actor(scene, frame, track)
+    return f"something taken for a {category}" if actor is None else _called(actor)
+
+
+def _actor(scene: Scene, frame: int, track: pd.Series[float]) -> pd.Series[float] | None:
+    """The actor that a track is of; None where there is none near."""
     actors = scene.rows("actor", frame)
-    actors = actors[actors["category"] == category]
+    actors = actors[actors["category"] == track["category"]]
     here = np.array([track["x_m"], track["y_m"]], dtype=np.float64)
     distance = np.hypot(*(actors[["x_m", "y_m"]].to_numpy(np.float64) - here).T)
     if not len(distance) or distance.min() > _SAME_OBJECT_M:
-        return f"something taken for a {category}"
-    return _called(actors.iloc[int(np.argmin(distance))])
+        return None
+    return actors.iloc[int(np.argmin(distance))]
 
 
 def _because(scene: Scene, frame: int, track: pd.Series[float], moving: bool, preset: Preset | None) -> str:
@@ -366,35 +518,96 @@ def _start_of_last(frames: pd.Series[int], until: int) -> int:
     return until
 
 
-def _stands(scene: Scene) -> int | None:
-    """The first frame in which the ego stands, if it ever does after having driven."""
-    speed = scene.ego["speed_mps"].to_numpy(np.float64)
-    frames = np.flatnonzero((speed < STANDING_MPS) & (np.maximum.accumulate(speed) > STANDING_MPS))
-    return int(frames[0]) if len(frames) else None
+def _in_emergency(scene: Scene) -> BoolArray:
+    """(F,) frames in which the emergency brake is on, from each request to its end."""
+    on = np.zeros(len(scene), dtype=np.bool_)
+    since: int | None = None
+    for time, label in zip(scene.events["time_s"], scene.events["label"], strict=True):
+        frame = scene.frame_at(float(time))
+        if label == "predicted_collision" and since is None:
+            since = frame
+        elif label == "end_unexpected" and since is not None:
+            on[since:frame], since = True, None
+    if since is not None:
+        on[since:] = True
+    return on
 
 
-def _waiting(scene: Scene, frame: int, setting: Setting | None) -> tuple[str, str]:
-    """What came out, and why, where the ego stands without an emergency: it has followed somebody."""
-    what = f"Slows down and stands from t = {scene.time_s[frame]:.2f} s on, without an emergency."
-    ego, actors = scene.ego_state(frame), scene.rows("actor", frame)
-    if actors.empty:
-        return what, ""
-    boxes = boxes_in(actors)
+def _slowing(scene: Scene, run: Run, setting: Setting | None) -> Slowing | None:
+    """The greatest loss of speed between two frames without an emergency brake; None where it is none."""
+    speed = scene.ego["speed_mps"].abs().to_numpy(np.float64)
+    emergency = _in_emergency(scene)
+    if run["collided"]:  # the instant of the contact may see the other push the ego
+        speed[-1] = speed[max(len(speed) - 2, 0)]
+    best = (SLOWED_KMH / MPS_TO_KMH, -1, -1)
+    start = 0
+    for frame in range(len(scene)):
+        if frame and emergency[frame - 1]:
+            start = frame
+        if speed[frame] >= speed[start]:
+            start = frame
+        if (drop := float(speed[start] - speed[frame])) > best[0]:
+            best = (drop, start, frame)
+    _, first, last = best
+    if first < 0:
+        return None
+    if speed[last] < STANDING_MPS:
+        last = first + int(np.argmax(speed[first:] < STANDING_MPS))
+    decel = -scene.ego["accel_mps2"].to_numpy(np.float64)[first : last + 1]
+    decel *= np.where(scene.ego["speed_mps"].to_numpy(np.float64)[first : last + 1] < 0.0, -1.0, 1.0)
+    hardest = first + int(np.nanargmax(decel)) if np.isfinite(decel).any() else first
+    # whatever it stands behind in the end; else what it braked for the hardest
+    meant = last if speed[last] < STANDING_MPS else hardest
+    order = sorted(range(first, last + 1), key=lambda frame: abs(frame - meant))
+    cause, why = "", ""
+    for frame in order[:_STAYED_EVERY]:
+        cause, why = _lead(scene, frame, run, setting)
+        if cause:
+            break
+    return Slowing(first, last, float(speed[first]), float(speed[last]), float(np.nanmax(decel)), cause, why)
+
+
+def _lead(scene: Scene, frame: int, run: Run, setting: Setting | None) -> tuple[str, str]:
+    """Whom the speed is adapted to in a frame and where that was, and why it counts; empty without anybody.
+
+    Without the strategy it is the nearest track ahead.
+    """
+    tracks = scene.rows("track", frame)
+    if run["strategy"] == NO_BRAKING or tracks.empty:
+        return "", ""
+    ego = scene.ego_state(frame)
+    boxes, category = boxes_in(tracks), tracks["category"].to_numpy(np.str_)
     ahead = ego_extent(boxes, ego)[0] - ego.length_m / 2
-    ahead[ahead < 0.0] = math.inf
-    nearest = int(np.argmin(ahead))
-    if not math.isfinite(ahead[nearest]):
-        return what, ""
-    place = _place(setting, boxes.center_m[[nearest]])
-    where = f" ({place})" if place else ""
-    whom = f"{_called(actors.iloc[nearest])}{where}, {ahead[nearest]:.1f} m ahead"
-    why = f"It keeps its distance to {whom}, as if that were in its way."
+    counts = ahead > 0.0
+    if scene.strategy is not None:
+        threat = (tracks["label"] == "threat").to_numpy()
+        counts &= scene.strategy.at(ego).relevance(boxes, category).on_way
+        counts &= ~(threat & is_vulnerable(category))
+    if not counts.any():
+        return "", ""
+    nearest = int(np.argmin(np.where(counts, ahead, math.inf)))
+    track = tracks.iloc[nearest]
+    place = _stay(scene, frame, track, setting) or _place(setting, boxes.center_m[[nearest]])
+    cause = _name(scene, frame, track) + (f", {place}" if place else "")
+    why = f"The ego keeps its distance to it, {ahead[nearest]:.1f} m ahead, as if it were in its way."
     if setting is not None and scene.strategy is not None and scene.strategy.name == "rectangular":
-        category = actors["category"].to_numpy(np.str_)
-        if scene.strategy.at(ego).relevance(boxes, category).on_way[nearest]:
-            half = setting.preset.rectangular.half_width_m
-            why += f" It is inside the rectangle, up to {half:g} m to each side, which knows no lanes."
-    return what, why
+        half = setting.preset.rectangular.half_width_m
+        why += f" It is inside the rectangle, up to {half:g} m to each side, which knows no lanes."
+    return cause, why
+
+
+def _stay(scene: Scene, frame: int, track: pd.Series[float], setting: Setting | None) -> str:
+    """Where the object of a track stayed, or where it was then if it was elsewhere at other times."""
+    actor = _actor(scene, frame, track)
+    if setting is None or actor is None:
+        return ""
+    here = actor[["x_m", "y_m"]].to_numpy(np.float64)[None]
+    who = "who" if is_vulnerable(np.array([str(actor["category"])], dtype=np.str_))[0] else "which"
+    own = scene.objects["actor"]
+    own = own[(own["id"] == actor["id"]) & (own["frame"] % _STAYED_EVERY == 0)]
+    places = {_place(setting, center[None]) for center in own[["x_m", "y_m"]].to_numpy(np.float64)}
+    now = _place(setting, here)
+    return f"{who} stayed {now}" if places == {now} else f"{who} was {now} then"
 
 
 def _who_was_hit(scene: Scene) -> str:
@@ -402,7 +615,7 @@ def _who_was_hit(scene: Scene) -> str:
     last = len(scene) - 1
     actors = scene.rows("actor", last)
     if actors.empty:
-        return "somebody"
+        return "an object"
     ego, boxes = boxes_in(scene.ego.iloc[[last]]), boxes_in(actors)
     gaps = signed_gap(ego.center_m, ego.size_m, ego.yaw_rad, boxes.center_m, boxes.size_m, boxes.yaw_rad)
     return _called(actors.iloc[int(np.argmin(gaps))])
@@ -410,11 +623,13 @@ def _who_was_hit(scene: Scene) -> str:
 
 def _called(actor: pd.Series[float]) -> str:
     """An actor in words."""
-    owner = "the test's" if str(actor["label"]) == "target" else "another"
+    owner = "the target" if str(actor["label"]) == "target" else "another"
     return f"{owner} {actor['category']}"
 
 
-def _story(scene: Scene, run: Run, triggers: list[Trigger], hit: str) -> tuple[str, ...]:
+def _story(
+    scene: Scene, run: Run, triggers: list[Trigger], slowing: Slowing | None, hit: str
+) -> tuple[str, ...]:
     """What is happening, frame by frame."""
     by_frame: dict[int, list[str]] = {}
     for time, label in zip(scene.events["time_s"], scene.events["label"], strict=True):
@@ -423,7 +638,10 @@ def _story(scene: Scene, run: Run, triggers: list[Trigger], hit: str) -> tuple[s
     trigger: Trigger | None = None
     alert = False
     idle = "Follows its lane."
-    texts = []
+    object_ahead = slowing.cause if slowing and slowing.cause else ""
+    adapts = "Slows without an emergency" + (f" for {object_ahead}." if object_ahead else ".")
+    waits = "Stands without an emergency" + (f" behind {object_ahead}." if object_ahead else ".")
+    texts: list[str] = []
     for frame, (speed, accel) in enumerate(
         zip(scene.ego["speed_mps"].tolist(), scene.ego["accel_mps2"].tolist(), strict=True)
     ):
@@ -443,13 +661,11 @@ def _story(scene: Scene, run: Run, triggers: list[Trigger], hit: str) -> tuple[s
                 f"{trigger.why}".strip()
             )
         elif alert:
-            texts.append(
-                "Alert, not braking: the forecast of somebody walking or riding enters the ego's way."
-            )
-        elif speed < STANDING_MPS and texts and texts[-1] in (_SLOWING, _BEHIND):
-            texts.append(_BEHIND)
-        elif accel < -_STEADY_MPS2:
-            texts.append(_SLOWING)
+            texts.append("Alert, not braking: the forecast of a pedestrian or cyclist enters the ego's way.")
+        elif abs(speed) < STANDING_MPS and texts and texts[-1] in (adapts, waits):
+            texts.append(waits)
+        elif accel * math.copysign(1.0, speed) < -_STEADY_MPS2:
+            texts.append(adapts)
         else:
             texts.append(idle)
     if run["collided"]:

@@ -46,6 +46,8 @@ _COLOURS = 96
 """Size of the one palette of a GIF: flat fills and smoothed edges need no more."""
 _TEXT_WIDTH = 0.97
 """Of a picture's width, for one line of text."""
+_STATUS_GAP = 0.02
+"""Of a picture's width, between speed and what perception holds."""
 _STORY_TOP, _STORY_BOTTOM = 0.06, 0.075
 """Of a picture's height: where the story begins below the view, and where the legend begins."""
 _SMALLEST_PT, _STEP_PT = 5.5, 0.5
@@ -104,12 +106,14 @@ class Film:
         account: what happens, in words.
         network: the map; None: without lanes.
         title: heading.
+        colour: of the strategy, a bar above the heading; empty: none.
     """
 
     scene: Scene
     account: Account
     network: RoadNetwork | None
     title: str
+    colour: str = ""
     _figure: Figure = field(init=False)
     _axes: Axes = field(init=False)
     _ego_map: Affine2D = field(init=False)
@@ -181,11 +185,13 @@ class Film:
         self._layers[name] = collection
 
     def _add_texts(self, below: float) -> None:
-        from matplotlib.patches import Patch
+        from matplotlib.patches import Patch, Rectangle
 
+        if self.colour:
+            self._figure.add_artist(Rectangle((0.01, 0.99), 0.98, 0.01, color=self.colour))
         write = self._figure.text
         size = 10.0
-        title = write(0.5, 0.967, self.title, ha="center", va="center", fontsize=size, weight="bold")
+        title = write(0.5, 0.963, self.title, ha="center", va="center", fontsize=size, weight="bold")
         while self._share(title)[0] > _TEXT_WIDTH and size > _SMALLEST_PT:
             size -= _STEP_PT
             title.set_fontsize(size)
@@ -230,7 +236,17 @@ class Film:
         speed, _, seen = self.account.status[frame].partition(" · ")
         self._texts["speed"].set_text(f"t = {ego.stamp_s:.2f} s, {speed}")
         self._texts["seen"].set_text(seen)
+        self._fit_status()
         self._tell(self.account.story[frame])
+
+    def _fit_status(self) -> None:
+        """Write speed and perception side by side, as large as they fit on their line."""
+        texts = self._texts["speed"], self._texts["seen"]
+        for smaller in np.arange(0.0, SMALL_PT, _STEP_PT).tolist():
+            for text, size in zip(texts, (SMALL_PT + 1, SMALL_PT), strict=True):
+                text.set_fontsize(size - smaller)
+            if sum(self._share(text)[0] for text in texts) <= _TEXT_WIDTH - _STATUS_GAP:
+                return
 
     def _tell(self, text: str) -> None:
         """Write the story below the view, as large as it fits between the view and the legend."""

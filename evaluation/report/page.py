@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
-from collections.abc import Callable, Container, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from evaluation.errors import ArgumentError
 from evaluation.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
 from evaluation.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
 from evaluation.plots.speed import speed_style
+from evaluation.plots.strategies import strategy_looks
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.report import charts
 from evaluation.report.explain import Account, explain
@@ -57,7 +58,7 @@ class RunView:
 
 @dataclass(frozen=True, slots=True)
 class PageContent:
-    """Everything that the template shows."""
+    """Everything that the template shows; `colours` by strategy."""
 
     title: str
     facts: dict[str, str]
@@ -67,6 +68,7 @@ class PageContent:
     table: results.Table
     runs: list[RunView]
     first: int
+    colours: dict[str, str]
     panels: list[tuple[str, dict[str, Any]]]
     legend: list[tuple[str, str, bool]]
     packed_maps: list[str]
@@ -154,7 +156,8 @@ def page_content(
         matrix=score_matrix(rows, accounts),
         table=_numbers(folder),
         runs=views,
-        first=_first(views, set(rows.loc[rows["false_activation"].eq(True), "log"])),
+        first=_first(views),
+        colours={name: colour for name, (colour, _) in strategy_looks(map(str, rows["strategy"])).items()},
         panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
@@ -173,6 +176,7 @@ def render(content: PageContent) -> str:
     template = environment.from_string((here / "template.html.j2").read_text(encoding="utf-8"))
     return template.render(
         page=content,
+        colour_of=lambda title: _colour_of(title, content.colours),
         style=(here / "page.css").read_text(encoding="utf-8"),
         script=(here / "page.js").read_text(encoding="utf-8"),
         plotly=charts.plotly_script(),
@@ -186,6 +190,11 @@ def render(content: PageContent) -> str:
             }
         ),
     )
+
+
+def _colour_of(title: str, colours: Mapping[str, str]) -> str:
+    """Colour of the strategy that a title begins with; empty where it begins with none."""
+    return next((colour for name, colour in colours.items() if f"{title}, ".startswith(f"{name}, ")), "")
 
 
 def _script_json(value: object) -> str:
@@ -246,16 +255,10 @@ def _numbers(folder: RunFolder) -> results.Table:
     return results.comparison_table(folder.runs, PUBLISHED if folder.published else None)
 
 
-def _first(views: list[RunView], emergencies: Container[str]) -> int:
-    """The run to open: the first false emergency stop, else stop for nobody, else hit, else the first."""
-    ranks = {"false": 1, "hit": 2}
-
-    def rank(index: int) -> int:
-        view = views[index]
-        kind = view.account.kind
-        return 0 if kind == "false" and view.log in emergencies else ranks.get(kind, 3)
-
-    return min(range(len(views)), key=rank)
+def _first(views: list[RunView]) -> int:
+    """The run to open: the first false activation, else unnecessary braking, else collision, else any."""
+    ranks = {kind: rank for rank, kind in enumerate(("false", "unnecessary", "hit", "mitigated"))}
+    return min(range(len(views)), key=lambda index: ranks.get(views[index].account.kind, len(ranks)))
 
 
 def _swatch(speed_kmh: float) -> tuple[str, bool]:

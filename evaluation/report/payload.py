@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from evaluation.plots.ground import lane_outlines
+from evaluation.plots.temporal import event_text
 from evaluation.report.codec import (
     PER_METRE,
     PER_RADIAN,
@@ -88,7 +89,7 @@ def pack_run(scene: Scene, account: Account, origin_m: FloatArray, diagram: Mapp
             "story": deltas([stories.index(text) for text in account.story]),
             "status": list(account.status),
             "events": [
-                [scene.frame_at(float(time)), round(float(time), 3), str(layer), str(name)]
+                [scene.frame_at(float(time)), round(float(time), 3), str(layer), event_text(str(name))]
                 for time, layer, name in zip(
                     scene.events["time_s"], scene.events["category"], scene.events["label"], strict=True
                 )

@@ -8,6 +8,7 @@ from typing import Any
 
 from evaluation import results
 from evaluation.errors import ArgumentError
+from evaluation.plots.strategies import strategy_colour
 from evaluation.report.explain import explain
 from evaluation.report.film import Film, film_times, write_gif, write_mp4
 from evaluation.report.folder import read_folder
@@ -60,9 +61,11 @@ def replay(
     scene = read_scene(folder.log(name), setting.strategy if setting else None)
     times = film_times(scene, fps, speed)
     test = f"{row['v_test_kmh']:g} km/h"
-    told = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
-    title = ", ".join([str(row["strategy"]), *told, str(row["weather"])])
-    film = Film(scene, explain(scene, row, setting), setting.network if setting else None, title)
+    tested = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
+    strategy = str(row["strategy"])
+    title = ", ".join([strategy, *tested, str(row["weather"])])
+    colour = strategy_colour(strategy, map(str, folder.runs["strategy"]))
+    film = Film(scene, explain(scene, row, setting), setting.network if setting else None, title, colour)
     wanted: list[tuple[Path, Callable[..., None]]] = [(gif, write_gif)] if gif else []
     wanted += [(mp4, write_mp4)] if mp4 else []
     wanted = wanted or [(directory / f"{name}.gif", write_gif)]

@@ -3,36 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from evaluation.report.explain import Account
+from evaluation.report.explain import KINDS, Account
 from evaluation.results import ordered_strategies, varying_conditions
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SEVERITY = ("hit", "false", "stop", "pass")
-"""Kinds of outcome, the worst first."""
-
-MARKS = {"hit": "✕", "false": "!", "stop": "✓", "pass": "–"}
+MARKS = {
+    "hit": "✕", "mitigated": "◐", "false": "!", "unnecessary": "▼", "cut": "…", "invalid": "∅", "stop": "✓",
+    "pass": "–",
+}  # fmt: skip
 """What says the outcome without colour."""
 
 _WORST, _MIDDLE, _BEST = (0xF4, 0xB1, 0x83), (0xFB, 0xF3, 0xD9), (0xA6, 0xCE, 0xE3)
-"""Light vermillion over cream to light blue: told apart with any colour vision, dark text readable on all."""
+"""Light vermillion over cream to light blue: distinct with any colour vision, dark text readable on all."""
 
 
-_SHARES = {"hit": 0.0, "false": 0.25, "stop": 1.0, "pass": 1.0}
+_SHARES = {
+    "hit": 0.0, "mitigated": 0.15, "false": 0.25, "unnecessary": 0.35, "stop": 1.0, "pass": 1.0,
+}  # fmt: skip
 """Where an outcome stands on that scale when there are no points."""
+
+_UNDECIDED = "#e4e6e9"
+"""Fill of runs that count in no rate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why runs failed, told of one of them.
+    """Why runs failed, on the example of one of them.
 
     Args:
-        log: the run that is told of.
+        log: the run of the example.
         title: what failed, and in which run.
         text: what happened in it, and why.
         others: (log, title) of more runs with such an end.
@@ -100,24 +105,68 @@ def _verdict(
     strategy: str, runs: pd.DataFrame, accounts: Mapping[str, Account], titles: Mapping[str, str]
 ) -> Verdict:
     names = [str(name) for name in runs["log"]]
-    by_kind = {kind: [name for name in names if accounts[name].kind == kind] for kind in SEVERITY}
-    false_stops = [name for name in names if accounts[name].for_nobody]
-    emergencies = set(map(str, runs.loc[runs["false_activation"].eq(True), "log"]))
-    false_stops.sort(key=lambda name: name not in emergencies)
-    parts = [_count("contact", by_kind["hit"], runs), _count("stop for nobody", false_stops, runs)]
-    if waits := len(set(false_stops) - emergencies):
-        parts[-1] += f", {'all' if waits == len(false_stops) else waits} of them without an emergency"
-    headline = ", ".join(parts)
+
+    def those(chosen: Callable[[Account], bool]) -> list[str]:
+        return [name for name in names if chosen(accounts[name])]
+
+    hits = those(lambda account: account.kind in ("hit", "mitigated"))
+    false = those(lambda account: bool(account.false_activation))
+    unnecessary = those(lambda account: account.unnecessary and not account.false_activation)
     reasons = []
-    for what, chosen in (("hit", by_kind["hit"]), ("stop for nobody", false_stops)):
-        if chosen:
-            told, *others = chosen
-            text = f"{accounts[told].finding} {accounts[told].why}".strip()
+    for what, failed in (
+        ("collision", hits), ("false activation", false), ("unnecessary braking", unnecessary)
+    ):  # fmt: skip
+        if failed:
+            example, *others = failed
+            text = f"{accounts[example].finding} {accounts[example].why}".strip()
             also = tuple((name, titles[name].removeprefix(f"{strategy}, ")) for name in others[:_NAMED])
-            title = f"Why the {what} ({titles[told]})"
-            reasons.append(Reason(told, title, text, also, len(others) - len(also)))
-    worst = "false" if false_stops and not by_kind["hit"] else next(k for k in SEVERITY if by_kind[k])
+            title = f"Why the {what} ({titles[example]})"
+            reasons.append(Reason(example, title, text, also, len(others) - len(also)))
+    worst = min((accounts[name].kind for name in names), key=KINDS.index)
+    headline = "; ".join(_rates(runs, accounts))
     return Verdict(strategy, worst, f"{headline[0].upper()}{headline[1:]}.", tuple(reasons))
+
+
+def _rates(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> list[str]:
+    """How often each outcome came, of the runs in which it can: must-brake runs, or those of nothing scenes.
+
+    Runs that the time limit cut off before anything was decided, and tests without conflict, are in no rate
+    and have a part of their own.
+    """
+    kinds = {str(name): accounts[str(name)] for name in runs["log"]}
+    decided = [name for name, account in kinds.items() if account.kind not in ("cut", "invalid")]
+    brake = [name for name in decided if kinds[name].must != "nothing"]
+    nothing = [name for name in decided if kinds[name].must == "nothing"]
+    group = " in must-brake scenes" if brake and all(kinds[name].must == "brake" for name in brake) else ""
+
+    def of(what: str, chosen: Callable[[Account], bool], names: list[str], group: str) -> str:
+        return _count(what, [name for name in names if chosen(kinds[name])], names, group, runs)
+
+    parts = []
+    if brake:
+        parts.append(of("collision", lambda a: a.kind in ("hit", "mitigated"), brake, group))
+        mitigated = sum(kinds[name].kind == "mitigated" for name in brake)
+        hits = sum(kinds[name].kind == "hit" for name in brake)
+        parts[-1] += f", {_of_them(mitigated, hits + mitigated)}mitigated" if mitigated else ""
+        applies = [name for name in brake if kinds[name].false_activation is not None]
+        if applies and (not nothing or any(kinds[name].false_activation for name in applies)):
+            parts.append(of("false activation", lambda a: bool(a.false_activation), applies, group))
+    if nothing:
+        if any(kinds[name].kind in ("hit", "mitigated") for name in nothing):
+            parts.append(
+                of("collision", lambda a: a.kind in ("hit", "mitigated"), nothing, " in nothing scenes")
+            )
+        parts.append(
+            of("false activation", lambda a: bool(a.false_activation), nothing, " in nothing scenes")
+        )
+        parts.append(of("unnecessary braking", lambda a: a.unnecessary, nothing, " in nothing scenes"))
+        adapted = sum(kinds[name].unnecessary and not kinds[name].false_activation for name in nothing)
+        braked = sum(kinds[name].unnecessary for name in nothing)
+        parts[-1] += f", {_of_them(adapted, braked)}by speed adaptation alone" if adapted else ""
+    for kind, why in (("cut", "cut off by the time limit"), ("invalid", "without conflict")):
+        if number := sum(account.kind == kind for account in kinds.values()):
+            parts.append(f"{number} run{'s' if number > 1 else ''} {why}, in no rate")
+    return parts
 
 
 _NAMED = 12
@@ -129,10 +178,17 @@ def _in_order(runs: pd.DataFrame) -> pd.DataFrame:
     return runs if by_scenario(runs) else runs.sort_values("v_test_kmh")
 
 
-def _count(what: str, chosen: list[str], runs: pd.DataFrame) -> str:
+def _of_them(count: int, of: int) -> str:
+    """`2 of them `, or nothing where it is all of them."""
+    return "" if count == of else f"{count} of them "
+
+
+def _count(what: str, chosen: list[str], of: list[str], group: str, runs: pd.DataFrame) -> str:
+    """`collision in 1 of 2 runs in must-brake scenes (at 60 km/h)`, or `no collision in 2 runs`."""
+    runs_there = f"{len(of)} run{'s' if len(of) > 1 else ''}{group}"
     if not chosen:
-        return f"no {what}"
-    found = f"{what} in {len(chosen)} of {len(runs)} runs"
+        return f"no {what} in {runs_there}"
+    found = f"{what} in {len(chosen)} of {runs_there}"
     if len(set(runs["scenario"])) > 1:
         return found
     speeds = sorted(set(runs.loc[runs["log"].isin(chosen), "v_test_kmh"]))
@@ -192,11 +248,11 @@ def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:
     if runs.empty:
         return None
     names = [str(name) for name in runs["log"]]
-    worst = min(names, key=lambda name: SEVERITY.index(accounts[name].kind))
+    worst = min(names, key=lambda name: KINDS.index(accounts[name].kind))
     score, most = float(runs["score"].mean()), float(runs["score_max"].mean())
     kind = accounts[worst].kind
-    text, colour = "", _tint(_SHARES[kind])
-    if not math.isnan(score):
+    text, colour = "", _tint(_SHARES[kind]) if kind in _SHARES else _UNDECIDED
+    if not math.isnan(score) and kind in _SHARES:
         text, colour = f"{score:.2f} of {most:g}", _tint(score / most if most else 0.0)
     outcome = accounts[worst].outcome
     if len(names) > 1:

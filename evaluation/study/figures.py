@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation.pictures import STAMPS
-from evaluation.plots.style import (
-    BLACK,
-    BLUE,
-    FONT_PT,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    SMALL_PT,
-    VERMILLION,
-    LineStyle,
-    new_figure,
-    set_style,
-    set_title,
-)
+from evaluation.plots.strategies import strategy_looks
+from evaluation.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style, set_title
 from evaluation.settings import PARAMETERS, setting_text
 from evaluation.study.answer import Curve, curves
 from evaluation.study.grid import Point
@@ -36,25 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {"rectangular": (VERMILLION, "s"), "map": (BLUE, "o"), "all": (BLACK, "D")}
-OWN_LOOKS = ((GREEN, "^"), (PURPLE, "v"), (ORANGE, "P"), (SKY, "X"))
-"""Colour and marker of the shipped strategies, and in turn of the user's own."""
 FORMATS = ("png", "svg")
 
 
-def looks(strategies: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Colour and marker of each strategy."""
-    names = list(dict.fromkeys(strategies))
-    own = dict(zip((name for name in names if name not in LOOKS), itertools.cycle(OWN_LOOKS), strict=False))
-    return {name: LOOKS.get(name) or own[name] for name in names}
-
-
 def _curve_looks(found: Sequence[Curve]) -> list[tuple[str, str, int]]:
-    """Colour, marker and line style of each curve: by strategy, or curve by curve where there is only one."""
-    look = looks(curve.strategy for curve in found)
-    if len(look) == 1:
-        [first] = look.values()
-        return [(*each, 0) for each, _ in zip(itertools.cycle((first, *OWN_LOOKS)), found, strict=False)]
+    """Colour and marker of each curve's strategy, and which of its strategy's curves it is."""
+    look = strategy_looks(curve.strategy for curve in found)
     seen = [curve.strategy for curve in found]
     return [(*look[name], seen[:k].count(name)) for k, name in enumerate(seen)]
 
@@ -92,10 +64,10 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
         set_style(axes)
         set_title(axes, heading, room=40)
         axes.set_xlabel(label, fontsize=SMALL_PT)
-        # points that fall on one another stay visible: each is smaller than the one below
+        # curves that fall on one another stay visible: each is smaller and thinner than the one below
         drawn.append(
             [
-                _curve(axes, curve, name, look[k], 4.5 if curve.values else 4.5 + 1.3 * (len(found) - 1 - k))
+                _curve(axes, curve, name, look[k], (len(found) - 1 - k) / max(len(found) - 1, _FEW_CURVES))
                 for k, curve in enumerate(found)
             ]
         )
@@ -134,6 +106,9 @@ _WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
 _LEGEND_IN = 0.165
 """Height of a line of the legend."""
 _LINES: tuple[LineStyle, ...] = ("-", "--", ":")
+_WIDER_PT, _FEW_CURVES = 5.2, 4
+"""How much larger the markers of the lowest curve are than those of the highest, if there are so many
+above."""
 PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
 """Width of each strategy's area in the paper and in its authors' code, metres."""
 _NAMES = {
@@ -151,9 +126,18 @@ def _name(curve: Curve) -> str:
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
 
 
-def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], size_pt: float) -> list[Mark]:
-    """Draw a curve; the first of a strategy is solid and filled, others are dashed and open."""
+def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], above: float) -> list[Mark]:
+    """Draw a curve; the first of a strategy is solid and filled, others are dashed and open.
+
+    Args:
+        axes: where to draw.
+        curve: points.
+        name: what its x axis shows.
+        look: colour, marker, and which of its strategy's curves it is.
+        above: share of the curves that is drawn above it, and must not hide it.
+    """
     colour, marker, style = look
+    size_pt = 4.5 + _WIDER_PT * above
     rates: list[Estimate] = [getattr(row, name) for row in curve.rows]
     avoided = [row.avoided for row in curve.rows]
     x, y = [100 * rate.value for rate in rates], [100 * rate.value for rate in avoided]
@@ -165,7 +149,8 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], size
     )  # fmt: skip
     axes.plot(
         x, y,
-        color=colour, linestyle=_LINES[style % len(_LINES)], linewidth=1.3, zorder=3, label=_name(curve),
+        color=colour, linestyle=_LINES[style % len(_LINES)], linewidth=1.3 + 0.5 * (size_pt - 4.5), zorder=3,
+        label=_name(curve),
         marker=marker, markersize=size_pt,
         markerfacecolor="white" if style else colour,
     )  # fmt: skip
@@ -183,7 +168,7 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     """Change of avoidance and of false stops when one choice is changed; a line per choice and strategy."""
     base = {row.strategy: row for row in rows if not row.settings}
     changed = [row for row in rows if row.settings and row.strategy in base]
-    look = looks(row.strategy for row in changed)
+    look = strategy_looks(row.strategy for row in changed)
     figure = new_figure(1.3 + 0.17 * len(changed))
     panels = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.37, right=0.98, bottom=0.75 / figure.get_figheight(), wspace=0.12)

@@ -14,10 +14,11 @@ import numpy as np
 import rich.console
 
 from evaluation.fingerprint import fingerprint, version
+from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
 from evaluation.results import ResultsError, Table, markdown_table, rich_table
 from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, preset_of
-from evaluation.study.figures import FORMATS, looks, save
+from evaluation.study.figures import FORMATS, save
 from evaluation.study.intervals import Estimate, mean_t
 from evaluation.study.journal import Journal
 from evaluation.study.progress import progress_bar
@@ -338,11 +339,12 @@ def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figu
         ("tracks per frame", _tracks),
         ("first request (s)", _flag_s),
     )
+    looks = strategy_looks(run.strategy for run in runs)
     for axes, (title, summary) in zip(panels, summaries, strict=True):
         set_style(axes)
         set_title(axes, title, room=26)
         axes.set_xlabel("other participants", fontsize=SMALL_PT)
-        for rank, (strategy, (colour, marker)) in enumerate(looks(run.strategy for run in runs).items()):
+        for rank, (strategy, (colour, marker)) in enumerate(looks.items()):
             axes.plot(
                 counts,
                 [summary(_cell(pairs, strategy, others)).value for others in counts],

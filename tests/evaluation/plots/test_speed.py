@@ -22,7 +22,7 @@ def test_curves_one_panel_per_strategy_and_curve_per_speed(look: Any, sweep: Any
     assert first.get_ylabel() == "Vehicle speed (km/h)"
     assert look.overlapping_texts(figure) == []
     legend = look.legend(figure)
-    assert legend == [*(f"{speed:g} km/h" for speed in sweep.speeds_kmh), "collision flag", "contact"]
+    assert legend == [*(f"{speed:g} km/h" for speed in sweep.speeds_kmh), "brake requested", "contact"]
 
 
 def test_curves_end_at_the_impact_speed_with_a_circle(look: Any, sweep: Any) -> None:
@@ -84,7 +84,9 @@ def test_curves_name_runs_without_t0(look: Any, sweep: Any) -> None:
     runs.loc[runs["v_test_kmh"] == 60.0, ["t0_s", "flag_time_s"]] = np.nan
     figure = speed_curves(runs, logs)
     assert len(look.by_gid(figure, "curve")) == 10
-    assert any(text.startswith("no stop or contact") and "60 km/h" in text for text in look.texts(figure))
+    assert any(
+        text.startswith("no emergency stop, no contact") and "60 km/h" in text for text in look.texts(figure)
+    )
 
 
 def test_a_speed_keeps_its_colour() -> None:

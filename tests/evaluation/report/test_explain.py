@@ -35,8 +35,8 @@ def account_of(results: RunFolder, strategy: str, speed_kmh: float) -> tuple[Any
 def test_a_hit_names_speed_distance_and_what_the_brakes_need(results: RunFolder) -> None:
     account, run, _ = account_of(results, "rectangular", 60.0)
     assert run["collided"]
-    assert account.kind == "hit"
-    assert account.finding == f"Hits the test's pedestrian at {run['v_impact_kmh']:.1f} km/h."
+    assert account.kind == "mitigated"
+    assert account.finding == f"Hits the target pedestrian at {run['v_impact_kmh']:.1f} km/h."
     # from the ego's front to the tracked box, which has 5 cm of noise
     left = float(account.why.split(" m before")[0].split()[-1])
     assert left == pytest.approx(run["flag_distance_m"], abs=0.35)
@@ -48,7 +48,7 @@ def test_a_hit_names_speed_distance_and_what_the_brakes_need(results: RunFolder)
     assert f"from 60 km/h these brakes need {need:.1f} m" in account.why
     assert f"the rectangle, which ends {PAPER.rectangular.max_length_m:.1f} m" in account.why
     assert "was out of reach until then" in account.why
-    assert account.story[-1].startswith("Contact: hits the test's pedestrian")
+    assert account.story[-1].startswith("Contact: hits the target pedestrian")
 
 
 def test_a_stop_names_the_distance_left(results: RunFolder) -> None:
@@ -94,7 +94,7 @@ def bystander_scene(drive: Any, strategy: Any, *, moving: bool = False) -> Scene
     return read_scene(drive().log(*rows), strategy)
 
 
-def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any) -> None:
+def test_a_false_activation_says_for_what_where_and_why(drive: Any, run_row: Any) -> None:
     from evaluation.report.folder import Setting
 
     area = RectangularArea(PHYSICAL.rectangular, PHYSICAL.pipeline.braking_distance)
@@ -118,7 +118,9 @@ def test_a_stop_for_a_bystander_says_who_where_and_why(drive: Any, run_row: Any)
     setting = Setting("empty", Empty(), AlongX(), PHYSICAL, area)
     account = explain(scene, run, setting)
     assert account.kind == "false"
-    assert account.finding == "Brakes for nobody in its way."
+    assert account.finding == (
+        "False activation: emergency braking from 36 km/h to 36 km/h for another pedestrian."
+    )
     # at 0.8 s the front is at 8 + 2.2 m, the pedestrian's box begins at 18 - 0.25 m
     assert "7.5 m before another pedestrian, standing off the road, 2.4 m to the right" in account.why
     length = 1.4 * PHYSICAL.pipeline.braking_distance.at(10.0)
@@ -141,7 +143,7 @@ def test_without_an_area_everything_counts(drive: Any, run_row: Any, results: Ru
     assert "everything ahead counts, wherever it is" in account.why
 
 
-def test_an_object_dropped_before_is_told(drive: Any, run_row: Any) -> None:
+def test_an_object_dropped_before_is_named(drive: Any, run_row: Any) -> None:
     """It is detected all the time, but tracked for two frames only: the area had dropped it."""
     rows: list[dict[str, Any]] = []
     for time in drive().time_s:
@@ -157,7 +159,7 @@ def test_an_object_dropped_before_is_told(drive: Any, run_row: Any) -> None:
 @pytest.mark.parametrize(
     ("strategy", "rows", "reason"),
     [
-        ("none", [], "nobody watches"),
+        ("none", [], "Nothing watches"),
         ("map", [], "Nothing was ever detected"),
         ("map", [("detection", "dropped")], "dropped every detection"),
         (
@@ -175,11 +177,141 @@ def test_a_hit_without_braking_has_a_reason(
     more.append({"time_s": 1.0, "kind": "actor", "label": "target"} | BYSTANDER)
     run = run_row(strategy=strategy, collided=True, v_impact_kmh=36.0, contact_time_s=1.0, t0_s=1.0)
     account = explain(read_scene(drive().log(*more), None), run, None)
-    assert account.finding == "Hits the test's pedestrian at 36.0 km/h without braking."
+    assert account.finding == "Hits the target pedestrian at 36.0 km/h without braking."
     assert reason in account.why
 
 
-def test_a_quiet_drive(drive: Any, run_row: Any) -> None:
+def test_an_ego_that_keeps_its_speed_does_not_brake(drive: Any, run_row: Any) -> None:
     account = explain(read_scene(drive().log(), None), run_row(), None)
-    assert (account.kind, account.finding, account.why) == ("pass", "Never brakes, and touches nobody.", "")
+    assert (account.kind, account.outcome, account.why) == ("pass", "no braking", "")
+    assert account.finding == "Keeps its speed within 1 km/h, and passes without contact."
+    assert not account.unnecessary
     assert not math.isnan(float(account.status[0].split()[0]))
+
+
+def slows(drive: Any, to_kmh: float, *, tracked: bool = True, from_kmh: float = 50.0) -> Any:
+    """Log of an ego that loses speed evenly over 2 s, with a pedestrian 2.4 m to the right of its axis."""
+    driven = drive(speed_mps=from_kmh / 3.6, frames=41)
+    rows: list[dict[str, Any]] = [
+        {"time_s": now, "kind": kind, "label": label} | BYSTANDER | {"x_m": 60.0}
+        for now in driven.time_s
+        for kind, label in (("actor", "other"), ("track", "static"))
+        if tracked or kind == "actor"
+    ]
+    log, time = driven.log(*rows), driven.time_s
+    decel = (from_kmh - to_kmh) / 3.6 / time[-1]
+    own = log["kind"] == "ego"
+    log.loc[own, "speed_mps"] = from_kmh / 3.6 - decel * time
+    log.loc[own, "x_m"] = from_kmh / 3.6 * time - decel * time**2 / 2
+    log.loc[own, "accel_mps2"] = -decel
+    return log
+
+
+class Sidewalk:
+    """A map that is all sidewalk."""
+
+    class lanes:  # noqa: N801
+        lane_type = ("sidewalk",)
+
+    def locate(self, points: Any) -> Any:
+        return type("Hits", (), {"lane": np.zeros(len(points), dtype=int)})()
+
+
+class Elsewhere:
+    """A route on another lane."""
+
+    lanes = (7,)
+
+
+def setting_of(must: str) -> Any:
+    from evaluation.report.folder import Setting
+
+    return Setting("map", Sidewalk(), Elsewhere(), PHYSICAL, None, must)
+
+
+def test_slowing_is_said_with_its_depth_and_its_cause(drive: Any, run_row: Any) -> None:
+    """(50 - 12) / 3.6 m/s in 2 s are 5.3 m/s2."""
+    run = run_row(false_activation=False, v_test_kmh=50.0)
+    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("nothing"))
+    assert account.kind == "unnecessary"
+    assert account.unnecessary
+    assert account.outcome == "unnecessary braking to 12 km/h"
+    assert account.finding == (
+        "Unnecessary braking: slows from 50 to 12 km/h at 5.3 m/s² for another pedestrian, who stayed on the "
+        "sidewalk, without an emergency."
+    )
+    assert (
+        account.story[-1] == "Slows without an emergency for another pedestrian, who stayed on the sidewalk."
+    )
+
+
+def test_slowing_in_a_must_brake_scene_avoids_the_collision(drive: Any, run_row: Any) -> None:
+    run = run_row(false_activation=False, v_test_kmh=50.0)
+    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
+    assert account.finding.startswith("Collision avoided. Slows from 50 to 12 km/h at 5.3 m/s² for another")
+
+
+def test_a_standstill_by_speed_adaptation_is_one(drive: Any, run_row: Any) -> None:
+    account = explain(read_scene(slows(drive, 0.0), None), run_row(), setting_of("nothing"))
+    assert account.outcome == "unnecessary braking to a standstill"
+    assert "from 50 km/h to a standstill at 6.9 m/s²" in account.finding
+
+
+@pytest.mark.parametrize(
+    ("to_kmh", "kind", "unnecessary"),
+    [
+        (49.1, "pass", False),  # within the tolerance of a test's speed
+        (48.0, "stop", False),  # 0.3 m/s2: it is let roll
+        (42.0, "unnecessary", True),  # 1.1 m/s2
+    ],
+)
+def test_what_counts_as_braking(
+    drive: Any, run_row: Any, to_kmh: float, kind: str, unnecessary: bool
+) -> None:
+    account = explain(read_scene(slows(drive, to_kmh), None), run_row(), setting_of("nothing"))
+    assert (account.kind, account.unnecessary) == (kind, unnecessary)
+    assert ("Keeps its speed" in account.finding) == (kind == "pass")
+    assert ("no braking" in account.outcome) == (kind == "pass")
+
+
+def test_slowing_that_the_scenario_asks_for_is_no_unnecessary_braking(drive: Any, run_row: Any) -> None:
+    account = explain(read_scene(slows(drive, 12.0, tracked=False), None), run_row(), setting_of("nothing"))
+    assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
+    assert account.why == "Nothing that it tracks is in its way then."
+    unbraked = run_row(strategy="none")
+    account = explain(read_scene(slows(drive, 12.0), None), unbraked, setting_of("nothing"))
+    assert account.why == "Nothing watches in this run: the scenario slows the ego."
+    assert "slows from 50 to 12 km/h at 5.3 m/s²" in account.finding.lower()
+
+
+def test_a_must_brake_run_in_which_nothing_braked_has_no_conflict(drive: Any, run_row: Any) -> None:
+    account = explain(read_scene(drive().log(), None), run_row(), setting_of("brake"))
+    assert (account.kind, account.outcome) == ("invalid", "no conflict")
+    assert "avoided" not in account.finding
+
+
+def test_a_run_cut_off_avoids_nothing(drive: Any, run_row: Any) -> None:
+    run = run_row(end_reason="time_limit")
+    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    assert (account.kind, account.outcome) == ("cut", "cut off")
+    assert "avoided" not in account.finding
+    assert account.finding.endswith("The time limit ended the run at t = 2.0 s.")
+    # what it did wrong before remains
+    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("nothing"))
+    assert account.kind == "unnecessary"
+
+
+def test_a_contact_after_slowing_is_mitigated(drive: Any, run_row: Any) -> None:
+    run = run_row(collided=True, v_impact_kmh=12.0, contact_time_s=2.0, t0_s=2.0)
+    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    assert (account.kind, account.outcome) == ("mitigated", "mitigated, 12.0 km/h")
+    assert account.finding.startswith(
+        "Hits another pedestrian at 12.0 km/h, slowed from 50 to 13 km/h at 5.3 m/s² for another pedestrian"
+    )
+
+
+def test_a_standing_ego_is_hit(drive: Any, run_row: Any) -> None:
+    run = run_row(collided=True, v_impact_kmh=0.0, contact_time_s=2.0, t0_s=2.0)
+    account = explain(read_scene(slows(drive, 0.0), None), run, setting_of("nothing"))
+    assert account.finding == "Is hit by another pedestrian while it stands."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import subprocess
 from collections.abc import Callable
@@ -105,6 +106,28 @@ def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:
                 assert image[rows, columns].min() > 250, (frame, rows, columns)
         # and a free strip between the story and the legend
         assert (image[640:680].min(axis=(1, 2)) > 250).any()
+
+
+def test_texts_do_not_stand_over_each_other(folder: Path, name: str) -> None:
+    """Speed, acceleration and a long count of what perception holds share a line."""
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    scene = read_scene(results_folder.log(name), None)
+    status = "115.5 km/h, speeding up at 2.8 m/s² · 103 of 110 detections kept · 103 tracked, 10 on a "
+    account = dataclasses.replace(
+        explain(scene, run, None), status=(f"{status}collision course",) * len(scene)
+    )
+    film = Film(scene, account, None, "title", "#d55e00")
+    film.picture(0)
+    figure = film._figure
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    boxes = [text.get_window_extent(renderer) for text in figure.texts if text.get_text()]
+    boxes += [text.get_window_extent(renderer) for legend in figure.legends for text in legend.get_texts()]
+    assert len(boxes) > 8
+    for one, two in itertools.combinations(boxes, 2):
+        assert not one.overlaps(two)
+    # the strategy's colour, above the heading
+    assert film.picture(0)[3, 480].tolist() == [0xD5, 0x5E, 0x00]
 
 
 def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:

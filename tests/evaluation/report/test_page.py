@@ -81,7 +81,7 @@ def test_every_run_has_its_finding_and_can_be_opened(text: str, folder: Path) ->
     assert len(lines) == len(runs)
     hits = runs.loc[runs["collided"], "v_impact_kmh"]
     assert len(hits) > 0
-    assert sum("Hits the test's pedestrian" in line for line in lines) == len(hits)
+    assert sum("Hits the target pedestrian" in line for line in lines) == len(hits)
     for impact in hits:
         assert any(f"at {impact:.1f} km/h" in line for line in lines)
     options = {option.get("value") for option in all_of(document, "option")}
@@ -177,18 +177,22 @@ def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
             assert cell is not None
             assert cell.log == run["log"]
             assert cell.score == f"{run['score']:.2f} of {run['score_max']:g}"
-            assert (cell.mark == "✕") == run["collided"]
+            assert (cell.mark == "◐") == run["collided"]
     titles = {view.log: view.title for view in content.runs}
     found = {verdict.strategy: verdict for verdict in verdicts(runs, accounts, titles)}
-    assert found["rectangular"].headline == "Contact in 1 of 2 runs (at 60 km/h), no stop for nobody."
-    assert found["map"].headline == "No contact, no stop for nobody."
+    assert found["rectangular"].headline == (
+        "Collision in 1 of 2 runs (at 60 km/h), mitigated; no false activation in 2 runs."
+    )
+    assert found["map"].headline == "No collision in 2 runs; no false activation in 2 runs."
     assert found["map"].reasons == ()
-    assert [reason.title for reason in found["rectangular"].reasons] == ["Why the hit (rectangular, 60 km/h)"]
+    assert [reason.title for reason in found["rectangular"].reasons] == [
+        "Why the collision (rectangular, 60 km/h)"
+    ]
 
 
 def test_the_first_run_shown_is_a_failure(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
-    assert content.runs[content.first].account.kind == "hit"
+    assert content.runs[content.first].account.kind == "mitigated"
 
 
 def test_curves_end_at_stop_or_contact(folder: Path) -> None:
@@ -226,5 +230,7 @@ def test_the_diagram_shows_the_events_of_the_log(folder: Path) -> None:
         log = results_folder.log(view.log)
         events = log[log["kind"] == "event"]
         trace = next(t for t in unpack(view.packed)["diagram"]["data"] if t.get("name") == "events")
-        assert trace["text"] == events["label"].tolist()
+        shown = events["label"].replace("collision", "collision predicted")
+        assert trace["text"] == shown.tolist()
+        assert (events["label"] == "collision").any()
         assert trace["x"] == pytest.approx(events["time_s"].tolist(), abs=0.0006)

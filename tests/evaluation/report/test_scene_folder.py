@@ -1,4 +1,4 @@
-"""A page of scenes in which nothing should happen: who stops for nobody in a bend, and why."""
+"""A page of scenes in which nothing should happen: what brakes in a bend, and why."""
 
 from pathlib import Path
 
@@ -27,23 +27,26 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log_runs(options, [run for run in all_scenes() if run.name in (BEND, CROSSES)])
 
 
-def test_stops_for_nobody_are_found_and_explained(folder: Path) -> None:
+def test_unnecessary_braking_is_found_and_explained(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
     accounts = {(view.strategy, view.log.split("_")[0]): view.account for view in content.runs}
     bend = BEND.replace(", ", "-").replace(" ", "-").replace("/", "-")
     rectangle, lanes = accounts["rectangular", bend], accounts["map", bend]
     # the rectangle lies over the sidewalk: the ego follows somebody who stands there, until it stands
-    assert (rectangle.kind, rectangle.outcome) == ("false", "waits for nobody")
-    assert "without an emergency" in rectangle.finding
-    assert "(on the sidewalk)" in rectangle.why
-    assert rectangle.story[-1] == "Stands behind who is taken to be in its way, without an emergency."
+    assert (rectangle.kind, rectangle.outcome) == (
+        "unnecessary", "unnecessary braking to a standstill"
+    )  # fmt: skip
+    assert "slows from 50 km/h to a standstill at " in rectangle.finding
+    assert "who stayed on the sidewalk, without an emergency." in rectangle.finding
+    assert rectangle.story[-1].startswith("Stands without an emergency behind ")
     # the map's area holds them in its margin; what makes them a threat is the forecast of the ego
-    assert (lanes.kind, lanes.outcome) == ("false", "false stop")
+    assert (lanes.kind, lanes.outcome) == ("false", "false activation")
     assert "in the margin of 1.8 m" in lanes.why
     assert "does not know the road: there it is " in lanes.why
     assert "m to the right of where the ego will drive." in lanes.why
+    assert "emergency braking from 50 km/h to a standstill" in lanes.finding
     for verdict in content.verdicts:
-        assert "top for nobody in 1 of 2 runs" in verdict.headline
+        assert "unnecessary braking in 1 of 1 run in nothing scenes" in verdict.headline
 
 
 def test_scenes_are_lines_and_strategies_columns(folder: Path) -> None:
@@ -53,24 +56,25 @@ def test_scenes_are_lines_and_strategies_columns(folder: Path) -> None:
     assert matrix.columns == ["rectangular", "map"]
     assert [name for name, _ in matrix.lines] == [BEND, CROSSES]
     marks = [[cell.mark if cell else "" for cell in cells] for _, cells in matrix.lines]
-    assert marks[0] == ["!", "!"]
-    assert "!" not in marks[1]
+    assert marks[0] == ["▼", "!"]
+    assert marks[1] == ["✓", "✓"]
     assert content.title == f"{BEND}, {CROSSES}"
 
 
-def test_the_page_opens_with_the_false_emergency_stop_at_its_request(folder: Path) -> None:
+def test_the_page_opens_with_the_false_activation_at_its_request(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
     first = content.runs[content.first]
-    assert (first.strategy, first.account.outcome) == ("map", "false stop")
+    assert (first.strategy, first.account.outcome) == ("map", "false activation")
     assert first.account.story[first.account.frame].startswith("Emergency brake since")
     assert first.account.story[first.account.frame - 1] == "Follows its lane."
     # the run without an emergency opens where the ego has come to a standstill, and says what is to blame
-    waits = next(view.account for view in content.runs if view.account.outcome == "waits for nobody")
-    assert waits.story[waits.frame].startswith("Stands behind")
-    assert not waits.story[waits.frame - 1].startswith("Stands behind")
+    waits = next(view.account for view in content.runs if view.account.kind == "unnecessary")
+    assert waits.story[waits.frame].startswith("Stands without an emergency")
+    assert not waits.story[waits.frame - 5].startswith("Stands")
     assert "inside the rectangle, up to 2.6 m to each side, which knows no lanes" in waits.why
     rectangle = next(verdict for verdict in content.verdicts if verdict.strategy == "rectangular")
-    assert "stop for nobody in 1 of 2 runs, all of them without an emergency" in rectangle.headline
+    assert "no false activation in 1 run in nothing scenes" in rectangle.headline
+    assert rectangle.headline.endswith(", by speed adaptation alone.")
 
 
 def test_many_scenarios_share_the_diagram_of_their_strategy(folder: Path) -> None:
@@ -87,7 +91,7 @@ def test_many_scenarios_share_the_diagram_of_their_strategy(folder: Path) -> Non
             assert curve["hovertemplate"].startswith(f"{scenario}: ")
     # the rectangle's ego waits on the bend: neither an emergency stop nor a contact
     (note,) = panels[0][1]["layout"]["annotations"]
-    assert note["text"] == "1 of 2 runs end in neither stop nor contact"
+    assert note["text"] == "1 of 2 runs end in neither emergency stop nor contact"
 
 
 def test_scenarios_as_lines_have_impact_speeds_once(folder: Path) -> None:

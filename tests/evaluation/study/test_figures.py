@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from evaluation.study.figures import frontier, looks, save
+from evaluation.plots.strategies import strategy_colour
+from evaluation.study.figures import frontier, save
 from evaluation.study.grid import Point
 from evaluation.study.intervals import Estimate
 from evaluation.study.table import Summary
@@ -98,10 +100,39 @@ def test_equal_figures_are_equal_bytes(tmp_path: Path) -> None:
     assert first == second
 
 
-def test_strategies_of_the_users_own_have_looks_of_their_own() -> None:
-    names = ["map", "mine:one", "rectangular", "mine:two", "all", "mine:one"]
-    look = looks(names)
-    assert list(look) == ["map", "mine:one", "rectangular", "mine:two", "all"]
-    assert len(set(look.values())) == 5
-    assert looks(["map"])["map"] == look["map"]
-    assert len(looks(f"mine:{k}" for k in range(20))) == 20
+ALONE = (Point("rectangular"), Point("map"), Point("all"), Point("mine:one"), Point("mine:two"))
+
+
+def colours_of(points: tuple[Point, ...]) -> dict[str, set[object]]:
+    """Colours of the curves of each strategy, by name in the legend."""
+    figure = frontier([summary(point, 0.5, 0.1) for point in points], points, "test")
+    found: dict[str, set[object]] = {}
+    for axes in figure.axes:
+        for line in axes.get_lines():
+            found.setdefault(str(line.get_label()), set()).add(line.get_color())
+    return {name: found[name] for name in found if not name.startswith("_")}
+
+
+def test_a_strategy_has_one_colour_however_many_are_shown() -> None:
+    together = colours_of(ALONE)
+    assert len(together) == 5
+    assert all(len(colours) == 1 for colours in together.values())
+    for point in ALONE:
+        [(name, colours)] = colours_of((point,)).items()
+        assert colours == together[name] == {strategy_colour(point.strategy)}
+
+
+def test_curves_on_the_same_points_are_all_seen() -> None:
+    """A comparison of few scenes: every strategy avoids everything, and each is still to be seen."""
+    figure = frontier([summary(point, 1.0, 0.2) for point in ALONE], ALONE, "test")
+    assert isinstance(figure.canvas, FigureCanvasAgg)
+    figure.canvas.draw()
+    image = np.asarray(figure.canvas.buffer_rgba())[:, :, :3].astype(int)
+    for axes in figure.axes:
+        box = axes.get_window_extent()
+        view = image[
+            round(image.shape[0] - box.y1) : round(image.shape[0] - box.y0), round(box.x0) : round(box.x1)
+        ]
+        for point in ALONE:
+            colour = np.rint(np.array(to_rgb(strategy_colour(point.strategy))) * 255)
+            assert (np.abs(view - colour).max(axis=2) < 12).sum() > 40, point
