@@ -601,11 +601,12 @@ def _stay(scene: Scene, frame: int, track: pd.Series[float], setting: Setting | 
     actor = _actor(scene, frame, track)
     if setting is None or actor is None:
         return ""
-    here = actor[["x_m", "y_m"]].to_numpy(np.float64)[None]
+    here = np.array([[actor["x_m"], actor["y_m"]]], dtype=np.float64)
     who = "who" if is_vulnerable(np.array([str(actor["category"])], dtype=np.str_))[0] else "which"
     own = scene.objects["actor"]
     own = own[(own["id"] == actor["id"]) & (own["frame"] % _STAYED_EVERY == 0)]
-    places = {_place(setting, center[None]) for center in own[["x_m", "y_m"]].to_numpy(np.float64)}
+    centers: FloatArray = own[["x_m", "y_m"]].to_numpy(np.float64)
+    places = {_place(setting, centers[[k]]) for k in range(len(centers))}
     now = _place(setting, here)
     return f"{who} stayed {now}" if places == {now} else f"{who} was {now} then"
 

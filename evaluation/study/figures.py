@@ -32,9 +32,9 @@ def _curve_looks(found: Sequence[Curve]) -> list[tuple[str, str, int]]:
 
 
 def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Figure:
-    """Avoidance against false stops: a curve per strategy, the width of its area along it.
+    """Collisions avoided against unnecessary stops: a curve per strategy, the width of its area along it.
 
-    Left, false stops are emergency requests; right, standstills by mere speed adaptation count as well.
+    Left, false activations; right, standstills by speed adaptation count as well.
     Better is up and to the left. The paper's own widths are ringed.
 
     Args:
@@ -53,25 +53,27 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
     drawn: list[list[list[Mark]]] = []
     for axes, name, label, heading in (
-        (panels[0], "false_activations", "runs with an emergency stop (%)", "Emergency stops for nobody"),
+        (
+            panels[0],
+            "false_activations",
+            "false activations (% of nothing scenes)",
+            "False activations",
+        ),
         (
             panels[1],
             "needless_stops",
-            "runs with an emergency stop or a standstill (%)",
-            "All stops for nobody",
+            "activations or standstills (% of nothing scenes)",
+            "Unnecessary stops",
         ),
     ):
         set_style(axes)
         set_title(axes, heading, room=40)
         axes.set_xlabel(label, fontsize=SMALL_PT)
-        # curves that fall on one another stay visible: each is smaller and thinner than the one below
+        # curves that fall on one another stay visible: the lower one is larger and thicker
         drawn.append(
-            [
-                _curve(axes, curve, name, look[k], (len(found) - 1 - k) / max(len(found) - 1, _FEW_CURVES))
-                for k, curve in enumerate(found)
-            ]
+            [_curve(axes, curve, name, look[k], _hiding(found, k, name)) for k, curve in enumerate(found)]
         )
-    panels[0].set_ylabel("contacts avoided (%)", fontsize=SMALL_PT)
+    panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
     most = max(mark.x for lines in drawn for line in lines for mark in line)
     widest = min(max(most * 1.12, 30.0), 106.0)
     panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
@@ -82,16 +84,17 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
         write_values(figure, axes, lines, SMALL_PT - 1)
     figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
+    legend = figure.legend(
         handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
         bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
     )  # fmt: skip
+    for line in legend.get_lines():
+        line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
     widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in found if curve.parameter}
-    told = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
-    numbers = f"Numbers along the curves: {told}. Ringed: the paper's.\n" if told else ""
-    count = (
-        f"{rows[0].avoided.count} runs that ask for braking, {rows[0].false_activations.count} that do not"
-    )
+    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
+    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
+    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
     figure.text(
         0.5, 0.015 * _HEIGHT_IN / height,
         f"{numbers}"
@@ -106,9 +109,10 @@ _WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
 _LEGEND_IN = 0.165
 """Height of a line of the legend."""
 _LINES: tuple[LineStyle, ...] = ("-", "--", ":")
-_WIDER_PT, _FEW_CURVES = 5.2, 4
-"""How much larger the markers of the lowest curve are than those of the highest, if there are so many
-above."""
+_MARKER_PT, _LINE_PT, _WIDER_PT = 4.5, 1.3, 3.0
+"""Size of markers, width of lines, and how much both grow for each curve that would hide a curve."""
+_SAME = 0.005
+"""Shares nearer than this fall on one another."""
 PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
 """Width of each strategy's area in the paper and in its authors' code, metres."""
 _NAMES = {
@@ -126,7 +130,22 @@ def _name(curve: Curve) -> str:
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
 
 
-def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], above: float) -> list[Mark]:
+def _hiding(found: Sequence[Curve], k: int, name: str) -> int:
+    """How many of the curves drawn after one lie on all of its points."""
+
+    def points(curve: Curve) -> list[tuple[float, float]]:
+        return [(getattr(row, name).value, row.avoided.value) for row in curve.rows]
+
+    def lie_on(above: Curve) -> bool:
+        there = points(above)
+        return all(
+            any(abs(x - u) < _SAME and abs(y - v) < _SAME for u, v in there) for x, y in points(found[k])
+        )
+
+    return sum(map(lie_on, found[k + 1 :]))
+
+
+def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int) -> list[Mark]:
     """Draw a curve; the first of a strategy is solid and filled, others are dashed and open.
 
     Args:
@@ -134,10 +153,10 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], abov
         curve: points.
         name: what its x axis shows.
         look: colour, marker, and which of its strategy's curves it is.
-        above: share of the curves that is drawn above it, and must not hide it.
+        hiding: how many curves would hide it.
     """
     colour, marker, style = look
-    size_pt = 4.5 + _WIDER_PT * above
+    size_pt = _MARKER_PT + _WIDER_PT * hiding
     rates: list[Estimate] = [getattr(row, name) for row in curve.rows]
     avoided = [row.avoided for row in curve.rows]
     x, y = [100 * rate.value for rate in rates], [100 * rate.value for rate in avoided]
@@ -149,23 +168,22 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], abov
     )  # fmt: skip
     axes.plot(
         x, y,
-        color=colour, linestyle=_LINES[style % len(_LINES)], linewidth=1.3 + 0.5 * (size_pt - 4.5), zorder=3,
-        label=_name(curve),
-        marker=marker, markersize=size_pt,
+        color=colour, linestyle=_LINES[style % len(_LINES)], label=_name(curve), zorder=3,
+        linewidth=_LINE_PT + size_pt - _MARKER_PT, marker=marker, markersize=size_pt,
         markerfacecolor="white" if style else colour,
     )  # fmt: skip
     ringed = [k for k, value in enumerate(curve.values) if value == PAPER_WIDTHS.get(curve.strategy)]
     axes.plot(
         [x[k] for k in ringed], [y[k] for k in ringed],
-        linestyle="none", marker="o", markersize=9.5, markerfacecolor="none", markeredgecolor=colour,
-        markeredgewidth=0.8, zorder=4,
+        linestyle="none", marker="o", markersize=size_pt + 5.0, zorder=4,
+        markerfacecolor="none", markeredgecolor=colour, markeredgewidth=0.8,
     )  # fmt: skip
     values = [f"{value:g}" for value in curve.values] or [""] * len(x)
     return [Mark(*mark, colour) for mark in zip(x, y, values, strict=True)]
 
 
 def ablation(rows: Sequence[Summary], title: str) -> Figure:
-    """Change of avoidance and of false stops when one choice is changed; a line per choice and strategy."""
+    """Change of collisions avoided and of false activations by one changed choice; a line per choice."""
     base = {row.strategy: row for row in rows if not row.settings}
     changed = [row for row in rows if row.settings and row.strategy in base]
     look = strategy_looks(row.strategy for row in changed)
@@ -177,7 +195,7 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     for axes, name, label in zip(
         panels,
         ("avoided", "false_activations"),
-        ("contacts avoided", "false emergency stops"),
+        ("collisions avoided", "false activations"),
         strict=True,
     ):
         set_style(axes)
@@ -198,7 +216,7 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
         height, [f"{row.strategy}, {row.settings}" for row in changed], fontsize=SMALL_PT - 1
     )
     figure.suptitle(title, fontsize=FONT_PT, y=1 - 0.12 / figure.get_figheight())
-    told = ", ".join(
+    usual = ", ".join(
         f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_activations.value:.0f}"
         for name, row in base.items()
     )
@@ -207,7 +225,7 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     ] if changed else []  # fmt: skip
     figure.text(
         0.5, 0.05 / figure.get_figheight(),
-        f"Against the preset as it is, avoided and false stops (%): {told}.\n"
+        f"Against the preset as it is, collisions avoided and false activations (%): {usual}.\n"
         f"The same runs on both sides; one run more or less is {' or '.join(one)} points.",
         ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
     )  # fmt: skip
