@@ -5,7 +5,7 @@ All positions are in the map frame (OpenDRIVE's inertial frame), SI units and ra
 
 from smartmot.association import AssociationConfig
 from smartmot.detection_input import detections_from_arrays, to_map
-from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, TimeOrderError
+from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError
 from smartmot.forecast import ForecastConfig, forecast_tracks
 from smartmot.geometry import bev_iou
 from smartmot.kalman import BevFilterConfig
@@ -68,6 +68,7 @@ __all__ = [
     "Route",
     "ShapeError",
     "SmartMotError",
+    "StampError",
     "Threats",
     "TimeOrderError",
     "Tracker",

@@ -31,9 +31,17 @@ def contested(row: IntArray, column: IntArray) -> BoolArray | None:
     return shared
 
 
+def prepare() -> None:
+    """Import what frames may need of SciPy: start-up stays light, and no frame waits for an import."""
+    import scipy.sparse.csgraph
+    import scipy.spatial  # noqa: F401 - for `smartmot.geometry.near_pairs`
+
+    _hungarian()
+
+
 @cache
 def _hungarian() -> Callable[..., tuple[IntArray, IntArray]]:
-    """SciPy's solver, imported when it is first needed: start-up stays light, and so do frames."""
+    """SciPy's solver."""
     from scipy.optimize import linear_sum_assignment
 
     return linear_sum_assignment

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from smartmot.assignment import contested, solve
+from smartmot.assignment import contested, prepare, solve
 from smartmot.errors import ConfigError
 from smartmot.geometry import bev_giou, iou_exact, iou_scalar, near_pairs
 from smartmot.kalman import Estimate
@@ -244,6 +244,7 @@ class Associator:
     def __init__(
         self, config: AssociationConfig, position_variance_m2: FloatArray, affinity: Affinity | None = None
     ) -> None:
+        prepare()
         self._config = config
         self._variance = position_variance_m2
         # one table instead of three: taken once for all tracks

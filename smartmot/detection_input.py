@@ -7,7 +7,16 @@ from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
 from smartmot.geometry import from_frame, wrap_angle
-from smartmot.types import CATEGORIES, NOTHING_DROPPED, Boxes, Detections, Dropped, FloatArray, unchecked
+from smartmot.types import (
+    CATEGORIES,
+    NOTHING_DROPPED,
+    Boxes,
+    Detections,
+    Dropped,
+    FloatArray,
+    seconds,
+    unchecked,
+)
 
 _KNOWN = frozenset(CATEGORIES)
 
@@ -63,12 +72,10 @@ def detections_from_arrays(
         more than one way counts once: by its box, else its category, else its score.
 
     Raises:
-        ShapeError: The arrays do not have one row per detection, or the time is no number.
+        ShapeError: The arrays do not have one row per detection.
+        StampError: The stamp is no finite number, or not in seconds.
     """
-    try:
-        stamp_s = float(stamp_s)
-    except (TypeError, ValueError):
-        raise ShapeError(f"stamp_s: expected a number of seconds, got {stamp_s!r}") from None
+    stamp_s = seconds(stamp_s, "detections")
     center = _numbers(center_m, (2,), "center_m")
     n = len(center)
     size, yaw = _numbers(size_m, (2,), "size_m"), _numbers(yaw_rad, (), "yaw_rad")

@@ -19,5 +19,9 @@ class TimeOrderError(SmartMotError):
     """A frame is not newer than the one before it."""
 
 
+class StampError(ShapeError, TimeOrderError):
+    """A stamp is no finite number of seconds."""
+
+
 class PluginError(SmartMotError):
     """An object of the user's cannot be loaded, fails, or returns something that cannot be used."""

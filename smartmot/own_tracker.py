@@ -76,7 +76,8 @@ def tracks_from_arrays(
         The tracks, with an empty filter state.
 
     Raises:
-        ShapeError: The arrays do not have one row per track, or a box is impossible.
+        ShapeError: The arrays do not have one row per track, or a value is impossible; see `Tracks`.
+        StampError: The stamp is no finite number, or not in seconds.
     """
     boxes = Boxes(np.asarray(center_m), np.asarray(size_m), np.asarray(yaw_rad))
     m = len(boxes)
@@ -87,7 +88,7 @@ def tracks_from_arrays(
 
     moves = np.hypot(velocity[:, 0], velocity[:, 1]) > DYNAMIC_MPS if dynamic is None else dynamic
     return Tracks(
-        stamp_s=float(stamp_s),
+        stamp_s=stamp_s,
         track_id=np.asarray(track_id),
         boxes=boxes,
         category=np.asarray(category),
@@ -158,17 +159,4 @@ def update_own(tracker: ObjectTracker, detections: Detections) -> Tracks:
         )
     if abs(tracks.stamp_s - detections.stamp_s) > 1e-9:
         raise PluginError(f"{name}, {when}: the tracks are of {tracks.stamp_s:g} s; give the frame's time")
-    ids = tracks.track_id
-    if len(np.unique(ids)) < len(ids):
-        raise PluginError(f"{name}, {when}: an identifier comes twice; give each track one of its own")
-    if len(tracks.category) != len(ids) or not np.isin(tracks.category, CATEGORIES).all():
-        unknown = sorted(set(tracks.category.tolist()) - set(CATEGORIES))
-        raise PluginError(
-            f"{name}, {when}: expected {len(ids)} categories out of {', '.join(CATEGORIES)}, "
-            f"got {len(tracks.category)}{f' with {unknown}' if unknown else ''}"
-        )
-    if not (np.isfinite(tracks.velocity_mps).all() and np.isfinite(tracks.yaw_rate_radps).all()):
-        raise PluginError(
-            f"{name}, {when}: a velocity or turn rate is not finite; give 0 where it is unknown"
-        )
     return tracks

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -10,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from opendrive import RoadNetwork
-from smartmot.errors import SmartMotError
+from smartmot.errors import ShapeError, SmartMotError
 from smartmot.strips import LaneStrip, lane_strip
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, frozen
 
 
 class RouteError(SmartMotError):
@@ -28,7 +29,10 @@ class Route:
         entry_m: (K,) station of the beginning of each strip along the route.
         center_m: (P, 2) the path, map frame: the joined centre lines, over a lane change the way from one to
             the other.
-        station_m: (P,) distance along it.
+        station_m: (P,) distance along it, ascending from point to point.
+
+    Raises:
+        ShapeError: shapes disagree, a value is not finite, or the stations do not ascend.
     """
 
     strips: tuple[LaneStrip, ...]
@@ -40,6 +44,16 @@ class Route:
     _high_m: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        center = frozen(self.center_m, np.float64, (None, 2), "center_m")
+        station = frozen(self.station_m, np.float64, (len(center),), "station_m")
+        entry = frozen(self.entry_m, np.float64, (len(self.strips),), "entry_m")
+        if not math.isfinite(float(center.sum() + station.sum() + entry.sum())):
+            raise ShapeError("route: every point and station must be finite")
+        if len(center) < 2 or not (np.diff(station) > 0.0).all():
+            raise ShapeError("route: expected two points or more, each at a greater station than the last")
+        object.__setattr__(self, "center_m", center)
+        object.__setattr__(self, "station_m", station)
+        object.__setattr__(self, "entry_m", entry)
         # every frame projects points; the segments are made once
         length = np.diff(self.station_m)
         low, high = np.zeros_like(length), length.copy()
@@ -80,6 +94,8 @@ class Route:
     def poses(self, station_m: FloatArray, offset_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Points beside the centre line (left positive) at many stations, straight on beyond its ends.
 
+        At a joint of the path the heading is that after it.
+
         Args:
             station_m: (T,) distances along it.
             offset_m: to the left.
@@ -94,16 +110,9 @@ class Route:
         return points, np.arctan2(unit[:, 1], unit[:, 0])
 
     def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame."""
-        k = int(np.clip(np.searchsorted(self.station_m, station_m) - 1, 0, len(self.station_m) - 2))
-        ux, uy = self._unit[k]
-        u = station_m - self.station_m[k]
-        x, y = self.center_m[k]
-        return (
-            float(x + ux * u - uy * offset_m),
-            float(y + uy * u + ux * offset_m),
-            float(np.arctan2(uy, ux)),
-        )
+        """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame; see `poses`."""
+        (point,), (yaw_rad,) = self.poses(np.array([station_m]), offset_m)
+        return float(point[0]), float(point[1]), float(yaw_rad)
 
 
 def route_from_lanes(network: RoadNetwork, lanes: Sequence[int], vru_margin_m: float = 0.0) -> Route:

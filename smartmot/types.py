@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmot.errors import ShapeError
+from smartmot.errors import ShapeError, StampError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -34,7 +34,75 @@ VULNERABLE = frozenset({"pedestrian", "cyclist"})
 """Vulnerable road users (VRU): those that also count beside the lane, over the sidewalk."""
 
 
-def _frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: str) -> NDArray[Any]:
+_GREATEST_STAMP_S = 1e11
+"""Unix time reaches it in the year 5138. In milliseconds it did in 1973, so that a greater stamp is in a
+smaller unit: milliseconds up to 1e14, microseconds up to 1e17 (5138 again), then nanoseconds."""
+
+
+def seconds(stamp: Any, what: str) -> float:
+    """A stamp that is a number of seconds.
+
+    Args:
+        stamp: What was given.
+        what: What has the stamp, for the message.
+
+    Raises:
+        StampError: It is no finite number, or so great that it must be in a smaller unit.
+    """
+    try:
+        number = float(stamp)
+    except (TypeError, ValueError, OverflowError):
+        raise StampError(f"{what}: stamp_s: expected a number of seconds, got {stamp!r}") from None
+    if -_GREATEST_STAMP_S < number < _GREATEST_STAMP_S:
+        return number
+    if not math.isfinite(number):
+        raise StampError(f"{what}: stamp_s: expected a finite number of seconds, got {stamp!r}")
+    size = abs(number)
+    unit, per_s = next(
+        (unit, per_s)
+        for unit, per_s, limit in (
+            ("milliseconds", 1e3, 1e14),
+            ("microseconds", 1e6, 1e17),
+            ("nanoseconds", 1e9, math.inf),
+        )
+        if size < limit
+    )
+    raise StampError(f"{what}: stamp_s {stamp!r} looks like {unit}; give seconds (divide by {per_s:g})")
+
+
+def _finite(array: FloatArray, name: str) -> FloatArray:
+    """The array, if one sum over it, which is finite only if every term is, says so."""
+    if not math.isfinite(float(array.sum())):
+        raise ShapeError(f"{name}: a value is not finite")
+    return array
+
+
+def _names(value: ArrayLike, n: int, noun: str) -> StrArray:
+    """(n,) read-only names out of CATEGORIES."""
+    category: StrArray = np.array(value, dtype=np.str_).reshape(-1)
+    unknown = set(category.tolist()) - _KNOWN_CATEGORIES
+    if len(category) != n or unknown:
+        raise ShapeError(
+            f"category: expected {n} {noun} out of {', '.join(CATEGORIES)}, "
+            f"got {len(category)}{f' with {sorted(unknown)}' if unknown else ''}"
+        )
+    category.flags.writeable = False
+    return category
+
+
+def _within_one(score: FloatArray, what: str) -> FloatArray:
+    if not bool(((score >= 0.0) & (score <= 1.0)).all()):
+        raise ShapeError(f"{what}: every score must lie in [0, 1]")
+    return score
+
+
+def _boxes(value: object, what: str) -> Boxes:
+    if not isinstance(value, Boxes):
+        raise ShapeError(f"{what}: boxes must be smartmot.Boxes, got {type(value).__name__}")
+    return value
+
+
+def frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: str) -> NDArray[Any]:
     """Read-only array of the wanted kind and shape (None: any length)."""
     if (
         isinstance(value, np.ndarray)
@@ -113,10 +181,10 @@ class Boxes:
     yaw_rad: FloatArray
 
     def __post_init__(self) -> None:
-        center = _frozen(self.center_m, np.float64, (None, 2), "center_m")
+        center = frozen(self.center_m, np.float64, (None, 2), "center_m")
         n = len(center)
-        size = _frozen(self.size_m, np.float64, (n, 2), "size_m")
-        yaw = _frozen(self.yaw_rad, np.float64, (n,), "yaw_rad")
+        size = frozen(self.size_m, np.float64, (n, 2), "size_m")
+        yaw = frozen(self.yaw_rad, np.float64, (n,), "yaw_rad")
         # one sum is finite only if every term is (an overflow of huge terms is refused as well)
         if not math.isfinite(float(center.sum() + size.sum() + yaw.sum())):
             raise ShapeError("boxes: every centre, size and yaw must be finite; drop such objects first")
@@ -182,7 +250,9 @@ class Detections:
         dropped: what the detector reported besides and is left out here.
 
     Raises:
-        ShapeError: Shapes disagree, a score is outside [0, 1] or a category is unknown.
+        ShapeError: Shapes disagree, a score is outside [0, 1], a velocity is infinite, or a category is
+            unknown.
+        StampError: The stamp is no finite number, or not in seconds.
     """
 
     stamp_s: float
@@ -193,22 +263,16 @@ class Detections:
     dropped: Dropped = NOTHING_DROPPED
 
     def __post_init__(self) -> None:
-        n = len(self.boxes)
-        score = _frozen(self.score, np.float64, (n,), "score")
-        if not bool(((score >= 0.0) & (score <= 1.0)).all()):
-            raise ShapeError("detections: every score must lie in [0, 1]")
-        _set(self, "score", score)
-        category = np.array(self.category, dtype=np.str_).reshape(-1)
-        unknown = set(category.tolist()) - _KNOWN_CATEGORIES
-        if len(category) != n or unknown:
-            raise ShapeError(
-                f"category: expected {n} names out of {', '.join(CATEGORIES)}, "
-                f"got {len(category)}{f' with {sorted(unknown)}' if unknown else ''}"
-            )
-        category.flags.writeable = False
-        _set(self, "category", category)
+        n = len(_boxes(self.boxes, "detections"))
+        _set(self, "stamp_s", seconds(self.stamp_s, "detections"))
+        score = frozen(self.score, np.float64, (n,), "score")
+        _set(self, "score", _within_one(score, "detections"))
+        _set(self, "category", _names(self.category, n, "names"))
         if self.velocity_mps is not None:
-            _set(self, "velocity_mps", _frozen(self.velocity_mps, np.float64, (n, 2), "velocity_mps"))
+            velocity = frozen(self.velocity_mps, np.float64, (n, 2), "velocity_mps")
+            if np.isinf(velocity).any():
+                raise ShapeError("velocity_mps: infinite; give NaN where the detector has no velocity")
+            _set(self, "velocity_mps", velocity)
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -222,7 +286,12 @@ class Detections:
 
     @classmethod
     def empty(cls, stamp_s: float) -> Detections:
-        """A frame in which nothing was detected."""
+        """A frame in which nothing was detected.
+
+        Raises:
+            StampError: The stamp is no finite number, or not in seconds.
+        """
+        stamp_s = seconds(stamp_s, "detections")
         return unchecked(
             cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None, NOTHING_DROPPED
         )
@@ -236,19 +305,21 @@ class Tracks:
         stamp_s: time of the estimate, seconds.
         track_id: (M,) identifiers, unique per tracker.
         boxes: M filtered boxes.
-        category: (M,) names.
-        score: (M,) score of the last matched detection.
+        category: (M,) names out of CATEGORIES.
+        score: (M,) score of the last matched detection, in [0, 1].
         mean: (M, D) filter state (see `smartmot.kalman`).
         covariance: (M, D, D) its covariance.
         velocity_mps: (M, 2) velocity over ground, map frame.
         yaw_rate_radps: (M,) turn rate.
-        age_s: (M,) time since birth.
+        age_s: (M,) time since birth; infinite where nobody knows.
         coasted_s: (M,) time since the last matched detection (0 when matched in this frame).
         confirmed: (M,) whether the life cycle confirmed the track.
         dynamic: (M,) faster than the static/dynamic threshold.
 
     Raises:
-        ShapeError: Shapes disagree.
+        ShapeError: Shapes disagree, a value is not finite, a score is outside [0, 1], a time is negative, an
+            identifier comes twice or a category is unknown.
+        StampError: The stamp is no finite number, or not in seconds.
     """
 
     stamp_s: float
@@ -266,20 +337,34 @@ class Tracks:
     dynamic: BoolArray
 
     def __post_init__(self) -> None:
-        m = len(self.boxes)
-        _set(self, "track_id", _frozen(self.track_id, np.int64, (m,), "track_id"))
-        category = np.array(self.category, dtype=np.str_)
-        category.flags.writeable = False
-        _set(self, "category", category)
-        mean = _frozen(self.mean, np.float64, (m, None), "mean")
-        _set(self, "mean", mean)
+        m = len(_boxes(self.boxes, "tracks"))
+        _set(self, "stamp_s", seconds(self.stamp_s, "tracks"))
+        ids = frozen(self.track_id, np.int64, (m,), "track_id")
+        if len(np.unique(ids)) < m:
+            raise ShapeError("track_id: an identifier comes twice; give each track one of its own")
+        _set(self, "track_id", ids)
+        _set(self, "category", _names(self.category, m, "categories"))
+        mean = frozen(self.mean, np.float64, (m, None), "mean")
         d = mean.shape[1]
-        _set(self, "covariance", _frozen(self.covariance, np.float64, (m, d, d), "covariance"))
-        _set(self, "velocity_mps", _frozen(self.velocity_mps, np.float64, (m, 2), "velocity_mps"))
-        for name in ("score", "yaw_rate_radps", "age_s", "coasted_s"):
-            _set(self, name, _frozen(getattr(self, name), np.float64, (m,), name))
+        covariance = frozen(self.covariance, np.float64, (m, d, d), "covariance")
+        velocity = frozen(self.velocity_mps, np.float64, (m, 2), "velocity_mps")
+        rate = frozen(self.yaw_rate_radps, np.float64, (m,), "yaw_rate_radps")
+        values = (
+            ("mean", mean),
+            ("covariance", covariance),
+            ("velocity_mps", velocity),
+            ("yaw_rate_radps", rate),
+        )
+        for name, value in values:
+            _set(self, name, _finite(value, name))
+        _set(self, "score", _within_one(frozen(self.score, np.float64, (m,), "score"), "tracks"))
+        for name in ("age_s", "coasted_s"):
+            time = frozen(getattr(self, name), np.float64, (m,), name)
+            if not (time >= 0.0).all():
+                raise ShapeError(f"{name}: every time must be 0 or more, got {time.tolist()}")
+            _set(self, name, time)
         for name in ("confirmed", "dynamic"):
-            _set(self, name, _frozen(getattr(self, name), np.bool_, (m,), name))
+            _set(self, name, frozen(getattr(self, name), np.bool_, (m,), name))
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -296,14 +381,15 @@ class Forecast:
     """Predicted poses of M objects at T common times, map frame.
 
     Args:
-        time_s: (T,) seconds after the frame, starting at 0.
+        time_s: (T,) seconds after the frame, ascending from 0.
         center_m: (M, T, 2) box centres.
         yaw_rad: (M, T) headings.
         size_m: (M, 2) box sizes, unchanged over the horizon.
         valid: (M, T) whether the prediction counts at that time.
 
     Raises:
-        ShapeError: Shapes disagree.
+        ShapeError: Shapes disagree, times do not ascend from 0, or a size is not positive. Poses that do not
+            count may be anything; one that counts and is not finite is an error.
     """
 
     time_s: FloatArray
@@ -313,14 +399,23 @@ class Forecast:
     valid: BoolArray
 
     def __post_init__(self) -> None:
-        time = _frozen(self.time_s, np.float64, (None,), "time_s")
-        size = _frozen(self.size_m, np.float64, (None, 2), "size_m")
+        time = frozen(self.time_s, np.float64, (None,), "time_s")
+        size = frozen(self.size_m, np.float64, (None, 2), "size_m")
         m, t = len(size), len(time)
+        center = frozen(self.center_m, np.float64, (m, t, 2), "center_m")
+        yaw = frozen(self.yaw_rad, np.float64, (m, t), "yaw_rad")
+        valid = frozen(self.valid, np.bool_, (m, t), "valid")
+        if t == 0 or time[0] != 0.0 or not (np.diff(time) > 0.0).all() or not math.isfinite(time[-1]):
+            raise ShapeError("time_s: expected times that ascend from 0")
+        if m and not (size.min() > 0.0 and math.isfinite(size.sum())):
+            raise ShapeError("size_m: lengths and widths must be positive and finite")
+        if not (np.isfinite(center).all(axis=2) & np.isfinite(yaw))[valid].all():
+            raise ShapeError("forecast: every pose that counts must be finite")
         _set(self, "time_s", time)
         _set(self, "size_m", size)
-        _set(self, "center_m", _frozen(self.center_m, np.float64, (m, t, 2), "center_m"))
-        _set(self, "yaw_rad", _frozen(self.yaw_rad, np.float64, (m, t), "yaw_rad"))
-        _set(self, "valid", _frozen(self.valid, np.bool_, (m, t), "valid"))
+        _set(self, "center_m", center)
+        _set(self, "yaw_rad", yaw)
+        _set(self, "valid", valid)
 
     def __len__(self) -> int:
         return len(self.size_m)
@@ -343,6 +438,7 @@ class EgoState:
 
     Raises:
         ShapeError: a value is not finite, or the outline is not positive.
+        StampError: the stamp is no finite number, or not in seconds.
     """
 
     stamp_s: float
@@ -356,11 +452,12 @@ class EgoState:
     width_m: float = 1.8
 
     def __post_init__(self) -> None:
-        total = self.stamp_s + self.x_m + self.y_m + self.yaw_rad + self.speed_mps
-        if not math.isfinite(total + self.accel_mps2 + self.yaw_rate_radps):
+        seconds(self.stamp_s, "ego state")
+        total = self.x_m + self.y_m + self.yaw_rad + self.speed_mps + self.accel_mps2 + self.yaw_rate_radps
+        if not math.isfinite(total):
             raise ShapeError(f"ego state: every value must be finite, got {self!r}")
-        if not (self.length_m > 0 and self.width_m > 0):
-            raise ShapeError(f"ego state: length and width must be positive, got {self!r}")
+        if not (0.0 < self.length_m < math.inf and 0.0 < self.width_m < math.inf):
+            raise ShapeError(f"ego state: length and width must be positive and finite, got {self!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -371,10 +468,11 @@ class Threats:
         track_id: (K,) identifiers.
         time_to_collision_s: (K,) first forecast time at which the boxes overlap.
         gap_m: (K,) free distance along the ego's heading, from its front to the object's box.
-        required_decel_mps2: (K,) constant deceleration that stops the ego within the gap.
+        required_decel_mps2: (K,) constant deceleration that stops the ego within the gap; infinite
+            without one.
 
     Raises:
-        ShapeError: Shapes disagree.
+        ShapeError: Shapes disagree, a value is negative or NaN, or the times do not ascend.
     """
 
     track_id: IntArray
@@ -383,10 +481,15 @@ class Threats:
     required_decel_mps2: FloatArray
 
     def __post_init__(self) -> None:
-        ids = _frozen(self.track_id, np.int64, (None,), "track_id")
+        ids = frozen(self.track_id, np.int64, (None,), "track_id")
         _set(self, "track_id", ids)
         for name in ("time_to_collision_s", "gap_m", "required_decel_mps2"):
-            _set(self, name, _frozen(getattr(self, name), np.float64, (len(ids),), name))
+            values = frozen(getattr(self, name), np.float64, (len(ids),), name)
+            if not (values >= 0.0).all():
+                raise ShapeError(f"{name}: every value must be 0 or more, got {values.tolist()}")
+            _set(self, name, values)
+        if (np.diff(self.time_to_collision_s) < 0.0).any():
+            raise ShapeError("time_to_collision_s: expected the nearest in time first")
 
     def __len__(self) -> int:
         return len(self.track_id)

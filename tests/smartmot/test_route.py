@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -7,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opendrive import RoadNetwork, load_map
-from smartmot.errors import SmartMotError
+from scenarios.scenes.scenes import SCENES
+from smartmot.errors import ShapeError, SmartMotError
 from smartmot.route import Route, RouteError, route_ahead, route_along, route_from_lanes
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"
@@ -387,3 +389,46 @@ def test_changes_over_many_lane_sections() -> None:
                 there = np.unique(hits.point[np.isin(hits.lane, found.lanes)])
                 assert np.abs(found.place(way[there])[1]).max() < 1.9, (lane, begin)
     assert changed > 20
+
+
+def test_one_place_and_many_places_agree() -> None:
+    """In a bend, at every joint, between joints and beyond both ends."""
+    network = load_map(SCENES / "maps" / "bend_30.xodr")
+    route = route_ahead(network, network.lane_index_of(("1", 0, -1)), 10.0, ahead_m=500.0)
+    joints = route.station_m
+    stations = np.concatenate((joints, (joints[1:] + joints[:-1]) / 2, [-7.0, route.length_m + 7.0]))
+    for offset in (0.0, 1.5):
+        points, yaw = route.poses(stations, offset)
+        one = np.array([route.pose(float(station), offset) for station in stations])
+        np.testing.assert_array_equal(one, np.column_stack((points, yaw)))
+
+
+def test_at_a_joint_the_heading_is_that_after_it() -> None:
+    """East for 10 m, then north; the ends go on straight."""
+    center = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
+    route = Route((), np.zeros(0), center, np.array([0.0, 10.0, 20.0]))
+    assert route.pose(-1.0) == (-1.0, 0.0, 0.0)
+    assert route.pose(0.0, 2.0) == (0.0, 2.0, 0.0)
+    assert route.pose(10.0, 2.0) == (8.0, 0.0, np.pi / 2)
+    assert route.pose(20.0) == (10.0, 10.0, np.pi / 2)
+    assert route.pose(21.0, -1.0) == (11.0, 11.0, np.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"station_m": np.array([0.0, 10.0])}, "station_m: expected shape"),
+        ({"station_m": np.array([0.0, 10.0, 10.0])}, "each at a greater station"),
+        ({"station_m": np.array([0.0, 20.0, 10.0])}, "each at a greater station"),
+        ({"station_m": np.zeros(1), "center_m": np.zeros((1, 2))}, "two points or more"),
+        ({"station_m": np.array([0.0, np.nan, 20.0])}, "finite"),
+        ({"center_m": np.full((3, 2), np.inf)}, "finite"),
+        ({"entry_m": np.zeros(1)}, "entry_m: expected shape"),
+    ],
+)
+def test_what_is_no_path_is_refused(wrong: dict[str, np.ndarray], told: str) -> None:
+    good = Route(
+        (), np.zeros(0), np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]), np.array([0.0, 10.0, 20.0])
+    )
+    with pytest.raises(ShapeError, match=told):
+        replace(good, **wrong)

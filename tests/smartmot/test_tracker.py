@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -269,7 +271,7 @@ def test_irregular_frame_times() -> None:
     assert tracks.age_s[0] == pytest.approx(stamps[-1] - stamps[0])
 
 
-@pytest.mark.parametrize("stamp", [1.0, 0.5, np.nan, np.inf])
+@pytest.mark.parametrize("stamp", [1.0, 0.5])
 def test_time_must_advance(stamp: float) -> None:
     tracker = Tracker()
     tracker.update(_frame(1.0, [[0, 0]]))
@@ -278,9 +280,36 @@ def test_time_must_advance(stamp: float) -> None:
     assert tracker.update(_frame(1.05, [[0, 0]])).track_id.tolist() == [1]
 
 
-def test_the_first_stamp_must_be_a_number() -> None:
-    with pytest.raises(TimeOrderError, match="finite"):
-        Tracker().update(Detections.empty(np.nan))
+@pytest.mark.parametrize("stamp", [np.nan, np.inf, -np.inf])
+def test_a_stamp_must_be_a_number(stamp: float) -> None:
+    for frame in (Detections.empty, lambda stamp_s: _frame(stamp_s, [[0, 0]])):
+        with pytest.raises(TimeOrderError, match="finite"):
+            Tracker().update(frame(stamp))
+
+
+def test_the_first_contested_frame_imports_nothing() -> None:
+    """Two cars that meet, so that both want the same boxes; and a heap so large that its pairs are searched.
+
+    An import in a frame was a stall of 300 ms.
+    """
+    program = """
+import sys
+import numpy as np
+import smartmot
+trackers = [smartmot.Tracker(smartmot.tracker_config(name)) for name in smartmot.TRACKER_CONFIGS]
+before = set(sys.modules)
+x = 4.0 * np.arange(400.0)
+for tracker in trackers:
+    for k in range(60):
+        place = [[0.0, 0.0], [20.0 - 0.35 * k, 0.0]]
+        tracker.update_arrays(0.1 * k, place, [[4.5, 1.8]] * 2, [0, 0], [0.9, 0.9], ["car"] * 2)
+    for k in range(60, 64):
+        place = np.column_stack((x + 0.5 * k, np.zeros(400)))
+        tracker.update_arrays(0.1 * k, place, [[4.5, 1.8]] * 400, [0] * 400, [0.9] * 400, ["car"] * 400)
+print(sorted(set(sys.modules) - before))
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (run.stdout.strip(), run.stderr) == ("[]", "")
 
 
 def test_empty_frames() -> None:
