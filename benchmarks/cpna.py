@@ -67,7 +67,7 @@ def computing(directory: Path) -> tuple[float, float]:
         simulated += float(record.log["time_s"].max())
         results.write_log(results.log_path(directory, record.spec.log), record.log)
         rows.append(record.row)
-    results.write_runs(directory, rows, runner.suite_configuration(job, site))
+    results.write_runs(directory, rows, runner.suite_configuration(job, site, directory))
     return time.perf_counter() - start, simulated
 
 

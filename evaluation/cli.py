@@ -158,6 +158,13 @@ TrackerName = Annotated[
     ),
 ]
 DetectorName = Annotated[str, typer.Option(help="preset, or your own, package.module:name.", metavar="NAME")]
+AllowPlugins = Annotated[
+    bool,
+    typer.Option(
+        "--allow-plugins",
+        help="Run code of your own (package.module:name) that made monitored areas, to draw them again.",
+    ),
+]
 PresetName = Annotated[
     str,
     typer.Option(help="paper: the SmartMOT paper's conditions; physical: brakes and sensor of a real car."),
@@ -413,13 +420,17 @@ def plot(
         typer.Option(help="Log name (column log of runs.csv) for temporal diagram and bird's-eye view."),
     ] = None,
     form: PictureFormat = "png",
+    allow_plugins: AllowPlugins = False,
     quiet: Quiet = False,
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
     from evaluation.arguments import parse_name
     from evaluation.comparison import draw_again
 
-    written = draw_again(directory, run, parse_name(form, PICTURE_FORMATS, "--format"))
+    form = parse_name(form, PICTURE_FORMATS, "--format")
+    written, notes = draw_again(directory, run, form, allow_plugins)
+    for note in notes:
+        typer.echo(f"smartmot-eval: {note}", err=True)
     if not quiet:
         for path in written:
             typer.echo(path)
@@ -432,6 +443,7 @@ def report(
         Optional[Path],  # noqa: UP045
         typer.Option(help="Page to write; default: report.html in the folder.", metavar="FILE.html"),
     ] = None,
+    allow_plugins: AllowPlugins = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a folder of results as one HTML page: findings, scores, diagrams, a replay of every run."""
@@ -442,7 +454,10 @@ def report(
     with rich.progress.Progress(transient=True, disable=quiet or not sys.stdout.isatty()) as progress:
         task = progress.add_task("reading runs", total=None)
         page, notes = write_page(
-            directory, out, lambda done, total: progress.update(task, completed=done, total=total)
+            directory,
+            out,
+            lambda done, total: progress.update(task, completed=done, total=total),
+            allow_plugins,
         )
     for note in notes:
         typer.echo(f"smartmot-eval: {note}", err=True)
@@ -463,6 +478,7 @@ def replay(
     ] = None,
     fps: Annotated[float, typer.Option(help="Pictures per second, 1 to 50.")] = 20.0,
     speed: Annotated[float, typer.Option(help="1: real time, 0.5: half as fast.")] = 1.0,
+    allow_plugins: AllowPlugins = False,
     quiet: Quiet = False,
 ) -> None:
     """Film a run from above, with what happens in words."""
@@ -473,7 +489,13 @@ def replay(
     with rich.progress.Progress(transient=True, disable=quiet or not sys.stdout.isatty()) as progress:
         task = progress.add_task("drawing", total=None)
         written, notes = film(
-            run, gif, mp4, fps, speed, lambda done, total: progress.update(task, completed=done, total=total)
+            run,
+            gif,
+            mp4,
+            fps,
+            speed,
+            lambda done, total: progress.update(task, completed=done, total=total),
+            allow_plugins,
         )
     for note in notes:
         typer.echo(f"smartmot-eval: {note}", err=True)

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import rich.console
 
 from evaluation import results, runner
+from evaluation.configuration import configuration_of, read_configuration
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import Published, ResultsError, RunRow, Table
-from evaluation.runs import NO_AEB, RunSpec, execute, scene_of
+from evaluation.runs import NO_AEB, RunSpec, definition_of, execute, preset_of, scene_of
 from evaluation.settings import settings_text
 from evaluation.study.progress import progress_bar
 from evaluation.workers import execute_all
+from scenarios.strategies import make_strategy
 from smartmot.route import RouteError
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ def compare_cpna(
     specs = suite.specs(site)
     _compare(
         specs,
-        runner.suite_configuration(suite, site),
+        runner.suite_configuration(suite, site, out),
         out,
         pictures,
         workers,
@@ -54,7 +56,7 @@ def compare_files(
     """Run scenario files; see `compare_cpna`."""
     console = rich.console.Console(quiet=quiet)
     notes = runner.notes(specs)
-    configuration = runner.scenario_configuration(specs, notes)
+    configuration = configuration_of(specs, out, notes)
     rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
     silent = sum(row.avoided and row.flag_time_s is None for row in rows)
     if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
@@ -133,36 +135,57 @@ def write_folder(
     drawn: list[Path] = []
     if pictures is not None:
         with contextlib.suppress(RouteError):  # a car that drives on no lane, as in reverse: no place to draw
-            drawn = _draw(out, runs, specs, None, pictures)
+            drawn = _draw(out, runs, specs, pictures)
     scored = bool(runs["score"].notna().any())
     table = results.comparison_table(runs, published) if scored else results.impact_table(runs)
     results.write_table(out, table)
     return table, drawn
 
 
-def draw_again(directory: Path, shown: str | None, form: str) -> list[Path]:
-    """Draw the pictures of a folder of results.
+def draw_again(
+    directory: Path, shown: str | None, form: str, allow_plugins: bool = False
+) -> tuple[list[Path], list[str]]:
+    """Draw the pictures of a folder of results, with the conditions that it has stored.
 
     Args:
         directory: the folder.
         shown: log of the run in the temporal diagram and from above; None: see `pictures.run_to_show`.
         form: png, svg or pdf.
+        allow_plugins: whether code of the user's own may make the monitored area again.
 
     Returns:
-        Files written.
+        Files written, and what the reader has to know about what is missing, one line each.
+
+    Raises:
+        ResultsError: the folder cannot be read.
+        ArgumentError: it has no such run, or a picture cannot be written.
     """
+    from evaluation.pictures import run_to_show, save_pictures
+    from evaluation.report.folder import read_settings
+
     runs = results.read_runs(directory)
-    return _draw(directory, runs, runner.read_specs(directory), shown, form)
+    if runs["log"].isna().all():
+        raise ResultsError(f"{directory}: without logs nothing can be drawn; run the evaluation again")
+    runs = runs[runs["log"].notna()]
+    name = shown or run_to_show(runs)
+    if name not in set(runs["log"]):
+        raise ResultsError(f"--run: no run {name!r}; the folder has: {', '.join(runs['log'])}")
+    stored = read_configuration(directory)
+    settings, notes = read_settings(directory, stored, runs[runs["log"] == name], allow_plugins)
+    setting = settings.get(name)
+    logs = results.read_logs(directory, runs)
+    network, strategy = (setting.network, setting.strategy) if setting else (None, None)
+    return save_pictures(directory, runs, logs, network, strategy, shown=name, suffix=form), notes
 
 
-def _draw(
-    directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], shown: str | None, form: str
-) -> list[Path]:
+def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: str) -> list[Path]:
     from evaluation.pictures import run_to_show, save_pictures
 
-    name = shown or run_to_show(runs)
-    scene = next((scene_of(spec) for spec in specs if spec.log == name), None)
-    if scene is None:
-        raise ResultsError(f"--run: no run {name!r}; the folder has: {', '.join(map(str, runs['log']))}")
+    name = run_to_show(runs)
+    spec = next(spec for spec in specs if spec.log == name)
+    scene = scene_of(spec)
+    strategy = None
+    if spec.strategy != NO_AEB:  # else nobody perceives
+        strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), scene)
     logs = results.read_logs(directory, runs)
-    return save_pictures(directory, runs, logs, scene, shown=name, suffix=form)
+    return save_pictures(directory, runs, logs, scene.network, strategy, shown=name, suffix=form)

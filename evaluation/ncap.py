@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation import results, runner
+from evaluation.configuration import configuration_of
 from evaluation.errors import ArgumentError
 from evaluation.ncap_grid import Grid, GridRun, all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.protocols.assessment import Assessment, Protocol
@@ -125,7 +126,7 @@ def run_grid(
             finished.append((run, replace(record, log=None)))
             progress.advance(task)
     told = runner.notes(specs)
-    configuration = runner.scenario_configuration(specs, told)
+    configuration = configuration_of(specs, out, told)
     results.write_runs(out, [record.row for _, record in finished], configuration)
     sheet = make_sheet(assess(protocol, finished), ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()

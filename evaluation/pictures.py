@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation.errors import ArgumentError
-from evaluation.runs import NO_AEB
 from opendrive import RoadNetwork
-from scenarios.places import Scene, Site
-from scenarios.presets import named_preset, named_weather, preset_in_weather
+from scenarios.places import Site
+from scenarios.presets import named_preset
 from scenarios.strategies import make_strategy
+from smartmot.monitored_area import MonitoredAreaStrategy
 from smartmot.types import EgoState
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def save_pictures(
     directory: Path,
     runs: pd.DataFrame,
     logs: Mapping[str, pd.DataFrame],
-    scene: Scene,
+    network: RoadNetwork | None,
+    strategy: MonitoredAreaStrategy | None,
     *,
     shown: str | None = None,
     suffix: str = "png",
@@ -44,7 +45,8 @@ def save_pictures(
         directory: where to write.
         runs: table of runs.
         logs: logs by name.
-        scene: map and route of the run to show.
+        network: map of the run to show; None: there is no bird's-eye view.
+        strategy: what makes its monitored area; None: none is drawn.
         shown: log of the run to show; None: see `run_to_show`.
         suffix: png, svg or pdf.
         done: called after each picture.
@@ -73,11 +75,9 @@ def save_pictures(
     time = (
         float(row["flag_time_s"]) if row["flag_time_s"] == row["flag_time_s"] else float(log["time_s"].max())
     )
-    preset = preset_in_weather(named_preset(str(row["preset"])), named_weather(str(row["weather"])))
-    ego = _ego_at(log, time)
-    seen = row["strategy"] != NO_AEB  # else nobody perceives
-    areas = make_strategy(str(row["strategy"]), preset, scene).at(ego).polygons() if seen else []
-    save(birdseye(scene.network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
+    if network is not None:
+        areas = [] if strategy is None else strategy.at(_ego_at(log, time)).polygons()
+        save(birdseye(network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
     return written
 
 

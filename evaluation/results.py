@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 RUNS_CSV = "runs.csv"
 RUNS_JSON = "runs.json"
+SCHEMA = 2
+"""Version of the format of `runs.json`; version 0.1.0 of the program wrote none."""
 TABLE_MD = "table.md"
 LOGS_FOLDER = "logs"
 
@@ -189,7 +191,12 @@ def write_runs(directory: Path, rows: Sequence[RunRow], configuration: Mapping[s
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(RUN_COLUMNS)
     writer.writerows([_csv_cell(value) for value in record.values()] for record in records)
-    content = {"version": metadata.version("smartmot"), "configuration": configuration, "runs": records}
+    content = {
+        "schema": SCHEMA,
+        "version": metadata.version("smartmot"),
+        "configuration": configuration,
+        "runs": records,
+    }
     try:
         described = json.dumps(
             content, sort_keys=True, indent=2, allow_nan=False, ensure_ascii=False, default=_json_default

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from evaluation.arguments import DEFAULT_MAP
-from evaluation.results import RUNS_JSON, ResultsError
+from evaluation.configuration import configuration_of
 from evaluation.runs import (
     NO_AEB,
     RunRecord,
@@ -24,7 +21,7 @@ from evaluation.runs import (
     load_named_map,
     perception_map,
 )
-from evaluation.settings import Settings, preset_with, settings_text
+from evaluation.settings import Settings, preset_with
 from evaluation.workers import execute_all
 from opendrive import RoadNetwork
 from scenarios.cpna import CpnaTest, approach_m, scenario_parameters
@@ -181,57 +178,24 @@ def run_suite(suite: CpnaSuite, site: Site | None = None, workers: int = 1) -> I
     return execute_all(execute, suite.specs(load_site(suite) if site is None else site), workers)
 
 
-def suite_configuration(suite: CpnaSuite, site: Site) -> dict[str, object]:
-    """Everything that determines the results of a suite, as plain values."""
+def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, object]:
+    """Everything that determines the results of a suite, as plain values.
+
+    Args:
+        suite: what is run.
+        site: its place.
+        out: folder of the results.
+    """
     key = site.network.lanes.key[site.route.lanes[0]]
-    return {
-        "suite": {
-            "speeds_kmh": list(suite.speeds_kmh),
-            "strategies": list(suite.strategies),
-            "preset": suite.preset,
-            "weather": [named_weather(name) for name in suite.weather],
-            "map": suite.map_name,
-            "place": suite.place,
-            "impact_point_percent": suite.impact_point_percent,
-            "adversaries": suite.adversaries,
-            "seed": suite.seed,
-            "phase_s": suite.phase_s,
-            "settings": dict(suite.settings),
-        },
+    told = {
         "site": {
             "first_lane": list(key),
             "lanes": [list(site.network.lanes.key[i]) for i in site.route.lanes],
             "line_m": site.line_m,
             "line_xy_m": list(site.route.pose(site.line_m)[:2]),
-        },
-        "presets": {name: suite.preset_in(name) for name in suite.weather},
+        }
     }
-
-
-def read_suite(directory: Path) -> CpnaSuite:
-    """The suite that made a folder of results.
-
-    Raises:
-        ResultsError: `runs.json` is missing or was not written by `smartmot-eval cpna`.
-    """
-    try:
-        values = dict(_configuration(directory)["suite"])
-        place = values.pop("place")
-        return CpnaSuite(
-            speeds_kmh=tuple(values["speeds_kmh"]),
-            strategies=tuple(values["strategies"]),
-            preset=values["preset"],
-            weather=tuple(w["name"] for w in values["weather"]),
-            map_name=values["map"],
-            place=Place(**place) if place else None,
-            impact_point_percent=values["impact_point_percent"],
-            adversaries=values["adversaries"],
-            seed=values["seed"],
-            phase_s=values["phase_s"],
-            settings=tuple(values.get("settings", {}).items()),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise _not_ours(directory, error) from None
+    return configuration_of(suite.specs(site), out, published=is_published(suite), more=told)
 
 
 # ---- scenario files ----------------------------------------------------------------------------------------
@@ -349,42 +313,6 @@ def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[floa
     ]
 
 
-def scenario_configuration(specs: Sequence[RunSpec], perception: Sequence[str]) -> dict[str, object]:
-    """Everything that determines the results of runs of scenario files, as plain values.
-
-    Args:
-        specs: the runs.
-        perception: their `notes`.
-    """
-    presets = {(spec.preset, spec.weather, spec.settings) for spec in specs}
-    return {
-        "specs": [_spec_values(spec) for spec in specs],
-        "perception": list(perception),
-        "presets": {
-            " ".join(filter(None, (preset, weather, settings_text(settings)))): preset_with(
-                preset_in_weather(named_preset(preset), named_weather(weather)), settings
-            )
-            for preset, weather, settings in sorted(presets)
-        },
-    }
-
-
-def _spec_values(spec: RunSpec) -> dict[str, Any]:
-    """A run as JSON can hold it."""
-    return dataclasses.asdict(spec) | {
-        "parameters": dict(spec.parameters),
-        "settings": dict(spec.settings),
-    }
-
-
-def _spec_of(values: Mapping[str, Any]) -> RunSpec:
-    """The run that `_spec_values` wrote, in this version or one before settings."""
-    parameters = tuple(sorted(values["parameters"].items()))
-    return RunSpec(
-        **{**values, "parameters": parameters, "settings": tuple(values.get("settings", {}).items())}
-    )
-
-
 def notes(specs: Sequence[RunSpec]) -> list[str]:
     """What the reader has to know about maps and light of runs in which somebody perceives, one line each."""
     lines: dict[str, list[str]] = {}
@@ -403,38 +331,6 @@ def notes(specs: Sequence[RunSpec]) -> list[str]:
         if is_night(definition):
             lines.setdefault(named_light(spec.night).source, [])
     return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]
-
-
-def read_specs(directory: Path) -> list[RunSpec]:
-    """The runs that a folder of results holds.
-
-    Raises:
-        ResultsError: `runs.json` is missing or was not written by this program.
-    """
-    configuration = _configuration(directory)
-    if "suite" in configuration:
-        suite = read_suite(directory)
-        return suite.specs(load_site(suite))
-    try:
-        return [_spec_of(values) for values in configuration["specs"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _not_ours(directory, error) from None
-
-
-def _configuration(directory: Path) -> dict[str, Any]:
-    path = directory / RUNS_JSON
-    try:
-        return dict(json.loads(path.read_text())["configuration"])
-    except OSError as error:
-        raise ResultsError(f"{path}: {error.strerror}; run the test first") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise _not_ours(directory, error) from None
-
-
-def _not_ours(directory: Path, error: Exception) -> ResultsError:
-    return ResultsError(
-        f"{directory / RUNS_JSON}: not a configuration of this program ({error!r}); run the test again"
-    )
 
 
 # ---- maps --------------------------------------------------------------------------------------------------

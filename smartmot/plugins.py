@@ -76,6 +76,17 @@ def plugin(name: str) -> Plugin:
     return Plugin(name, _digest(name.partition(":")[0]))
 
 
+def source_digest(name: str) -> str:
+    """Hash of what a name would load now, without loading it: see `Plugin`.
+
+    Raises:
+        PluginError: There is no such module.
+    """
+    module_name = _parts(name)[0]
+    _search_here()
+    return _digest(module_name)
+
+
 def require(made: T, method: str, name: str) -> T:
     """What a user's class or function has made, if it has a method.
 
@@ -106,12 +117,8 @@ def failure(name: str, error: Exception) -> PluginError:
 
 
 def _found(name: str) -> Any:
-    module_name, _, path = name.partition(":")
-    if not path or not all(part.isidentifier() for part in [*module_name.split("."), *path.split(".")]):
-        raise PluginError(f"{name!r}: expected package.module:name, such as my_tracker:MyTracker")
-    folder = str(Path.cwd())
-    if "" not in sys.path and folder not in sys.path:
-        sys.path.insert(0, folder)
+    module_name, path = _parts(name)
+    _search_here()
     try:
         found: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
@@ -130,16 +137,41 @@ def _found(name: str) -> Any:
     return found
 
 
+def _parts(name: str) -> tuple[str, str]:
+    """Module, and path of the object in it."""
+    module_name, _, path = name.partition(":")
+    if not path or not all(part.isidentifier() for part in [*module_name.split("."), *path.split(".")]):
+        raise PluginError(f"{name!r}: expected package.module:name, such as my_tracker:MyTracker")
+    return module_name, path
+
+
+def _search_here() -> None:
+    """Let the current folder be searched first, as by `python -m`."""
+    folder = str(Path.cwd())
+    if "" not in sys.path and folder not in sys.path:
+        sys.path.insert(0, folder)
+
+
 @cache
 def _digest(module_name: str) -> str:
-    """Hash of the module's source, or of all modules of the package that it belongs to."""
-    spec = importlib.util.find_spec(module_name.partition(".")[0])
-    assert spec is not None  # it has been imported
+    """Hash of the module's source, or of all files of the package that it belongs to, models included."""
+    first = module_name.partition(".")[0]
+    try:
+        spec = importlib.util.find_spec(first)  # a package is not imported, only one in a package would be
+    except ValueError:  # a module without a spec, such as __main__
+        spec = None
+    if spec is None:
+        raise PluginError(f"no module {first!r}; it must be installed or lie in the current folder")
     folders = spec.submodule_search_locations
     files = (
         [Path(spec.origin)]
         if folders is None and spec.origin
-        else sorted(path for folder in folders or () for path in Path(folder).rglob("*.py"))
+        else sorted(
+            path
+            for folder in folders or ()
+            for path in Path(folder).rglob("*")
+            if "__pycache__" not in path.parts
+        )
     )
     digest = hashlib.sha256()
     for file in files:

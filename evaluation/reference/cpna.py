@@ -86,7 +86,7 @@ class CpnaPart:
             folder,
             [task.spec for task in tasks],
             [found[task.key][0] for task in tasks],
-            runner.suite_configuration(self.suite, runner.load_site(self.suite)),
+            runner.suite_configuration(self.suite, runner.load_site(self.suite), folder),
             "png",
             PUBLISHED if runner.is_published(self.suite) else None,
         )

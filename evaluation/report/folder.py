@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-import json
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluation import results, runner
+from evaluation import results
+from evaluation.configuration import (
+    Stored,
+    StoredRun,
+    changed_file,
+    files_of,
+    in_light_of_run,
+    read_configuration,
+)
 from evaluation.results import ResultsError
-from evaluation.runs import NO_AEB, definition_of, preset_of, scene_of
+from evaluation.runs import RunSpec, definition_of, load_named_map, perception_map
 from opendrive import OpenDriveError, RoadNetwork
-from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
-from scenarios.openscenario.errors import OpenScenarioError
+from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.places import Scene
 from scenarios.presets import Preset
-from scenarios.strategies import make_strategy
-from smartmot.aeb import AebConfig
-from smartmot.braking import BrakingDistance
-from smartmot.errors import SmartMotError
-from smartmot.monitored_area import MapAreaConfig, MonitoredAreaStrategy, RectangularConfig
+from scenarios.simulation import Simulation
+from scenarios.strategies import STRATEGIES, make_strategy
+from smartmot.errors import PluginError, SmartMotError
+from smartmot.monitored_area import MonitoredAreaStrategy
+from smartmot.plugins import is_plugin, source_digest
 from smartmot.route import Route
 
 if TYPE_CHECKING:
@@ -81,8 +88,12 @@ class RunFolder:
         return results.read_log(results.log_path(self.path, name))
 
 
-def read_folder(path: Path) -> RunFolder:
+def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
     """Read a folder of results; logs are read when asked for.
+
+    Args:
+        path: the folder.
+        allow_plugins: whether code of the user's own may make monitored areas again.
 
     Raises:
         ResultsError: the folder, its table or its logs are missing or not understood.
@@ -99,13 +110,15 @@ def read_folder(path: Path) -> RunFolder:
     if runs["log"].isna().any():
         notes.append(f"{int(runs['log'].isna().sum())} runs have no log and cannot be replayed.")
     settings: dict[str, Setting] = {}
-    published = False
+    published, version = False, ""
     try:
-        settings = read_settings(path, runs)
-        published = _is_published(path)
-    except (ResultsError, OpenDriveError, OpenScenarioError, ScenarioError, SmartMotError) as error:
+        stored = read_configuration(path)
+        published, version = stored.published, stored.version
+        settings, told = read_settings(path, stored, runs, allow_plugins)
+        notes += told
+    except (ResultsError, OpenDriveError, ScenarioError, SmartMotError) as error:
         notes.append(f"Lanes and monitored areas are not drawn: {error}")
-    return RunFolder(path, runs, settings, published, _version(path), tuple(notes))
+    return RunFolder(path, runs, settings, published, version, tuple(notes))
 
 
 def _refuse_comparison(path: Path) -> None:
@@ -122,71 +135,102 @@ def _refuse_comparison(path: Path) -> None:
     raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
 
 
-def _is_published(path: Path) -> bool:
-    """Whether the paper printed results for these runs; scenario files have none."""
-    try:
-        return runner.is_published(runner.read_suite(path))
-    except ResultsError:
-        return False
+def read_settings(
+    path: Path, stored: Stored, runs: pd.DataFrame, allow_plugins: bool = False
+) -> tuple[dict[str, Setting], list[str]]:
+    """Map, route and conditions of runs of a folder, by the names of their logs, from `runs.json`.
 
+    A run whose files are missing or have changed has none, nor has one whose map cannot be read.
 
-def _version(path: Path) -> str:
-    """Version that `runs.json` names; nothing where it cannot be read."""
-    try:
-        return str(json.loads((path / results.RUNS_JSON).read_text())["version"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""
+    Args:
+        path: the folder.
+        stored: its configuration.
+        runs: rows of its table.
+        allow_plugins: whether code of the user's own may make monitored areas again.
 
+    Returns:
+        The settings, and why others are missing, one line each.
 
-def read_settings(path: Path, runs: pd.DataFrame) -> dict[str, Setting]:
-    """Map, route and conditions of the runs of a folder, by the names of their logs, from `runs.json`.
-
-    Raises:
-        ResultsError: the configuration is missing or not of this program.
-        opendrive.OpenDriveError: a map cannot be read.
-        OpenScenarioError: a scenario cannot be read.
-        ScenarioError: the place does not exist on the map.
-        SmartMotError: a setting of an area is impossible.
     """
-    stored = json.loads((path / results.RUNS_JSON).read_text())["configuration"].get("presets", {})
     named = set(runs["log"].dropna())
     scenes: dict[object, Scene] = {}
-    settings = {}
-    for spec in runner.read_specs(path):
-        if spec.log not in named:
+    settings: dict[str, Setting] = {}
+    missing: Counter[str] = Counter()
+    notes: dict[str, None] = {}
+    for run in stored.runs:
+        if run.spec.log not in named:
             continue
-        preset = preset_of(spec, definition_of(spec))
-        if spec.weather in stored:
-            preset = _as_stored(preset, stored[spec.weather], path)
-        # the place does not depend on what perceives there
-        place = replace(spec, strategy=NO_AEB, weather="dry", seed=0, phase_s=0.0)
-        scene = scenes.get(place)
-        if scene is None:
-            scene = scenes[place] = scene_of(place)
         try:
-            strategy = make_strategy(spec.strategy, preset, scene)
-        except ScenarioError:
-            strategy = None
-        name = spec.map_name or scene.network.name or str(dict(spec.parameters).get("Map", ""))
-        settings[spec.log] = Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must)
-    return settings
+            setting, note = _setting(run, stored.plugins, scenes, allow_plugins)
+        except (ResultsError, OpenDriveError, ScenarioError, SmartMotError, OSError, RecursionError) as error:
+            missing[" ".join(str(error).split())] += 1
+            continue
+        settings[run.spec.log] = setting
+        notes |= {note: None} if note else {}
+    lost = len(named - {run.spec.log for run in stored.runs})
+    if lost:
+        missing[f"{path / results.RUNS_JSON} does not have them; run the test again"] = lost
+    told = [
+        f"Lanes and monitored areas are not drawn{_share(count, len(named))}: {reason}"
+        for reason, count in missing.items()
+    ]
+    if settings and any(run.files is None for run in stored.runs):
+        told.append("Made by version 0.1.0, which wrote no hashes: scenario and map may have changed since.")
+    return settings, [*told, *notes]
 
 
-def _as_stored(preset: Preset, values: Mapping[str, Any], path: Path) -> Preset:
-    """The preset that the runs were made with, which need not be that of its name today."""
+def _share(count: int, whole: int) -> str:
+    return "" if count == whole else f" for {count} of {whole} runs"
+
+
+def _setting(
+    run: StoredRun, plugins: Mapping[str, str], scenes: dict[object, Scene], allow_plugins: bool
+) -> tuple[Setting, str]:
+    """Where a run took place, and what is to be said of its monitored area."""
+    spec = run.spec
+    changed = changed_file(run)
+    if changed is not None:
+        raise ResultsError(changed)
+    definition = definition_of(spec)
+    more = {file.resolve() for file in files_of(spec, definition)} - set(run.files or ())
+    if run.files is not None and more:
+        raise ResultsError(f"{min(more)} was not there when the run took place")
+    preset = in_light_of_run(run, definition)
+    # the place does not depend on what perceives there
+    place = (spec.file, spec.parameters, spec.map_name, spec.adversaries)
+    scene = scenes.get(place)
+    if scene is None:
+        scene = scenes[place] = _scene(spec, definition, preset)
+    strategy, note = _strategy(spec.strategy, preset, scene, plugins, allow_plugins)
+    name = spec.map_name or scene.network.name or str(dict(spec.parameters).get("Map", ""))
+    return Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must), note
+
+
+def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> Scene:
+    """Map and route of a run; nothing of the user's own is made."""
+    name = perception_map(definition, spec.map_name)
+    network = load_named_map(name) if name else None
+    return Simulation(definition, replace(preset, detector=None), None, network=network).scene()
+
+
+def _strategy(
+    name: str, preset: Preset, scene: Scene, plugins: Mapping[str, str], allow_plugins: bool
+) -> tuple[MonitoredAreaStrategy | None, str]:
+    """What made the monitored area, and what is to be said of it."""
+    if name not in STRATEGIES and not is_plugin(name):
+        return None, ""
+    note = ""
+    if is_plugin(name):
+        if not allow_plugins:
+            return None, (
+                f"The monitored area of {name} is not drawn: it is code of your own, which is run with "
+                "--allow-plugins only."
+            )
+        if name not in plugins:
+            note = f"The folder has no hash of {name}: its monitored area may be another than in the run."
+        elif source_digest(name) != plugins[name]:
+            return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
-        return replace(
-            preset,
-            rectangular=RectangularConfig(**values["rectangular"]),
-            map_area=MapAreaConfig(**values["map_area"]),
-            brakes=BrakeConfig(**values["brakes"]),
-            pipeline=replace(
-                preset.pipeline,
-                aeb=AebConfig(**values["pipeline"]["aeb"]),
-                braking_distance=BrakingDistance(**values["pipeline"]["braking_distance"]),
-            ),
-        )
-    except (KeyError, TypeError) as error:
-        raise ResultsError(
-            f"{path / results.RUNS_JSON}: preset not understood ({error!r}); run the test again"
-        ) from None
+        return make_strategy(name, preset, scene), note
+    except PluginError as error:
+        return None, f"The monitored area of {name} is not drawn: {error}"

@@ -26,7 +26,7 @@ from evaluation.report.scene import read_scene
 from evaluation.report.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
 from evaluation.settings import PARAMETERS
 from opendrive import RoadNetwork
-from scenarios.presets import named_preset
+from scenarios.presets import PRESETS
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
@@ -76,7 +76,10 @@ class PageContent:
 
 
 def write_page(
-    directory: Path, out: Path | None = None, progress: Callable[[int, int], None] = lambda done, total: None
+    directory: Path,
+    out: Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    allow_plugins: bool = False,
 ) -> tuple[Path, tuple[str, ...]]:
     """Write the report of a folder of results.
 
@@ -84,6 +87,7 @@ def write_page(
         directory: what a run wrote.
         out: the page; None: `report.html` in the folder.
         progress: called with the runs read so far and their number.
+        allow_plugins: whether code of the user's own may make monitored areas again.
 
     Returns:
         The page, and what the reader has to know about what is missing.
@@ -92,7 +96,7 @@ def write_page(
         ResultsError: the folder cannot be read, or its logs are missing.
         ArgumentError: the page cannot be written.
     """
-    folder = read_folder(directory)
+    folder = read_folder(directory, allow_plugins)
     target = directory / PAGE_NAME if out is None else out
     text = render(page_content(folder, progress))
     try:
@@ -240,7 +244,11 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     for name in ("detector", "tracker"):
         of = PARAMETERS[name].of
         used = {setting.preset.name: of(setting.preset) for setting in folder.settings.values()}
-        own = [str(value) for preset, value in used.items() if value != of(named_preset(preset))]
+        own = [
+            str(value)
+            for preset, value in used.items()
+            if preset not in PRESETS or value != of(PRESETS[preset])
+        ]
         if own:
             facts[name.capitalize()] = ", ".join(dict.fromkeys(own))
     if folder.version:

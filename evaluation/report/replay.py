@@ -31,6 +31,7 @@ def replay(
     fps: float = 20.0,
     speed: float = 1.0,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    allow_plugins: bool = False,
 ) -> tuple[list[Path], tuple[str, ...]]:
     """Write a run as a film; without a file name a GIF in the folder of results.
 
@@ -41,6 +42,7 @@ def replay(
         fps: pictures per second.
         speed: 1 for real time, 0.5 for half of it.
         progress: called with the pictures drawn so far and their number.
+        allow_plugins: whether code of the user's own may make monitored areas again.
 
     Returns:
         Files written, and what the reader has to know about what is missing.
@@ -50,7 +52,7 @@ def replay(
         ArgumentError: the folder has no such run, or a file cannot be written.
     """
     directory, name = split_run(run)
-    folder = read_folder(directory)
+    folder = read_folder(directory, allow_plugins)
     match = folder.runs[folder.runs["log"] == name]
     if match.empty:
         known = folder.runs["log"].dropna().tolist()

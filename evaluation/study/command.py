@@ -12,9 +12,10 @@ import rich.console
 
 from evaluation.arguments import writable_folder
 from evaluation.comparison import compare_files
+from evaluation.configuration import digests_of_files, versions
 from evaluation.errors import ArgumentError
 from evaluation.fingerprint import version
-from evaluation.results import ResultsError, Table, log_path, markdown_table, read_log, rich_table
+from evaluation.results import SCHEMA, ResultsError, Table, log_path, markdown_table, read_log, rich_table
 from evaluation.runs import FrameTime, definition_of, preset_of
 from evaluation.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
 from evaluation.study import figures
@@ -51,6 +52,8 @@ from evaluation.study.table import (
     summary_table,
 )
 from scenarios.errors import ScenarioError
+from scenarios.library import scenario_path
+from scenarios.openscenario.reader import load
 from scenarios.presets import named_preset, named_weather, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
 from smartmot.errors import ConfigError
@@ -305,20 +308,29 @@ def _configuration(options: CompareOptions, scenes: Sequence[SceneRun], points: 
     presets = {
         name: preset_in_weather(named_preset(options.preset), named_weather(name)) for name in options.weather
     }
+    folder = options.out.resolve()
+    digests = {
+        run: digests_of_files(load(scenario_path(run.file), dict(run.parameters)).files, folder)
+        for run in scenes
+    }
     values = {
+        "schema": SCHEMA,
         "version": version(),
+        "versions": versions(),
         "preset": options.preset,
         "seeds": options.seeds,
         "points": [{"strategy": point.strategy, "settings": dict(point.settings)} for point in points],
         "scenes": [
             {"scene": run.scene, "variant": run.variant, "must": run.must, "file": Path(run.file).name}
             | {"parameters": {k: v for k, v in run.parameters if k != "Map"}}
+            | {"files": sorted(digests[run])}
             for run in scenes
         ],
         "presets": {
             f"{point.strategy} {point.text} {name}": dataclasses.asdict(preset_with(preset, point.settings))
             for name, preset in presets.items()
-            for point in points[:1]
+            for point in points
         },
+        "files": {name: digest for found in digests.values() for name, digest in found.items()},
     }
     return (json.dumps(values, indent=1, sort_keys=True) + "\n").encode()

@@ -135,7 +135,7 @@ def test_without_tracks_or_detections_nobody_brakes(folder: Path) -> None:
     for option in (("--tracker", "mine:Nobody"), ("--detector", "mine:Blind")):
         assert impacts(folder, "--strategy", "map", *option) == pytest.approx([40.0, 80.0])
         stored = json.loads((folder / "out" / "runs.json").read_text())["configuration"]
-        assert stored["suite"]["settings"] == {option[0].removeprefix("--"): option[1]}
+        assert stored["specs"][0]["settings"] == {option[0].removeprefix("--"): option[1]}
 
 
 def test_shipped_objects_under_other_names_change_nothing(folder: Path) -> None:
@@ -270,7 +270,7 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
     def key(module: str, strategy: str, settings: tuple[tuple[str, str], ...]) -> str:
         put = tuple((name, value.format(module)) for name, value in settings)
         named = strategy.format(module)
-        return fingerprint(RunSpec("CPNA", "cpna", (), named, "physical", "dry", 50.0, settings=put))
+        return fingerprint(RunSpec("CPNA", "crossing", (), named, "physical", "dry", 50.0, settings=put))
 
     for strategy, settings in (("map", (("tracker", "{}:Nobody"),)), ("{}:corridor", ())):
         sys.modules.pop("mine", None)

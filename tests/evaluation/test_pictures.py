@@ -14,6 +14,8 @@ from evaluation import plots, results, runner
 from evaluation.errors import ArgumentError
 from evaluation.pictures import save_map, save_pictures
 from scenarios.cpna import Site
+from scenarios.strategies import make_strategy
+from smartmot.monitored_area import MonitoredAreaStrategy
 
 SUITE = runner.CpnaSuite((20.0, 50.0, 60.0), ("map",), "paper", ("dry",), "urban_street")
 
@@ -25,6 +27,10 @@ class Finished:
     site: Site
     runs: pd.DataFrame
     logs: dict[str, pd.DataFrame]
+
+    @property
+    def area(self) -> MonitoredAreaStrategy:
+        return make_strategy("map", SUITE.preset_in("dry"), self.site)
 
     def name(self, speed_kmh: float) -> str:
         return str(self.runs.loc[self.runs["v_test_kmh"] == speed_kmh, "log"].item())
@@ -39,7 +45,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
         assert record.row.log is not None
         results.write_log(results.log_path(folder, record.row.log), record.log)
         rows.append(record.row)
-    results.write_runs(folder, rows, runner.suite_configuration(SUITE, site))
+    results.write_runs(folder, rows, runner.suite_configuration(SUITE, site, folder))
     runs = results.read_runs(folder)
     return Finished(site, runs, results.read_logs(folder, runs))
 
@@ -75,7 +81,12 @@ def title_of(drawn: Drawn) -> str:
 def test_three_pictures_and_a_call_after_each(tmp_path: Path, finished: Finished) -> None:
     done: list[int] = []
     written = save_pictures(
-        tmp_path, finished.runs, finished.logs, finished.site, done=lambda: done.append(len(done))
+        tmp_path,
+        finished.runs,
+        finished.logs,
+        finished.site.network,
+        finished.area,
+        done=lambda: done.append(len(done)),
     )
     assert [p.name for p in written] == ["speed_curves.png", "temporal_diagram.png", "birdseye.png"]
     assert done == [0, 1, 2]
@@ -87,7 +98,7 @@ def test_three_pictures_and_a_call_after_each(tmp_path: Path, finished: Finished
 
 
 def test_shows_the_run_at_the_usual_speed_in_town(tmp_path: Path, finished: Finished, drawn: Drawn) -> None:
-    save_pictures(tmp_path, finished.runs, finished.logs, finished.site)
+    save_pictures(tmp_path, finished.runs, finished.logs, finished.site.network, finished.area)
     assert title_of(drawn) == "CPNA, map, 50 km/h, dry, preset paper"
     assert drawn.calls["temporal_diagram"][0] is finished.logs[finished.name(50.0)]
     assert drawn.calls["speed_curves"][0] is finished.runs
@@ -95,31 +106,38 @@ def test_shows_the_run_at_the_usual_speed_in_town(tmp_path: Path, finished: Fini
 
 def test_otherwise_the_fastest_run_with_a_flag(tmp_path: Path, finished: Finished, drawn: Drawn) -> None:
     runs = finished.runs[finished.runs["v_test_kmh"] != 50]
-    save_pictures(tmp_path, runs, finished.logs, finished.site)
+    save_pictures(tmp_path, runs, finished.logs, finished.site.network, finished.area)
     assert ", 60 km/h," in title_of(drawn)
 
 
 def test_without_any_flag_the_last_run_at_its_end(tmp_path: Path, finished: Finished, drawn: Drawn) -> None:
     runs = finished.runs.assign(flag_time_s=np.nan)
-    save_pictures(tmp_path, runs, finished.logs, finished.site)
+    save_pictures(tmp_path, runs, finished.logs, finished.site.network, finished.area)
     assert ", 60 km/h," in title_of(drawn)
     assert drawn.calls["birdseye"][2] == finished.logs[finished.name(60.0)]["time_s"].max()
 
 
 def test_the_run_asked_for(tmp_path: Path, finished: Finished, drawn: Drawn) -> None:
-    save_pictures(tmp_path, finished.runs, finished.logs, finished.site, shown=finished.name(20.0))
+    save_pictures(
+        tmp_path,
+        finished.runs,
+        finished.logs,
+        finished.site.network,
+        finished.area,
+        shown=finished.name(20.0),
+    )
     assert ", 20 km/h," in title_of(drawn)
 
 
 def test_an_unknown_run_is_answered_with_the_known_ones(tmp_path: Path, finished: Finished) -> None:
     with pytest.raises(ArgumentError, match=r"--run: no run 'x'; the folder has: CPNA_map_.*20kmh.*, CPNA"):
-        save_pictures(tmp_path, finished.runs, finished.logs, finished.site, shown="x")
+        save_pictures(tmp_path, finished.runs, finished.logs, finished.site.network, finished.area, shown="x")
 
 
 def test_birdseye_view_is_at_the_flag_with_the_area_of_that_time(
     tmp_path: Path, finished: Finished, drawn: Drawn
 ) -> None:
-    save_pictures(tmp_path, finished.runs, finished.logs, finished.site)
+    save_pictures(tmp_path, finished.runs, finished.logs, finished.site.network, finished.area)
     _, log, time, areas, title = drawn.calls["birdseye"]
     flag = float(finished.runs.loc[finished.runs["v_test_kmh"] == 50, "flag_time_s"].item())
     assert time == flag
@@ -137,7 +155,9 @@ def test_equal_figures_give_equal_bytes(tmp_path: Path, finished: Finished) -> N
     one, two = (
         [
             p.read_bytes()
-            for p in save_pictures(tmp_path / n, finished.runs, finished.logs, finished.site, suffix="svg")
+            for p in save_pictures(
+                tmp_path / n, finished.runs, finished.logs, finished.site.network, finished.area, suffix="svg"
+            )
         ]
         for n in ("one", "two")
     )
@@ -146,7 +166,7 @@ def test_equal_figures_give_equal_bytes(tmp_path: Path, finished: Finished) -> N
 
 def test_a_folder_that_is_gone_is_one_clear_error(tmp_path: Path, finished: Finished, drawn: Drawn) -> None:
     with pytest.raises(ArgumentError, match=r"cannot write .*speed_curves\.png: No such file or directory"):
-        save_pictures(tmp_path / "gone", finished.runs, finished.logs, finished.site)
+        save_pictures(tmp_path / "gone", finished.runs, finished.logs, finished.site.network, finished.area)
     assert "birdseye" not in drawn.calls
 
 

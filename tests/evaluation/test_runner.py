@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluation.configuration import configuration_of, read_configuration, read_specs
 from evaluation.results import ResultsError, write_runs
 from evaluation.runner import (
     Conditions,
@@ -16,10 +17,7 @@ from evaluation.runner import (
     load_site,
     notes,
     pose_site,
-    read_specs,
-    read_suite,
     run_suite,
-    scenario_configuration,
     scenario_specs,
     suite_configuration,
 )
@@ -142,20 +140,19 @@ def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
 
 @pytest.mark.parametrize("suite", ROUND_TRIPS)
 def test_configuration_is_read_back(tmp_path: Path, suite: CpnaSuite) -> None:
-    write_runs(tmp_path, [], suite_configuration(suite, load_site(suite)))
-    assert read_suite(tmp_path) == suite
+    site = load_site(suite)
+    write_runs(tmp_path, [], suite_configuration(suite, site, tmp_path))
+    stored = read_configuration(tmp_path)
+    assert [run.spec for run in stored.runs] == suite.specs(site)
+    assert [run.preset for run in stored.runs] == [suite.preset_in(run.spec.weather) for run in stored.runs]
+    assert stored.published == is_published(suite)
 
 
 def test_configuration_names_the_place_and_the_conditions(site: Site, tmp_path: Path) -> None:
-    write_runs(tmp_path, [], suite_configuration(PAPER_TABLE, site))
+    write_runs(tmp_path, [], suite_configuration(PAPER_TABLE, site, tmp_path))
     written = json.loads((tmp_path / "runs.json").read_text())["configuration"]
     assert written["site"]["line_m"] == site.line_m
-    assert written["presets"]["dry"]["brakes"]["max_decel_mps2"] == 14.5
-
-
-def test_a_folder_of_cpna_runs_tells_its_runs(tmp_path: Path, site: Site) -> None:
-    write_runs(tmp_path, [], suite_configuration(PAPER_TABLE, site))
-    assert read_specs(tmp_path) == PAPER_TABLE.specs(site)
+    assert written["presets"]["paper dry"]["brakes"]["max_decel_mps2"] == 14.5
 
 
 # ---- scenario files ----------------------------------------------------------------------------------------
@@ -199,7 +196,7 @@ def test_wrong_parameters_are_refused_before_the_first_run() -> None:
 
 def test_runs_of_files_are_read_back(tmp_path: Path) -> None:
     specs = scenario_specs("cbla", {"Ego_speed_kmh": "30"}, BOTH)
-    write_runs(tmp_path, [], scenario_configuration(specs, []))
+    write_runs(tmp_path, [], configuration_of(specs, tmp_path))
     assert read_specs(tmp_path) == specs
 
 
@@ -235,9 +232,8 @@ def ncap() -> Path:
 def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "runs.json").write_text(content)
-    for read in (read_suite, read_specs):
-        with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
-            read(tmp_path)
+    with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
+        read_specs(tmp_path)
 
 
 @pytest.mark.parametrize(
