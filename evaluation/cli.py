@@ -263,7 +263,9 @@ def run(
         Optional[list[str]],  # noqa: UP045
         typer.Option(help="Value of a parameter of the scenario; may be repeated.", metavar="NAME=VALUE"),
     ] = None,
-    no_aeb: Annotated[bool, typer.Option("--no-aeb", help="Nobody brakes: the unbraked run.")] = False,
+    no_aeb: Annotated[
+        bool, typer.Option("--no-aeb", help="No brake but the scenario's: the unbraked run.")
+    ] = False,
     strategy: Strategy = "rectangular,map",
     preset: PresetName = "physical",
     tracker: TrackerName = "preset",
@@ -673,7 +675,7 @@ def compare(
     workers: AllWorkers = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare strategies over scenes: who avoids contacts, and who stops for nobody."""
+    """Compare strategies over scenes: collisions avoided, false activations and unnecessary stops."""
     from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
     from evaluation.errors import ArgumentError
     from evaluation.settings import parse_vary

@@ -61,8 +61,8 @@ def compare_files(
     silent = sum(row.avoided and row.flag_time_s is None for row in rows)
     if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
         notes.append(
-            f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or nobody was in "
-            "the way; --hold-speed drives as Euro NCAP does, without ACC"
+            f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or the way "
+            "was free; --hold-speed drives as Euro NCAP does, without ACC"
         )
     for line in notes:
         console.print(line, highlight=False)

@@ -452,7 +452,7 @@ class Simulation:
         raise PluginError(
             f"{detector.name if detector else 'sensor'}: none of {counts.reported} detections has the score"
             f"{least} that the tracker needs to start a track (highest: {counts.highest:.3g}), so that "
-            "nobody would be seen; scale the detector's scores, or give a tracker with a lower threshold "
+            "no object would be seen; scale the detector's scores, or give a tracker with a lower threshold "
             "(--tracker package.module:name)"
         )
 

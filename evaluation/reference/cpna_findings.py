@@ -118,14 +118,14 @@ def told_mechanisms(runs: Sequence[MechanismRun]) -> list[str]:
     hits = [v for v in rectangle.speeds_kmh if max(_of(runs, rectangle, v)) > 0.0]
     if hits and not any(_of(runs, clamps)):
         lines.append(
-            f"With the authors' own clamps of 12 to 30 m the rectangle avoids every contact at "
+            f"With the authors' own clamps of 12 to 30 m the rectangle avoids every collision at "
             f"{listed(clamps.speeds_kmh)} km/h; held at 12 m it hits at {listed(hits)} km/h."
         )
     far = [v for v in usual_map.speeds_kmh if min(_of(runs, usual_map, v)) > 0.0]
     if far and not any(_of(runs, free)):
         lines.append(
-            f"Without a limit on its reach the map avoids contact at {listed(far)} km/h too, where with "
-            "22.2 m it always hits."
+            f"Without a limit on its reach the map avoids the collision at {listed(far)} km/h too, where "
+            "with 22.2 m it always hits."
         )
     late = [
         v for v in blind.speeds_kmh if max(_of(runs, blind, v)) > 0.0 and min(_of(runs, usual_map, v)) == 0.0
@@ -170,7 +170,7 @@ def told_physical(rows: Sequence[RunRow]) -> list[str]:
             listed(f"{found[name, v]:.1f}" for v in helps if found[name, v])
             for name in ("rectangular", "map")
         )
-        rest = f"with the map at {here}" if here else "the map avoids contact"
+        rest = f"with the map at {here}" if here else "the map avoids the collision"
         lines.append(
             f"The map helps at {listed(helps)} km/h: with the rectangle impacts are at {there} km/h, {rest}."
         )
@@ -232,7 +232,8 @@ def told_in_short(
     if is_reach(mechanisms):
         lines.append(
             "Its gap between rectangle and map is a gap in reach: an object counts 12 m ahead in the one and "
-            "22.2 m ahead in the other. Given the authors' own 30 m, the rectangle avoids contact as well."
+            "22.2 m ahead in the other. Given the authors' own 30 m, the rectangle avoids the collision as "
+            "well."
         )
     lines.append(f"The paper's test with a real car: {' '.join(told_physical(physical)[:2])}")
     return lines
@@ -269,8 +270,8 @@ def contradictions(
     touched = [run.v_impact_kmh for run in phases if run.v_impact_kmh > 0.0]
     if touched:
         lines.append(
-            f"The paper's map avoids contact up to 70 km/h. Here that hangs on the frames' phase: contact in "
-            f"{len(touched)} of {len(phases)} runs, at up to {max(touched):.1f} km/h."
+            f"The paper's map avoids the collision up to 70 km/h. Here that depends on the frames' phase: "
+            f"contact in {len(touched)} of {len(phases)} runs, at up to {max(touched):.1f} km/h."
         )
     scores = {name: score_text(physical, name) for name in ("rectangular", "map")}
     if scores["rectangular"] == scores["map"]:

@@ -43,7 +43,7 @@ def _named(strategy: str, settings: str) -> str:
 def strategy_table(runs: Sequence[RunMeasures]) -> Table:
     """A line per strategy shown: what it avoids and what it costs."""
     header = (
-        "strategy", "contacts avoided", "mean impact (km/h)", "false emergency stops", "any stop for nobody",
+        "strategy", "collisions avoided", "mean impact (km/h)", "false activations", "unnecessary stops",
         "mean delay (s)", "tracks per frame",
     )  # fmt: skip
     lines = []
@@ -62,7 +62,7 @@ def strategy_table(runs: Sequence[RunMeasures]) -> Table:
 
 
 def speed_table(runs: Sequence[RunMeasures]) -> Table:
-    """Contacts avoided and stops for nobody by test speed."""
+    """Collisions avoided and unnecessary stops by test speed."""
     header = (
         "v_test (km/h)",
         *(f"{name}: avoided" for name in SHOWN),
@@ -126,7 +126,7 @@ def contacts_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
 
 
 def stops_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
-    """Where the first strategy never stops for nobody and the second does."""
+    """Where the first strategy never stops unnecessarily and the second does."""
     return _where(runs, SHOWN[one], SHOWN[two], "nothing", lambda run: run.needless_stop)
 
 
@@ -149,7 +149,7 @@ def _where(
     return places
 
 
-_NOUNS = {"contact": ("contact", "contacts"), "stop": ("stop for nobody", "stops for nobody")}
+_NOUNS = {"contact": ("collision", "collisions"), "stop": ("unnecessary stop", "unnecessary stops")}
 
 
 def _text(places: Places, what: str) -> str:
@@ -168,10 +168,10 @@ def told_width(runs: Sequence[RunMeasures]) -> list[str]:
 
 
 def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -> Table:
-    """Contacts avoided and stops for nobody in both presets."""
+    """Collisions avoided and unnecessary stops in both presets."""
     header = ["strategy"]
     for title in ("real car", "paper"):
-        header += [f"{title}: contacts avoided", "false stops", "any stop for nobody"]
+        header += [f"{title}: collisions avoided", "false activations", "unnecessary stops"]
     lines = []
     for name, point in SHOWN.items():
         cells = []
@@ -197,7 +197,7 @@ def ablation_table(runs: Sequence[RunMeasures]) -> Table:
             lines.append(
                 (row.strategy, row.settings, *(f"{change:+d}" if change else "0" for change in changes))
             )
-    header = ("strategy", "changed", "contacts avoided", "false emergency stops", "any stop for nobody")
+    header = ("strategy", "changed", "collisions avoided", "false activations", "unnecessary stops")
     return Table(header, tuple(lines))
 
 
@@ -231,7 +231,8 @@ def told_ablation(runs: Sequence[RunMeasures]) -> list[str]:
         avoided = counted(_count(brake), brake.count)
         stops = counted(_count(nothing), nothing.count)
         lines.append(
-            f"As the preset has it, {strategy} avoids {avoided} contacts and stops for nobody in {stops}."
+            f"As the preset has it, {strategy} avoids {avoided} collisions and stops unnecessarily in "
+            f"{stops}."
         )
         if idle:
             lines.append(f"No count of {strategy} changes with {listed(idle)}.")
@@ -283,7 +284,7 @@ def told_growth(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> list[s
                 "+0.00 s later", "no later"
             )
         if false:
-            text += f"; {false} of {runs_there} runs with {most} others stop for somebody else"
+            text += f"; {false} of {runs_there} runs with {most} others have a false activation"
         lines.append(f"{text}.")
     return lines
 

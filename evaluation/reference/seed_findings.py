@@ -32,8 +32,8 @@ class Outcome:
 
 OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
     {
-        "avoided": Outcome("contacts avoided", "brake", lambda run: run.avoided),
-        "needless_stops": Outcome("stops for nobody", "nothing", lambda run: run.needless_stop),
+        "avoided": Outcome("collisions avoided", "brake", lambda run: run.avoided),
+        "needless_stops": Outcome("unnecessary stops", "nothing", lambda run: run.needless_stop),
     }
 )
 """By the names of the measures of a summary."""

@@ -1,1 +1,1 @@
-"""The comparison of strategies over scenes: avoidance against false stops."""
+"""The comparison of strategies over scenes: collisions avoided against false activations."""

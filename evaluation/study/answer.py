@@ -65,7 +65,10 @@ def curves(rows: Sequence[Summary], points: Sequence[Point]) -> list[Curve]:
 
 
 def best(curve: Curve) -> int:
-    """Index of the point with most contacts avoided; among those fewest false, then needless stops."""
+    """Index of the point with most collisions avoided.
+
+    Among equals that with the fewest false activations, then the fewest unnecessary stops.
+    """
 
     def rank(k: int) -> tuple[float, float, float, int]:
         row = curve.rows[k]
@@ -107,7 +110,7 @@ def told_intervals(rows: Sequence[Summary]) -> str:
 def _reach(avoided: Sequence[Estimate], stops: Sequence[Estimate]) -> str:
     """How wide intervals are, in percentage points."""
     texts = []
-    for name, rates in (("contacts avoided", avoided), ("stops for nobody", stops)):
+    for name, rates in (("collisions avoided", avoided), ("unnecessary stops", stops)):
         widths = [100 * (rate.high - rate.low) for rate in rates if rate.count]
         if widths:
             low, high = f"{min(widths):.0f}", f"{max(widths):.0f}"
@@ -130,11 +133,12 @@ def _told(curve: Curve) -> str:
         )
     elif not first.avoided.count:
         text += (
-            f"{curve.values[k]:g} {parameter.unit} has the fewest false stops: {_numbers(curve.rows[k])}. "
+            f"{curve.values[k]:g} {parameter.unit} has the fewest false activations: "
+            f"{_numbers(curve.rows[k])}. "
         )
     else:
         text += (
-            f"{curve.values[k]:g} {parameter.unit} avoids most at the fewest false stops: "
+            f"{curve.values[k]:g} {parameter.unit} avoids most at the fewest false activations: "
             f"{_numbers(curve.rows[k])}. "
         )
     ends = [
@@ -150,13 +154,13 @@ def _numbers(row: Summary) -> str:
     parts = []
     if row.avoided.count:
         parts.append(
-            f"{round(row.avoided.value * row.avoided.count)} of {row.avoided.count} contacts avoided"
+            f"{round(row.avoided.value * row.avoided.count)} of {row.avoided.count} collisions avoided"
         )
     if row.false_activations.count:
         stops, needless = (
             round(rate.value * rate.count) for rate in (row.false_activations, row.needless_stops)
         )
         parts.append(
-            f"{stops} of {row.false_activations.count} false stops ({needless} counting standstills)"
+            f"{stops} of {row.false_activations.count} false activations ({needless} counting standstills)"
         )
     return ", ".join(parts)

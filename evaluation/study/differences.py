@@ -35,12 +35,12 @@ class Compared:
 
 
 COMPARED: Mapping[str, Compared] = {
-    "avoided": Compared("contacts avoided", "brake", lambda run: run.avoided, True),
+    "avoided": Compared("collisions avoided", "brake", lambda run: run.avoided, True),
     "v_impact_kmh": Compared("mean impact", "brake", impact_kmh, False, "km/h", 1),
     "flag_time_s": Compared("time of the flag", "brake", lambda run: run.flag_time_s, False, "s", 2),
     "false_activations": Compared("false activations", "nothing", lambda run: run.false_activation),
     "early_activations": Compared("early activations", "brake", lambda run: run.false_activation),
-    "needless_stops": Compared("any stop for nobody", "nothing", lambda run: run.needless_stop),
+    "needless_stops": Compared("unnecessary stops", "nothing", lambda run: run.needless_stop),
     "speed_loss_kmh": Compared("speed loss", "nothing", lambda run: run.speed_loss_kmh, False, "km/h", 1),
     "delay_s": Compared("mean delay", "nothing", lambda run: run.delay_s, False, "s", 2),
     "tracks": Compared("tracks per frame", "", lambda run: run.tracks_mean, False, "tracks", 1),

@@ -165,8 +165,8 @@ def summary_table(rows: Sequence[Summary]) -> Table:
     header = (
         *(("weather",) if weathers else ()),
         "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "bands (%)",
-        "TTC at flag (s)", "distance at flag (m)",
-        "false stops (%)", "per km", "needless stops (%)", "speed loss (km/h)", "delay (s)", "tracks",
+        "TTC at flag (s)", "distance at flag (m)", "false activations (%)", "per km",
+        "unnecessary stops (%)", "speed loss (km/h)", "delay (s)", "tracks",
     )  # fmt: skip
     lines = [
         (
@@ -196,7 +196,7 @@ def short_table(rows: Sequence[Summary]) -> Table:
     weathers = len({row.weather for row in rows}) > 1
     header = (
         *(("weather",) if weathers else ()), "strategy", "settings", "avoided", "impact (km/h)",
-        "false stops", "needless stops", "delay (s)",
+        "false activations", "unnecessary stops", "delay (s)",
     )  # fmt: skip
     lines = [
         (
@@ -218,7 +218,7 @@ def seed_table(rows: Sequence[Summary]) -> Table:
     weathers = len({row.weather for row in rows}) > 1
     header = (
         *(("weather",) if weathers else ()), "strategy", "settings", "avoided (%)", "impact (km/h)",
-        "false stops (%)", "needless stops (%)", "delay (s)",
+        "false activations (%)", "unnecessary stops (%)", "delay (s)",
     )  # fmt: skip
     lines = []
     for row in rows:
@@ -249,7 +249,7 @@ def _counts(rows: Sequence[Summary]) -> str:
 
 
 def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
-    """Contacts and false stops per scene, of chosen strategies and settings."""
+    """Collisions avoided and false activations per scene, of chosen strategies and settings."""
     chosen = [(point.strategy, point.text) for point in points]
     scenes: dict[tuple[str, str], dict[tuple[str, str], list[RunMeasures]]] = {}
     for run in runs:
@@ -268,7 +268,7 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
                 stops = sum(run.false_activation is True for run in mine)
                 still = sum(run.needless_stop for run in mine)
                 other = f" +{still - stops} standstill" if still > stops else ""
-                cells.append(f"{stops}/{len(mine)} false stops{other}")
+                cells.append(f"{stops}/{len(mine)} false activations{other}")
         lines.append((must, scene, *cells))
     return Table(header, tuple(lines))
 

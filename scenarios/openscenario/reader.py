@@ -136,7 +136,7 @@ def _entities(node: Node) -> list[Node]:
     node.allow(children="ScenarioObject")
     found = list(node)
     if not found:
-        raise ContentError(f"{node.where} needs at least one ScenarioObject: nobody takes part")
+        raise ContentError(f"{node.where} needs at least one ScenarioObject: the scenario has no road user")
     return found
 
 

@@ -1,8 +1,8 @@
 """The scenes of the comparison: which file, where, with which values, and what must happen.
 
-A scene in which nothing should happen (`nothing`) ends without contact when nobody brakes; every emergency
-request in it is a false stop. A scene in which the ego must brake (`brake`) ends with a contact when nobody
-does. The tests check both for every variant.
+A scene in which nothing should happen (`nothing`) ends without contact when the ego does not brake; every
+emergency request in it is a false activation. A scene in which the ego must brake (`brake`) ends with a
+contact when it does not. The tests check both for every variant.
 """
 
 from __future__ import annotations

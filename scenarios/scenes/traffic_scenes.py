@@ -4,7 +4,7 @@ The vehicles follow each other by the Intelligent Driver Model and change lanes 
 `IDMVehicle`) on the scene's own road. The ego drives among them as it would unbraked, and they see it. Of the
 random traffic of rising seeds those are taken in which nobody touches anybody, nobody goes on to another road
 and the ego always keeps its distance to who is ahead and behind. Recorded vehicles do not react to an ego
-that brakes: one that stops for nobody may be hit from behind.
+that brakes: one that brakes unnecessarily may be hit from behind.
 
 ``python -m scenarios.scenes.traffic_scenes`` writes all of them again, byte by byte the same; those on outer
 maps only where the maps are.
@@ -95,7 +95,7 @@ def _on_two_lanes(number: int) -> TrafficScene:
 def _in_a_bend(number: int) -> TrafficScene:
     return TrafficScene(
         f"traffic_bend_{number + 1}",
-        "Traffic comes towards the ego in a bend, and somebody drives ahead of it",
+        "Traffic comes towards the ego in a bend, and a car drives ahead of it",
         "bend_60", -1, 90.0, 40.0, number,
         ((-1, 1, (30.0, 50.0), (42.0, 50.0)), (1, 6, (40.0, 390.0), (35.0, 50.0))),
     )  # fmt: skip
@@ -115,7 +115,7 @@ def _in_a_town(number: int) -> TrafficScene:
 def _on_a_campus(number: int) -> TrafficScene:
     return TrafficScene(
         f"traffic_campus_{number + 1}",
-        "On two lanes one way somebody overtakes the ego, one behind it changes lanes, a slower car is ahead",
+        "On two lanes one way a car overtakes the ego, one behind it changes lanes, a slower car is ahead",
         "CampusUAH_v1_7", -2, 30.0, 50.0, number,
         ((-1, 1, (-14.0, -8.0), (62.0, 68.0)), (-2, 1, (45.0, 60.0), (44.0, 48.0)),
          (-2, 1, (-27.0, -25.0), (54.0, 58.0))),

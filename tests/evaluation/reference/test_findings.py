@@ -98,7 +98,8 @@ def test_where_a_real_car_gains() -> None:
     rows = [row(name, v, 12.0 if (name, v) == ("rectangular", 70.0) else 0.0)
             for name in ("rectangular", "map") for v in (60.0, 70.0)]  # fmt: skip
     assert cpna.told_physical(rows) == [
-        "The map helps at 70 km/h: with the rectangle impacts are at 12.0 km/h, the map avoids contact.",
+        "The map helps at 70 km/h: with the rectangle impacts are at 12.0 km/h, the map avoids the "
+        "collision.",
         "At 60 km/h both end alike.",
         "Both score 1 of 1: the score, which ends at 60 km/h, sees no difference.",
     ]
@@ -127,9 +128,9 @@ def test_pairs_are_compared_both_ways() -> None:
     runs = [measured(name, must, (name, must) in {("the rectangle", "brake"), ("the map", "nothing")})
             for name in scenes.SHOWN for must in ("brake", "nothing")]  # fmt: skip
     assert scenes.told_pair(runs, "the map", "the rectangle") == (
-        "The map avoids 1 contact (scene to brake at 50 km/h) that the rectangle does not; the other way "
-        "round no contact. It avoids no stop for nobody that the rectangle does not; the other way round "
-        "1 stop for nobody (scene to nothing at 50 km/h)."
+        "The map avoids 1 collision (scene to brake at 50 km/h) that the rectangle does not; the other way "
+        "round no collision. It avoids no unnecessary stop that the rectangle does not; the other way round "
+        "1 unnecessary stop (scene to nothing at 50 km/h)."
     )
     assert [r[1] for r in scenes.different_scenes(runs).rows] == ["scene to brake", "scene to nothing"]
     assert scenes.short_table(runs, runs).rows[0][1:4] == ("0 of 1", "0 of 1", "0 of 1")

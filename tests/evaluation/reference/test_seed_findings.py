@@ -53,8 +53,8 @@ def test_outcomes_that_differ_are_counted_and_named() -> None:
     )
     assert "over the 3 seeds" in told[1]
     assert told[2] == (
-        "Seed by seed, the map less the rectangle is 0, 0 and +1 of 2 contacts avoided and +1, +1 and +1 of "
-        "2 stops for nobody."
+        "Seed by seed, the map less the rectangle is 0, 0 and +1 of 2 collisions avoided and +1, +1 and +1 "
+        "of 2 unnecessary stops."
     )
     assert seeds.told_changed(runs({})) == "None of 12 outcomes are not the same for all 3 seeds."
 

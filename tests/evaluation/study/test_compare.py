@@ -170,8 +170,11 @@ def test_the_answer_takes_most_avoided_then_fewest_stops_then_the_least() -> Non
     (curve,) = curves(summaries(runs), points)
     assert curve.values[best(curve)] == 1.0
     (line,) = answer(summaries(runs), points)
-    assert "1 m avoids most at the fewest false stops: 2 of 2 contacts avoided, 1 of 2 false stops" in line
-    assert "0 m: 1 of 2 contacts avoided, 0 of 2 false stops" in line
+    assert (
+        "1 m avoids most at the fewest false activations: 2 of 2 collisions avoided, 1 of 2 false activations"
+        in line
+    )
+    assert "0 m: 1 of 2 collisions avoided, 0 of 2 false activations" in line
 
 
 def test_a_point_without_width_is_a_curve_of_its_own() -> None:

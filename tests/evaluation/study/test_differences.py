@@ -166,7 +166,7 @@ def test_table_and_sentence() -> None:
     assert line[2].endswith("10:0, p 0.002")
     told = told_differences(found)
     assert "2 of 2 differences" in told
-    assert "map against rectangular half_width_m=2.6: contacts avoided +91 [" in told
+    assert "map against rectangular half_width_m=2.6: collisions avoided +91 [" in told
     assert "mean impact -27.3 [" in told
     assert "do not decide" not in told
     assert "none of 2 differences" in told_differences(differences(OURS + THEIRS, [(MAP, RECTANGLE)]))

@@ -89,7 +89,7 @@ def test_columns_over_the_seeds_are_filled_with_two_seeds_and_empty_with_one() -
 
 def test_the_table_over_the_seeds() -> None:
     table = seed_table(summaries(three_seeds()))
-    assert table.header[2:5] == ("avoided (%)", "impact (km/h)", "false stops (%)")
+    assert table.header[2:5] == ("avoided (%)", "impact (km/h)", "false activations (%)")
     assert table.rows[0][2:4] == ("50 [0, 100]", "5.0 ±2.5")
 
 
@@ -98,6 +98,6 @@ def test_what_the_intervals_mean_is_told_for_one_seed_and_for_several() -> None:
     told = told_intervals(summaries(runs))
     assert "over the scenes say what another choice of scenes" in told
     assert "over the 3 seeds" in told
-    assert "100 points of contacts avoided and 0 points of stops for nobody" in told
+    assert "100 points of collisions avoided and 0 points of unnecessary stops" in told
     told = told_intervals(summaries([r for r in runs if r.seed == 0]))
     assert told.endswith("With one seed there are none over the seeds.")
