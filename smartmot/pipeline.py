@@ -215,9 +215,9 @@ class Pipeline:
             lead = _lead(scene, gap, ego)
         situation = self._situation(area, scene, ego)
         aeb, command, events = decide(state.aeb, situation, config.aeb)
-        dropped, trackable = self._used(state.tracker, detections)
+        lost, trackable = self._used(state.tracker, detections)
         result = FrameResult(
-            detections, dropped, trackable, kept, tracks, forecast, ego_forecast, found, lead, command, events
+            detections, lost, trackable, kept, tracks, forecast, ego_forecast, found, lead, command, events
         )
         return PipelineState(tracker_state, aeb), result
 
