@@ -1,8 +1,9 @@
-"""The ego's drive: speed kept, adapted to what is ahead (highway-env's IDM), or braked in an emergency."""
+"""The ego's drive: speed as the scenario asks, adapted to what is ahead (highway-env's IDM), or braked."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenarios.brakes import BrakeConfig
@@ -14,55 +15,88 @@ if TYPE_CHECKING:
     from scenarios.follower import Follower
 
 
+SAME_MPS = 1e-6
+"""The ego is given back to the scenario when its speed is this near to the one that the scenario asks for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the scenario asks of the ego's speed.
+
+    Args:
+        speed_mps: now, negative in reverse.
+        accel_mps2: how it changes until the next decision.
+    """
+
+    speed_mps: float
+    accel_mps2: float = 0.0
+
+
 class EgoDrive:
-    """Drives the ego along its way like a driving robot: exactly on it, its speed decided here.
+    """Brakes the ego, or adapts its speed to who is ahead; until then the scenario drives it.
+
+    The speed that the scenario asks for is the desired one: speed adaptation goes below it, and after it, or
+    after braking, the ego returns to it. Along its way it drives like a driving robot, exactly on it.
 
     Args:
         brakes: emergency brake.
         length_m: of the ego, for the distance that it keeps.
-        adapts: whether it adapts its speed to who is ahead; else it holds its speed until it brakes, as the
-            robot does in the tests of Euro NCAP.
+        adapts: whether it adapts its speed to who is ahead; else it drives as the scenario asks until it
+            brakes, as the robot does in the tests of Euro NCAP.
     """
 
     def __init__(self, brakes: BrakeConfig, length_m: float, adapts: bool = True) -> None:
         self.brakes, self._length_m, self._adapts = brakes, length_m, adapts
-        self.commands_from_s = -math.inf
+        self.commands_from_s = math.inf
         self.speed_mps = 0.0
         self.accel_mps2 = 0.0
         self.braking_since_s: float | None = None
         self._comfort_mps2 = 0.0
-        self._desired_mps = 0.0
         self._follower: Follower | None = None
 
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
-        """Keep the initial speed until told otherwise."""
+        """Go on from the speed that the scenario has given it."""
         self.speed_mps = speed_mps
-        self._desired_mps, self._follower = speed_mps, None
 
-    def control(self, time_s: float, emergency: bool, lead: LeadObject | None) -> None:
+    def control(
+        self, time_s: float, emergency: bool, lead: LeadObject | None, speed_mps: float, asked: Asked
+    ) -> None:
         """Take over one decision.
 
         Args:
             time_s: now.
             emergency: whether to brake fully.
             lead: object whose speed is adapted to, if any.
+            speed_mps: of the ego now, negative in reverse.
+            asked: by the scenario.
         """
         if not emergency:
             self.braking_since_s = None
         elif self.braking_since_s is None:
             self.braking_since_s = time_s
         self._comfort_mps2 = 0.0
-        if emergency or self.speed_mps < 0.0:  # in reverse it is driven by the test's own robot
+        if emergency:
+            self._command(time_s)
             return
-        if self._adapts or self.speed_mps != self._desired_mps:
-            self._comfort_mps2 = self._idm().accel_mps2(self.speed_mps, lead if self._adapts else None)
+        if speed_mps < 0.0 or asked.speed_mps < 0.0:  # in reverse it is driven by the test's own robot
+            return
+        lead = lead if self._adapts else None
+        waits = math.isinf(self.commands_from_s)
+        if lead is None and (waits or abs(speed_mps - asked.speed_mps) <= SAME_MPS):
+            self.commands_from_s = math.inf
+            return
+        self._comfort_mps2 = self._idm().accel_mps2(speed_mps, lead, asked.speed_mps, asked.accel_mps2)
+        self._command(time_s)
+
+    def _command(self, time_s: float) -> None:
+        self.commands_from_s = min(self.commands_from_s, time_s)
 
     def _idm(self) -> Follower:
         """The model that adapts the speed, made when first needed: many tests hold theirs."""
         if self._follower is None:
             from scenarios.follower import Follower
 
-            self._follower = Follower(self._desired_mps, self._length_m)
+            self._follower = Follower(self._length_m)
         return self._follower
 
     def motion(self, time_s: float, duration_s: float) -> Motion:

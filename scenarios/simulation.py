@@ -12,11 +12,13 @@ from enum import StrEnum
 import numpy as np
 
 from opendrive import RoadNetwork
-from scenarios.ego_drive import EgoDrive
+from scenarios.ego_drive import Asked, EgoDrive
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.engine import Contact, Engine, Entities
 from scenarios.openscenario.model import (
     Action,
+    DeleteEntityAction,
+    EntityDefinition,
     FollowTrajectoryAction,
     LongitudinalDistanceAction,
     ScenarioDefinition,
@@ -199,7 +201,8 @@ class Simulation:
 
     Raises:
         RunError: the scenario cannot begin.
-        ScenarioError: the sensor's times are not multiples of 10 ms.
+        ScenarioError: the sensor's times are not multiples of 10 ms, or the scenario deletes the ego or turns
+            its direction.
         smartmot.errors.PluginError: a detector of the user's own cannot be made.
     """
 
@@ -214,7 +217,8 @@ class Simulation:
         roads: Roads | None = None,
         adapts: bool = True,
     ) -> None:
-        ego = next((e for e in definition.entities if e.name == "Ego"), definition.entities[0])
+        ego = ego_of(definition)
+        self._backwards = drives_backwards(definition, ego.name)
         self._drive = EgoDrive(preset.brakes, ego.length_m, adapts)
         self.engine = Engine(definition, self._drive, roads=roads, until_contact=True)
         self.network = network or self.engine.world.locator.roads.network
@@ -233,8 +237,6 @@ class Simulation:
             np.array(["target" if k == self._target else "other" for k in self._others], dtype=np.str_),
         )
         self._spent_ns: list[int] = []
-        self._initial_mps = self._drive.speed_mps
-        self._backwards = self._initial_mps < 0.0
         self._following_since_s: float | None = None
         self._standing_since_s: float | None = None
         self._was_ahead = False
@@ -275,7 +277,7 @@ class Simulation:
             if engine.over:
                 reason = EndReason.STORYBOARD if engine.contact is None else EndReason.CONTACT
                 break
-            if self._stop is None and self._flag is not None and abs(self._drive.speed_mps) <= 0.0:
+            if self._stop is None and self._flag is not None and self._speed_mps() == 0.0:
                 self._stop = (now + STEP_S, self._gap_to_target(now + STEP_S))
                 if self._rule.at_standstill:
                     reason = EndReason.STOPPED
@@ -339,12 +341,28 @@ class Simulation:
             y_m=float(boxes.center_m[k, 1]),
             yaw_rad=yaw,
             speed_mps=float(entities.speed_mps[k]),
-            accel_mps2=self._drive.accel_mps2,
+            accel_mps2=self._drive.accel_mps2
+            if self.engine.ego.commanded
+            else self._asked(time_s).accel_mps2,
             yaw_rate_radps=rate,
             length_m=float(boxes.size_m[k, 0]),
             width_m=float(boxes.size_m[k, 1]),
         )
         return self._ego
+
+    def _speed_mps(self) -> float:
+        """The ego's speed now, negative in reverse."""
+        return float(self._world().speed_mps[self._own])
+
+    def _accel_mps2(self, time_s: float) -> float:
+        """The ego's acceleration now, by the drive or by the scenario."""
+        return self._drive.accel_mps2 if self.engine.ego.commanded else self._asked(time_s).accel_mps2
+
+    def _asked(self, time_s: float) -> Asked:
+        """What the scenario asks of the ego's speed, and how that changes until the next frame."""
+        ego, interval = self.engine.ego, 1.0 / self._preset.sensor.rate_hz
+        speed = ego.asked_mps(time_s)
+        return Asked(speed, (ego.asked_mps(time_s + interval) - speed) / interval)
 
     def _course(self, time_s: float) -> EgoState:
         """The odometry with the heading in which the ego drives: in reverse that of its rear."""
@@ -395,7 +413,8 @@ class Simulation:
             self._spent_ns.append(time.thread_time_ns() - start_ns)
             self._counts.add(result)
             self._log.perception(odometry, result)
-            self._drive.control(now, result.command.emergency, result.lead)
+            asked = self._asked(now)
+            self._drive.control(now, result.command.emergency, result.lead, odometry.speed_mps, asked)
             if result.command.emergency and self._flag is None:
                 self._flag = self._flag_now(now)
             if self._stop and self._resumed_s is None and not result.command.emergency:
@@ -444,9 +463,8 @@ class Simulation:
         counts = self._counts
         if counts.trackable or counts.kept + counts.before.score < SOME_DETECTIONS:
             return
-        assert self._pipeline is not None
         assert self._state is not None
-        limits = self._pipeline.score_limits(self._state.tracker)
+        limits = self._perception().score_limits(self._state.tracker)
         least = "" if limits is None else f" of {float(limits.start.min()):g}"
         detector = self._preset.detector
         raise PluginError(
@@ -481,7 +499,7 @@ class Simulation:
         follows = (
             target_mps > WALKS_ALONG_MPS
             and abs(ego.speed_mps - target_mps) < SAME_SPEED_MPS
-            and ego.speed_mps < abs(self._initial_mps) - SLOWED_MPS
+            and ego.speed_mps < abs(self._asked(time_s).speed_mps) - SLOWED_MPS
         )
         if not follows or self._target_waits():
             self._following_since_s = None
@@ -495,7 +513,7 @@ class Simulation:
 
     def _rests(self, time_s: float) -> bool:
         """Whether the ego has stood for long enough while nothing changes any more."""
-        if abs(self._drive.speed_mps) >= STANDS_MPS or not self._nobody_comes() or self._target_waits():
+        if abs(self._speed_mps()) >= STANDS_MPS or not self._nobody_comes() or self._target_waits():
             self._standing_since_s = None
         elif self._standing_since_s is None:
             self._standing_since_s = time_s
@@ -520,6 +538,38 @@ class Simulation:
             and any(self.engine.target in a.entities and _drives(a.action) for a in element.event.actions)
             for element in self.engine.storyboard.elements
         )
+
+
+def ego_of(definition: ScenarioDefinition) -> EntityDefinition:
+    """The entity under test: the one called Ego, or the first."""
+    return next((e for e in definition.entities if e.name == "Ego"), definition.entities[0])
+
+
+def ego_actions(definition: ScenarioDefinition, ego: str) -> tuple[list[Action], list[Action]]:
+    """What the scenario asks of the ego in its initial actions, and in its events."""
+    initial = [action for name, action in definition.init if name == ego]
+    later = [a.action for e in definition.events() for a in e.actions if ego in a.entities]
+    return initial, later
+
+
+def drives_backwards(definition: ScenarioDefinition, ego: str) -> bool:
+    """Whether the ego drives in reverse.
+
+    Raises:
+        ScenarioError: the scenario asks of the ego what cannot be carried out in our hands.
+    """
+    initial, later = ego_actions(definition, ego)
+    asked = [*initial, *later]
+    named = [a.action for e in definition.events() for a in e.actions]
+    if any(isinstance(a, DeleteEntityAction) and a.entity == ego for a in named):
+        raise ScenarioError(f"{definition.path}: DeleteEntityAction on '{ego}', the vehicle under test")
+    speeds = [a.target for a in asked if isinstance(a, SpeedAction) and isinstance(a.target, float)]
+    if min(speeds, default=0.0) < 0.0 < max(speeds, default=0.0):
+        raise ScenarioError(
+            f"{definition.path}: SpeedAction of '{ego}' turns its direction; perception looks ahead or "
+            "behind for a whole run, so make two scenarios of it"
+        )
+    return min(speeds, default=0.0) < 0.0
 
 
 def _drives(action: Action) -> bool:

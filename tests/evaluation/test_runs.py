@@ -20,6 +20,9 @@ from evaluation.runs import (
 )
 from evaluation.workers import execute_all
 from scenarios.errors import ScenarioError
+from scenarios.library import DEFINITIONS
+from scenarios.openscenario.engine import Engine
+from scenarios.openscenario.reader import load
 from scenarios.presets import NIGHT, PHYSICAL
 
 NCAP = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
@@ -73,6 +76,39 @@ def test_test_speed_is_the_speed_at_the_start(speed_kmh: float, track: RunSpec) 
     assert initial_speed_kmh(definition_of(with_values(Ego_speed_kmh=speed_kmh))) == pytest.approx(speed_kmh)
     faster = dataclasses.replace(track, parameters=(("Ego_speed_kph", speed_kmh),))
     assert initial_speed_kmh(definition_of(faster)) == pytest.approx(speed_kmh)
+
+
+STEP = '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>'
+LINEAR = '<SpeedActionDynamics dynamicsShape="linear" dynamicsDimension="time" value="1.0"/>'
+
+
+@pytest.mark.parametrize("lane", ["none", "map"])
+def test_an_initial_speed_that_takes_time_is_carried_out(tmp_path: Path, lane: str) -> None:
+    """The ego reaches 40 km/h within 1 s of the initial actions, and meets the pedestrian at 5.357 s."""
+    text = (DEFINITIONS / "cpna_paper.xosc").read_text()
+    first = text.index(STEP)  # that of the ego, in Init
+    text = text[:first] + LINEAR + text[first + len(STEP) :]
+    file = tmp_path / "linear.xosc"
+    file.write_text(
+        text.replace('"../maps/', f'"{DEFINITIONS.parent / "maps"}/').replace(
+            '"catalogs/', f'"{DEFINITIONS / "catalogs"}/'
+        )
+    )
+    alone = Engine(load(file, {"Ego_speed_kmh": 40.0})).run(30.0)
+    assert alone.contact_time_s == pytest.approx(5.357, abs=0.01)
+    spec = RunSpec("x", str(file), (("Ego_speed_kmh", 40.0),), lane, "physical", "dry", 40.0)
+    record = execute(spec)
+    if lane == NO_AEB:
+        assert record.row.contact_time_s == pytest.approx(alone.contact_time_s, abs=1e-3)
+        assert record.row.end_reason == "contact"
+    else:
+        assert (record.row.collided, record.row.end_reason) == (False, "stopped")
+        assert record.log is not None
+        own = record.log["kind"] == "ego"
+        # half of the second that it takes
+        speed = np.interp(0.5, record.log["time_s"][own], record.log["speed_mps"][own])
+        assert speed == pytest.approx(20.0 / 3.6, abs=1e-6)
+    assert initial_speed_kmh(definition_of(spec)) == pytest.approx(40.0)
 
 
 def test_a_row_tells_the_contact() -> None:

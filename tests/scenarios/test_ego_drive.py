@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.brakes import BrakeConfig
-from scenarios.ego_drive import EgoDrive
+from scenarios.ego_drive import Asked, EgoDrive
 from scenarios.follower import Follower
 from scenarios.openscenario.paths import Pose, straight
 from smartmot.pipeline import LeadObject
@@ -21,16 +21,26 @@ IDEAL = BrakeConfig(0.0, 0.0, 8.0)
 LENGTH_M = 4.4
 
 
-def at_speed(speed_mps: float, brakes: BrakeConfig = IDEAL, adapts: bool = True) -> EgoDrive:
-    drive = EgoDrive(brakes, LENGTH_M, adapts)
-    drive.take_over(0.0, WAY, 0.0, speed_mps)
-    return drive
+class Drive(EgoDrive):
+    """In command, and always asked for the speed that it begins with."""
+
+    def __init__(self, speed_mps: float, brakes: BrakeConfig, adapts: bool) -> None:
+        super().__init__(brakes, LENGTH_M, adapts)
+        self.asked = Asked(speed_mps)
+        self.take_over(0.0, WAY, 0.0, speed_mps)
+
+    def decide(self, time_s: float, emergency: bool, lead: LeadObject | None) -> None:
+        self.control(time_s, emergency, lead, self.speed_mps, self.asked)
+
+
+def at_speed(speed_mps: float, brakes: BrakeConfig = IDEAL, adapts: bool = True) -> Drive:
+    return Drive(speed_mps, brakes, adapts)
 
 
 @given(speed=st.just(0.0) | st.floats(0.1, 40.0), duration=st.floats(0.0, 5.0))
 def test_on_a_free_road_the_speed_is_kept(speed: float, duration: float) -> None:
     drive = at_speed(speed)
-    drive.control(0.0, False, None)
+    drive.decide(0.0, False, None)
     motion = drive.motion(0.0, duration)
     assert motion.speed_mps == pytest.approx(speed, abs=1e-9)
     assert motion.distance_m == pytest.approx(speed * duration, abs=1e-9)
@@ -40,7 +50,7 @@ def test_on_a_free_road_the_speed_is_kept(speed: float, duration: float) -> None
 def test_braking_is_the_same_in_one_step_and_in_two(speed: float, split: float, duration: float) -> None:
     once, twice = (at_speed(speed, BrakeConfig(0.2, 0.4, 8.8)) for _ in range(2))
     for drive in (once, twice):
-        drive.control(0.0, True, None)
+        drive.decide(0.0, True, None)
     whole = once.motion(0.0, duration)
     first = twice.motion(0.0, split * duration)
     twice.advance(0.0, split * duration)
@@ -52,7 +62,7 @@ def test_braking_is_the_same_in_one_step_and_in_two(speed: float, split: float, 
 @given(speed=st.floats(0.1, 40.0))
 def test_an_ideal_brake_stops_within_the_energy_equation(speed: float) -> None:
     drive = at_speed(speed)
-    drive.control(0.0, True, None)
+    drive.decide(0.0, True, None)
     assert drive.motion(0.0, 10.0).distance_m == pytest.approx(speed**2 / 16.0)
     assert drive.motion(0.0, 10.0).speed_mps == 0.0
     drive.advance(0.0, 0.05)
@@ -62,7 +72,7 @@ def test_an_ideal_brake_stops_within_the_energy_equation(speed: float) -> None:
 def test_a_brake_that_is_released_and_requested_again_begins_anew() -> None:
     drive = at_speed(20.0, BrakeConfig(0.2, 0.0, 8.0))
     for time_s, emergency in ((0.0, True), (0.1, True), (0.3, False), (0.4, True)):
-        drive.control(time_s, emergency, None)
+        drive.decide(time_s, emergency, None)
     assert drive.braking_since_s == 0.4
     assert drive.motion(0.4, 0.2).speed_mps == pytest.approx(20.0)  # the delay, again
     assert drive.motion(0.4, 0.3).speed_mps == pytest.approx(20.0 - 0.1 * 8.0)
@@ -71,7 +81,7 @@ def test_a_brake_that_is_released_and_requested_again_begins_anew() -> None:
 @pytest.mark.parametrize("duration", [0.01, 1.0])
 def test_in_reverse_the_speed_is_kept_until_the_emergency(duration: float) -> None:
     drive = at_speed(-4 * KMH)
-    drive.control(0.0, False, LeadObject(1, 1.0, 0.0))
+    drive.decide(0.0, False, LeadObject(1, 1.0, 0.0))
     assert drive.motion(0.0, duration).distance_m == pytest.approx(-4 * KMH * duration)
     assert drive.motion(0.0, duration).speed_mps == pytest.approx(-4 * KMH)
 
@@ -79,12 +89,12 @@ def test_in_reverse_the_speed_is_kept_until_the_emergency(duration: float) -> No
 def test_in_reverse_it_brakes_as_forward_and_stays() -> None:
     """2 m/s with 8 m/s2 after 0.2 s: 0.4 m of delay and 0.25 m of braking."""
     drive = at_speed(-2.0, BrakeConfig(0.2, 0.0, 8.0))
-    drive.control(0.0, True, None)
+    drive.decide(0.0, True, None)
     half = drive.motion(0.0, 0.3)
     assert (half.distance_m, half.speed_mps) == pytest.approx((-(0.4 + 0.2 - 0.04), -1.2))
     drive.advance(0.0, 1.0)
     assert drive.motion(0.0, 1.0).distance_m == 0.0
-    drive.control(1.0, False, None)  # nobody drives it on
+    drive.decide(1.0, False, None)  # nobody drives it on
     assert drive.motion(1.0, 1.0).distance_m == 0.0
 
 
@@ -93,7 +103,7 @@ def test_speed_adaptation_is_the_intelligent_driver_model_within_comfort(
     speed: float, gap: float, lead: float
 ) -> None:
     """Treiber et al. 2000 with highway-env's parameters, its desired gap measured between the fronts."""
-    follower = Follower(20.0, LENGTH_M)
+    follower = Follower(LENGTH_M)
     wanted = (
         follower.DISTANCE_WANTED
         + speed * follower.TIME_WANTED
@@ -101,14 +111,14 @@ def test_speed_adaptation_is_the_intelligent_driver_model_within_comfort(
     )
     model = follower.COMFORT_ACC_MAX * (1 - (speed / 20.0) ** 4 - (wanted / (gap + LENGTH_M)) ** 2)
     expected = min(max(model, -4.0), follower.COMFORT_ACC_MAX)
-    assert follower.accel_mps2(speed, LeadObject(1, gap, lead)) == pytest.approx(expected, abs=1e-6)
+    assert follower.accel_mps2(speed, LeadObject(1, gap, lead), 20.0) == pytest.approx(expected, abs=1e-6)
 
 
 def test_it_comes_to_rest_behind_a_standing_car() -> None:
     drive, gap = at_speed(50 * KMH), 120.0
     gaps = [gap]
     for k in range(800):
-        drive.control(0.05 * k, False, LeadObject(1, gap, 0.0))
+        drive.decide(0.05 * k, False, LeadObject(1, gap, 0.0))
         gap -= drive.motion(0.05 * k, 0.05).distance_m
         drive.advance(0.05 * k, 0.05)
         gaps.append(gap)
@@ -119,10 +129,44 @@ def test_it_comes_to_rest_behind_a_standing_car() -> None:
 
 def test_held_speed_is_not_adapted_but_brakes() -> None:
     drive = at_speed(15.0, adapts=False)
-    drive.control(0.0, False, LeadObject(1, 5.0, 0.0))
+    drive.decide(0.0, False, LeadObject(1, 5.0, 0.0))
     assert drive.motion(0.0, 1.0).speed_mps == pytest.approx(15.0)
-    drive.control(0.0, True, LeadObject(1, 5.0, 0.0))
+    drive.decide(0.0, True, LeadObject(1, 5.0, 0.0))
     assert drive.motion(0.0, 1.0).speed_mps == pytest.approx(7.0)
+
+
+def test_the_scenario_drives_until_there_is_a_reason_to_depart_from_it() -> None:
+    drive = at_speed(15.0)
+    assert drive.commands_from_s == math.inf
+    drive.decide(0.1, False, None)
+    assert drive.commands_from_s == math.inf
+    drive.decide(0.2, False, LeadObject(1, 50.0, 10.0))
+    drive.decide(0.3, False, LeadObject(1, 50.0, 10.0))
+    assert drive.commands_from_s == 0.2
+    drive.speed_mps = 14.0
+    drive.decide(0.4, False, None)  # back to the speed that is asked for, in command
+    assert drive.commands_from_s == 0.2
+    assert 0.0 < drive.motion(0.4, 1.0).speed_mps - 14.0 < 1.0
+    drive.speed_mps = 15.0
+    drive.decide(0.5, False, None)
+    assert drive.commands_from_s == math.inf
+    held = at_speed(15.0, adapts=False)
+    held.decide(0.2, False, LeadObject(1, 5.0, 0.0))
+    assert held.commands_from_s == math.inf
+    held.decide(0.3, True, None)
+    assert held.commands_from_s == 0.3
+
+
+def test_speed_adaptation_keeps_up_with_a_desired_speed_that_changes() -> None:
+    """On a free road, at the desired speed, the change of that speed is the acceleration; 6 m/s2 down too."""
+    follower = Follower(LENGTH_M)
+    for change in (-6.0, -1.0, 1.0):
+        assert follower.accel_mps2(10.0, None, 10.0, change) == pytest.approx(change)
+    assert follower.accel_mps2(10.0, None, 10.0, 9.0) == follower.COMFORT_ACC_MAX
+    # behind somebody the distance counts as before
+    lead = LeadObject(1, 20.0, 10.0)
+    apart = follower.accel_mps2(10.0, lead, 10.0)
+    assert follower.accel_mps2(10.0, lead, 10.0, 1.0) == pytest.approx(apart + 1.0)
 
 
 def test_who_holds_the_speed_does_not_import_highway_env() -> None:
@@ -130,11 +174,11 @@ def test_who_holds_the_speed_does_not_import_highway_env() -> None:
     program = """
 import sys
 from scenarios.brakes import BrakeConfig
-from scenarios.ego_drive import EgoDrive
+from scenarios.ego_drive import Asked, EgoDrive
 import scenarios.simulation
 drive = EgoDrive(BrakeConfig(0.0, 0.0, 8.0), 4.4, adapts=False)
 drive.take_over(0.0, None, 0.0, 15.0)
-drive.control(0.0, False, None)
+drive.control(0.0, False, None, 15.0, Asked(15.0))
 print(drive.motion(0.0, 1.0).speed_mps, "highway_env" in sys.modules)
 """
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

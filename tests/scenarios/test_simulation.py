@@ -15,21 +15,30 @@ from scenarios.cpna import LEAD_S, CpnaTest, build, find_site
 from scenarios.errors import ScenarioError
 from scenarios.library import shipped_scenario
 from scenarios.map_builder import shipped_map
+from scenarios.openscenario.engine import Engine
 from scenarios.openscenario.model import (
     Act,
     Action,
     Condition,
+    DeleteEntityAction,
     EntityCondition,
     EntityDefinition,
     Event,
+    FollowTrajectoryAction,
+    LongitudinalDistanceAction,
     Maneuver,
     ManeuverGroup,
     NamedAction,
+    Polyline,
     ScenarioDefinition,
     SpeedAction,
     Story,
+    SynchronizeAction,
     TeleportAction,
+    TimeReference,
+    Trajectory,
     TraveledDistanceCondition,
+    Vertex,
     VisibilityAction,
     WorldPosition,
 )
@@ -533,6 +542,132 @@ def test_adapts_its_speed_to_a_slower_car(lead_runs: dict[str, Outcome]) -> None
 def speeds_kmh(outcome: Outcome) -> list[float]:
     table = outcome.log.table()
     return (table["speed_mps"][table["kind"] == "ego"] / KMH).tolist()
+
+
+# ---- what the scenario does to the ego's speed -------------------------------------------------------------
+
+LEAD = Other("car", 140.0, -LANE_Y_M, speed_mps=5.0)
+"""Beside the ego's lane."""
+PLACE = WorldPosition(130.0, LANE_Y_M, 0.0)
+
+
+def vertices(*points: tuple[float, float]) -> Trajectory:
+    """Places of the ego along its lane by times."""
+    return Trajectory(
+        "timed", Polyline(tuple(Vertex(WorldPosition(x_m, LANE_Y_M, 0.0), time_s) for time_s, x_m in points))
+    )
+
+
+ASKED: dict[str, tuple[Action, bool, float | None]] = {
+    # 0 to 10 m/s within 2 s, over 10 m; then 40 m
+    "initial, linear": (SpeedAction("linear", "time", 2.0, 10.0), True, 2.0 + 4.0),
+    # 10 m in the first second, 15 m while it slows to 5 m/s, then 25 m
+    "event, slower": (SpeedAction("linear", "time", 2.0, 5.0), False, 1.0 + 2.0 + 5.0),
+    # 10 m, 30 m while it accelerates to 20 m/s, then 10 m
+    "event, faster": (SpeedAction("linear", "time", 2.0, 20.0), False, 1.0 + 2.0 + 0.5),
+    "event, at once": (SpeedAction("step", "time", 0.0, 20.0), False, 1.0 + 2.0),
+    # 20 m behind the one at 140 m + 5 m/s, with the front 2.2 m before: 27.8 m to 150 m
+    "distance": (LongitudinalDistanceAction("other 1", 20.0, None, False, True, False), True, 27.8 / 5.0),
+    "synchronised": (
+        SynchronizeAction("other 1", WorldPosition(160.0, -LANE_Y_M, 0.0), PLACE, None, None), True, None,
+    ),
+    "timed trajectory": (
+        FollowTrajectoryAction(
+            vertices((0.0, 97.8), (3.0, 110.0), (5.0, 160.0)), 0.0, TimeReference(True, 1.0, 0.0)
+        ),
+        True, None,
+    ),
+}  # fmt: skip
+"""Action, whether it is an initial one (else after 10 m), and the time at which a car 50 m ahead is met."""
+
+
+def asking(action: Action, initial: bool) -> ScenarioDefinition:
+    """The ego at 10 m/s, a car that stands 50 m before it, one in the next lane, and an action of the ego."""
+    made = definition(36.0, [car_at(150.0), LEAD])
+    if initial:
+        before = dataclasses.replace(made.init[1][1], target=0.0)  # type: ignore[type-var]
+        first = made.init[1] if not isinstance(action, SpeedAction) else ("Ego", before)
+        return dataclasses.replace(made, init=(made.init[0], first, *made.init[2:], ("Ego", action)))
+    near = EntityCondition(("Ego",), False, TraveledDistanceCondition(10.0))
+    start = ((Condition("near", 0.0, "none", near),),)
+    event = Event("later", "parallel", 1, (NamedAction("later", action, ("Ego",)),), start)
+    group = ManeuverGroup("later", 1, (Maneuver("later", (event,)),))
+    story = Story("later", (Act("later", (group,), None, None),))
+    return dataclasses.replace(made, stories=(*made.stories, story))
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_until_the_brake_intervenes_the_ego_does_what_the_scenario_asks(name: str) -> None:
+    """Unbraked the run is the scenario's; so it is where perception sees nobody."""
+    action, initial, contact_s = ASKED[name]
+    made = asking(action, initial)
+    alone = Engine(made).run(30.0)
+    assert alone.contact_entity == "other 0"
+    if contact_s is not None:
+        assert alone.contact_time_s == pytest.approx(contact_s, abs=1e-6)
+    unbraked = Simulation(made, PHYSICAL, None).run()
+    blind = decided_by(Simulation(made, PHYSICAL, lambda scene: EverythingArea()), BrakesAt(99.0)).run()
+    for outcome in (unbraked, blind):
+        assert outcome.contact_time_s == pytest.approx(alone.contact_time_s, abs=1e-6)
+        assert outcome.impact_speed_mps / KMH == pytest.approx(alone.ego_speed_at_contact_kmh, abs=1e-6)
+
+
+class BrakesBetween(BrakesAt):
+    """Brakes from one time to another."""
+
+    def __init__(self, time_s: float, until_s: float) -> None:
+        super().__init__(time_s)
+        self.until_s = until_s
+
+    def step(
+        self, state: PipelineState, detections: Detections, ego: EgoState
+    ) -> tuple[PipelineState, FrameResult]:
+        state, result = super().step(state, detections, ego)
+        brakes = self.time_s - 1e-9 <= ego.stamp_s < self.until_s - 1e-9
+        return state, dataclasses.replace(result, command=BrakeCommand(brakes))
+
+
+def test_after_braking_the_ego_returns_to_the_speed_that_the_scenario_asks_for_by_then() -> None:
+    """From 10 m/s; meanwhile the scenario slows it to 5 m/s, which is reached and not exceeded."""
+    made = asking(SpeedAction("linear", "time", 2.0, 5.0), initial=False)
+    made = dataclasses.replace(made, entities=made.entities[:1], init=made.init[:2])
+    pipeline = BrakesBetween(0.5, 1.5)
+    built = Simulation(made, PHYSICAL, lambda scene: EverythingArea(), rule=StopRule(15.0))
+    table = decided_by(built, pipeline).run().log.table()
+    own = table["kind"] == "ego"
+    time_s, speed = table["time_s"][own], table["speed_mps"][own]
+    # 0.2 s of delay, 0.4 s of build-up to 8.8 m/s2, then 0.4 s of it
+    assert speed[np.searchsorted(time_s, 1.5)] == pytest.approx(10.0 - 8.8 * (0.5 * 0.4 + 0.4), abs=1e-3)
+    assert speed[-1] == pytest.approx(5.0, abs=0.02)
+    assert speed[time_s > 3.5].max() < 5.0 + 1e-6
+
+
+def test_speed_adaptation_goes_below_the_speed_that_the_scenario_asks_for_and_not_above() -> None:
+    """A car at 5 m/s ahead; the scenario lets the ego accelerate to 20 m/s."""
+    made = definition(36.0, [car_at(130.0, 5.0)])
+    go = asking(SpeedAction("linear", "time", 5.0, 20.0), initial=False).stories[-1]
+    made = dataclasses.replace(made, stories=(go,))
+    built = Simulation(made, PHYSICAL, lambda scene: make_strategy("map", PHYSICAL, scene))
+    outcome = built.run()
+    assert (outcome.contact, outcome.end_reason) == (None, EndReason.FOLLOWED)
+    alone = Engine(made).run(10.0)
+    table = outcome.log.table()
+    own = table["kind"] == "ego"
+    asked = np.interp(table["time_s"][own], alone.time_s, alone.speed_mps[:, 0])
+    assert (table["speed_mps"][own] <= asked + 1e-3).all()
+    assert speeds_kmh(outcome)[-1] == pytest.approx(18.0, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("action", "told"),
+    [
+        (DeleteEntityAction("Ego"), "DeleteEntityAction on 'Ego', the vehicle under test"),
+        (SpeedAction("linear", "time", 2.0, -2.0), "SpeedAction of 'Ego' turns its direction"),
+    ],
+)
+def test_what_cannot_be_carried_out_is_refused_by_name_before_the_run(action: Action, told: str) -> None:
+    with pytest.raises(ScenarioError, match=told):
+        Simulation(asking(action, initial=False), PHYSICAL, None)
 
 
 # ---- determinism -------------------------------------------------------------------------------------------
