@@ -34,9 +34,16 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 SPEED_COLOURS = (BLUE, VERMILLION, ORANGE, PURPLE, GREEN, SKY, WINE, BLACK)
 """Colours of the test speeds 10, 20, ... 80 km/h; speeds between them are dashed."""
+
+_LEGEND_COLUMNS, _LEGEND_LINE_IN, _TITLE_IN = 5, 0.16, 0.3
+"""Entries in a line of the legend above the panels, its height, and what the panels' titles need."""
+
+_TIME_STEPS_S, _MOST_TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0), 5
+"""Steps of a time axis, and how many of them a panel has room for."""
 
 _PANEL_CONDITIONS = ("scenario", "preset", "weather", "adversaries")
 _ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
@@ -68,14 +75,17 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     strategies = len(ordered_strategies(runs))
     columns = min(strategies if strategies in (2, 3) else 2, len(panels))
     lines = math.ceil(len(panels) / columns)
-    height_in = 0.9 + 2.15 * lines
+    handles = _legend_handles(sorted({float(speed) for speed in runs["v_test_kmh"]}))
+    legend_columns = min(math.ceil(len(handles) / 2), _LEGEND_COLUMNS)
+    above_in = _TITLE_IN + _LEGEND_LINE_IN * math.ceil(len(handles) / legend_columns)
+    height_in = 0.28 + above_in + 2.15 * lines
     figure = new_figure(height_in)
     grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
     figure.subplots_adjust(
         left=0.105,
         right=0.98,
         bottom=0.42 / height_in,
-        top=1.0 - 0.62 / height_in,
+        top=1.0 - above_in / height_in,
         wspace=0.14,
         hspace=0.2,
     )
@@ -97,7 +107,16 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
         axes.set_xlabel("Time to T0 (s)", fontsize=FONT_PT)
     for axes in grid[:, 0]:
         axes.set_ylabel("Vehicle speed (km/h)", fontsize=FONT_PT)
-    _add_legend(figure, sorted({float(speed) for speed in runs["v_test_kmh"]}))
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        ncols=legend_columns,
+        fontsize=SMALL_PT,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.6,
+        borderaxespad=0.2,
+    )
     return figure
 
 
@@ -118,15 +137,21 @@ def panels_of(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return panels
 
 
+def time_step(duration_s: float) -> float:
+    """Seconds between the ticks of a time axis, so that their labels stand apart."""
+    return next((step for step in _TIME_STEPS_S if duration_s <= _MOST_TICKS * step), _TIME_STEPS_S[-1])
+
+
 def _set_scales(axes: Axes, earliest_s: float, top_kmh: float) -> None:
     """Limits, ticks and grid of a panel."""
     from matplotlib.ticker import FuncFormatter, MultipleLocator
 
     set_style(axes)
     axes.set_xlim(earliest_s, 0.0)
-    axes.xaxis.set_major_locator(MultipleLocator(0.5))
+    step = time_step(-earliest_s)
+    axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.xaxis.set_major_formatter(FuncFormatter(_short_number))
-    axes.xaxis.set_minor_locator(MultipleLocator(0.25))
+    axes.xaxis.set_minor_locator(MultipleLocator(step / 2))
     axes.yaxis.set_major_locator(MultipleLocator(10.0))
     axes.set_ylim(0.0, top_kmh)
 
@@ -194,8 +219,8 @@ def _note_undrawn(axes: Axes, runs: pd.DataFrame) -> None:
         axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
 
 
-def _add_legend(figure: Figure, speeds_kmh: Sequence[float]) -> None:
-    """Legend above the panels: test speeds and marks."""
+def _legend_handles(speeds_kmh: Sequence[float]) -> list[Line2D]:
+    """What the legend above the panels shows: test speeds and marks."""
     from matplotlib.lines import Line2D
 
     handles = []
@@ -205,13 +230,4 @@ def _add_legend(figure: Figure, speeds_kmh: Sequence[float]) -> None:
     mark: dict[str, Any] = {"color": "#333333", "linestyle": "none", "markersize": 6.0}
     handles.append(Line2D([], [], marker="x", markeredgewidth=1.8, label="brake requested", **mark))
     handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="contact", **mark))
-    figure.legend(
-        handles=handles,
-        loc="upper center",
-        ncols=min(math.ceil(len(handles) / 2), 5),
-        fontsize=SMALL_PT,
-        frameon=False,
-        columnspacing=1.2,
-        handlelength=1.6,
-        borderaxespad=0.2,
-    )
+    return handles

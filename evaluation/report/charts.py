@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.plots.speed import panels_of, speed_before_t0, speed_style
+from evaluation.plots.speed import panels_of, speed_before_t0, speed_style, time_step
 from evaluation.plots.style import BLACK, BLUE, GREY, MPS_TO_KMH, VERMILLION, WINE
 from evaluation.plots.temporal import LAYERS, STATE_COLOURS, Event, event_text, latest_cause
 from evaluation.report.folder import Run
@@ -214,7 +214,7 @@ def speed_specs(
             undrawn = rows.index.difference(chosen.index).tolist()
             note = f"{len(undrawn)} of {len(rows)} runs end in neither emergency stop nor contact"
         layout = _layout(300) | {
-            "xaxis": _axis("Time to stop or contact (s)", range=[earliest, 0.05], dtick=0.5),
+            "xaxis": _axis("Time to stop or contact (s)", range=[earliest, 0.05], dtick=time_step(-earliest)),
             "yaxis": _axis("Ego speed (km/h)", range=[0, top], dtick=10),
             "annotations": [_NOTE | {"text": note}] if undrawn else [],
         }

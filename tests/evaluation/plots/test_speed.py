@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 
 from evaluation.plots import speed_curves, speed_style
+from evaluation.plots.strategies import strategy_colour
 from evaluation.results import ResultsError
 
 
@@ -102,3 +105,47 @@ def test_figures_are_saved(tmp_path: Path, sweep: Any) -> None:
     figure.savefig(tmp_path / "curves.png")
     figure.savefig(tmp_path / "curves.pdf")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def texts_apart(look: Any, runs: pd.DataFrame, logs: Any) -> None:
+    """No text covers another, and none leaves the paper."""
+    figure = speed_curves(runs, logs)
+    assert look.overlapping_texts(figure) == []
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    legend = figure.legends[0].get_window_extent(renderer)
+    for axes in figure.axes:
+        assert not legend.overlaps(axes.title.get_window_extent(renderer))
+    assert legend.y1 <= figure.bbox.y1
+    assert legend.x0 >= figure.bbox.x0
+    assert legend.x1 <= figure.bbox.x1
+
+
+@pytest.mark.parametrize("speeds", [1, 6, 11, 24])
+def test_a_legend_of_many_speeds_grows_above_the_titles(look: Any, sweep: Any, speeds: int) -> None:
+    """The speeds of Euro NCAP's tests are 5 km/h apart: the legend has three lines, or more."""
+    one = sweep.runs.iloc[[0]]
+    many = pd.concat([one.assign(v_test_kmh=10.0 + 5.0 * k) for k in range(speeds)], ignore_index=True)
+    texts_apart(look, many, sweep.logs)
+
+
+@pytest.mark.parametrize("earliest_s", [0.4, 2.0, 3.2, 6.0, 14.0, 40.0])
+def test_times_stand_apart_however_long_the_braking_takes(look: Any, sweep: Any, earliest_s: float) -> None:
+    """On snow the request comes six seconds before the stop."""
+    runs = sweep.runs
+    weathers = pd.concat(
+        [
+            runs.assign(weather=name, flag_time_s=runs["t0_s"] - earliest_s)
+            for name in ("dry", "snow", "rain")
+        ],
+        ignore_index=True,
+    )
+    texts_apart(look, weathers, sweep.logs)
+
+
+def test_the_top_of_a_panel_has_its_strategys_colour(sweep: Any) -> None:
+    own = sweep.runs.assign(strategy="mine:make")
+    for runs in (sweep.runs, own, pd.concat([sweep.runs, own])):
+        for axes in speed_curves(runs, sweep.logs).axes:
+            name = axes.get_title().split(") ")[-1]
+            if name:
+                assert axes.spines["top"].get_edgecolor() == to_rgba(strategy_colour(name))
