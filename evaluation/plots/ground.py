@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+import shapely.geometry
 
 from evaluation.plots.labels import Rectangle
 from evaluation.plots.polygons import Pose, draw_polygons
@@ -15,8 +19,12 @@ from smartmot.types import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Patch
+    from matplotlib.path import Path
 
     from opendrive import RoadNetwork
+
+_NO_AREA_M2 = 1e-3
+"""What is smaller is left over from two outlines that meet."""
 
 Area = tuple[str, FloatArray]
 """Role and outline (P, 2) of a monitored area, map frame, metres."""
@@ -33,7 +41,7 @@ AREA_COLOURS = {
     "rectangle": BLUE,
     "all": GREY,
 }
-"""Colours of the monitored areas by role."""
+"""Colours of the monitored areas by role; where they overlap, the first is seen."""
 
 LANE_COLOURS = {
     "driving": "#d2d2d2",
@@ -93,16 +101,53 @@ def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> l
 
 def draw_areas(axes: Axes, areas: Sequence[Area], pose: Pose) -> list[Patch]:
     """Monitored areas by role, seen from a pose; returns what the legend shows."""
+    from matplotlib.collections import PathCollection
+    from matplotlib.patches import Patch
+
     handles = []
-    for role in dict.fromkeys(role for role, _ in areas):
-        rings = [to_frame(ring, *pose) for one, ring in areas if one == role]
-        colour = AREA_COLOURS.get(role, GREY)
+    moved = [(role, to_frame(ring, *pose)) for role, ring in areas]
+    for role, path in area_paths(moved).items():
+        style = area_style(role)
         label = f"monitored: {role.replace('_', ' ')}"
-        # Edges stay stronger than the fill.
-        handles.append(
-            draw_polygons(axes, rings, label, face=(colour, 0.22), edge=(colour, 0.55), zorder=2.0)
-        )
+        axes.add_collection(PathCollection([path], gid=label, zorder=2.0, **style), autolim=False)
+        handles.append(Patch(label=label, **style))
     return handles
+
+
+def area_style(role: str) -> dict[str, Any]:
+    """Fill and edge of a monitored area; the edge stays stronger than the fill."""
+    colour = AREA_COLOURS.get(role, GREY)
+    return {"facecolor": (colour, 0.3), "edgecolor": (colour, 0.6), "linewidth": 0.9}
+
+
+def area_paths(areas: Sequence[Area]) -> dict[str, Path]:
+    """What is to be seen of each role, so that no two translucent layers lie on one another.
+
+    Areas of one role become one; where roles overlap, as on an intersection, the first of `AREA_COLOURS` is
+    shown. Roles of which nothing is left are left out.
+    """
+    from matplotlib.path import Path
+
+    rings: dict[str, list[FloatArray]] = {}
+    for role, ring in areas:
+        rings.setdefault(role, []).append(ring)
+    rank = {role: k for k, role in enumerate(AREA_COLOURS)}
+    taken: shapely.Geometry = shapely.Polygon()
+    paths = {}
+    for role in sorted(rings, key=lambda role: rank.get(role, len(rank))):
+        whole = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings[role]])
+        seen = shapely.difference(whole, taken)
+        taken = shapely.union(taken, whole)
+        parts = [part for part in shapely.get_parts(seen) if part.area > _NO_AREA_M2]
+        # outlines run against holes, which the rule of non-zero winding leaves open
+        outlines = [
+            np.asarray(one.coords)
+            for part in map(shapely.geometry.polygon.orient, parts)
+            for one in (part.exterior, *part.interiors)
+        ]
+        if outlines:
+            paths[role] = Path.make_compound_path(*(Path(points, closed=True) for points in outlines))
+    return paths
 
 
 @functools.lru_cache(maxsize=1)

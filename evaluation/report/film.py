@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from evaluation import video
 from evaluation.errors import ArgumentError
-from evaluation.plots.ground import AREA_COLOURS, LANE_COLOURS, draw_map, lane_outlines
+from evaluation.plots.ground import (
+    AREA_COLOURS,
+    LANE_COLOURS,
+    area_paths,
+    area_style,
+    draw_map,
+    lane_outlines,
+)
 from evaluation.plots.log_rows import boxes_of
 from evaluation.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
 from evaluation.plots.polygons import draw_polygons
@@ -27,7 +34,7 @@ from smartmot.geometry import corners
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import PathCollection, PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.transforms import Affine2D
     from PIL import Image as Pillow
@@ -117,6 +124,7 @@ class Film:
     _figure: Figure = field(init=False)
     _axes: Axes = field(init=False)
     _ego_map: Affine2D = field(init=False)
+    _areas: dict[str, PathCollection] = field(init=False, default_factory=dict)
     _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
     _texts: dict[str, Any] = field(init=False, default_factory=dict)
 
@@ -164,8 +172,13 @@ class Film:
         self._axes.text(x, _VIEW[2] + 1.1, "10 m", fontsize=SMALL_PT, zorder=9)
 
     def _add_layers(self) -> None:
-        for role, colour in AREA_COLOURS.items():
-            self._layer(f"monitored: {role}", face=(colour, 0.22), edge=(colour, 0.6), zorder=2.0)
+        from matplotlib.collections import PathCollection
+
+        for role in AREA_COLOURS:
+            area = PathCollection([], gid=f"monitored: {role}", zorder=2.0, **area_style(role))
+            area.set_transform(self._ego_map + self._axes.transData)
+            self._axes.add_collection(area, autolim=False)
+            self._areas[role] = area
         for label, (face, edge) in DETECTION_COLOURS.items():
             self._layer(f"detection {label}", face=face, edge=edge, zorder=4.0)
         for state, colour in TRACK_COLOURS.items():
@@ -202,8 +215,8 @@ class Film:
         types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
         handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
                    for t, c in LANE_COLOURS.items() if t in types & {"driving", "sidewalk"}]  # fmt: skip
-        handles += [Patch(facecolor=(c, 0.25), edgecolor=c, label=f"monitored: {role.replace('_', ' ')}")
-                    for role, c in AREA_COLOURS.items() if role in shown]  # fmt: skip
+        handles += [Patch(label=f"monitored: {role.replace('_', ' ')}", **area_style(role))
+                    for role in AREA_COLOURS if role in shown]  # fmt: skip
         handles += [Patch(facecolor=face, edgecolor=edge, label=f"detection {label}")
                     for label, (face, edge) in DETECTION_COLOURS.items()]  # fmt: skip
         handles += [Patch(facecolor="none", edgecolor=colour, label=f"track, {state}")
@@ -217,9 +230,9 @@ class Film:
         scene = self.scene
         ego = scene.ego_state(frame)
         self._ego_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
-        areas = scene.areas(frame)
-        for role in AREA_COLOURS:
-            self._layers[f"monitored: {role}"].set_verts([ring for one, ring in areas if one == role])
+        paths = area_paths(scene.areas(frame))
+        for role, area in self._areas.items():
+            area.set_paths([paths[role]] if role in paths else [])
         detections, tracks = scene.rows("detection", frame), scene.rows("track", frame)
         forecasts = scene.rows("forecast", frame)
         for label in DETECTION_COLOURS:

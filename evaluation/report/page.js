@@ -11,6 +11,7 @@
   ];
   const shown = Object.fromEntries(LAYERS.map(([key]) => [key, true]));
   const loaded = new Map();
+  const layer = document.createElement("canvas");
   let run = null, frame = 0, zoom = 1, playing = false, playedS = 0, lastTick = 0, cursorPending = false;
 
   // ---- reading ------------------------------------------------------------------------------------
@@ -172,15 +173,30 @@
     }
   }
 
+  // All areas on a layer of their own, the first of the palette on top, which is then laid over the ground
+  // as a whole: where areas overlap, one colour is seen and not a mixture of all.
   function drawAreas(pen, px) {
-    pen.lineWidth = 1.4 * px;
-    for (const [role, path] of run.areas[frame] || []) {
-      const colour = PALETTE.areas[role] || "#8c8c8c";
-      pen.globalAlpha = 0.22;
-      pen.fillStyle = colour;
-      pen.fill(path);
-      pen.globalAlpha = 0.7;
-      pen.strokeStyle = colour;
+    const areas = run.areas[frame] || [], known = Object.keys(PALETTE.areas);
+    const rank = (role) => (known.includes(role) ? known.indexOf(role) : known.length);
+    const ordered = [...areas].sort((a, b) => rank(b[0]) - rank(a[0]));
+    const colour = (role) => PALETTE.areas[role] || "#8c8c8c";
+    layer.width = canvas.width;
+    layer.height = canvas.height;
+    const brush = layer.getContext("2d");
+    brush.setTransform(pen.getTransform());
+    for (const [role, path] of ordered) {
+      brush.fillStyle = colour(role);
+      brush.fill(path);
+    }
+    pen.save();
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.globalAlpha = 0.3;
+    pen.drawImage(layer, 0, 0);
+    pen.restore();
+    pen.lineWidth = px;
+    pen.globalAlpha = 0.45;
+    for (const [role, path] of ordered) {
+      pen.strokeStyle = colour(role);
       pen.stroke(path);
     }
     pen.globalAlpha = 1;
