@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Optional
@@ -13,6 +14,8 @@ from evaluation.arguments import DEFAULT_MAP
 PICTURE_FORMATS = ("png", "svg", "pdf")
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
+BROKEN_PIPE = 141
+"""Exit status where the reader of the output has ended, as shells have it."""
 
 app = typer.Typer(
     name="smartmot-eval",
@@ -230,6 +233,7 @@ def cpna(
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
     from evaluation.arguments import parse_name, parse_names, parse_place, parse_speeds, writable_folder
     from evaluation.comparison import compare_cpna
+    from evaluation.folder_lock import locked
     from evaluation.runner import CpnaSuite
     from evaluation.settings import parse_plugged
     from scenarios.places import Place
@@ -250,7 +254,8 @@ def cpna(
         phase_s=phase_ms / 1000,
         settings=parse_plugged(tracker, detector),
     )
-    compare_cpna(suite, writable_folder(out), form if pictures else None, workers, quiet)
+    with locked(writable_folder(out)):
+        compare_cpna(suite, out, form if pictures else None, workers, quiet)
 
 
 @app.command(epilog=RUN_EXAMPLES)
@@ -303,6 +308,7 @@ def run(
         writable_folder,
     )
     from evaluation.comparison import compare_files
+    from evaluation.folder_lock import locked
     from evaluation.runner import Conditions, scenario_specs
     from evaluation.runs import NO_AEB
     from evaluation.settings import parse_plugged
@@ -323,7 +329,8 @@ def run(
     )
     specs = scenario_specs(scenario, parse_parameters(param or []), conditions)
     processes = workers or available_cores()
-    compare_files(specs, writable_folder(out), form if pictures else None, processes, quiet)
+    with locked(writable_folder(out)):
+        compare_files(specs, out, form if pictures else None, processes, quiet)
 
 
 @app.command(epilog=NCAP_EXAMPLES)
@@ -360,6 +367,7 @@ def ncap(
     import rich.console
 
     from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
+    from evaluation.folder_lock import locked
     from evaluation.ncap import run_grid
     from evaluation.protocols.registry import PROTOCOLS
     from evaluation.runner import Conditions
@@ -381,17 +389,18 @@ def ncap(
     console = rich.console.Console(quiet=quiet)
     processes = workers or available_cores()
     picture = parse_name(form, PICTURE_FORMATS, "--format")
-    run_grid(
-        files or [],
-        name,
-        conditions,
-        writable_folder(out),
-        processes,
-        console,
-        keep_logs=logs,
-        form=picture,
-        robustness=robustness,
-    )
+    with locked(writable_folder(out)):
+        run_grid(
+            files or [],
+            name,
+            conditions,
+            out,
+            processes,
+            console,
+            keep_logs=logs,
+            form=picture,
+            robustness=robustness,
+        )
 
 
 @app.command("list")
@@ -432,7 +441,7 @@ def plot(
     form = parse_name(form, PICTURE_FORMATS, "--format")
     written, notes = draw_again(directory, run, form, allow_plugins)
     for note in notes:
-        typer.echo(f"smartmot-eval: {note}", err=True)
+        typer.echo(f"smartmot-eval: {one_line(note)}", err=True)
     if not quiet:
         for path in written:
             typer.echo(path)
@@ -462,7 +471,7 @@ def report(
             allow_plugins,
         )
     for note in notes:
-        typer.echo(f"smartmot-eval: {note}", err=True)
+        typer.echo(f"smartmot-eval: {one_line(note)}", err=True)
     if not quiet:
         typer.echo(page)
 
@@ -500,7 +509,7 @@ def replay(
             allow_plugins,
         )
     for note in notes:
-        typer.echo(f"smartmot-eval: {note}", err=True)
+        typer.echo(f"smartmot-eval: {one_line(note)}", err=True)
     if not quiet:
         for path in written:
             typer.echo(path)
@@ -678,6 +687,7 @@ def compare(
     """Compare strategies over scenes: collisions avoided, false activations and unnecessary stops."""
     from evaluation.arguments import available_cores, parse_name, parse_names, writable_folder
     from evaluation.errors import ArgumentError
+    from evaluation.folder_lock import locked
     from evaluation.settings import parse_vary
     from evaluation.study.command import CompareOptions
     from evaluation.study.command import compare as carry_out
@@ -696,27 +706,28 @@ def compare(
     only = parse_names(scenes, scene_names(), "--scenes") if scenes is not None else ()
     if growth and (only or full or logs or len(conditions) > 1):
         raise ArgumentError("--growth: takes one --weather, and neither --scenes, --full nor --logs")
-    folder, processes = writable_folder(out), workers or available_cores()
-    if growth:
-        compare_growth(chosen, preset, conditions[0], seeds, processes, folder, quiet, formats)
-        return
-    carry_out(
-        CompareOptions(
-            strategies=chosen,
-            vary=varied,
-            preset=preset,
-            weather=conditions,
-            scenes=only,
-            full=full,
-            seeds=seeds,
-            workers=processes,
-            out=folder,
-            ablation=ablation,
-            logs=logs,
-            formats=formats,
-            quiet=quiet,
+    processes = workers or available_cores()
+    with locked(writable_folder(out)):
+        if growth:
+            compare_growth(chosen, preset, conditions[0], seeds, processes, out, quiet, formats)
+            return
+        carry_out(
+            CompareOptions(
+                strategies=chosen,
+                vary=varied,
+                preset=preset,
+                weather=conditions,
+                scenes=only,
+                full=full,
+                seeds=seeds,
+                workers=processes,
+                out=out,
+                ablation=ablation,
+                logs=logs,
+                formats=formats,
+                quiet=quiet,
+            )
         )
-    )
 
 
 @app.command(epilog=REPORTS_EXAMPLES)
@@ -734,11 +745,13 @@ def reports(
 ) -> None:
     """Make all reference results: the paper's table and figures, scenes, ablations, growth."""
     from evaluation.arguments import available_cores, writable_folder
+    from evaluation.folder_lock import locked
     from evaluation.reference.command import check_reports, make_reports
 
     names = [name.strip() for name in only.split(",")] if only else []
     if not check:
-        make_reports(writable_folder(out), names, workers or available_cores(), quiet)
+        with locked(writable_folder(out)):
+            make_reports(out, names, workers or available_cores(), quiet)
         return
     lines = check_reports(out, names)
     for line in lines:
@@ -753,6 +766,10 @@ def main() -> None:
         if status == INTERRUPTED:
             typer.echo("smartmot-eval: interrupted; compare and reports go on if started again", err=True)
         sys.exit(status)
+    except BrokenPipeError:
+        # who reads the output has ended, as `head` does; what is left of it must not fail at the exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(BROKEN_PIPE)
     except Exception as error:
         message = _message_for_user(error)
         if message is None:
@@ -779,5 +796,14 @@ def _message_for_user(error: Exception) -> str | None:
 
     named = (ArgumentError, WorkerError, ProtocolError, ResultsError)
     if isinstance(error, (*named, ScenarioError, SmartMotError, OpenDriveError)):
-        return f"smartmot-eval: {error}"
+        return f"smartmot-eval: {one_line(str(error))}"
+    if isinstance(error, OSError):
+        # a full disk, a limit on files or a folder that has gone, wherever that is noticed
+        place = f"{error.filename}: " if error.filename else "output: "
+        return one_line(f"smartmot-eval: {place}cannot be read or written ({error.strerror or error})")
     return None
+
+
+def one_line(text: str) -> str:
+    """A text without what would break its line or the terminal, such as parts of a damaged file."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.splitlines()))

@@ -37,7 +37,7 @@ def decode(kind: type[T], values: object, where: str, defaults: bool = False) ->
     """
     if not isinstance(values, Mapping):
         raise ReadError(f"{where} must be an object, got {shown(values)}")
-    kinds = _kinds(kind)
+    kinds = _kinds(kind)  # type: ignore[arg-type]
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     unknown = [name for name in values if name not in fields]
     if unknown:

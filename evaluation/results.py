@@ -205,8 +205,8 @@ def write_runs(directory: Path, rows: Sequence[RunRow], configuration: Mapping[s
         raise ResultsError(
             f"configuration of the runs: {error}; use numbers, texts, lists and mappings"
         ) from error
-    _write_bytes(directory / RUNS_CSV, text.getvalue().encode())
-    _write_bytes(directory / RUNS_JSON, f"{described}\n".encode())
+    write_bytes(directory / RUNS_CSV, text.getvalue().encode())
+    write_bytes(directory / RUNS_JSON, f"{described}\n".encode())
 
 
 def read_runs(directory: Path) -> pd.DataFrame:
@@ -275,7 +275,7 @@ def write_log(path: Path, table: Mapping[str, NDArray[Any]]) -> None:
         raise ResultsError(f"{path}: {_one_line(error)}; see docs/run-log.md for the format") from error
     sink = io.BytesIO()
     pq.write_table(pa.table(columns, names=list(LOG_COLUMNS)), sink, compression="zstd")
-    _write_bytes(path, sink.getvalue())
+    write_bytes(path, sink.getvalue())
 
 
 def read_log(path: Path) -> pd.DataFrame:
@@ -502,7 +502,7 @@ def write_table(directory: Path, table: Table) -> None:
     Raises:
         ResultsError: the folder cannot be written.
     """
-    _write_bytes(directory / TABLE_MD, markdown_table(table).encode())
+    write_bytes(directory / TABLE_MD, markdown_table(table).encode())
 
 
 def _select(group: pd.DataFrame, strategy: str, speed: float) -> pd.DataFrame:
@@ -623,10 +623,21 @@ def _require_columns(where: Path | str, present: Sequence[str], wanted: Sequence
         )
 
 
-def _write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all; folders are made if needed.
+
+    Raises:
+        ResultsError: it cannot be written, as on a full disk.
+    """
+    part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
     except OSError as error:
         reason = error.strerror or _one_line(error)
         raise ResultsError(f"{path}: cannot be written ({reason}); choose another folder (--out)") from error

@@ -13,6 +13,7 @@ import rich.progress
 
 from evaluation.arguments import parse_name, parse_names, writable_folder
 from evaluation.errors import ArgumentError
+from evaluation.folder_lock import locked
 from evaluation.mot import run
 from evaluation.mot.dataset import Dataset, DatasetError
 from evaluation.mot.film import Film, write_gif, write_video
@@ -70,77 +71,81 @@ def run_mot(options: MotOptions) -> None:
         raise ArgumentError("--filter map: needs --map FILE.xodr")
     out = writable_folder(options.out)
     console = rich.console.Console(quiet=options.quiet)
+    with locked(out):
+        data = chosen(run.read_dataset(options.directory, form), options.sequence)
+        network = load_map(options.map_file) if options.map_file is not None else None
+        notes = list(data.notes)
+        if options.area == "map":
+            assert network is not None
+            filtered = filter_by_map(data, network)
+            data = filtered.data
+            notes.append(f"{filtered.dropped} detections outside the monitored lanes left out")
+            if filtered.off_map:
+                notes.append(f"{filtered.off_map} frames off the map: everything kept in them")
+        elif network is not None:
+            for sequence in data.sequences:
+                require_cover(
+                    network, sequence.detections.center_m, f"detections of sequence {sequence.name}"
+                )
+        if isinstance(config, TrackerConfig):
+            notes += run.weak_categories(data, config)
+        limits = (
+            Tracker(config).score_limits if isinstance(config, TrackerConfig) else limits_of_own(own(config))
+        )
+        if limits is not None:
+            notes += run.told_dropped(data, limits)
+        notes += run.unscored_categories(data)
+        for note in notes:
+            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        labelled = any(sequence.labels is not None for sequence in data.sequences)
+        lanes = LaneForecast(network) if network is not None else None
+        with rich.progress.Progress(console=console, transient=True, disable=options.quiet) as progress:
+            task = progress.add_task("tracking", total=data.frame_count)
 
-    data = chosen(run.read_dataset(options.directory, form), options.sequence)
-    network = load_map(options.map_file) if options.map_file is not None else None
-    notes = list(data.notes)
-    if options.area == "map":
-        assert network is not None
-        filtered = filter_by_map(data, network)
-        data = filtered.data
-        notes.append(f"{filtered.dropped} detections outside the monitored lanes left out")
-        if filtered.off_map:
-            notes.append(f"{filtered.off_map} frames off the map: everything kept in them")
-    elif network is not None:
-        for sequence in data.sequences:
-            require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
-    if isinstance(config, TrackerConfig):
-        notes += run.weak_categories(data, config)
-    limits = Tracker(config).score_limits if isinstance(config, TrackerConfig) else limits_of_own(own(config))
-    if limits is not None:
-        notes += run.told_dropped(data, limits)
-    notes += run.unscored_categories(data)
-    for note in notes:
-        console.print(f"note: {note}", highlight=False, soft_wrap=True)
-    labelled = any(sequence.labels is not None for sequence in data.sequences)
-    lanes = LaneForecast(network) if network is not None else None
-    with rich.progress.Progress(console=console, transient=True, disable=options.quiet) as progress:
-        task = progress.add_task("tracking", total=data.frame_count)
+            def begin(description: str, total: int) -> None:
+                progress.reset(task, total=total, description=description)
 
-        def begin(description: str, total: int) -> None:
-            progress.reset(task, total=total, description=description)
+            def done() -> None:
+                progress.advance(task)
 
-        def done() -> None:
-            progress.advance(task)
-
-        start_s = time.thread_time()  # without the thread that draws the bar
-        tracked = run.track_dataset(data, config, done)
-        used_s = time.thread_time() - start_s
-        forms = writers or dict.fromkeys((data.kind, "csv"))
-        written = run.write_tracks(out, data, tracked, forms, use_map=options.area == "map")
-        scores: list[MotScore] = []
-        forecasts: list[ForecastScore] = []
-        if labelled:
-            categories = run.labelled_categories(tracked)
-            begin("scoring", len(categories) * len(similarities))
-            scores = run.score_tracks(tracked, similarities, best, done)
-            written.append(run.write_scores(out, scores))
-        if labelled and options.forecast:
-            if isinstance(config, TrackerConfig):
-                begin("forecasting", data.frame_count * (len(MODELS) - 1))
-            tracked_by_model = _tracked_by_model(data, config, tracked, done)
-            along_lanes = lanes.along_lanes if lanes is not None else None
-            forecasts = score_forecasts(tracked_by_model, categories, along_lanes)
-            written.append(run.write_forecasts(out, forecasts))
-        for path, write_film in ((options.gif, write_gif), (options.video, write_video)):
-            if path is not None:
-                film = _film(tracked[0], config, span, lanes, network)
-                begin("drawing", len(film.frames))
-                write_film(film, path, done)
-    console.print(str(run.summary(data, tracked)), highlight=False, soft_wrap=True)
-    console.print(
-        f"tracking: {1e3 * used_s / max(data.frame_count, 1):.2f} ms of processor time per frame",
-        highlight=False,
-    )
-    for similarity in similarities if scores else ():
-        console.print(run.score_table(scores, similarity), "")
-    if forecasts:
-        console.print(run.forecast_table(forecasts), "")
-    if not labelled:
-        console.print("no labels: tracks only, no metrics", highlight=False)
-    console.print(f"written to {out}: {_listed(written)}", highlight=False, soft_wrap=True)
-    for path in filter(None, (options.gif, options.video)):
-        console.print(f"film: {path}", highlight=False, soft_wrap=True)
+            start_s = time.thread_time()  # without the thread that draws the bar
+            tracked = run.track_dataset(data, config, done)
+            used_s = time.thread_time() - start_s
+            forms = writers or dict.fromkeys((data.kind, "csv"))
+            written = run.write_tracks(out, data, tracked, forms, use_map=options.area == "map")
+            scores: list[MotScore] = []
+            forecasts: list[ForecastScore] = []
+            if labelled:
+                categories = run.labelled_categories(tracked)
+                begin("scoring", len(categories) * len(similarities))
+                scores = run.score_tracks(tracked, similarities, best, done)
+                written.append(run.write_scores(out, scores))
+            if labelled and options.forecast:
+                if isinstance(config, TrackerConfig):
+                    begin("forecasting", data.frame_count * (len(MODELS) - 1))
+                tracked_by_model = _tracked_by_model(data, config, tracked, done)
+                along_lanes = lanes.along_lanes if lanes is not None else None
+                forecasts = score_forecasts(tracked_by_model, categories, along_lanes)
+                written.append(run.write_forecasts(out, forecasts))
+            for path, write_film in ((options.gif, write_gif), (options.video, write_video)):
+                if path is not None:
+                    film = _film(tracked[0], config, span, lanes, network)
+                    begin("drawing", len(film.frames))
+                    write_film(film, path, done)
+        console.print(str(run.summary(data, tracked)), highlight=False, soft_wrap=True)
+        console.print(
+            f"tracking: {1e3 * used_s / max(data.frame_count, 1):.2f} ms of processor time per frame",
+            highlight=False,
+        )
+        for similarity in similarities if scores else ():
+            console.print(run.score_table(scores, similarity), "")
+        if forecasts:
+            console.print(run.forecast_table(forecasts), "")
+        if not labelled:
+            console.print("no labels: tracks only, no metrics", highlight=False)
+        console.print(f"written to {out}: {_listed(written)}", highlight=False, soft_wrap=True)
+        for path in filter(None, (options.gif, options.video)):
+            console.print(f"film: {path}", highlight=False, soft_wrap=True)
 
 
 def _tracked_by_model(

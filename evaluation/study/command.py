@@ -15,7 +15,16 @@ from evaluation.comparison import compare_files
 from evaluation.configuration import digests_of_files, versions
 from evaluation.errors import ArgumentError
 from evaluation.fingerprint import version
-from evaluation.results import SCHEMA, ResultsError, Table, log_path, markdown_table, read_log, rich_table
+from evaluation.results import (
+    SCHEMA,
+    ResultsError,
+    Table,
+    log_path,
+    markdown_table,
+    read_log,
+    rich_table,
+    write_bytes,
+)
 from evaluation.runs import FrameTime, definition_of, preset_of
 from evaluation.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
 from evaluation.study import figures
@@ -128,7 +137,7 @@ def log_runs(options: CompareOptions, scenes: Sequence[SceneRun]) -> Path:
         columns = {str(name): log[name].to_numpy() for name in log.columns}
         brakes = preset_of(spec, definition_of(spec)).brakes
         content = criticality_csv(criticality(columns, brakes.max_decel_mps2))
-        (critical / f"{spec.log}.csv").write_bytes(content)
+        write_bytes(critical / f"{spec.log}.csv", content)
     return folder
 
 
@@ -246,7 +255,7 @@ def write(
     written: list[Path] = []
     try:
         for name, content in files.items():
-            (out / name).write_bytes(content)
+            write_bytes(out / name, content)
             written.append(out / name)
         for weather in options.weather if options.formats else ():
             here = [row for row in rows if row.weather == weather]

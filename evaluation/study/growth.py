@@ -16,7 +16,7 @@ import rich.console
 from evaluation.fingerprint import fingerprint, version
 from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
-from evaluation.results import ResultsError, Table, markdown_table, rich_table
+from evaluation.results import ResultsError, Table, markdown_table, rich_table, write_bytes
 from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, preset_of
 from evaluation.study.figures import FORMATS, save
 from evaluation.study.intervals import Estimate, mean_t
@@ -229,7 +229,7 @@ def write_growth(
     }
     try:
         for name, content in files.items():
-            (out / name).write_bytes(content)
+            write_bytes(out / name, content)
         drawn = save(growth_figure(runs, spent), out / "growth", formats)
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None

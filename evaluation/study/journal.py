@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -10,6 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
+from evaluation.folder_lock import release, take
+from evaluation.reading import parse_json, shown
 from evaluation.results import ResultsError
 from evaluation.runs import FrameTime
 from evaluation.workers import execute_all
@@ -29,31 +32,38 @@ TIMES = "times.jsonl"
 
 
 class Journal(Generic[Measures]):
-    """The journal of a folder; a context manager.
+    """The journal of a folder; a context manager, which keeps other processes out of the folder.
 
     Args:
-        folder: that exists.
+        folder: of the journal; made if needed.
         kind: dataclass of what is kept of a run; of numbers, texts and None.
         prefix: of the files' names, for several journals in one folder.
 
     Raises:
-        ResultsError: the files cannot be opened, or a line is not one of a journal.
+        ResultsError: another process writes into the folder, the files cannot be opened, or a line is not
+            one of a journal.
     """
 
     def __init__(self, folder: Path, kind: type[Measures], prefix: str = "") -> None:
         self._kind = kind
         runs, times = (folder / f"{prefix}{name}" for name in (RUNS, TIMES))
-        self._path = runs
-        self._lines, self._times = _read(runs), _read(times)
+        self._path, self._folder = runs, folder
+        # what is torn off may be a line that a journal of this process is just writing
+        alone = take(folder)
         try:
+            self._lines, self._times = _read(runs, alone), _read(times, alone)
             self._files: tuple[IO[str], IO[str]] = (
                 runs.open("a", encoding="utf-8"),
                 times.open("a", encoding="utf-8"),
             )
         except OSError as error:
+            release(folder)
             raise ResultsError(
                 f"{folder}: cannot be written ({error.strerror}); choose another folder"
             ) from None
+        except BaseException:
+            release(folder)
+            raise
 
     def __enter__(self) -> Journal[Measures]:
         """The journal itself."""
@@ -67,7 +77,9 @@ class Journal(Generic[Measures]):
     ) -> None:
         """Close the files."""
         for file in self._files:
-            file.close()
+            with contextlib.suppress(OSError):  # of a line that could not be written; that was told
+                file.close()
+        release(self._folder)
 
     def finished(self, keys: Container[str]) -> dict[str, tuple[Measures, FrameTime]]:
         """Runs with these keys that are finished.
@@ -86,13 +98,23 @@ class Journal(Generic[Measures]):
         return found
 
     def add(self, key: str, measures: Measures, spent: FrameTime) -> None:
-        """Write a finished run down; when this returns it is on disk."""
+        """Write a finished run down; when this returns it is on disk.
+
+        Raises:
+            ResultsError: it cannot be written, as on a full disk.
+        """
         # the run last: without its line it counts as not done
         lines = (dataclasses.asdict(spent), dataclasses.asdict(measures))
-        for file, values in zip(self._files[::-1], lines, strict=True):
-            file.write(json.dumps({"key": key, **values}) + "\n")
-            file.flush()
-        os.fsync(self._files[0].fileno())
+        try:
+            for file, values in zip(self._files[::-1], lines, strict=True):
+                file.write(json.dumps({"key": key, **values}) + "\n")
+                file.flush()
+            os.fsync(self._files[0].fileno())
+        except OSError as error:
+            raise ResultsError(
+                f"{self._path}: cannot be written ({error.strerror}); the runs before are kept: make room, "
+                "and start again"
+            ) from None
 
     def carry_out(
         self,
@@ -130,21 +152,30 @@ class Journal(Generic[Measures]):
         return found, before
 
 
-def _read(path: Path) -> dict[str, dict[str, Any]]:
-    """Lines by key. What a killed process left of a last line is cut off."""
+def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
+    """Lines by key.
+
+    Args:
+        path: the file.
+        cut: whether to cut off what a killed process, or a system that failed, left of a last line.
+    """
     if not path.exists():
         return {}
+    content = path.read_bytes()
+    whole = content.rfind(b"\n") + 1
+    lines = content[:whole].splitlines(keepends=True)
     found: dict[str, dict[str, Any]] = {}
-    try:
-        content = path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
-            os.truncate(path, whole)
-        for line in content[:whole].splitlines():
-            values = json.loads(line)
+    for number, line in enumerate(lines, 1):
+        try:
+            values = parse_json(line.decode())
             found[values.pop("key")] = values
-    except OSError as error:
-        raise ResultsError(f"{path}: {error.strerror}; choose another folder") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ResultsError(f"{path}: not a journal of a comparison ({error!r}); remove it") from None
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            if number == len(lines) and b"\0" in line:  # what a file system leaves of a power cut
+                whole -= len(line)
+                break
+            raise ResultsError(
+                f"{path}: not a journal of a comparison (line {number}: {shown(error)}); remove it"
+            ) from None
+    if cut and whole < len(content):
+        os.truncate(path, whole)
     return found

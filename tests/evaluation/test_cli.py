@@ -91,7 +91,8 @@ def test_table_of_runs_has_the_columns_asked_for(results: Path) -> None:
 
 
 def test_configuration_and_logs_and_pictures_are_there(results: Path) -> None:
-    assert json.loads((results / "runs.json").read_text())["configuration"]["suite"]["speeds_kmh"] == [50.0]
+    stored = json.loads((results / "runs.json").read_text())["configuration"]
+    assert {spec["v_test_kmh"] for spec in stored["specs"]} == {50.0}
     for row in rows_of(results):
         log = read_log(results / "logs" / f"{row['log']}.parquet")
         assert {"ego", "actor", "detection", "track"} <= set(log["kind"])
@@ -373,7 +374,10 @@ MISTAKES = {
     "parameter outside": (["run", "crossing", "--param", "Impact_percent=120"], "Impact_percent"),
     "parameter as text": (["run", "crossing", "--param", "Ego_speed_kmh=fast"], "Ego_speed_kmh"),
     "missing map of the scenario": (["run", "crossing", "--param", "Map=no.xodr"], "no.xodr does not exist"),
-    "missing map of perception": (["run", "crossing", "--map", "no.xodr"], "no.xodr: cannot be opened"),
+    "missing map of perception": (
+        ["run", "crossing", "--map", "no.xodr"],
+        "no.xodr: No such file or directory",
+    ),
     "map elsewhere": (["run", "crossing", "--map", "elsewhere.xodr"], "no driving lane of the map"),
     "night": (["run", "crossing", "--night", "owl"], "--night: unknown 'owl'; use one of: lidar, camera"),
     "run without strategy": (["run", "crossing", "--strategy", "x"], "--strategy: unknown 'x'"),

@@ -1,0 +1,63 @@
+"""The journal of finished runs: what is whole is kept, and one process writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from evaluation.results import ResultsError
+from evaluation.runs import FrameTime
+from evaluation.study.growth import GrowthRun
+from evaluation.study.journal import RUNS, Journal
+
+RUN = GrowthRun("map", 0, 0, 1.0, None, False, 0.0)
+SPENT = FrameTime(1, 1.0, 1.0)
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """A folder in whose journal a run is finished."""
+    with Journal(tmp_path, GrowthRun) as journal:
+        journal.add("k1", RUN, SPENT)
+    return tmp_path
+
+
+def test_two_journals_in_one_folder_do_not_spoil_each_other(tmp_path: Path) -> None:
+    """A second one that opens while the first has half a line on disk must not cut that half off."""
+    first = Journal(tmp_path, GrowthRun)
+    first.add("k1", RUN, SPENT)
+    file = first._files[0]
+    file.write('{"key": "k2", "strategy": "ma')
+    file.flush()
+    with Journal(tmp_path, GrowthRun) as second:
+        assert set(second.finished({"k1", "k2"})) == {"k1"}
+    file.write('p", "others": 0}\n')
+    file.flush()
+    with Journal(tmp_path, GrowthRun) as third:
+        assert set(third._lines) == {"k1", "k2"}
+    with first:
+        pass
+
+
+@pytest.mark.parametrize("rest", [b'{"key": "k2", "str', b"\0\0\0\0", b"\0\0\0\n", b"\xff\xfe"])
+def test_what_a_killed_process_left_of_a_line_is_cut_off(begun: Path, rest: bytes) -> None:
+    path = begun / RUNS
+    whole = path.read_bytes()
+    path.write_bytes(whole + rest)
+    with Journal(begun, GrowthRun) as journal:
+        assert journal.finished({"k1"}) == {"k1": (RUN, SPENT)}
+        journal.add("k2", RUN, SPENT)
+    assert path.read_bytes() == whole + whole.replace(b"k1", b"k2")
+
+
+@pytest.mark.parametrize("line", [b"[" * 100_000, b"\xff", b'{"key": []}', b"3", b'{"key": "a", "key": "b"}'])
+def test_a_damaged_line_in_between_is_one_clear_error(begun: Path, line: bytes) -> None:
+    path = begun / RUNS
+    path.write_bytes(line + b"\n" + path.read_bytes())
+    with pytest.raises(ResultsError, match=r"runs\.jsonl: not a journal of a comparison \(line 1: ") as error:
+        Journal(begun, GrowthRun)
+    assert "\n" not in str(error.value)
+    path.unlink()
+    with Journal(begun, GrowthRun) as journal:  # the lock was given back
+        assert journal.finished({"k1"}) == {}
