@@ -63,9 +63,9 @@ class RunningAction:
         """Whether it has come to its end by itself at an instant."""
         return True
 
-    def update(self, instant: Instant) -> None:
-        """Adapt at the beginning of a step; most actions have nothing to adapt."""
-        return
+    def update(self, instant: Instant) -> bool:
+        """Adapt at the beginning of a step; whether something is new. Most actions have nothing to adapt."""
+        return False
 
     def needs(self) -> frozenset[str]:
         """Entities without which it cannot go on."""
@@ -352,20 +352,22 @@ class Synchronize(RunningAction):
         self._master_station = master.path.project(self._master_target.x_m, self._master_target.y_m)[0]
         return True
 
-    def update(self, instant: Instant) -> None:
+    def update(self, instant: Instant) -> bool:
         """Make a new plan if a way is a new one, or the master will arrive at another time than planned."""
         time_s = instant.time_s
         moved = self._find_stations()
         if self._frozen:
-            return
+            return False
         speed = abs(instant.state(self.who.name).speed_mps)
         if (self._from_rest and speed > STANDING_MPS) or time_s >= self._steady_from_s:
             self._frozen = True
-            return
+            return False
         arrival = self._master.arrives_s(time_s, self._master_station)
         if moved or (arrival != self._arrival_s and not abs(arrival - self._arrival_s) <= PLAN_EPSILON_S):
             self._arrival_s = arrival
             self._plan(time_s)
+            return True
+        return False
 
     def _plan(self, time_s: float) -> None:
         action, actor, arrival = self._action, self.who, self._arrival_s

@@ -16,6 +16,9 @@ from scenarios.openscenario.roads import Leg
 STANDING_MPS = 1e-9
 """Slower than this is standing."""
 
+MAX_ACCELERATION_MPS2 = 20.0
+"""No controller accelerates or brakes harder; bounds how soon outlines can meet."""
+
 COMMAND_EPSILON_S = 1e-9
 """A controller that commands from an instant this near on commands now."""
 
@@ -83,6 +86,7 @@ class Actor:
         self._steady_s = 0.0
         self._yaw_offset = 0.0
         self._reversed = False
+        self._noted_s = self._noted_mps = 0.0
         self._anchor_s = 0.0
         self._anchor_station = 0.0
         self._anchor_travelled = 0.0
@@ -99,8 +103,13 @@ class Actor:
         elif self.tow is not None:
             return self._towed(time_s)
         else:
-            distance, speed = self.profile.at(time_s)
-            distance -= self._anchor_distance
+            profile = self.profile
+            if time_s >= profile.end_s:  # most of the time
+                speed = profile.final_mps
+                distance = profile.length_m + speed * (time_s - profile.end_s) - self._anchor_distance
+            else:
+                distance, speed = profile.at(time_s)
+                distance -= self._anchor_distance
         gone = abs(distance)
         station = self._anchor_station + (gone if self.on_trajectory else distance)
         if pose is not None:
@@ -120,12 +129,63 @@ class Actor:
         along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
         return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
 
+    # How it can move
+
+    def fastest_mps(self, time_s: float) -> float:
+        """Greatest speed within the second after a time, as an amount; infinite if that is not known."""
+        if self.tow is not None and not self.commanded:
+            return math.inf
+        if self.controller is None:
+            return self.profile.fastest_mps
+        return max(self.profile.fastest_mps, abs(self._noted_mps)) + MAX_ACCELERATION_MPS2
+
+    def steady(self, time_s: float) -> bool:
+        """Whether its speed stays as it is unless something intervenes."""
+        return self.tow is None and not self.commanded and time_s >= self.profile.end_s
+
+    def rests(self, time_s: float) -> bool:
+        """Whether it stands until something intervenes."""
+        return self.steady(time_s) and self.profile.final_mps == 0.0
+
+    def next_kink_s(self, after_s: float) -> float:
+        """When its speed next stops to grow or to fall."""
+        if self.tow is not None or self.commanded:
+            return math.inf
+        return self.profile.next_kink_s(after_s)
+
+    def turn_rad(self, state: State, later: State) -> float:
+        """How much it turns between two states at most, whichever way."""
+        if state.station_m == later.station_m:
+            return 0.0
+        turn = self.path.turn_rad(state.station_m, later.station_m)
+        if self.commanded:  # the controller may have left the path
+            turn = max(turn, abs(math.remainder(later.yaw_rad - state.yaw_rad, 2 * math.pi)))
+        return turn
+
+    def standing_since(self, time_s: float, state: State) -> float | None:
+        """Since when it stands; None if it moves."""
+        if abs(state.speed_mps) > STANDING_MPS:
+            return None
+        if self.standing_since_s is not None:
+            return self.standing_since_s
+        low, high = self._noted_s, time_s
+        while high - low > COMMAND_EPSILON_S:
+            middle = 0.5 * (low + high)
+            if abs(self.state(middle).speed_mps) > STANDING_MPS:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    # How it moves on
+
     def pass_on(self, time_s: float, state: State) -> None:
         """Take note of the end of a step; who is driven by a controller is anchored there."""
         if self.commanded:
             self._anchor(time_s, state)
         else:
-            self._note(time_s, state.speed_mps)
+            stops = self.standing_since_s is None and abs(state.speed_mps) <= STANDING_MPS
+            self._note(time_s, state.speed_mps, self.standing_since(time_s, state) if stops else None)
 
     def anchor(self, time_s: float) -> State:
         """Anchor the motion at a time, after which earlier states are no longer asked for."""
@@ -134,14 +194,16 @@ class Actor:
         return state
 
     def _anchor(self, time_s: float, state: State) -> None:
+        since = self.standing_since(time_s, state)
         if self.controller is not None and self.commanded:
             self.controller.advance(self._anchor_s, time_s - self._anchor_s)
         self._anchor_s, self._anchor_station = time_s, state.station_m
         self._anchor_travelled = state.travelled_m
         self._anchor_distance = self.profile.at(time_s)[0]
-        self._note(time_s, state.speed_mps)
+        self._note(time_s, state.speed_mps, since)
 
-    def _note(self, time_s: float, speed_mps: float) -> None:
+    def _note(self, time_s: float, speed_mps: float, standing_since_s: float | None) -> None:
+        self._noted_s, self._noted_mps = time_s, speed_mps
         if abs(speed_mps) > STANDING_MPS:
             self.standing_since_s = None
             self._reversed = speed_mps < 0.0
@@ -149,7 +211,7 @@ class Actor:
                 alone = self.tow is None and not self.commanded
                 self.set_off_s = min(self.profile.sets_off_s(), time_s) if alone else time_s
         elif self.standing_since_s is None:
-            self.standing_since_s = time_s
+            self.standing_since_s = time_s if standing_since_s is None else standing_since_s
 
     def heed(self, time_s: float) -> bool:
         """Let the controller take command, or give it back, as it says; whether that has changed."""
@@ -217,7 +279,7 @@ class Actor:
         same = before is not None and abs(profile.at(time_s)[1] - state.speed_mps) < STANDING_MPS
         self._steady_s = before if same and before is not None else time_s
         if not self.commanded:
-            self._note(time_s, profile.at(time_s)[1])
+            self._note(time_s, profile.at(time_s)[1], time_s)
 
     def attach(self, time_s: float, leader: Actor, ahead_m: float) -> None:
         """Keep a distance from another entity from a time on."""
@@ -232,7 +294,7 @@ class Actor:
             return
         state = self._towed(time_s)
         self._anchor_station = state.station_m
-        self._note(time_s, state.speed_mps)
+        self._note(time_s, state.speed_mps, time_s)
 
     def detach(self, time_s: float) -> None:
         """Go on alone with the present speed."""

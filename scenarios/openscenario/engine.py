@@ -7,15 +7,16 @@ touch inside a step, the instant is found by bisection and the step is split the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarios.openscenario import model
 from scenarios.openscenario.actors import Actor, State
+from scenarios.openscenario.conditions import Observed
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.holding import touching
 from scenarios.openscenario.paths import Pose
 from scenarios.openscenario.positions import Locator, references
 from scenarios.openscenario.roads import Roads, load_roads
@@ -30,8 +31,8 @@ STEP_S = 0.01
 TOLERANCE_S = 1e-9
 """Instants inside a step are found this exactly."""
 
-MAX_ACCELERATION_MPS2 = 20.0
-"""No road user accelerates or brakes harder; bounds how soon outlines can meet."""
+FINEST_S = 1e-5
+"""What holds for a shorter time than this may be overlooked."""
 
 MAX_SPLITS = 1000
 """More changes within one step are a fault of the scenario."""
@@ -163,8 +164,10 @@ class Engine:
         self._names = _read_only([entity.name for entity in definition.entities])
         self._categories = _read_only([entity.category for entity in definition.entities])
         self._others = [actor for actor in self._actors.values() if actor is not self.ego]
-        self._no_contact_before_s = 0.0
-        self._watching: list[Callable[[Instant], int]] = []
+        self._touches = [(other, Observed(touching(self.ego, other))) for other in self._others]
+        self._watching: list[Observed] = []
+        self._open: list[Observed] = []
+        self._kink_s = math.inf
         self._times: list[float] = []
         self._samples: list[list[State]] = []
         self._existing: list[list[bool]] = []
@@ -270,12 +273,20 @@ class Engine:
                 break
             if self.ego.heed(self.time_s):
                 self._process()
-            self.storyboard.update(self._now)
-            ahead = Instant(min(end, self._command_s()), self._actors)
-            if self._signature(ahead) == self._before:
+            if self.storyboard.update(self._now):
+                self._unsettle()
+            if self._kink_s <= self.time_s + TOLERANCE_S:
+                self._kink_s = self._next_kink_s()
+            until = min(end, self._kink_s, self._command_s())
+            ahead = Instant(until if until < end - TOLERANCE_S else end, self._actors)
+            self._open = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
+            change = self._first_change(self._now, ahead)
+            if change is None:
                 self._move(ahead)
+                for watch in self._open:
+                    watch.settle(ahead)
             else:
-                self._move(self._next_change(ahead.time_s))
+                self._move(change)
                 self._first_contact(self._now)
                 self._process()
         else:
@@ -294,56 +305,87 @@ class Engine:
 
     def _process(self) -> None:
         """Carry out what follows from a change, and note what to watch from now on."""
-        self._no_contact_before_s = 0.0
         self.storyboard.process(self._now)
         self._now = Instant(self.time_s, self._actors)
-        self._watching = [watch.signature for watch in self.storyboard.watches() if watch.varies]
-        self._before = self._signature(self._now)
+        self._watching = [watch for watch in self.storyboard.watches() if watch.varies]
+        if self.contact is None and self.ego.exists:
+            self._watching += [watch for other, watch in self._touches if other.exists]
+        for watch in self._watching:
+            watch.begin(self._now)
+        self._kink_s = self._next_kink_s()
 
-    def _signature(self, instant: Instant) -> list[object]:
-        """Everything whose change splits a step."""
-        signature: list[object] = [value(instant) for value in self._watching]
-        signature.extend([part.ended(instant) for part in self.storyboard.running])
-        signature.append(self._touching(instant))
-        return signature
+    def _unsettle(self) -> None:
+        """Look at everything again: somebody moves in another way than before."""
+        self._now = Instant(self.time_s, self._actors)
+        for watch in self._watching:
+            watch.unsettle()
+        self._kink_s = self._next_kink_s()
 
-    def _next_change(self, end_s: float) -> Instant:
-        """The first instant at which something differs from now, found by bisection."""
-        low, high = self.time_s, Instant(end_s, self._actors)
-        while high.time_s - low > TOLERANCE_S:
-            middle = Instant(0.5 * (low + high.time_s), self._actors)
-            if self._signature(middle) == self._before:
-                low = middle.time_s
-            else:
+    def _next_kink_s(self) -> float:
+        """The next time at which something stops to grow or to fall, or changes by the clock."""
+        after = self.time_s + TOLERANCE_S
+        times = [actor.next_kink_s(after) for actor in self._actors.values()]
+        times += [watch.next_s(after) for watch in self._watching]
+        return min(times, default=math.inf)
+
+    # Changes inside a step
+
+    def _first_change(self, a: Instant, b: Instant) -> Instant | None:
+        """The first instant after one and up to another at which something differs; None if nothing does.
+
+        An interval at whose ends all is the same is halved as long as something may have changed and changed
+        back in it.
+        """
+        if self._differs(b):
+            if not self._may_flip(a, b):
+                return self._bisected(a.time_s, b)
+            least = TOLERANCE_S
+        elif self._may_flip(a, b):
+            least = FINEST_S
+        else:
+            return None
+        if b.time_s - a.time_s <= least:
+            return b if least == TOLERANCE_S else None
+        middle = Instant(0.5 * (a.time_s + b.time_s), self._actors)
+        return self._first_change(a, middle) or self._first_change(middle, b)
+
+    def _differs(self, instant: Instant) -> bool:
+        """Whether something is not as it was after the last change."""
+        for watch in self._open:
+            if watch.changed(instant):
+                return True
+        running = self.storyboard.running
+        return bool(running) and any(part.ended(instant) for part in running)
+
+    def _may_flip(self, a: Instant, b: Instant) -> bool:
+        """Whether something that is the same at two instants may differ between them."""
+        for watch in self._open:
+            flips = watch.flips
+            if flips is not None and flips(a, b) and not watch.changed(b):
+                return True
+        return False
+
+    def _bisected(self, low_s: float, high: Instant) -> Instant:
+        """The instant of a change before an instant at which something differs."""
+        while high.time_s - low_s > TOLERANCE_S:
+            middle = Instant(0.5 * (low_s + high.time_s), self._actors)
+            if self._differs(middle):
                 high = middle
+            else:
+                low_s = middle.time_s
         return high
 
     # Contact
 
-    def _touching(self, instant: Instant) -> str | None:
-        """Whom the ego touches, until its first contact is known."""
-        if self.contact is not None or instant.time_s < self._no_contact_before_s:
-            return None
-        nearest, fastest = math.inf, 0.0
-        ego = self.ego.name
-        for other in self._others:
-            if not other.exists:
-                continue
-            apart = instant.circle_gap_m(ego, other.name)
-            if apart <= 0.0 and instant.gap_m(ego, other.name) <= 0.0:
-                return other.name
-            nearest = min(nearest, apart)
-            fastest = max(fastest, abs(instant.state(other.name).speed_mps))
-        # nobody closes the distance faster than this within a second
-        closing = fastest + abs(instant.state(ego).speed_mps) + 2 * MAX_ACCELERATION_MPS2
-        self._no_contact_before_s = instant.time_s + min(max(nearest, 0.0) / closing, 1.0)
-        return None
-
     def _first_contact(self, instant: Instant) -> None:
-        name = self._touching(instant)
-        if name is None:
+        """Take note of the ego's first contact, if this is it."""
+        if self.contact is not None or not self.ego.exists:
             return
-        other = self._actors[name]
+        touched = (o for o, watch in self._touches if o.exists and watch.holding.holds(instant))
+        other = next(touched, None)
+        if other is None:
+            return
+        name = other.name
         ego, hit = instant.state(self.ego.name), instant.state(name)
         ego_box, hit_box = self.ego.box(ego), other.box(hit)
         left = (hit_box[1] - ego_box[1]) * math.cos(ego.yaw_rad) - (hit_box[0] - ego_box[0]) * math.sin(

@@ -11,6 +11,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Path:
         station_m: (K,) arc length at the points; None: measured along the chords.
     """
 
-    __slots__ = ("_station", "_x", "_y", "_yaw", "length_m", "points_m")
+    __slots__ = ("_chord_yaw", "_station", "_x", "_y", "_yaw", "length_m", "points_m")
 
     def __init__(
         self,
@@ -61,8 +62,11 @@ class Path:
         self.points_m = points
         self._x, self._y = points[:, 0].tolist(), points[:, 1].tolist()
         self._station: list[float] = station_m.tolist()
+        self._chord_yaw: list[float] = []
         self._yaw: list[float] | None = None
-        if yaw_rad is not None:
+        if yaw_rad is None:
+            self._chord_yaw = np.arctan2(chord[:, 1], chord[:, 0]).tolist()
+        else:
             self._yaw = np.asarray(yaw_rad, float).tolist()
         self.length_m: float = self._station[-1]
 
@@ -76,7 +80,7 @@ class Path:
         dx, dy, ds = x[i + 1] - x0, y[i + 1] - y0, stations[i + 1] - s0
         part = (station_m - s0) / ds
         if yaw is None:
-            heading = math.atan2(dy, dx)
+            heading = self._chord_yaw[i]
         elif part < 0.0 or part > 1.0:
             end = 0 if part < 0.0 else -1
             beyond = station_m - stations[end]
@@ -100,6 +104,23 @@ class Path:
         station = self._station[i] + float(part[i]) * (self._station[i + 1] - self._station[i])
         foot_x, foot_y, heading = self.pose(station)
         return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
+
+    def turn_rad(self, station_m: float, other_m: float) -> float:
+        """How much the heading turns between two arc lengths at most, whichever way."""
+        stations, last = self._station, len(self._station) - 2
+        i, j = bisect_right(stations, station_m) - 1, bisect_right(stations, other_m) - 1
+        i, j = min(i, j), max(i, j)
+        if j < 0 or i > last or (i == j and self._yaw is None):
+            return 0.0
+        i, j = max(i, 0), min(j, last)
+        yaw = self._yaw
+        if yaw is not None:
+            turn = 0.0
+            for k in range(i, j + 1):
+                turn += abs(yaw[k + 1] - yaw[k])
+            return turn
+        headings = self._chord_yaw[i : j + 1]
+        return sum(abs(math.remainder(b - a, 2 * math.pi)) for a, b in pairwise(headings))
 
     def station_of_vertices(self) -> list[float]:
         """Arc length at every point."""

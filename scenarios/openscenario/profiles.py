@@ -55,7 +55,7 @@ class SpeedProfile:
         pieces: changes of speed.
     """
 
-    __slots__ = ("_pieces", "_starts", "end_s", "final_mps", "length_m", "start_s")
+    __slots__ = ("_pieces", "_starts", "end_s", "fastest_mps", "final_mps", "length_m", "start_s")
 
     def __init__(self, start_s: float, speed_mps: float, pieces: Iterable[Piece] = ()) -> None:
         self.start_s = start_s
@@ -69,6 +69,9 @@ class SpeedProfile:
         self.end_s = time_s
         self.length_m = distance_m
         self.final_mps = self._pieces[-1].end_mps if self._pieces else speed_mps
+        speeds = [abs(speed) for piece in self._pieces for speed in (piece.start_mps, piece.end_mps)]
+        self.fastest_mps = max(speeds, default=abs(self.final_mps))
+        """Greatest speed, as an amount."""
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Distance since the beginning, and speed."""
@@ -80,17 +83,28 @@ class SpeedProfile:
                 return before + distance, speed
         return 0.0, self._pieces[0].start_mps
 
+    def next_kink_s(self, after_s: float) -> float:
+        """The next time at which speed or acceleration stop to grow or to fall; infinite if there is none."""
+        if after_s >= self.end_s:
+            return NEVER_S
+        for (start, _), piece in zip(self._starts, self._pieces, strict=True):
+            middle = start + 0.5 * piece.duration_s
+            if start > after_s:
+                return start
+            if middle > after_s and piece.shape in ("cubic", "sinusoidal"):
+                return middle
+        return self.end_s
+
     def demands(self) -> tuple[float, float, float]:
         """Greatest speed, acceleration and deceleration, as amounts; changes at once do not count."""
-        fastest, up, down = abs(self.final_mps), 0.0, 0.0
+        up = down = 0.0
         for piece in self._pieces:
-            fastest = max(fastest, abs(piece.start_mps), abs(piece.end_mps))
             rate = SLOPES[piece.shape] * abs(piece.end_mps - piece.start_mps) / piece.duration_s
             if abs(piece.end_mps) > abs(piece.start_mps) or piece.start_mps * piece.end_mps < 0.0:
                 up = max(up, rate)
             if abs(piece.end_mps) < abs(piece.start_mps) or piece.start_mps * piece.end_mps < 0.0:
                 down = max(down, rate)
-        return fastest, up, down
+        return self.fastest_mps, up, down
 
     def limited(self, limits: Performance) -> SpeedProfile:
         """The same speeds as far as limits allow, reached later where they ask for a slower change."""

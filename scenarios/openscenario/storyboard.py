@@ -204,10 +204,12 @@ class Storyboard:
         self._running = [part for part in (*self._running, *started) if not part.over]
         return started
 
-    def update(self, instant: Instant) -> None:
-        """Let running actions adapt at the beginning of a step."""
+    def update(self, instant: Instant) -> bool:
+        """Let running actions adapt at the beginning of a step; whether something is new."""
+        new = False
         for part in self._running:
-            part.update(instant)
+            new |= part.update(instant)
+        return new
 
     # Observation
 

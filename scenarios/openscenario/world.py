@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from scenarios.openscenario.actors import Actor, State
 from scenarios.openscenario.expressions import Value
@@ -14,23 +15,33 @@ from smartmot.geometry import signed_gap_scalar
 
 @dataclass(slots=True)
 class Instant:
-    """A time and the states of the entities at it; states are worked out when they are asked for."""
+    """A time and the states of the entities at it; states are worked out when they are asked for.
+
+    Args:
+        time_s: when.
+        actors: entities by name.
+        memo: what has been worked out for it.
+    """
 
     time_s: float
     actors: Mapping[str, Actor]
-    _states: dict[str, State] = field(default_factory=dict)
+    memo: dict[object, Any] = field(default_factory=dict)
 
     def state(self, name: str) -> State:
         """State of an entity."""
-        state = self._states.get(name)
+        state: State | None = self.memo.get(name)
         if state is None:
-            state = self._states[name] = self.actors[name].state(self.time_s)
+            state = self.memo[name] = self.actors[name].state(self.time_s)
         return state
 
     def gap_m(self, a: str, b: str) -> float:
         """Free distance of two outlines; not positive where they touch or overlap."""
-        one, other = self.actors[a], self.actors[b]
-        return signed_gap_scalar(one.box(self.state(a)), other.box(self.state(b)))
+        gap: float | None = self.memo.get((a, b))
+        if gap is None:
+            one, other = self.actors[a], self.actors[b]
+            gap = signed_gap_scalar(one.box(self.state(a)), other.box(self.state(b)))
+            self.memo[a, b] = gap
+        return gap
 
     def circle_gap_m(self, a: str, b: str) -> float:
         """A lower bound of the free distance, quickly."""

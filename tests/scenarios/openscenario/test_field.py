@@ -1,11 +1,15 @@
 """Small files in which an engine went wrong, with the values that the standard asks for (straight road)."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scenarios.library import shipped_scenario
 from scenarios.openscenario import Engine, load
+from scenarios.openscenario.model import EntityDefinition, SpeedAction, TeleportAction, WorldPosition
 from tests.scenarios.openscenario.conftest import at
 
 FILES = Path(__file__).parents[2] / "data" / "field" / "openscenario"
@@ -49,3 +53,33 @@ def test_a_synchronised_entity_arrives_with_its_master():
 def test_no_condition_holds_on_a_deleted_entity():
     run = played("deleted_entity")
     assert at(run, "Ego", 6)[3] == 10.0
+
+
+def contact(ahead_m, step_s):
+    """Two cars of 4 x 2 m at 20 m/s, at right angles; their corners overlap for (5.95 - ahead_m) / 20 s."""
+    base = load(shipped_scenario("crossing"), {"Ego_speed_kmh": 60.0})
+    cars = tuple(EntityDefinition(name, "car", "car", 4.0, 2.0, 1.5, 0.0, 0.0) for name in ("Ego", "Other"))
+    init = (
+        ("Ego", TeleportAction(WorldPosition(1000.0, 1000.0, 0.0))),
+        ("Ego", SpeedAction("step", "time", 0.0, 20.0)),
+        ("Other", TeleportAction(WorldPosition(1020.0 + ahead_m, 980.05, np.pi / 2))),
+        ("Other", SpeedAction("step", "time", 0.0, 20.0)),
+    )
+    engine = Engine(replace(base, entities=cars, init=init, stories=()), step_s=step_s, until_contact=True)
+    while engine.time_s < 2.0 and not engine.over:
+        engine.advance(step_s)
+    return engine.contact
+
+
+@pytest.mark.parametrize("ahead_m", [5.6, 5.7, 5.81, 5.85, 5.9, 5.94, 5.949])
+@pytest.mark.parametrize("step_s", [0.003, 0.01, 0.1])
+def test_the_step_does_not_decide_whether_there_is_a_contact(ahead_m, step_s):
+    """The ego's front reaches the other's side after (17 + ahead_m) / 20 s, and its tail leaves later."""
+    found = contact(ahead_m, step_s)
+    assert found is not None
+    assert found.time_s == pytest.approx((17.0 + ahead_m) / 20.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("step_s", [0.003, 0.01, 0.1])
+def test_who_passes_a_millimetre_beside_is_not_hit(step_s):
+    assert contact(5.951, step_s) is None
