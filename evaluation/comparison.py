@@ -11,6 +11,7 @@ import rich.console
 
 from evaluation import results, runner
 from evaluation.configuration import configuration_of, read_configuration
+from evaluation.conflict import told_without_conflict
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import Published, ResultsError, RunRow, Table
 from evaluation.runs import NO_AEB, RunSpec, definition_of, execute, preset_of, scene_of
@@ -101,7 +102,7 @@ def _compare(
     console.print(results.rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
-    for line in results.told_runs(rows):
+    for line in (*results.told_runs(rows), *told_without_conflict(specs, workers)):
         console.print(line, highlight=False)
     return rows
 

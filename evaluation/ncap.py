@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation import results, runner
+from evaluation.cell_table import CELLS_CSV, cell_table, told_invalid
 from evaluation.configuration import configuration_of
+from evaluation.conflict import Conflict, conflicts, unbraked
 from evaluation.errors import ArgumentError
 from evaluation.ncap_grid import Grid, GridRun, all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.protocols.assessment import Assessment, Protocol
 from evaluation.protocols.errors import ProtocolError
+from evaluation.protocols.euroncap_2023 import EuroNcap2023
+from evaluation.protocols.grid import Cell
 from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.registry import named_protocol
 from evaluation.protocols.sheet import Sheet, make_sheet
@@ -23,6 +27,7 @@ from evaluation.results import RunRow
 from evaluation.runner import Conditions
 from evaluation.runs import RunRecord, RunSpec, execute
 from evaluation.settings import settings_text
+from evaluation.validity import why_invalid
 from evaluation.workers import execute_all
 
 if TYPE_CHECKING:
@@ -62,23 +67,54 @@ def specs_of(grid: Grid, conditions: Conditions, protocol_name: str) -> list[tup
     return paired
 
 
-def assess(protocol: Protocol, finished: Iterable[tuple[GridRun, RunRecord]]) -> dict[str, Assessment]:
+def assess(
+    protocol: Protocol,
+    finished: Iterable[tuple[GridRun, RunRecord]],
+    known: Mapping[RunSpec, Conflict] | None = None,
+) -> dict[str, Assessment]:
     """Score finished runs, per strategy.
+
+    Args:
+        protocol: its rules.
+        finished: runs of its grid, and what came out.
+        known: what comes to pass without braking, as `conflicts` gives it; None: it is found out here.
 
     Raises:
         ProtocolError: a run belongs to no cell.
     """
-    tables: dict[str, list[dict[str, object]]] = {}
+    by_strategy: dict[str, list[tuple[GridRun, RunRecord]]] = {}
     for run, record in finished:
-        row = record.row
-        told = dict(run.columns) | {
-            "v_impact_kmh": row.v_impact_kmh,
-            "target_speed_at_contact_kmh": row.target_speed_at_contact_kmh,
-            "warning_ttc_s": record.flag_ttc_s,
-        }
-        tables.setdefault(record.spec.strategy, []).append(told)
-    cells = all_cells(protocol)
-    return {name: protocol.assess(measurements(table, cells)) for name, table in tables.items()}
+        by_strategy.setdefault(record.spec.strategy, []).append((run, record))
+    if known is None:
+        known = conflicts(record.spec for runs in by_strategy.values() for _, record in runs)
+    cells, overlaps = all_cells(protocol), isinstance(protocol, EuroNcap2023)
+    assessments = {}
+    for name, runs in by_strategy.items():
+        found = [known[unbraked(record.spec)] for _, record in runs]
+        table = [
+            dict(run.columns) | _outcome(record, conflict)
+            for (run, record), conflict in zip(runs, found, strict=True)
+        ]
+
+        def reason(index: int, cell: Cell, found: Sequence[Conflict] = found) -> str:
+            return why_invalid(cell, found[index], overlaps)
+
+        assessments[name] = protocol.assess(measurements(table, cells, reason))
+    return assessments
+
+
+def _outcome(record: RunRecord, conflict: Conflict) -> dict[str, object]:
+    """What a run came to, as columns for `measurements`."""
+    row, touch = record.row, conflict.touch
+    unbraked_kmh = row.v_test_kmh if touch is None else abs(touch.ego_speed_kmh)
+    return {
+        "v_impact_kmh": row.v_impact_kmh,
+        "target_speed_at_contact_kmh": row.target_speed_at_contact_kmh,
+        "warning_ttc_s": record.flag_ttc_s,
+        "speed_reduction_kmh": unbraked_kmh - record.slowest_kmh,
+        "end_reason": row.end_reason,
+        "false_activation": row.false_activation,
+    }
 
 
 def run_grid(
@@ -118,7 +154,9 @@ def run_grid(
     specs = [spec for _, spec in paired]
     finished: list[tuple[GridRun, RunRecord]] = []
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
-        task = progress.add_task(f"running on {workers} processes", total=len(specs))
+        total = len(specs) + len(set(map(unbraked, specs)))
+        task = progress.add_task(f"running on {workers} processes", total=total)
+        known = conflicts(specs, workers, lambda: progress.advance(task))
         records = execute_all(partial(execute, keep_log=keep_logs), specs, workers)
         for (run, _), record in zip(paired, records, strict=True):
             if record.log is not None:
@@ -128,16 +166,20 @@ def run_grid(
     told = runner.notes(specs)
     configuration = configuration_of(specs, out, told)
     results.write_runs(out, [record.row for _, record in finished], configuration)
-    sheet = make_sheet(assess(protocol, finished), ())
+    assessments = assess(protocol, finished, known)
+    cells_csv = out / CELLS_CSV
+    _written(cells_csv, lambda: cells_csv.write_bytes(cell_table(assessments)))
+    sheet = make_sheet(assessments, ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
     sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
-    written = [path.name for path in (*_draw(sheet, out, name, form), *_left_out(grid, out))]
+    written = [path.name for path in (cells_csv, *_draw(sheet, out, name, form), *_left_out(grid, out))]
     written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []
-    console.print(f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}")
     hits = [record.row for _, record in finished if record.row.collided]
     if hits:
         console.print(_how_to_see(max(hits, key=lambda row: row.v_impact_kmh), out), soft_wrap=True)
+    done_line = f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}"
+    console.print(". ".join(filter(None, (done_line, told_invalid(assessments)))), soft_wrap=True)
 
 
 def _how_to_see(row: RunRow, out: Path) -> str:

@@ -133,6 +133,7 @@ class RunRecord:
         flag_ttc_s: time to collision with the target at the first emergency request.
         log: its log as columns; None if it was not asked for.
         spent: processor time per frame.
+        slowest_kmh: least speed of the ego up to the contact, or else the end; in reverse too not negative.
     """
 
     spec: RunSpec
@@ -140,6 +141,7 @@ class RunRecord:
     flag_ttc_s: float | None
     log: dict[str, NDArray[Any]] | None
     spent: FrameTime
+    slowest_kmh: float
 
 
 def load_named_map(name: str) -> RoadNetwork:
@@ -269,7 +271,10 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
         raise failure(" and ".join(spec.plugins), error) from error
     log = outcome.log.table() if keep_log else None
     spent = frame_time(outcome.frame_time_ms)
-    return RunRecord(spec, _row(spec, outcome, keep_log), outcome.flag_ttc_s, log, spent)
+    # a car that has stopped may have stood between two entries of the log
+    slowest_mps = 0.0 if outcome.end_reason is EndReason.STOPPED else outcome.log.slowest_mps
+    row = _row(spec, outcome, keep_log)
+    return RunRecord(spec, row, outcome.flag_ttc_s, log, spent, slowest_mps * 3.6)
 
 
 def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,6 +63,11 @@ class RunLog:
                 table[name][rows] = value
         by_time = np.argsort(order, kind="stable")  # within one entry: in the order of the blocks
         return {name: column[by_time] for name, column in table.items()}
+
+    @property
+    def slowest_mps(self) -> float:
+        """Least speed of the ego at the entries, forward or in reverse; infinite without any."""
+        return min((abs(ego.speed_mps) for _, ego, *_ in self._truth), default=math.inf)
 
     def _truth_blocks(self) -> list[dict[str, Any]]:
         if not self._truth:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Block, Cell, Measurement
-from evaluation.protocols.marks import Mark
+from evaluation.protocols.marks import FALSE_ACTIVATION, INVALID, NOT_RUN, Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class BlockScore:
 
     @property
     def cells_run(self) -> int:
-        """How many cells have a measurement."""
+        """How many cells were run, invalid ones included."""
         return sum(score.measurement is not None for score in self.scores.values())
 
 
@@ -177,6 +177,45 @@ def require_known(results: Mapping[Cell, Measurement], cells: Iterable[Cell], ti
         raise ProtocolError(
             f"{title} has no cell {first}; take the cells from the protocol's grid ({len(strange)} unknown)"
         )
+
+
+def valid_results(results: Mapping[Cell, Measurement]) -> dict[Cell, Measurement]:
+    """The results that score."""
+    return {cell: measured for cell, measured in results.items() if not measured.invalid}
+
+
+def cell_score(
+    cell: Cell,
+    results: Mapping[Cell, Measurement],
+    mark: Callable[[Cell, Measurement], Mark],
+    text: Callable[[Cell, Measurement], str] | None = None,
+) -> CellScore:
+    """Outcome of a cell.
+
+    Args:
+        cell: of the grid.
+        results: what was measured in the cells that were run.
+        mark: of a valid run without a false activation.
+        text: the number to show; None: the impact speed.
+    """
+    measured = results.get(cell)
+    if measured is None:
+        return CellScore(NOT_RUN, "", None)
+    if measured.invalid:
+        return CellScore(INVALID, "", measured)
+    if measured.false_activation:
+        return CellScore(FALSE_ACTIVATION, "", measured)
+    shown = impact_text(measured) if text is None else text(cell, measured)
+    return CellScore(mark(cell, measured), shown, measured)
+
+
+def invalid_notes(results: Mapping[Cell, Measurement]) -> tuple[str, ...]:
+    """How many cells test nothing, in one line; none if there are none."""
+    count = sum(bool(measured.invalid) for measured in results.values())
+    if not count:
+        return ()
+    cells = "1 cell is" if count == 1 else f"{count} cells are"
+    return (f"{cells} invalid and score{'s' if count == 1 else ''} nothing (reasons: cells.csv)",)
 
 
 def impact_text(measurement: Measurement) -> str:

@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from evaluation.protocols.assessment import (
     Assessment,
     BlockScore,
-    CellScore,
     Total,
-    impact_text,
+    cell_score,
+    invalid_notes,
     require_known,
     select_cells,
+    valid_results,
 )
 from evaluation.protocols.grid import Block, Cell, Function, Lighting, Measurement, Row
-from evaluation.protocols.marks import AVOIDED, CONTACT, NOT_RUN
+from evaluation.protocols.marks import AVOIDED, CONTACT
 
 UNKNOWN = (
     "Points per test speed, their limits and colours (assessment protocols v10.0.3 and v11) are in no "
@@ -73,30 +74,25 @@ class EuroNcap2023:
         Raises:
             ProtocolError: a result belongs to no cell.
         """
-        blocks = self.blocks
+        blocks, valid = self.blocks, valid_results(results)
         require_known(results, self.cells(), self.title)
         done = []
         counts: dict[str, list[int]] = {}
         for block in blocks:
-            run = [cell for cell in block.cells if cell in results]
-            avoided = sum(results[cell].impact_speed_kmh == 0.0 for cell in run)
-            scores = {cell: _score(results.get(cell)) for cell in block.cells}
-            done.append(BlockScore(block, scores, (Total("avoided", avoided, len(run), "cells run"),)))
+            run = [cell for cell in block.cells if cell in valid]
+            avoided = sum(valid[cell].avoided for cell in run)
+            scores = {
+                cell: cell_score(cell, results, lambda _, run: AVOIDED if run.avoided else CONTACT)
+                for cell in block.cells
+            }
+            done.append(BlockScore(block, scores, (Total("avoided", avoided, len(run), "valid cells"),)))
             for name in (block.scenario, "together"):
                 line = counts.setdefault(name, [0, 0])
                 line[0] += avoided
                 line[1] += len(run)
         ordered = sorted(counts.items(), key=lambda item: item[0] == "together")
         totals = tuple(Total(name, avoided, run, "cells avoided") for name, (avoided, run) in ordered)
-        return Assessment(self.title, tuple(done), totals, (), UNKNOWN)
-
-
-def _score(measured: Measurement | None) -> CellScore:
-    if measured is None:
-        return CellScore(NOT_RUN, "", None)
-    return CellScore(
-        AVOIDED if measured.impact_speed_kmh == 0.0 else CONTACT, impact_text(measured), measured
-    )
+        return Assessment(self.title, tuple(done), totals, (), (*invalid_notes(results), *UNKNOWN))
 
 
 def _steps(first: int, last: int) -> tuple[float, ...]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 from evaluation.protocols.assessment import (
     Assessment,
@@ -11,9 +12,12 @@ from evaluation.protocols.assessment import (
     CellScore,
     Gate,
     Total,
+    cell_score,
     impact_text,
+    invalid_notes,
     require_known,
     select_cells,
+    valid_results,
 )
 from evaluation.protocols.bands import (
     NEWEST,
@@ -31,7 +35,7 @@ from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
 from evaluation.protocols.euroncap_2026_requirements import gates, requirement_cells, requirement_matrix
 from evaluation.protocols.grid import Block, Cell, Function, Layer, Measurement, Row, layer_cells
-from evaluation.protocols.marks import MARKS, NOT_RUN
+from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import (
     CONDITIONS,
     LAYERS,
@@ -126,11 +130,13 @@ class EuroNcap2026:
         return requirement_cells()
 
     def colour(self, block: ScoredBlock, cell: Cell, measured: Measurement) -> Colour:
-        """Colour of a measured cell.
+        """Colour of a valid measured cell; red if the emergency was requested before the target set off.
 
         Raises:
             ProtocolError: the cell needs a speed reduction and has none, or the speed has no bands.
         """
+        if measured.false_activation:
+            return Colour.RED
         criterion = block.criterion_of(cell)
         impact = round_half_up(measured.impact_speed_kmh)
         if criterion is Criterion.IMPACT_SPEED:
@@ -151,7 +157,7 @@ class EuroNcap2026:
     ) -> Assessment:
         """Score finished runs.
 
-        Cells that were not run win nothing and are counted as missing.
+        Cells that were not run, and invalid ones, win nothing; what was to be won with them stays.
 
         Args:
             results: measurements of cells of the grid, of robustness cells and of the requirement cells.
@@ -171,11 +177,12 @@ class EuroNcap2026:
         strange = set(checked) - {block.block.name for block in scored}
         if strange:
             raise ProtocolError(f"verification of {min(strange)!r}: there is no such matrix in {self.title}")
+        valid = valid_results(results)
         colours = {
-            cell: self.colour(block, cell, results[cell])
+            cell: self.colour(block, cell, valid[cell])
             for block in scored
             for cell in block.block.cells
-            if cell in results
+            if cell in valid
         }
         held = self._layers(scored, results, colours)
         tested = gates(self.cells(), results, colours)
@@ -186,11 +193,7 @@ class EuroNcap2026:
             totals = _block_totals(block, colours, checked.get(block.block.name), held)
             points.append((block, sum(total.won for total in totals)))
             scores = {
-                cell: CellScore(
-                    MARKS[colours[cell]] if cell in colours else NOT_RUN,
-                    _text(block.criterion_of(cell), results.get(cell)),
-                    results.get(cell),
-                )
+                cell: cell_score(cell, results, lambda c, _: MARKS[colours[c]], partial(_text, block))
                 for cell in block.block.cells
             }
             done.append(BlockScore(block.block, scores, totals if open_gates else _shut(totals)))
@@ -201,7 +204,13 @@ class EuroNcap2026:
             (*done, *conditions, *requirement_matrix(results)),
             sums if open_gates else _shut(sums),
             tested,
-            (*_missing(done), *_untested(tested), *((_BELOW,) if conditions else ()), *UNKNOWN),
+            (
+                *invalid_notes(results),
+                *_missing(done),
+                *_untested(tested),
+                *((_BELOW,) if conditions else ()),
+                *UNKNOWN,
+            ),
             "relative impact speed in km/h; FCW: time to collision at the warning; head-on: speed reduction",
         )
 
@@ -211,7 +220,10 @@ class EuroNcap2026:
         results: Mapping[Cell, Measurement],
         colours: Mapping[Cell, Colour],
     ) -> dict[str, int]:
-        """How many layers hold in each scenario: with all of their conditions, in every standard cell run."""
+        """How many layers hold in each scenario: with all of their conditions, in every standard cell run.
+
+        An invalid run is as one that is missing.
+        """
         outcomes: dict[str, dict[str, bool]] = {}
         partner: dict[str, str] = {}
         incomplete: set[tuple[str, str]] = set()
@@ -223,7 +235,9 @@ class EuroNcap2026:
             layers = outcomes.setdefault(scenario, {})
             for base in layer_cells(block.block, Layer.STANDARD):
                 for condition, cell in conditioned(scenario, base):
-                    if cell in results:
+                    if any(cell in results and results[cell].invalid for cell in (base, cell)):
+                        incomplete.add((scenario, condition.layer))
+                    elif cell in results:
                         holds = self._holds(block, base, cell, condition.bar, results, colours)
                         layers[condition.layer] = layers.get(condition.layer, True) and holds
                     elif base in colours:
@@ -243,6 +257,7 @@ class EuroNcap2026:
             return None
         rows: list[Row] = []
         scores: dict[Cell, CellScore] = {}
+        invalid = {cell for cell, measured in results.items() if measured.invalid}
         lines = [
             row for row in grid.rows if any(c is not None and c.layer is Layer.STANDARD for c in row.cells)
         ]
@@ -256,12 +271,13 @@ class EuroNcap2026:
                         continue
                     cell = conditioned(scenario, base)[number][1]
                     cells.append(cell)
-                    scores[cell] = CellScore(NOT_RUN, "", None)
-                    if cell in results:
+                    score = cell_score(
+                        cell, results, lambda c, run: MARKS[self.colour(block, c, run)], partial(_text, block)
+                    )
+                    if cell in results and not results[cell].invalid and base not in invalid:
                         holds = self._holds(block, base, cell, condition.bar, results, colours)
-                        text = _text(block.criterion_of(cell), results[cell]) + ("" if holds else "!")
-                        mark = MARKS[self.colour(block, cell, results[cell])]
-                        scores[cell] = CellScore(mark, text, results[cell])
+                        score = score if holds else replace(score, text=f"{score.text}!")
+                    scores[cell] = score
                 if any(cells):
                     rows.append(Row(f"{condition.change}, {label}", tuple(cells)))
         if not any(cell in results for cell in scores):
@@ -372,9 +388,8 @@ def _untested(gates: Iterable[Gate]) -> tuple[str, ...]:
     return (f"required, but no run tests it: {'; '.join(names)}",) if names else ()
 
 
-def _text(criterion: Criterion, measured: Measurement | None) -> str:
-    if measured is None:
-        return ""
+def _text(block: ScoredBlock, cell: Cell, measured: Measurement) -> str:
+    criterion = block.criterion_of(cell)
     if criterion is Criterion.WARNING:
         return "none" if measured.warning_ttc_s is None else f"{measured.warning_ttc_s:.1f} s"
     if criterion is Criterion.REDUCTION and measured.speed_reduction_kmh is not None:

@@ -71,7 +71,11 @@ class Measurement:
     Args:
         impact_speed_kmh: speed of the VUT at contact less the target's speed along it; 0 without contact.
         warning_ttc_s: time to collision at the warning; None without one.
-        speed_reduction_kmh: test speed less speed at contact; None where nobody asks for it.
+        speed_reduction_kmh: speed without braking less speed at contact, or at the slowest without contact;
+            None where nobody asks for it.
+        invalid: why the run tests nothing; it then scores nothing, whatever came out. Empty if it is valid.
+        false_activation: whether an emergency was requested before the target set off; the test is then
+            failed, whatever came out.
 
     Raises:
         ProtocolError: a value is not finite or an impact speed is negative.
@@ -80,6 +84,13 @@ class Measurement:
     impact_speed_kmh: float
     warning_ttc_s: float | None = None
     speed_reduction_kmh: float | None = None
+    invalid: str = ""
+    false_activation: bool = False
+
+    @property
+    def avoided(self) -> bool:
+        """Whether the collision that the test is about was avoided."""
+        return not self.invalid and not self.false_activation and self.impact_speed_kmh == 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.impact_speed_kmh) and self.impact_speed_kmh >= 0):

@@ -37,6 +37,8 @@ MARKS = {
 }
 
 NOT_RUN = Mark("not run", "–", "#ececec", "#4d4d4d")
+INVALID = Mark("invalid test, scores nothing", "×", "#d9b3e6", DARK)
+FALSE_ACTIVATION = Mark("false activation, failed", "FA", "#5c0a1a", LIGHT)
 UNRATED = Mark("no rating in any source", "?", "#d6e4f0", DARK)
 AVOIDED = Mark("avoided", "A", "#44aa77", DARK)
 CONTACT = Mark("contact", "C", "#9fb6cc", DARK)

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from evaluation.protocols.assessment import (
     Assessment,
     BlockScore,
-    CellScore,
     Total,
-    impact_text,
+    cell_score,
+    invalid_notes,
     require_known,
     select_cells,
+    valid_results,
 )
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Block, Cell, Measurement, Row
-from evaluation.protocols.marks import ALL_POINTS, NO_POINTS, NOT_RUN, SOME_POINTS
+from evaluation.protocols.marks import ALL_POINTS, NO_POINTS, SOME_POINTS, Mark
 
 PAPER_SCORE_MAX = {10.0: 1.0, 20.0: 1.0, 30.0: 2.0, 40.0: 3.0, 50.0: 2.0, 60.0: 1.0}
 """Points to be won at each test speed in km/h (table I, column score_max); none at other speeds."""
@@ -137,18 +138,22 @@ class PaperProtocol:
         """
         (block,) = self.blocks
         require_known(results, block.cells, self.title)
-        points = {cell: _points(cell, measured) for cell, measured in results.items()}
+        points = {cell: _points(cell, measured) for cell, measured in valid_results(results).items()}
         most = sum(PAPER_SCORE_MAX.values())
         totals = tuple(
             Total(name, sum(won for cell, won in points.items() if cell.condition == name), most)
             for name in self.weather
         )
-        scores = {cell: _score(cell, points.get(cell), results.get(cell)) for cell in block.cells}
+        scores = {cell: cell_score(cell, results, lambda c, _: _mark(c, points[c])) for cell in block.cells}
         mean = Total("mean", sum(total.won for total in totals) / len(totals), most)
-        missing = len(block.cells) - len(points)
+        missing = len(block.cells) - len(results)
         notes = (f"{missing} cells not run, counted as no points",) if missing else ()
         return Assessment(
-            self.title, (BlockScore(block, scores, totals),), (*totals, mean), (), (*notes, *UNKNOWN)
+            self.title,
+            (BlockScore(block, scores, totals),),
+            (*totals, mean),
+            (),
+            (*invalid_notes(results), *notes, *UNKNOWN),
         )
 
 
@@ -157,12 +162,9 @@ def _points(cell: Cell, measured: Measurement) -> float:
         raise ProtocolError(f"{cell}: impact at {measured.impact_speed_kmh:g} km/h is faster than the test")
     points = paper_score(cell.speed_kmh, measured.impact_speed_kmh)
     assert points is not None  # every row is a speed with points
-    return points
+    return 0.0 if measured.false_activation else points
 
 
-def _score(cell: Cell, points: float | None, measured: Measurement | None) -> CellScore:
-    if points is None or measured is None:
-        return CellScore(NOT_RUN, "", None)
+def _mark(cell: Cell, points: float) -> Mark:
     most = PAPER_SCORE_MAX[cell.speed_kmh]
-    mark = ALL_POINTS if points == most else SOME_POINTS if points > 0 else NO_POINTS
-    return CellScore(mark, impact_text(measured), measured)
+    return ALL_POINTS if points == most else SOME_POINTS if points > 0 else NO_POINTS

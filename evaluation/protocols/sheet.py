@@ -99,7 +99,7 @@ def gate_line(failed: tuple[str, ...]) -> str:
     return f"No points, because this is required and not so: {'; '.join(failed)}." if failed else ""
 
 
-_LEGEND = ("G", "A", "P", "Y", "O", "B", "C", "F", "N", "R", "?", "–")
+_LEGEND = ("G", "A", "P", "Y", "O", "B", "C", "F", "N", "R", "FA", "×", "?", "–")
 
 
 def _legend_rank(mark: Mark) -> int:

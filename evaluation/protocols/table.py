@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Cell, Measurement
+from scenarios.simulation import EndReason
 
 ALONG_TARGETS = frozenset({"CPLA", "CBLA", "CCRs", "CCRm", "CCRb", "CMRs", "CMRb"})
 """Scenarios whose target drives along the VUT's path: the impact speed is relative to it. In the crossing and
@@ -22,10 +23,18 @@ _KEYS = {
     "layer": "layer",
 }
 
+TOUCHED_KMH = 0.01
+"""Least impact speed of a contact, as 0 stands for none: two decimals count."""
+CUT_OFF = "cut off by the time limit: nothing was decided until then"
+
 _EMPTY = frozenset({"", "None", "nan", "<NA>"})
 
 
-def measurements(records: Iterable[Mapping[str, object]], cells: Iterable[Cell]) -> dict[Cell, Measurement]:
+def measurements(
+    records: Iterable[Mapping[str, object]],
+    cells: Iterable[Cell],
+    why_invalid: Callable[[int, Cell], str] | None = None,
+) -> dict[Cell, Measurement]:
     """Assign finished runs to the cells they belong to.
 
     Several runs of one cell (seeds, or both approaches of a crossing car) count as the worst of them: the
@@ -35,8 +44,11 @@ def measurements(records: Iterable[Mapping[str, object]], cells: Iterable[Cell])
         records: one mapping per run, as from `DataFrame.to_dict("records")`, with the columns `scenario`,
             `v_test_kmh` and `v_impact_kmh` (speed of the VUT at contact, 0 without), and as far as they apply
             `impact_location_percent`, `target_speed_kmh`, `lighting`, `function`, `condition`, `layer`,
-            `target_speed_at_contact_kmh` and `warning_ttc_s`.
+            `target_speed_at_contact_kmh`, `warning_ttc_s`, `speed_reduction_kmh`, `false_activation` and
+            `end_reason`: a run that the time limit cut off is invalid.
         cells: the protocol's grid.
+        why_invalid: why a run, told by its number, tests nothing as one of a cell; empty if it is valid.
+            None: all are.
 
     Returns:
         Measurement of every cell that was run.
@@ -55,7 +67,9 @@ def measurements(records: Iterable[Mapping[str, object]], cells: Iterable[Cell])
             raise ProtocolError(f"{run}: {_nearest(run, grid)}")
         measured = run.measurement()
         for cell in fitting:
-            found[cell] = _worse(found[cell], measured) if cell in found else measured
+            reason = measured.invalid or (why_invalid(index, cell) if why_invalid else "")
+            judged = replace(measured, invalid=reason)
+            found[cell] = _worse(found[cell], judged) if cell in found else judged
     return found
 
 
@@ -116,10 +130,18 @@ class _Run:
         """What the run measured."""
         impact = self.number("v_impact_kmh")
         reduction = self.speed_kmh - impact
+        if self.has("speed_reduction_kmh"):
+            reduction = self.number("speed_reduction_kmh")
         if impact > 0.0 and self.scenario in ALONG_TARGETS:
-            impact = max(impact - self._target_speed_kmh(), 0.0)
+            impact = max(impact - self._target_speed_kmh(), TOUCHED_KMH)
         warning = self.number("warning_ttc_s") if self.has("warning_ttc_s") else None
-        return Measurement(impact, warning, reduction)
+        return Measurement(
+            impact,
+            warning,
+            reduction,
+            CUT_OFF if self.has("end_reason") and self.record["end_reason"] == EndReason.TIME_LIMIT else "",
+            self.has("false_activation") and str(self.record["false_activation"]).lower() == "true",
+        )
 
     def _target_speed_kmh(self) -> float:
         for column in ("target_speed_at_contact_kmh", "target_speed_kmh"):
@@ -137,6 +159,8 @@ def _worse(a: Measurement, b: Measurement) -> Measurement:
         max(a.impact_speed_kmh, b.impact_speed_kmh),
         None if None in warnings else min(w for w in warnings if w is not None),
         min(reductions, default=None),
+        a.invalid or b.invalid,
+        a.false_activation or b.false_activation,
     )
 
 

@@ -15,16 +15,17 @@ from itertools import pairwise
 from evaluation.protocols.assessment import (
     Assessment,
     BlockScore,
-    CellScore,
     Total,
-    impact_text,
+    cell_score,
+    invalid_notes,
     require_known,
     select_cells,
+    valid_results,
 )
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Block, Cell, Measurement, Row
-from evaluation.protocols.marks import FAILED, NOT_RUN, PASSED, UNRATED
+from evaluation.protocols.marks import FAILED, PASSED, UNRATED
 
 
 class Series(StrEnum):
@@ -56,6 +57,8 @@ _CAR_KMH: dict[Load, dict[float, float]] = {
     Load.LADEN: {10: 0, 20: 0, 30: 0, 40: 0, 42: 10, 45: 15, 50: 25, 55: 30, 60: 35},
     Load.UNLADEN: {10: 0, 20: 0, 30: 0, 40: 0, 42: 0, 45: 15, 50: 25, 55: 30, 60: 35},
 }
+
+_MARKS = {True: PASSED, False: FAILED, None: UNRATED}
 
 UNKNOWN = (
     "Between two listed speeds with different limits no source at hand gives the rule: no verdict there.",
@@ -157,28 +160,33 @@ class R152:
         return select_cells(self.blocks, scenario)
 
     def verdict(self, cell: Cell, measured: Measurement) -> bool | None:
-        """Whether a run of a cell passes; None where there is no limit."""
+        """Whether a valid run of a cell passes; None where there is no limit."""
         walks = cell.scenario.startswith("CP")
         target = Target.PEDESTRIAN if walks else Target.CAR
+        if measured.false_activation:
+            return False
         speed = cell.speed_kmh - (0.0 if walks else cell.target_speed_kmh or 0.0)
         return verdict(target, speed, measured.impact_speed_kmh, self.series, self.load)
 
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
-        """Pass or fail of every run; the totals count passed tests.
+        """Pass or fail of every run; the totals count passed tests, of those that are valid.
 
         Raises:
             ProtocolError: a result belongs to no cell.
         """
         require_known(results, self.cells(), self.title)
-        done = []
+        valid, done = valid_results(results), []
         for block in self.blocks:
-            passed = {c: self.verdict(c, results[c]) for c in block.cells if c in results}
-            scores = {cell: _score(passed, cell, results.get(cell)) for cell in block.cells}
+            passed = {cell: self.verdict(cell, valid[cell]) for cell in block.cells if cell in valid}
+            scores = {
+                cell: cell_score(cell, results, lambda c, run: _MARKS[self.verdict(c, run)])
+                for cell in block.cells
+            }
             total = Total(block.name, sum(map(bool, passed.values())), len(passed), "tests passed")
             done.append(BlockScore(block, scores, (total,)))
         totals = tuple(total for score in done for total in score.totals)
         every = Total("together", sum(t.won for t in totals), sum(t.most for t in totals), "tests passed")
-        return Assessment(self.title, tuple(done), (*totals, every), (), UNKNOWN)
+        return Assessment(self.title, tuple(done), (*totals, every), (), (*invalid_notes(results), *UNKNOWN))
 
 
 def _block(scenario: str, percent: float, speeds: Mapping[float, float], target_kmh: float) -> Block:
@@ -186,10 +194,3 @@ def _block(scenario: str, percent: float, speeds: Mapping[float, float], target_
         Row(f"{speed:g}", (Cell(scenario, float(speed), percent, target_kmh),)) for speed in speeds.values()
     )
     return Block(scenario, scenario, "VUT (km/h)", "impact location (%)", (f"{percent:g}",), rows)
-
-
-def _score(passed: Mapping[Cell, bool | None], cell: Cell, measured: Measurement | None) -> CellScore:
-    if measured is None:
-        return CellScore(NOT_RUN, "", None)
-    mark = {True: PASSED, False: FAILED, None: UNRATED}[passed[cell]]
-    return CellScore(mark, impact_text(measured), measured)

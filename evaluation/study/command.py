@@ -60,6 +60,7 @@ from evaluation.study.table import (
     summary_csv,
     summary_table,
 )
+from evaluation.study.valid_scenes import told_invalid_scenes, valid_scenes
 from scenarios.errors import ScenarioError
 from scenarios.library import scenario_path
 from scenarios.openscenario.reader import load
@@ -98,8 +99,12 @@ def compare(options: CompareOptions) -> list[Summary]:
         ArgumentError: a setting is out of range.
         ResultsError: the folder cannot be written.
     """
-    scenes = choose_scenes(options.scenes, full=options.full)
+    chosen = choose_scenes(options.scenes, full=options.full)
     points = points_for(options)
+    scenes, reasons = valid_scenes(chosen, options.workers)
+    invalid = told_invalid_scenes(reasons, sum(scene.must == "brake" for scene in chosen))
+    if not scenes:
+        raise ArgumentError(f"no valid scene is left: {' '.join(invalid)}; choose other --scenes")
     runs = study_runs(points, scenes, options.preset, options.weather, options.seeds)
     console = rich.console.Console(quiet=options.quiet)
     measures, spent, before = carry_out(runs, options.out, options.workers, console)
@@ -114,6 +119,8 @@ def compare(options: CompareOptions) -> list[Summary]:
     if options.logs:
         folder = log_runs(options, scenes)
         console.print(f"logs: {folder}; smartmot-eval report {folder} makes a page of them", highlight=False)
+    for line in invalid:
+        console.print(line, highlight=False, soft_wrap=True)
     return rows
 
 

@@ -223,8 +223,12 @@ class Engine:
         return actor.state(self.time_s).pose
 
     def _find_target(self) -> str | None:
-        """Whom the ego is to meet: named in a collision condition, synchronised with it, or the next."""
+        """Whom the ego is to meet.
+
+        Named in a collision condition, synchronised with the ego, set in motion by an event, or the next.
+        """
         names: list[str] = []
+        moved: list[str] = []
         for event in self.definition.events():
             for condition in (c for group in event.start or () for c in group):
                 kind = condition.kind
@@ -235,7 +239,9 @@ class Engine:
             for action in event.actions:
                 if isinstance(action.action, model.SynchronizeAction):
                     names.extend(action.entities)
-        names.extend(actor.name for actor in self._others)
+                elif isinstance(action.action, model.SpeedAction | model.FollowTrajectoryAction):
+                    moved.extend(action.entities)
+        names.extend((*moved, *(actor.name for actor in self._others)))
         return next((name for name in names if name != self.ego.name), None)
 
     @property

@@ -3,6 +3,7 @@
 import io
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from rich.console import Console
 
@@ -89,3 +90,50 @@ def test_the_fastest_contact_is_named_with_what_shows_it(cpna: Path, tmp_path: P
         f"{worst['v_test_kmh']:g} km/h, contact at {worst['v_impact_kmh']:.1f} km/h. To see it: give --logs"
     )
     assert text in shown
+
+
+NO_CONFLICT = Path(__file__).parents[1] / "data" / "field" / "runs" / "ncap_no_conflict"
+
+
+def test_a_target_that_never_moves_is_no_test(tmp_path: Path) -> None:
+    """CPNA whose pedestrian never sets off: nobody brakes, nobody is hit, and nothing is won."""
+    out = tmp_path / "out"
+    shown = run([str(NO_CONFLICT)], "2026", HELD, out, robustness=False)
+    last = shown.splitlines()[-1]
+    assert last.endswith("7 of 7 cells are invalid and score nothing: 7 no conflict without braking")
+    assert "standard 0 of 0.5, extended 0 of 0.0625" in shown
+    assert (
+        "No points, because this is required and not so: CPNA-75 at 10 km/h is green by day (not shown: a "
+        "test is invalid); CPNA-75 at 20 km/h slows down by 5 km/h for a pedestrian of 3 km/h by day (not"
+        in shown
+    )
+    assert " G" not in shown
+    table = pd.read_csv(out / "cells.csv")
+    assert len(table) == 7  # six speeds, and the slow pedestrian
+    assert set(table["state"]) == {"invalid"}
+    assert set(table["reason"]) == {"no conflict without braking: the ego touches nobody"}
+    assert "the ego touches nobody" in (out / "matrix_2026.html").read_text()
+
+
+def test_a_shifted_target_is_off_the_place_asked_for(tmp_path: Path) -> None:
+    """Set off 0.3 s late it is met 23 % of the width further to the right, as in the cells of 50 %."""
+    scenario = (DEFINITIONS / "crossing.xosc").read_text()
+    for old, new in (
+        ("../maps/", f"{DEFINITIONS.parent}/maps/"),
+        ('path="catalogs/', f'path="{DEFINITIONS}/catalogs/'),
+        ('value="$_Lead"/>', 'value="${$_Lead+0.3*$Ego_speed_kmh/3.6}"/>'),
+    ):
+        assert old in scenario
+        scenario = scenario.replace(old, new)
+    (tmp_path / "crossing.xosc").write_text(scenario)
+    file = tmp_path / "cpna.xosc"
+    text = (DEFINITIONS / "cpna.xosc").read_text()
+    file.write_text(text.replace('<Element value="25"/>', ""))
+    shown = run([str(file)], "2023", HELD, tmp_path / "out")
+    assert shown.splitlines()[-1].endswith(
+        "11 of 11 cells are invalid and score nothing: 11 target off the place asked for"
+    )
+    assert "avoided 0 of 0 valid cells" in shown
+    table = pd.read_csv(tmp_path / "out" / "cells.csv")
+    # 75 + 100 (0.06 - 0.3 5 / 3.6) / 1.8
+    assert table["reason"].str.contains("it is met at 55 % of the ego's width, not between").all()

@@ -123,8 +123,75 @@ def test_other_gates() -> None:
     some = {cell: m for cell, m in rear.items() if cell.speed_kmh != 10.0}
     assert PROTOCOL.assess(some).gates[-1].passed is None  # not all of it was run
     day, night = PROTOCOL.requirement_cells()
-    gates = PROTOCOL.assess({day: Measurement(19.0), night: Measurement(20.0)}).gates
+    gates = PROTOCOL.assess({day: Measurement(15.0), night: Measurement(15.1)}).gates
     assert [gate.passed for gate in gates[2:4]] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("measured", "passed"),
+    [
+        (Measurement(0.0, speed_reduction_kmh=5.0), True),
+        (Measurement(0.0, speed_reduction_kmh=4.99), False),  # it went by, but hardly braked
+        (Measurement(14.9, speed_reduction_kmh=5.1), True),
+        (Measurement(20.0, speed_reduction_kmh=0.0), False),
+        (Measurement(0.0, speed_reduction_kmh=20.0, invalid="no conflict without braking"), False),
+        (Measurement(0.0, speed_reduction_kmh=20.0, false_activation=True), False),
+    ],
+)
+def test_slowing_down_for_a_slow_pedestrian_is_measured(measured: Measurement, passed: bool) -> None:
+    """From 5 km/h on, at which the test protocols take it that the brake acts."""
+    day, _ = PROTOCOL.requirement_cells()
+    assert PROTOCOL.assess({day: measured}).gates[2].passed is passed
+
+
+def test_an_invalid_cell_scores_nothing_and_stays_in_the_maximum() -> None:
+    runs = avoided("CPNA")
+    bad = next(c for c in runs if (c.speed_kmh, c.impact_percent, c.lighting) == (40, 25, Lighting.DAY))
+    runs[bad] = Measurement(0.0, invalid="no conflict without braking: the ego touches nobody")
+    assessment = PROTOCOL.assess(runs)
+    assert points(assessment, "CPNA day", "standard") == pytest.approx(0.5 * 17 / 18)
+    shown = assessment.block("CPNA day").scores[bad]
+    assert (shown.mark.letter, shown.text) == ("×", "")
+    assert "1 cell is invalid and scores nothing (reasons: cells.csv)" in assessment.notes
+    assert all(gate.passed is not False for gate in assessment.gates)  # 40 km/h is no requirement
+
+
+def test_what_an_invalid_test_requires_is_not_shown() -> None:
+    nothing = Measurement(0.0, invalid="no conflict without braking: the ego touches nobody")
+    runs = avoided("CPNA", "CCRs")
+    ten = Cell("CPNA", 10.0, 75.0, 5.0)
+    rear = Cell("CCRs", 20.0, 100.0, 0.0)
+    assert ten in runs
+    assert rear in runs
+    for cell, number in ((ten, 0), (rear, 4)):
+        assessment = PROTOCOL.assess({**runs, cell: nothing})
+        gate = assessment.gates[number]
+        assert gate.passed is False
+        assert gate.name.endswith("(not shown: a test is invalid)")
+        assert assessment.total("Frontal Collisions").won == 0.0
+
+
+def test_a_false_activation_fails_the_test_whatever_came_out() -> None:
+    """Also of a warning, which then comes early enough for its limit."""
+    early = Measurement(0.0, warning_ttc_s=9.0, speed_reduction_kmh=60.0, false_activation=True)
+    runs = dict.fromkeys([*PROTOCOL.cells("CPNA"), *PROTOCOL.cells("CPLA"), *PROTOCOL.cells("CCFhos")], early)
+    assessment = PROTOCOL.assess(runs)
+    assert all(total.won == 0.0 and not total.before_gate for total in assessment.totals)
+    assert {assessment.block(name).scores[c].mark.letter for name in ("CPNA day", "CPLA night", "CCFhos")
+            for c in assessment.block(name).scores} == {"FA"}  # fmt: skip
+
+
+def test_a_layer_with_an_invalid_run_wins_nothing() -> None:
+    runs = avoided("CPNA")
+    robust = {cell: Measurement(0.0) for cell in PROTOCOL.robustness_cells("CPNA")}
+    faster = next(c for c in robust if "+3" in c.condition and c.speed_kmh == 10.0)
+    invalid = Measurement(0.0, invalid="no conflict without braking")
+    won = points(PROTOCOL.assess({**runs, **robust, faster: invalid}), "CPNA day", "robustness")
+    assert won == pytest.approx(0.125 * 2 / 10)  # the two other layers
+    base = next(c for c in runs if (c.speed_kmh, c.impact_percent, c.lighting) == (40, 25, Lighting.DAY))
+    assessment = PROTOCOL.assess({**runs, **robust, base: invalid})
+    assert points(assessment, "CPNA day", "robustness") == 0.0  # nothing to compare its conditions with
+    assert assessment.block("CPNA day, robustness").cells_run == 18 * 5
 
 
 def test_gates_that_nothing_tests_take_nothing() -> None:

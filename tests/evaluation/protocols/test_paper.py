@@ -100,3 +100,16 @@ def test_bad_input_is_named() -> None:
         PaperProtocol().assess({Cell("CPNA", 70.0, condition="dry"): Measurement(0.0)})
     with pytest.raises(ProtocolError, match="faster than the test"):
         PaperProtocol().assess({Cell("CPNA", 10.0, condition="dry"): Measurement(11.0)})
+
+
+def test_invalid_runs_and_false_activations_have_no_points() -> None:
+    protocol = PaperProtocol()
+    runs = {cell: Measurement(0.0) for cell in protocol.cells()}
+    invalid, early = Cell("CPNA", 40.0, condition="dry"), Cell("CPNA", 30.0, condition="dry")
+    runs[invalid] = Measurement(0.0, invalid="no conflict without braking")
+    runs[early] = Measurement(0.0, false_activation=True)
+    assessment = protocol.assess(runs)
+    assert assessment.total("mean").won == 10.0 - 3.0 - 2.0
+    assert assessment.total("mean").most == 10.0
+    scores = assessment.blocks[0].scores
+    assert [scores[cell].mark.letter for cell in (invalid, early)] == ["×", "FA"]

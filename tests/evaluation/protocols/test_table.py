@@ -123,3 +123,47 @@ def test_every_protocol_scores_its_own_grid(name: str) -> None:
 def test_an_unknown_protocol_is_named() -> None:
     with pytest.raises(ProtocolError, match="unknown protocol '2020'; use one of: 2026, 2023, paper, r152"):
         named_protocol("2020")
+
+
+def test_a_target_that_is_touched_at_its_own_speed_is_touched() -> None:
+    """0 stands for no contact; a target that is as fast or faster than the ego is hit all the same."""
+    run = {**CPNA, "scenario": "CPLA", "function": "FCW", "lighting": "day", "v_impact_kmh": 5.0}
+    for target in (5.0, 6.0):
+        (measured,) = measurements([{**run, "target_speed_at_contact_kmh": target}], CELLS).values()
+        assert measured.impact_speed_kmh == 0.01
+        assert not measured.avoided
+
+
+def test_a_run_that_was_cut_off_is_invalid() -> None:
+    run = {**CPNA, "lighting": "day", "v_impact_kmh": 0.0}
+    (measured,) = measurements([{**run, "end_reason": "time_limit"}], CELLS).values()
+    assert measured.invalid == "cut off by the time limit: nothing was decided until then"
+    assert not measured.avoided
+    (stopped,) = measurements([{**run, "end_reason": "stopped"}], CELLS).values()
+    assert stopped.avoided
+
+
+@pytest.mark.parametrize(
+    ("value", "failed"), [(True, True), ("true", True), (False, False), (None, False), ("", False)]
+)
+def test_a_false_activation_is_no_avoidance(value: object, failed: bool) -> None:
+    run = {**CPNA, "lighting": "day", "v_impact_kmh": 0.0, "false_activation": value}
+    (measured,) = measurements([run], CELLS).values()
+    assert measured.false_activation is failed
+    assert measured.avoided is not failed
+
+
+def test_a_cell_with_one_invalid_run_is_invalid() -> None:
+    """The laboratory may draw either of the two approaches."""
+    crossing = {"scenario": "CCCscp", "v_test_kmh": 40.0, "target_speed_kmh": 40.0, "v_impact_kmh": 0.0}
+    (cell,) = measurements([crossing, crossing], CELLS)
+    found = measurements([crossing, crossing], CELLS, lambda run, _: "off" if run == 1 else "")
+    assert found == {cell: Measurement(0.0, None, 40.0, "off")}
+
+
+def test_a_run_may_be_valid_for_one_of_the_cells_that_it_fits() -> None:
+    """It names no impact location: only where it meets the target does it count."""
+    anywhere = {"scenario": "CPNA", "v_test_kmh": 60.0, "lighting": "day", "v_impact_kmh": 0.0}
+    found = measurements([anywhere], CELLS, lambda _, cell: "" if cell.impact_percent == 75.0 else "off")
+    assert len(found) == 5
+    assert [cell.impact_percent for cell, run in found.items() if not run.invalid] == [75.0]

@@ -117,3 +117,17 @@ def test_bad_input_is_named() -> None:
         limit_kmh(Target.CAR, float("nan"))
     with pytest.raises(ProtocolError, match="has no cell"):
         R152().assess({Cell("CPNA", 10.0, 50.0, 5.0): Measurement(0.0)})
+
+
+def test_invalid_tests_are_neither_passed_nor_counted() -> None:
+    walked = [Cell("CPNA", speed, 50.0, 5.0) for speed in (20.0, 25.0, 30.0)]
+    assessment = R152().assess(
+        {
+            walked[0]: Measurement(0.0),
+            walked[1]: Measurement(0.0, invalid="no conflict without braking"),
+            walked[2]: Measurement(0.0, false_activation=True),
+        }
+    )
+    (block, *_) = assessment.blocks
+    assert [block.scores[cell].mark.letter for cell in walked] == ["P", "×", "FA"]
+    assert (block.totals[0].won, block.totals[0].most) == (1, 2)
