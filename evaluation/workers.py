@@ -5,18 +5,25 @@ from __future__ import annotations
 import multiprocessing
 import multiprocessing.connection
 import os
+import pickle
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
+from multiprocessing.context import BaseContext
 from typing import Any, TypeVar
 
 from evaluation.errors import WorkerError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+_SAFE_PATH = "PYTHONSAFEPATH"
+"""With it, an interpreter that is started with `-c` does not look into the current folder for modules."""
 
 
 def execute_all(job: Callable[[Item], Result], items: Sequence[Item], workers: int = 1) -> Iterator[Result]:
@@ -30,18 +37,26 @@ def execute_all(job: Callable[[Item], Result], items: Sequence[Item], workers: i
         workers: processes; with one, this one does the work.
 
     Raises:
-        WorkerError: a process was ended from outside, as by a system that is out of memory.
+        WorkerError: a process cannot be started or cannot import what it needs, or was ended from outside, as
+            by a system that is out of memory.
     """
     workers = min(workers, len(items))
     if workers <= 1:
         yield from map(job, items)
         return
-    # a forked copy of a process with threads may hang; these start from a clean one, which imports once
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([_module_of(job)])
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_obey_parent)
+    before = os.environ.get(_SAFE_PATH)
+    with _safe_path():
+        pool = ProcessPoolExecutor(workers, _context(job), _begin, (before,))
     try:
-        yield from pool.map(job, items, chunksize=1)
+        try:
+            with _safe_path():  # the processes are started as the calls are handed over
+                packed = pickle.dumps(job)
+                results = pool.map(_call, [packed] * len(items), map(pickle.dumps, items), chunksize=1)
+        except (EOFError, OSError) as error:
+            raise WorkerError(
+                f"worker processes cannot be started ({type(error).__name__}: {error}); use --workers 1"
+            ) from error
+        yield from results
     except BrokenProcessPool:
         raise WorkerError(
             "a worker process was ended from outside, as by a system without memory; try fewer --workers"
@@ -50,8 +65,62 @@ def execute_all(job: Callable[[Item], Result], items: Sequence[Item], workers: i
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _module_of(job: Callable[..., Any]) -> str:
-    return str((job.func if isinstance(job, partial) else job).__module__)
+def _context(job: Callable[..., Any]) -> BaseContext:
+    """How processes are started.
+
+    A forked copy of a process with threads may hang; these start from a clean one, which imports once. Where
+    there is none of that kind, as on Windows, each starts by itself.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    function = job.func if isinstance(job, partial) else job
+    context.set_forkserver_preload([str(function.__module__)])
+    return context
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Interpreters started meanwhile do not look into the current folder: it may have a `random.py`.
+
+    The processes at work have the module search path of this one, which has been checked.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+def _restore(safe_path: str | None) -> None:
+    if safe_path is None:
+        del os.environ[_SAFE_PATH]
+    else:
+        os.environ[_SAFE_PATH] = safe_path
+
+
+def _begin(safe_path: str | None) -> None:
+    """First thing in a process of the pool: what the user's code starts has the user's environment."""
+    _restore(safe_path)
+    _obey_parent()
+
+
+def _call(job: bytes, item: bytes) -> Any:
+    """Carry out a job in a process of the pool.
+
+    Job and item come packed: what they import is imported here, where a failure can be told.
+    """
+    try:
+        work, given = pickle.loads(job), pickle.loads(item)
+    except BaseException as error:  # a module may even leave the interpreter
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
+        place = frames[-1]
+        raise WorkerError(
+            f"a worker process cannot import what it needs: {type(error).__name__}: "
+            f"{' '.join(str(error).split())} ({place.filename}, line {place.lineno})"
+        ) from None
+    return work(given)
 
 
 def _obey_parent() -> None:

@@ -7,6 +7,10 @@
 Positions are metres in the map's right-handed frame, angles radians.
 """
 
+import _smartmot
+
+_smartmot.check(__name__)
+
 from opendrive.border_sampling import SampledBorders
 from opendrive.errors import (
     LaneNotFoundError,

@@ -3,6 +3,10 @@
 All positions are in the map frame (OpenDRIVE's inertial frame), SI units and radians.
 """
 
+import _smartmot
+
+_smartmot.check(__name__)  # before `opendrive` is imported, which may be another
+
 from smartmot.association import AssociationConfig
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError

@@ -9,6 +9,7 @@ import sys
 import traceback
 from dataclasses import dataclass
 from functools import cache
+from importlib.machinery import ModuleSpec, PathFinder
 from inspect import signature
 from pathlib import Path
 from typing import Any, TypeVar
@@ -63,13 +64,14 @@ def is_plugin(name: str) -> bool:
 
 
 def plugin(name: str) -> Plugin:
-    """Load what a user has named; the current folder is searched first, as by `python -m`.
+    """Load what a user has named, installed or in the current folder.
 
     Args:
         name: `package.module:name` of a class or function.
 
     Raises:
-        PluginError: There is no such module or name, its import fails, or it cannot be called.
+        PluginError: There is no such module or name, its import fails, it cannot be called, or the current
+            folder and Python have different modules of that name.
     """
     if not callable(_found(name)):
         raise PluginError(f"{name}: is no class or function; name one that makes the object")
@@ -80,10 +82,10 @@ def source_digest(name: str) -> str:
     """Hash of what a name would load now, without loading it: see `Plugin`.
 
     Raises:
-        PluginError: There is no such module.
+        PluginError: There is no such module, or two of that name.
     """
     module_name = _parts(name)[0]
-    _search_here()
+    _search_current_folder(name, module_name.partition(".")[0])
     return _digest(module_name)
 
 
@@ -118,7 +120,7 @@ def failure(name: str, error: Exception) -> PluginError:
 
 def _found(name: str) -> Any:
     module_name, path = _parts(name)
-    _search_here()
+    _search_current_folder(name, module_name.partition(".")[0])
     try:
         found: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
@@ -145,11 +147,39 @@ def _parts(name: str) -> tuple[str, str]:
     return module_name, path
 
 
-def _search_here() -> None:
-    """Let the current folder be searched first, as by `python -m`."""
+def _search_current_folder(name: str, top: str) -> None:
+    """Let modules of the current folder be imported, after all others: none takes the place of another.
+
+    Args:
+        name: `package.module:name`, for the message.
+        top: its first module.
+
+    Raises:
+        PluginError: The folder has a module of that name, and Python another.
+    """
     folder = str(Path.cwd())
     if "" not in sys.path and folder not in sys.path:
-        sys.path.insert(0, folder)
+        sys.path.append(folder)
+    mine = PathFinder.find_spec(top, [folder])
+    if mine is None:
+        return
+    mine_file = _file(mine)
+    if top in sys.stdlib_module_names:
+        raise PluginError(f"{name}: {mine_file} has the name of a module of Python; rename it")
+    others = [finder.find_spec(top, None) for finder in sys.meta_path if finder is not PathFinder]
+    others.append(PathFinder.find_spec(top, [path for path in sys.path if path not in ("", folder)]))
+    for other in others:
+        if other is not None and _file(other) != mine_file:
+            raise PluginError(
+                f"{name}: {mine_file} and {_file(other)} have the same name; rename the first, or start in "
+                "another folder to use the second"
+            )
+
+
+def _file(spec: ModuleSpec) -> Path:
+    """The file of a module, or the folder of a package without one."""
+    folders = spec.submodule_search_locations
+    return Path(spec.origin or next(iter(folders or ()), "?")).resolve()
 
 
 @cache

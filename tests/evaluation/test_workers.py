@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from evaluation import workers
 from evaluation.errors import WorkerError
 from evaluation.workers import execute_all
 
@@ -39,14 +42,14 @@ def fails_at_three(number: int) -> int:
     return number
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_the_order_of_the_items(workers: int) -> None:
-    assert list(execute_all(slow_for_small, range(6), workers)) == [0, 1, 4, 9, 16, 25]
+@pytest.mark.parametrize("count", [1, 2])
+def test_results_come_in_the_order_of_the_items(count: int) -> None:
+    assert list(execute_all(slow_for_small, range(6), count)) == [0, 1, 4, 9, 16, 25]
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_comes_after_the_results_before_it(workers: int) -> None:
-    results = execute_all(fails_at_three, range(6), workers)
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_error_comes_after_the_results_before_it(count: int) -> None:
+    results = execute_all(fails_at_three, range(6), count)
     assert [next(results) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(ValueError, match="three"):
         next(results)
@@ -61,6 +64,71 @@ def is_killed_at_three(number: int) -> int:
 def test_a_lost_worker_is_named() -> None:
     with pytest.raises(WorkerError, match="a worker process was ended from outside"):
         list(execute_all(is_killed_at_three, range(6), 2))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import not_installed_w", "ModuleNotFoundError: No module named 'not_installed_w'"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("raise SystemExit('gone')", "SystemExit: gone"),
+        ("class Broken", "SyntaxError: "),
+    ],
+)
+def test_a_worker_that_fails_at_import_names_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, told: str
+) -> None:
+    """The module is whole in this process only."""
+    name = f"job_w{len(text)}"
+    file = tmp_path / f"{name}.py"
+    file.write_text("def job(number):\n    return number\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    job = importlib.import_module(name).job
+    file.write_text(f"\n{text}\n")
+    with pytest.raises(WorkerError) as caught:
+        list(execute_all(job, range(4), 2))
+    message = str(caught.value)
+    assert told in message
+    assert "\n" not in message
+    assert message.startswith("a worker process cannot import what it needs: ")
+    if not text.startswith("class"):
+        assert message.endswith(f"({file}, line 2)")
+
+
+def test_workers_that_cannot_be_started_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object, **named: object) -> None:
+        raise ConnectionResetError("the server is gone")
+
+    monkeypatch.setattr(workers.ProcessPoolExecutor, "map", refuse)
+    with pytest.raises(WorkerError, match=r"cannot be started \(ConnectionResetError: the server is gone\)"):
+        list(execute_all(slow_for_small, range(4), 2))
+
+
+def safe_path(number: int) -> str | None:
+    return os.environ.get("PYTHONSAFEPATH")
+
+
+@pytest.mark.parametrize("given", [None, "", "yes"])
+def test_the_environment_of_the_user_is_as_it_was(monkeypatch: pytest.MonkeyPatch, given: str | None) -> None:
+    """Here and in the workers, of which only the start is shielded."""
+    if given is None:
+        monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    else:
+        monkeypatch.setenv("PYTHONSAFEPATH", given)
+    assert set(execute_all(safe_path, range(4), 2)) == {given}
+    assert os.environ.get("PYTHONSAFEPATH") == given
+
+
+def start_method(number: int) -> str:
+    return type(multiprocessing.current_process()).__name__
+
+
+def test_without_a_forkserver_each_worker_starts_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows."""
+    assert set(execute_all(start_method, range(4), 2)) == {"ForkServerProcess"}
+    monkeypatch.setattr(multiprocessing, "get_all_start_methods", lambda: ["spawn"])
+    assert set(execute_all(start_method, range(4), 2)) == {"SpawnProcess"}
 
 
 def alive(process: int) -> bool:
@@ -87,7 +155,7 @@ def test_no_worker_outlives_its_parent(tmp_path: Path, end: signal.Signals) -> N
         text=True,
     ) as parent:
         deadline = time.monotonic() + 60.0
-        while len(workers := [int(path.name) for path in marks.iterdir()]) < 2:
+        while len(started := [int(path.name) for path in marks.iterdir()]) < 2:
             assert time.monotonic() < deadline
             assert parent.poll() is None
             time.sleep(0.02)
@@ -96,7 +164,7 @@ def test_no_worker_outlives_its_parent(tmp_path: Path, end: signal.Signals) -> N
         else:
             parent.send_signal(end)
         _, errors = parent.communicate(timeout=30.0)
-    while any(alive(worker) for worker in workers):
+    while any(alive(worker) for worker in started):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     if end == signal.SIGINT:  # one complaint, the parent's own

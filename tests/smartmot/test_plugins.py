@@ -93,6 +93,27 @@ def test_what_cannot_be_loaded_is_named_in_one_line(folder: Path, name: str, tol
         assert message.endswith(f"({folder / 'fails_c.py'}, line 2)")
 
 
+@pytest.mark.parametrize("module", ["random", "json", "numpy", "filterpy", "smartmot", "scenarios"])
+def test_a_module_whose_name_is_taken_is_refused_unread(folder: Path, module: str) -> None:
+    file = folder / f"{module}.py"
+    file.write_text("raise SystemExit('executed')\n")
+    with pytest.raises(PluginError, match="rename") as caught:
+        plugin(f"{module}:Thing")
+    assert str(caught.value).startswith(f"{module}:Thing: {file} ")
+
+
+def test_other_modules_of_the_folder_take_the_place_of_none(folder: Path) -> None:
+    """A plug-in imports its siblings, and Python's modules although the folder has files of their names."""
+    (folder / "colorsys.py").write_text("raise SystemExit('executed')\n")
+    (folder / "helper_e.py").write_text("ANSWER = 42\n")
+    (folder / "thing_e.py").write_text(
+        "import colorsys\nfrom helper_e import ANSWER\ndef make():\n"
+        "    return ANSWER, colorsys.rgb_to_hsv(1, 1, 1)\n"
+    )
+    sys.modules.pop("colorsys", None)
+    assert plugin("thing_e:make")() == (42, (0.0, 0.0, 1))
+
+
 def test_what_fails_when_it_is_made_says_where(folder: Path) -> None:
     (folder / "thing_d.py").write_text(SOURCE)
     with pytest.raises(PluginError, match=r"thing_d:Thing: ZeroDivisionError: .*thing_d\.py, line 4\)$"):
