@@ -20,6 +20,7 @@ from evaluation.runs import (
     is_night,
     load_named_map,
     perception_map,
+    told_environment,
 )
 from evaluation.settings import Settings, preset_with
 from evaluation.workers import execute_all
@@ -318,7 +319,7 @@ def notes(specs: Sequence[RunSpec]) -> list[str]:
     lines: dict[str, list[str]] = {}
     seen: set[tuple[object, ...]] = set()
     for spec in specs:
-        same = (spec.file, spec.parameters, spec.map_name, spec.night)
+        same = (spec.file, spec.parameters, spec.map_name, spec.night, spec.weather)
         if same in seen or spec.strategy == NO_AEB:
             continue
         seen.add(same)
@@ -330,6 +331,8 @@ def notes(specs: Sequence[RunSpec]) -> list[str]:
                 tracks.append(definition.map_path.name)
         if is_night(definition):
             lines.setdefault(named_light(spec.night).source, [])
+        for line in told_environment(spec, definition):
+            lines.setdefault(line, [])
     return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,8 +20,15 @@ from scenarios.bystanders import with_bystanders
 from scenarios.errors import ScenarioError
 from scenarios.library import scenario_path
 from scenarios.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.openscenario.engine import Engine
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.model import EnvironmentAction, ScenarioDefinition, SpeedAction
+from scenarios.openscenario.model import (
+    Environment,
+    EnvironmentAction,
+    NamedAction,
+    ScenarioDefinition,
+    SpeedAction,
+)
 from scenarios.openscenario.reader import load
 from scenarios.openscenario.roads import load_roads
 from scenarios.places import Scene
@@ -30,8 +39,9 @@ from scenarios.presets import (
     named_weather,
     preset_at_night,
     preset_in_weather,
+    weather_of,
 )
-from scenarios.simulation import EndReason, Outcome, Simulation, StopRule
+from scenarios.simulation import EndReason, Outcome, Simulation, StopRule, ego_actions, ego_of, is_motion
 from scenarios.strategies import make_strategy
 from smartmot.errors import SmartMotError
 from smartmot.monitored_area import MonitoredAreaStrategy
@@ -44,6 +54,10 @@ NO_AEB = "none"
 NCAP_MAP = "euro_ncap_street"
 TEST_TRACK_LANE_M = 8.0
 """A driving lane wider than this is a test track, not a lane of a street: no HD map would show it."""
+SCENARIO_WEATHER = "dry"
+"""With this weather, a run's unless another is asked for, rain, fog and friction of the scenario hold."""
+CIVIL_TWILIGHT_RAD = -math.radians(6.0)
+"""With the sun lower than this civil twilight is over: it is dark whatever illuminance a file gives."""
 NIGHT_LX = 10.0
 """Darker than this is night (Euro NCAP: day tests at more than 2000 lx, night tests below 1 lx)."""
 
@@ -171,36 +185,77 @@ def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str 
     return NCAP_MAP if len(driving) and all(wide) else None
 
 
+def initial_environment(definition: ScenarioDefinition) -> Environment:
+    """Light and weather after the initial actions; what a later one leaves open stays."""
+    told: dict[str, object] = {}
+    for _, action in definition.init:
+        if isinstance(action, EnvironmentAction):
+            fields = dataclasses.asdict(action.environment).items()
+            told |= {name: value for name, value in fields if value is not None}
+    return Environment(**{"name": "", **told})  # type: ignore[arg-type]
+
+
 def is_night(definition: ScenarioDefinition) -> bool:
     """Whether the scenario starts in the dark."""
-    light = [
-        action.environment.illuminance_lx
-        for _, action in definition.init
-        if isinstance(action, EnvironmentAction)
-    ]
-    return bool(light) and light[-1] is not None and light[-1] < NIGHT_LX
+    found = initial_environment(definition)
+    if found.sun_elevation_rad is not None and found.sun_elevation_rad < CIVIL_TWILIGHT_RAD:
+        return True
+    return found.illuminance_lx is not None and found.illuminance_lx < NIGHT_LX
+
+
+def told_environment(spec: RunSpec, definition: ScenarioDefinition) -> list[str]:
+    """What becomes of the scenario's weather and of changes to it in a run, one line each."""
+    found = weather_of(initial_environment(definition))
+    lines = []
+    if found.used and spec.weather == SCENARIO_WEATHER:
+        lines.append(f"weather of the scenario: {', '.join(found.used)}")
+    elif found.used:
+        lines.append(f"not used: {', '.join(found.used)} of the scenario; --weather {spec.weather} holds")
+    lines += [f"not used: {what}" for what in found.unused]
+    changes = [e.name for e in definition.events() if any(_is_environment(a) for a in e.actions)]
+    if changes:
+        named = ", ".join(f"'{name}'" for name in dict.fromkeys(changes))
+        lines.append(f"not used: the change of weather or light by event {named}; those of Init hold")
+    return lines
+
+
+def _is_environment(named: NamedAction) -> bool:
+    return isinstance(named.action, EnvironmentAction)
 
 
 def initial_speed_kmh(definition: ScenarioDefinition) -> float:
-    """Speed that the ego has at the start."""
-    names = [entity.name for entity in definition.entities]
-    ego = "Ego" if "Ego" in names else names[0]
-    speeds = [
-        action.target
-        for entity, action in definition.init
-        if entity == ego and isinstance(action, SpeedAction) and isinstance(action.target, float)
-    ]
-    return round(abs(speeds[-1]) * 3.6, 6) if speeds else 0.0
+    """The test speed: that which the initial actions ask of the ego, whether or not it takes time.
+
+    If they leave it standing, it is that of the first event that asks for another. What later events ask for
+    does not change it.
+    """
+    ego = ego_of(definition).name
+    initial, later = ego_actions(definition, ego)
+    speeds = [action.target for action in initial if isinstance(action, SpeedAction)]
+    asked = speeds[-1] if speeds else 0.0
+    if not isinstance(asked, float):  # relative to somebody
+        asked = Engine(definition).ego.profile.final_mps
+    elif not asked and any(is_motion(a) for a in initial):  # by a distance, synchronisation or trajectory
+        asked = Engine(definition).ego.asked_mps(0.0)
+    if not asked:
+        targets = [a.target for a in later if isinstance(a, SpeedAction) and isinstance(a.target, float)]
+        asked = next((target for target in targets if target), 0.0)
+    return round(abs(asked) * 3.6, 6)
 
 
 def preset_of(spec: RunSpec, definition: ScenarioDefinition) -> Preset:
     """Preset in the run's weather and light, with the run's settings.
 
+    In dry weather, which is that of a run unless another is asked for, it is the scenario's own.
+
     Raises:
         ScenarioError: unknown preset, weather or light.
         smartmot.errors.ConfigError: a setting is out of range.
     """
-    preset = preset_in_weather(named_preset(spec.preset), named_weather(spec.weather))
+    weather = named_weather(spec.weather)
+    if spec.weather == SCENARIO_WEATHER:
+        weather = weather_of(initial_environment(definition)).weather or weather
+    preset = preset_in_weather(named_preset(spec.preset), weather)
     if is_night(definition):
         preset = preset_at_night(preset, named_light(spec.night))
     preset = replace(preset, sensor=replace(preset.sensor, phase_s=spec.phase_s))

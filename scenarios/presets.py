@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.model import Environment
 from scenarios.sensors import SensorConfig
 from smartmot.monitored_area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
@@ -176,6 +177,77 @@ WEATHER = {
         ),
     )
 }
+
+
+def fog_attenuation_db_per_km(visual_range_m: float, wavelength_nm: float = 905.0) -> float:
+    """I. Kim et al., "Comparison of laser beam propagation at 785 nm and 1550 nm in fog and haze" (2001).
+
+    The visual range is where 2 % of the light is left (Koschmieder). Over 50 km, which is exceptionally clear
+    air by the international visibility code, there is no fog.
+    """
+    if visual_range_m > CLEAR_AIR_M:
+        return 0.0
+    km = visual_range_m / 1000.0
+    q = 1.3 if km > 6.0 else 0.16 * km + 0.34 if km > 1.0 else km - 0.5 if km > 0.5 else 0.0
+    return float(10.0 * math.log10(50.0) / km * (wavelength_nm / 550.0) ** -q)
+
+
+CLEAR_AIR_M = 50_000.0
+"""Greater visual ranges are no fog."""
+
+_ATTENUATION = {"rain": rain_attenuation_db_per_km, "snow": dry_snow_attenuation_db_per_km}
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioWeather:
+    """What a scenario's environment does to tyres and sensor.
+
+    Args:
+        weather: in place of dry weather; None: the scenario has none.
+        used: what of the environment that takes up, in words.
+        unused: what it does not.
+    """
+
+    weather: Weather | None
+    used: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+
+
+def weather_of(environment: Environment) -> ScenarioWeather:
+    """The weather of a scenario's environment.
+
+    The file's friction factor scales the friction of a dry road. Without one, rain, snow and a wet road have
+    the friction of the named weather. Rain, snow and fog shorten the range of the sensor.
+    """
+    used: list[str] = []
+    unused: list[str] = []
+    rate, fog, scale = environment.precipitation_mm_h, environment.visual_range_m, environment.friction_scale
+    falls = environment.precipitation if rate != 0.0 else None
+    falls = falls if falls in _ATTENUATION else None
+    wet = environment.wetness not in (None, "dry")
+    friction, attenuation = DRY_FRICTION, 0.0
+    if falls is not None and rate is not None:
+        attenuation += _ATTENUATION[falls](rate)
+        used.append(f"{falls} of {rate:g} mm/h")
+    elif falls is not None:
+        unused.append(f"the range in {falls}, whose intensity has no unit")
+    if fog is not None and 0.0 < fog <= CLEAR_AIR_M:
+        attenuation += fog_attenuation_db_per_km(fog)
+        used.append(f"fog with a visual range of {fog:g} m")
+    elif fog == 0.0:
+        unused.append("fog with a visual range of 0 m")
+    if scale == 0.0:
+        unused.append("a friction factor of 0, with which nothing would stop")
+    elif scale is not None and (scale != 1.0 or falls or wet):
+        friction *= scale
+        used.append(f"friction factor {scale:g}")
+    elif falls or wet:
+        friction = WEATHER[falls or "wet"].friction
+        used.append(f"the friction of {falls or 'a wet road'}")
+    if not used:
+        return ScenarioWeather(None, (), tuple(unused))
+    weather = Weather("scenario", friction, attenuation, "the scenario's environment")
+    return ScenarioWeather(weather, tuple(used), tuple(unused))
 
 
 def preset_in_weather(preset: Preset, weather: Weather) -> Preset:

@@ -113,9 +113,9 @@ class StopRule:
         after_pass_m: once the ego's centre is this far beyond the target's.
         after_following_s: this long behind a target to whose speed the ego has adapted its own, unless an
             event is left that would change the target's.
-        after_standstill_s: once the ego has stood so long while nothing changes any more: nobody comes
-            nearer, and no event is left that would change the target's speed. 3 s is what the stop triggers
-            of the shipped scenes wait.
+        after_standstill_s: once the ego has stood so long while the target does not come nearer and no event
+            is left that would change the target's speed. 3 s is what the stop triggers of the shipped scenes
+            wait.
         at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
     """
 
@@ -513,7 +513,7 @@ class Simulation:
 
     def _rests(self, time_s: float) -> bool:
         """Whether the ego has stood for long enough while nothing changes any more."""
-        if abs(self._speed_mps()) >= STANDS_MPS or not self._nobody_comes() or self._target_waits():
+        if abs(self._speed_mps()) >= STANDS_MPS or self._target_comes() or self._target_waits():
             self._standing_since_s = None
         elif self._standing_since_s is None:
             self._standing_since_s = time_s
@@ -521,21 +521,22 @@ class Simulation:
             return time_s >= self._standing_since_s + self._rule.after_standstill_s
         return False
 
-    def _nobody_comes(self) -> bool:
-        """Whether everybody else stands or moves away from the ego."""
-        world = self._world()
-        others = self._others[world.exists[self._others]]
-        yaw, speed = world.boxes.yaw_rad[others], world.speed_mps[others]
-        apart = world.boxes.center_m[others] - world.boxes.center_m[self._own]
-        nearing = -speed * (np.cos(yaw) * apart[:, 0] + np.sin(yaw) * apart[:, 1])
-        return not np.count_nonzero((np.abs(speed) >= STANDS_MPS) & (nearing > 0.0))
+    def _target_comes(self) -> bool:
+        """Whether the target moves towards the ego."""
+        if self._target is None:
+            return False
+        world, k = self._world(), self._target
+        yaw, speed = float(world.boxes.yaw_rad[k]), float(world.speed_mps[k])
+        dx, dy = world.boxes.center_m[k] - world.boxes.center_m[self._own]
+        comes = speed * (math.cos(yaw) * dx + math.sin(yaw) * dy) < 0.0
+        return bool(world.exists[k]) and abs(speed) >= STANDS_MPS and comes
 
     def _target_waits(self) -> bool:
         """Whether an event is left that would change the target's speed."""
         return any(
             isinstance(element, EventElement)
             and element.state == STANDBY
-            and any(self.engine.target in a.entities and _drives(a.action) for a in element.event.actions)
+            and any(self.engine.target in a.entities and is_motion(a.action) for a in element.event.actions)
             for element in self.engine.storyboard.elements
         )
 
@@ -572,7 +573,7 @@ def drives_backwards(definition: ScenarioDefinition, ego: str) -> bool:
     return min(speeds, default=0.0) < 0.0
 
 
-def _drives(action: Action) -> bool:
+def is_motion(action: Action) -> bool:
     """Whether an action changes the speed of the entity that carries it out."""
     if isinstance(action, FollowTrajectoryAction):
         return action.timing is not None
@@ -584,7 +585,7 @@ def _is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:
     named = [a for event in definition.events() for a in event.actions]
     actions = [action for name, action in definition.init if name == target]
     actions += [a.action for a in named if target in a.entities]
-    return any(_drives(a) and not (isinstance(a, SpeedAction) and a.target == 0.0) for a in actions)
+    return any(is_motion(a) and not (isinstance(a, SpeedAction) and a.target == 0.0) for a in actions)
 
 
 @dataclass(slots=True)

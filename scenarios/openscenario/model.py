@@ -245,9 +245,11 @@ class Environment:
         illuminance_lx: of the sun (in night environments: of the moon).
         sun_elevation_rad: over the horizon.
         precipitation: dry, rain or snow.
-        precipitation_mm_h: intensity; None in version 1.0, which gives a number from 0 to 1 without unit.
+        precipitation_mm_h: intensity; None in version 1.0, which gives a number from 0 to 1 without unit,
+            unless that is 0.
         visual_range_m: in fog.
         friction_scale: factor on the road's friction.
+        wetness: of the road: dry, moist, wetWithPuddles, lowFlooded or highFlooded.
     """
 
     name: str
@@ -257,6 +259,7 @@ class Environment:
     precipitation_mm_h: float | None = None
     visual_range_m: float | None = None
     friction_scale: float | None = None
+    wetness: str | None = None
 
 
 # Actions

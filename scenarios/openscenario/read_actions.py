@@ -218,8 +218,12 @@ def environment(node: Node) -> Environment:
         sun, fog, rain = weather.get("Sun"), weather.get("Fog"), weather.get("Precipitation")
         if sun is not None:
             sun.allow("elevation azimuth illuminance intensity")
-            values["illuminance_lx"] = sun.positive("illuminance" if sun.has("illuminance") else "intensity")
-            values["sun_elevation_rad"] = sun.number("elevation")
+            elevation = sun.number("elevation")
+            light = sun.positive("illuminance" if sun.has("illuminance") else "intensity")
+            # CARLA's files of 1.0 give the intensity as a share of full sunlight
+            if sun.has("illuminance") or light > 1.0 or elevation <= 0.0:
+                values["illuminance_lx"] = light
+            values["sun_elevation_rad"] = elevation
         if fog is not None:
             fog.allow("visualRange", "BoundingBox")
             values["visual_range_m"] = fog.positive("visualRange")
@@ -228,12 +232,14 @@ def environment(node: Node) -> Environment:
             values["precipitation"] = rain.choice("precipitationType", "dry rain snow")
             if rain.has("precipitationIntensity"):
                 values["precipitation_mm_h"] = rain.positive("precipitationIntensity")
-            else:  # 1.0 has a share of an unknown greatest intensity
-                rain.positive("intensity")
+            elif rain.positive("intensity") == 0.0:  # 1.0 has a share of an unknown greatest intensity
+                values["precipitation_mm_h"] = 0.0
     road = node.get("RoadCondition")
     if road is not None:
         road.allow("frictionScaleFactor wetness", "Properties")
         values["friction_scale"] = road.positive("frictionScaleFactor")
+        if road.has("wetness"):
+            values["wetness"] = road.choice("wetness", "dry moist wetWithPuddles lowFlooded highFlooded")
     return Environment(node.text("name"), **values)  # type: ignore[arg-type]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluation.runner import notes
 from evaluation.runs import (
     NO_AEB,
     RunSpec,
@@ -17,13 +18,27 @@ from evaluation.runs import (
     perception_map,
     preset_of,
     scene_of,
+    told_environment,
 )
 from evaluation.workers import execute_all
 from scenarios.errors import ScenarioError
 from scenarios.library import DEFINITIONS
 from scenarios.openscenario.engine import Engine
+from scenarios.openscenario.model import (
+    Act,
+    Action,
+    Event,
+    Maneuver,
+    ManeuverGroup,
+    NamedAction,
+    RelativeSpeed,
+    ScenarioDefinition,
+    SpeedAction,
+    Story,
+    TeleportAction,
+)
 from scenarios.openscenario.reader import load
-from scenarios.presets import NIGHT, PHYSICAL
+from scenarios.presets import NIGHT, PHYSICAL, WEATHER
 
 NCAP = Path(__file__).parents[3] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
 CPNA = RunSpec("CPNA", "crossing", (("Ego_speed_kmh", 50.0),), "map", "physical", "dry", 50.0)
@@ -71,6 +86,65 @@ def test_night_limits_the_sensor_that_needs_light() -> None:
         preset_of(dataclasses.replace(dark, night="owl"), definition_of(dark))
 
 
+def crossing_in(folder: Path, weather: str, event: str = "") -> RunSpec:
+    """The shipped crossing with other elements in its initial Weather, and an environment event."""
+    text = (DEFINITIONS / "crossing.xosc").read_text()
+    text = text.replace("</Weather>", f"{weather}", 1)
+    if event:
+        group = f"""<ManeuverGroup name="sky" maximumExecutionCount="1">
+          <Actors selectTriggeringEntities="false"/>
+          <Maneuver name="sky"><Event name="{event}" priority="parallel"><Action name="sky">
+          <GlobalAction><EnvironmentAction><Environment name="e"/></EnvironmentAction></GlobalAction>
+          </Action></Event></Maneuver></ManeuverGroup></Act>"""
+        text = text.replace("</Act>", group, 1)
+    file = folder / "crossing_weather.xosc"
+    for name in ("maps", "catalogs"):
+        there = DEFINITIONS.parent / "maps" if name == "maps" else DEFINITIONS / "catalogs"
+        text = text.replace(f'"../{name}/', f'"{there}/').replace(f'"{name}/', f'"{there}/')
+    file.write_text(text)
+    return dataclasses.replace(CPNA, file=str(file))
+
+
+def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Path) -> None:
+    rain = '<Precipitation precipitationType="rain" precipitationIntensity="25"/></Weather>'
+    spec = crossing_in(tmp_path, f'{rain}<RoadCondition frictionScaleFactor="0.5"/>', "clears up")
+    preset = preset_of(spec, definition_of(spec))
+    assert preset.brakes.max_decel_mps2 == pytest.approx(0.5 * PHYSICAL.brakes.max_decel_mps2)
+    assert preset.sensor.range_m == WEATHER["rain"].range_m(PHYSICAL.sensor.range_m)
+    assert told_environment(spec, definition_of(spec)) == [
+        "weather of the scenario: rain of 25 mm/h, friction factor 0.5",
+        "not used: the change of weather or light by event 'clears up'; those of Init hold",
+    ]
+    assert "weather of the scenario: rain of 25 mm/h, friction factor 0.5" in notes([spec])
+    # on half the friction the car that stops at 50 km/h does not
+    assert execute(CPNA).row.avoided
+    assert execute(spec).row.collided
+    # a weather that was asked for holds
+    snow = dataclasses.replace(spec, weather="snow")
+    assert (
+        preset_of(snow, definition_of(snow)).brakes
+        == preset_of(dataclasses.replace(CPNA, weather="snow"), definition_of(CPNA)).brakes
+    )
+    assert told_environment(snow, definition_of(snow))[0] == (
+        "not used: rain of 25 mm/h, friction factor 0.5 of the scenario; --weather snow holds"
+    )
+
+
+def test_a_share_of_sunlight_is_no_night(tmp_path: Path) -> None:
+    """Files of 1.0 often give 0.85 of full sunlight; a sun 20 degrees under the horizon is night."""
+    sun = '<Sun elevation="1" azimuth="3" illuminance="$Illuminance"/>'
+    for other, night in (
+        ('<Sun intensity="0.85" azimuth="0" elevation="1.31"/>', False),
+        ('<Sun illuminance="0.1" azimuth="0" elevation="1.31"/>', True),
+        ('<Sun intensity="1000" azimuth="0" elevation="-0.35"/>', True),
+    ):
+        spec = crossing_in(tmp_path, "</Weather>")
+        text = Path(spec.file).read_text()
+        assert sun in text
+        Path(spec.file).write_text(text.replace(sun, other))
+        assert is_night(definition_of(spec)) == night
+
+
 @pytest.mark.parametrize("speed_kmh", [10.0, 33.3, 55.0])
 def test_test_speed_is_the_speed_at_the_start(speed_kmh: float, track: RunSpec) -> None:
     assert initial_speed_kmh(definition_of(with_values(Ego_speed_kmh=speed_kmh))) == pytest.approx(speed_kmh)
@@ -109,6 +183,45 @@ def test_an_initial_speed_that_takes_time_is_carried_out(tmp_path: Path, lane: s
         speed = np.interp(0.5, record.log["time_s"][own], record.log["speed_mps"][own])
         assert speed == pytest.approx(20.0 / 3.6, abs=1e-6)
     assert initial_speed_kmh(definition_of(spec)) == pytest.approx(40.0)
+
+
+def with_ego_actions(initial: list[Action], later: list[Action]) -> ScenarioDefinition:
+    """The shipped crossing with other actions of the ego."""
+    made = definition_of(CPNA)
+    others = [(n, a) for n, a in made.init if n != "Ego" or isinstance(a, TeleportAction)]
+    events = tuple(
+        Event(f"e{k}", "parallel", 1, (NamedAction("a", action, ("Ego",)),), None)
+        for k, action in enumerate(later)
+    )
+    group = ManeuverGroup("ego", 1, (Maneuver("ego", events),))
+    story = Story("ego", (Act("ego", (group,), None, None),))
+    init = (*others, *(("Ego", action) for action in initial))
+    return dataclasses.replace(made, init=init, stories=(*made.stories, *([story] if later else [])))
+
+
+def to_speed(speed: float | RelativeSpeed, shape: str = "linear") -> SpeedAction:
+    return SpeedAction(shape, "time", 1.0 if shape == "linear" else 0.0, speed)  # type: ignore[arg-type]
+
+
+def test_the_test_speed_is_what_the_initial_actions_ask_for() -> None:
+    walking = SpeedAction("step", "time", 0.0, 2.0)
+    cases: list[tuple[list[Action], list[Action], float]] = [
+        ([to_speed(10.0)], [], 10.0),
+        ([to_speed(5.0, "step"), to_speed(10.0)], [to_speed(3.0)], 10.0),
+        ([to_speed(0.0, "step")], [to_speed(8.0), to_speed(3.0)], 8.0),
+        ([], [to_speed(8.0)], 8.0),
+        ([to_speed(-2.0, "step")], [], 2.0),
+        ([], [], 0.0),
+    ]
+    for initial, later, speed in cases:
+        assert initial_speed_kmh(with_ego_actions(initial, later)) == pytest.approx(3.6 * speed)
+    relative = with_ego_actions([to_speed(RelativeSpeed("Target", 3.0, False))], [])
+    first = [("Target", walking), *[pair for pair in relative.init if pair[0] is None]]
+    rest = [pair for pair in relative.init if pair[0] is not None]
+    ordered = [pair for pair in rest if pair[0] == "Target"] + first[:1]
+    ordered += [pair for pair in rest if pair[0] == "Ego"]
+    made = dataclasses.replace(relative, init=(*first[1:], *ordered))
+    assert initial_speed_kmh(made) == pytest.approx(3.6 * 5.0)
 
 
 def test_a_row_tells_the_contact() -> None:

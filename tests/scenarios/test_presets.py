@@ -5,16 +5,19 @@ import math
 import pytest
 
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.model import Environment
 from scenarios.presets import (
     DRY_FRICTION,
     PAPER,
     PHYSICAL,
     PRESETS,
     WEATHER,
+    fog_attenuation_db_per_km,
     named_preset,
     named_weather,
     preset_in_weather,
     rain_attenuation_db_per_km,
+    weather_of,
 )
 
 
@@ -74,6 +77,47 @@ def test_attenuation_in_rain_is_that_of_the_recommendation() -> None:
     # ITU-R P.1814, table 3, coefficients measured in Japan: 1.58 R^0.63 dB/km
     assert rain_attenuation_db_per_km(1.0) == pytest.approx(1.58)
     assert rain_attenuation_db_per_km(25.0) == pytest.approx(12.0, abs=0.05)
+
+
+def test_attenuation_in_fog_is_that_of_two_percent_over_the_visual_range() -> None:
+    """Under 500 m whatever the wavelength; at 905 nm haze of 10 km counts half of what is seen."""
+    for visual_range_m in (50.0, 400.0):
+        left = 10 ** (-fog_attenuation_db_per_km(visual_range_m) * visual_range_m / 1000 / 10)
+        assert left == pytest.approx(0.02)
+    seen = 10 * math.log10(50) / 10.0
+    assert fog_attenuation_db_per_km(10_000.0) == pytest.approx(seen * (905 / 550) ** -1.3)
+    assert fog_attenuation_db_per_km(100_000.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("environment", "friction", "attenuation", "used", "unused"),
+    [
+        (Environment("e"), None, None, 0, 0),
+        (Environment("e", friction_scale=1.0, precipitation="dry", visual_range_m=1e5), None, None, 0, 0),
+        (Environment("e", precipitation="rain", precipitation_mm_h=0.0), None, None, 0, 0),
+        (Environment("e", friction_scale=0.5), 0.45, 0.0, 1, 0),
+        (Environment("e", wetness="wetWithPuddles"), 0.65, 0.0, 1, 0),
+        (Environment("e", precipitation="rain", precipitation_mm_h=25.0), 0.55, 1.58 * 25**0.63, 2, 0),
+        (
+            Environment("e", precipitation="rain", precipitation_mm_h=25.0, friction_scale=0.7),
+            0.63, 1.58 * 25**0.63, 2, 0,
+        ),
+        (Environment("e", precipitation="snow"), 0.22, 0.0, 1, 1),
+        (Environment("e", visual_range_m=100.0), 0.9, 10 * math.log10(50) / 0.1, 1, 0),
+        (Environment("e", visual_range_m=0.0, friction_scale=0.0), None, None, 0, 2),
+    ],
+)  # fmt: skip
+def test_the_weather_of_a_scenario_is_used_or_named(
+    environment: Environment, friction: float | None, attenuation: float | None, used: int, unused: int
+) -> None:
+    found = weather_of(environment)
+    assert (len(found.used), len(found.unused)) == (used, unused)
+    if friction is None:
+        assert found.weather is None
+        return
+    assert found.weather is not None
+    assert found.weather.friction == pytest.approx(friction)
+    assert found.weather.attenuation_db_per_km == pytest.approx(attenuation)
 
 
 def test_every_weather_names_its_source() -> None:
