@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.exact import exact_floats
+from evaluation.seal import KEY, PLACEHOLDER, check_seal, seal
 from scenarios.recording import COLUMNS, TEXT_COLUMNS
 from scenarios.simulation import TIME_LIMIT_S, EndReason, is_avoided
 
@@ -46,6 +47,9 @@ Published = Mapping[float, tuple[float, float | None]]
 """Published impact speed in km/h and score, if there is one, of one strategy by test speed in km/h."""
 
 _LOG_TEXT = frozenset(TEXT_COLUMNS)
+_EGO_NUMBERS = ["x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps"]
+_BROKEN = (OSError, ValueError, TypeError, LookupError, NotImplementedError, OverflowError, MemoryError)
+"""What pyarrow and pandas raise of a damaged file."""
 _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
 MANY_DROPPED = 0.1
 """Users are told when more than this share of the detections of a run is dropped."""
@@ -274,26 +278,42 @@ def write_log(path: Path, table: Mapping[str, NDArray[Any]]) -> None:
     except (TypeError, ValueError) as error:
         raise ResultsError(f"{path}: {_one_line(error)}; see docs/run-log.md for the format") from error
     sink = io.BytesIO()
-    pq.write_table(pa.table(columns, names=list(LOG_COLUMNS)), sink, compression="zstd")
-    write_bytes(path, sink.getvalue())
+    table = pa.table(columns, names=list(LOG_COLUMNS), metadata={KEY: PLACEHOLDER})
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    write_bytes(path, seal(sink.getvalue()))
 
 
 def read_log(path: Path) -> pd.DataFrame:
     """Read the log of one run.
 
     Raises:
-        ResultsError: the file is missing, is no Parquet file or lacks a column.
+        ResultsError: the file is missing, is no Parquet file, is damaged, lacks a column, or holds values of
+            another kind; times, and the ego's pose, outline and speed, must be finite.
     """
     import pandas as pd
+    import pyarrow as pa
 
     _require_file(path)
     try:
-        log = pd.read_parquet(path)
-    except (OSError, ValueError) as error:  # pyarrow's ArrowInvalid is a ValueError
+        content = path.read_bytes()
+        check_seal(content)
+        log = pd.read_parquet(io.BytesIO(content), engine="pyarrow", page_checksum_verification=True)
+    except (*_BROKEN, pa.ArrowException) as error:
         raise ResultsError(
             f"{path}: not a readable Parquet log ({_one_line(error)}); run the evaluation again"
         ) from error
-    _require_columns(path, list(log.columns), LOG_COLUMNS)
+    _require_columns(path, list(map(str, log.columns)), LOG_COLUMNS)
+    for name in LOG_COLUMNS:
+        if name in _LOG_TEXT:
+            good = all(isinstance(value, str) for value in log[name].dropna())
+        else:
+            good = pd.api.types.is_numeric_dtype(log[name]) and not pd.api.types.is_bool_dtype(log[name])
+        if not good:
+            raise ResultsError(f"{path}: column {name!r} holds other values; see docs/run-log.md")
+    ego = log[log["kind"] == "ego"]
+    numbers = np.concatenate([log["time_s"].to_numpy(np.float64), *ego[_EGO_NUMBERS].to_numpy(np.float64)])
+    if not np.isfinite(numbers).all():
+        raise ResultsError(f"{path}: times, and {', '.join(_EGO_NUMBERS)} of the ego, must be finite")
     return log
 
 

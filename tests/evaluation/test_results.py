@@ -9,13 +9,16 @@ import subprocess
 import sys
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import pytest
 
+from evaluation.reading import ReadError
 from evaluation.results import (
     LOG_COLUMNS,
     RUN_COLUMNS,
@@ -36,6 +39,7 @@ from evaluation.results import (
     write_log,
     write_runs,
 )
+from evaluation.seal import check_seal
 
 DOCUMENTED_RUNS = (
     "scenario,strategy,preset,weather,adversaries,seed,v_test_kmh,v_impact_kmh,collided,score,score_max,"
@@ -275,6 +279,69 @@ def test_broken_logs_give_one_clear_line(tmp_path: Path, content: bytes) -> None
     with pytest.raises(ResultsError, match=r"a\.parquet: not a readable Parquet log") as caught:
         read_log(tmp_path / "a.parquet")
     assert "\n" not in str(caught.value)
+
+
+def test_a_single_byte_that_has_changed_is_noticed_wherever_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    write_log(path, some_log())
+    content = path.read_bytes()
+    check_seal(content)
+    random = np.random.default_rng(0)
+    for place, change in enumerate(random.integers(1, 256, len(content)).tolist()):
+        damaged = bytearray(content)
+        damaged[place] ^= change
+        with pytest.raises(ReadError, match="damaged: its checksum is"):
+            check_seal(bytes(damaged))
+    damaged = bytearray(content)
+    damaged[len(content) // 2] ^= 1
+    path.write_bytes(damaged)
+    with pytest.raises(ResultsError, match=r"a\.parquet: not a readable Parquet log \(damaged: its checksum"):
+        read_log(path)
+
+
+def test_a_log_that_was_cut_off_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    write_log(path, some_log())
+    content = path.read_bytes()
+    for length in range(0, len(content), 101):
+        path.write_bytes(content[:length])
+        with pytest.raises(ResultsError, match="not a readable Parquet log"):
+            read_log(path)
+
+
+def test_equal_logs_are_equal_bytes_and_their_pages_have_checksums_too(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.parquet", tmp_path / "two.parquet"
+    for path in (one, two):
+        write_log(path, some_log())
+    assert one.read_bytes() == two.read_bytes()
+    told = pq.read_metadata(one).metadata[b"smartmot.checksum"]
+    zeros = one.read_bytes().replace(told[7:], b"0" * 64)
+    assert told == b"sha256:" + sha256(zeros).hexdigest().encode()
+    start = pq.read_metadata(one).row_group(0).column(0).dictionary_page_offset
+    damaged = bytearray(one.read_bytes())
+    damaged[start + 40] ^= 1  # behind the page's header
+    with pytest.raises(OSError, match="CRC"):
+        pq.read_table(io.BytesIO(damaged), page_checksum_verification=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"x_m": ["a", "b", "c"]}, "column 'x_m' holds other values"),
+        ({"kind": [1, 2, 3]}, "column 'kind' holds other values"),
+        ({"label": [b"a", None, b"b"]}, "not a readable Parquet log|column 'label' holds other values"),
+        ({"id": [True, False, True]}, "column 'id' holds other values"),
+        ({"time_s": [0.0, np.nan, 1.0]}, "times, and .* must be finite"),
+        ({"yaw_rad": [np.inf, 0.0, 0.0]}, "times, and .* must be finite"),
+    ],
+)
+def test_logs_with_values_of_another_kind_are_refused(
+    tmp_path: Path, change: dict[str, Any], problem: str
+) -> None:
+    """Written by another program: without our checksum."""
+    pd.DataFrame(some_log() | change).to_parquet(tmp_path / "a.parquet")
+    with pytest.raises(ResultsError, match=problem):
+        read_log(tmp_path / "a.parquet")
 
 
 def test_parquet_files_that_are_no_logs_are_refused(tmp_path: Path) -> None:
