@@ -190,6 +190,13 @@ Impact = Annotated[
         help="Euro NCAP impact location in % of the ego's width (25, 50, 75); default: the paper's test.",
     ),
 ]
+ApplyPerformance = Annotated[
+    bool,
+    typer.Option(
+        "--apply-performance",
+        help="Keep vehicles within the Performance of their catalog, as esmini does; else it is only said.",
+    ),
+]
 Night = Annotated[
     str,
     typer.Option(help="Sensor in the dark: lidar (sees as by day) or camera (as far as low beam lights)."),
@@ -282,6 +289,7 @@ def run(
             "--hold-speed", help="As in tests of Euro NCAP: no ACC, and the run ends when the ego stands."
         ),
     ] = False,
+    apply_performance: ApplyPerformance = False,
     night: Night = "lidar",
     map_file: Annotated[
         Optional[Path],  # noqa: UP045
@@ -326,6 +334,7 @@ def run(
         night=parse_name(night, tuple(NIGHT), "--night"),
         adapts=not hold_speed,
         settings=parse_plugged(tracker, detector),
+        apply_performance=apply_performance,
     )
     specs = scenario_specs(scenario, parse_parameters(param or []), conditions)
     processes = workers or available_cores()
@@ -349,6 +358,7 @@ def ncap(
     tracker: TrackerName = "preset",
     detector: DetectorName = "preset",
     weather: WeatherNames = "dry",
+    apply_performance: ApplyPerformance = False,
     night: Night = "lidar",
     phase_ms: PhaseMs = 0.0,
     seed: Seed = 0,
@@ -385,6 +395,7 @@ def ncap(
         night=parse_name(night, tuple(NIGHT), "--night"),
         adapts=name == "paper",
         settings=parse_plugged(tracker, detector),
+        apply_performance=apply_performance,
     )
     console = rich.console.Console(quiet=quiet)
     processes = workers or available_cores()

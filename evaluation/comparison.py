@@ -92,17 +92,20 @@ def _compare(
     with progress_bar(console) as progress:
         task = progress.add_task("running", total=len(specs))
         rows: list[RunRow] = []
+        noted: list[tuple[str, ...]] = []
         for record in execute_all(execute, specs, workers):
             assert record.log is not None
             results.write_log(results.log_path(out, record.spec.log), record.log)
             rows.append(record.row)
+            noted.append(record.notes)
             progress.advance(task)
         progress.update(task, description="drawing")
         table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
     console.print(results.rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
-    for line in (*results.told_runs(rows), *told_without_conflict(specs, workers)):
+    told = (*results.told_runs(rows), *results.told_notes(noted), *told_without_conflict(specs, workers))
+    for line in told:
         console.print(line, highlight=False)
     return rows
 

@@ -171,7 +171,8 @@ def run_grid(
     _written(cells_csv, lambda: cells_csv.write_bytes(cell_table(assessments)))
     sheet = make_sheet(assessments, ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
-    sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *left_out, *sheet.notes))
+    noted = results.told_notes([record.notes for _, record in finished])
+    sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *noted, *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
     written = [path.name for path in (cells_csv, *_draw(sheet, out, name, form), *_left_out(grid, out))]
     written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []

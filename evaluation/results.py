@@ -474,6 +474,22 @@ def told_runs(rows: Sequence[RunRow], time_limit_s: float = TIME_LIMIT_S) -> lis
     return lines
 
 
+def told_notes(notes: Sequence[Sequence[str]]) -> list[str]:
+    """Notes of finished runs, one line for those about the same: the first, and in how many runs.
+
+    Args:
+        notes: of every run.
+    """
+    first: dict[str, str] = {}
+    runs: dict[str, int] = {}
+    for lines in notes:
+        for line in lines:
+            about = line.partition(" of ")[2] or line  # the amounts before differ from run to run
+            first.setdefault(about, line)
+            runs[about] = runs.get(about, 0) + 1
+    return [f"{line} (in {runs[about]} of {len(notes)} runs)" for about, line in first.items()]
+
+
 def _impact(chosen: pd.DataFrame) -> str:
     """Mean impact speed of the runs that were not cut off."""
     finished = chosen[~cut_off(chosen)]

@@ -216,6 +216,7 @@ class Conditions:
         night: how the sensor takes the night.
         adapts: see `RunSpec`.
         settings: see `RunSpec`.
+        apply_performance: see `RunSpec`.
 
     Raises:
         ScenarioError: an unknown name.
@@ -231,6 +232,7 @@ class Conditions:
     night: str = "lidar"
     adapts: bool = True
     settings: Settings = ()
+    apply_performance: bool = False
 
     def __post_init__(self) -> None:
         _check(self.preset, self.weather, self.strategies, self.settings)
@@ -250,6 +252,7 @@ class Conditions:
                 night=self.night,
                 adapts=self.adapts,
                 settings=self.settings,
+                apply_performance=self.apply_performance,
             )
             for weather in self.weather
             for strategy in self.strategies

@@ -84,6 +84,7 @@ class RunSpec:
         settings: parameters of perception that depart from the preset; see `evaluation.settings`.
         must: what the ego must do, where that is known: brake, or nothing; then every emergency request is
             a false activation.
+        apply_performance: whether vehicles stay within the Performance of their catalog, as in esmini.
     """
 
     scenario: str
@@ -102,6 +103,7 @@ class RunSpec:
     adapts: bool = True
     settings: Settings = ()
     must: str = ""
+    apply_performance: bool = False
 
     @property
     def plugins(self) -> tuple[str, ...]:
@@ -148,6 +150,7 @@ class RunRecord:
         log: its log as columns; None if it was not asked for.
         spent: processor time per frame.
         slowest_kmh: least speed of the ego up to the contact, or else the end; in reverse too not negative.
+        notes: lines about what was not as the scenario's file asks for it.
     """
 
     spec: RunSpec
@@ -156,6 +159,7 @@ class RunRecord:
     log: dict[str, NDArray[Any]] | None
     spent: FrameTime
     slowest_kmh: float
+    notes: tuple[str, ...] = ()
 
 
 def load_named_map(name: str) -> RoadNetwork:
@@ -302,6 +306,7 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
         load_named_map(name) if name else None,
         rule=rule or StopRule(at_standstill=not spec.adapts),
         adapts=spec.adapts,
+        apply_performance=spec.apply_performance,
     )
 
 
@@ -329,7 +334,7 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     # a car that has stopped may have stood between two entries of the log
     slowest_mps = 0.0 if outcome.end_reason is EndReason.STOPPED else outcome.log.slowest_mps
     row = _row(spec, outcome, keep_log)
-    return RunRecord(spec, row, outcome.flag_ttc_s, log, spent, slowest_mps * 3.6)
+    return RunRecord(spec, row, outcome.flag_ttc_s, log, spent, slowest_mps * 3.6, outcome.notes)
 
 
 def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:

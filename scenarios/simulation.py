@@ -148,6 +148,7 @@ class Outcome:
         end_time_s: when.
         detections: how many detections the detector reported, dropped ones included.
         dropped: how many of them were dropped, and why.
+        notes: lines about what was not as the scenario's file asks for it; see `Engine.notes`.
         log: everything that happened.
         frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
     """
@@ -166,6 +167,7 @@ class Outcome:
     end_time_s: float
     detections: int
     dropped: Dropped
+    notes: tuple[str, ...]
     log: RunLog
     frame_time_ms: FloatArray
 
@@ -198,6 +200,7 @@ class Simulation:
         rule: when to end.
         roads: the scenario's own map, if it is already loaded.
         adapts: whether the ego adapts its speed to who is ahead, as ACC does.
+        apply_performance: whether vehicles stay within the Performance of their catalog; see `Engine`.
 
     Raises:
         RunError: the scenario cannot begin.
@@ -216,11 +219,14 @@ class Simulation:
         rule: StopRule | None = None,
         roads: Roads | None = None,
         adapts: bool = True,
+        apply_performance: bool = False,
     ) -> None:
         ego = ego_of(definition)
         self._backwards = drives_backwards(definition, ego.name)
         self._drive = EgoDrive(preset.brakes, ego.length_m, adapts)
-        self.engine = Engine(definition, self._drive, roads=roads, until_contact=True)
+        self.engine = Engine(
+            definition, self._drive, roads=roads, until_contact=True, apply_performance=apply_performance
+        )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
         own = preset.detector
@@ -301,6 +307,7 @@ class Simulation:
             end_time_s=engine.time_s,
             detections=self._counts.reported,
             dropped=self._counts.dropped,
+            notes=engine.notes,
             log=self._log,
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )

@@ -35,6 +35,7 @@ from evaluation.results import (
     read_logs,
     read_runs,
     rich_table,
+    told_notes,
     told_runs,
     write_log,
     write_runs,
@@ -547,3 +548,12 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
         "assert not {'matplotlib', 'pandas', 'pyarrow', 'rich'} & set(sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_notes_about_the_same_are_one_line() -> None:
+    first, second = (f"the file asks for {a} m/s2 of 'VRU' (Bicycle), whose ..." for a in (2.48, 2.6))
+    other = "SpeedAction of 'B' at 1.000 s is not carried out: it refers to 'A', which is deleted"
+    assert told_notes([(first,), (), (second, other)]) == [
+        f"{first} (in 2 of 3 runs)",
+        f"{other} (in 1 of 3 runs)",
+    ]

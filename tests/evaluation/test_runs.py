@@ -278,3 +278,24 @@ def test_a_mistake_in_another_process_is_the_same_named_error() -> None:
 def test_names_of_logs_are_names_of_files() -> None:
     spec = dataclasses.replace(CPNA, scenario="a b/c %=1")
     assert spec.log == "a-b-c-=1_map_dry_none_50kmh_seed0"
+
+
+def test_performance_is_noted_or_applied(tmp_path: Path) -> None:
+    """From 10 m/s by 2.5 m/s2 until the act ends at 2 s; a car that may do 1 m/s2 has 12 m/s then."""
+    folder = Path(__file__).parents[1] / "data" / "field" / "openscenario"
+    text = (folder / "act_stop_speed.xosc").read_text(encoding="utf-8")
+    file = tmp_path / "slow.xosc"
+    file.write_text(
+        text.replace('maxAcceleration="10"', 'maxAcceleration="1"').replace(
+            "road.xodr", str(folder / "road.xodr")
+        ),
+        encoding="utf-8",
+    )
+    spec = RunSpec("slow", str(file), (), NO_AEB, "physical", "dry", 36.0)
+    asked = "the file asks for 2.5 m/s2 of 'Ego' (car), whose Performance allows an acceleration of 1"
+    for applied, speed_mps, note in ((False, 15.0, asked), (True, 12.0, f"{asked}: limited to that")):
+        record = execute(dataclasses.replace(spec, apply_performance=applied))
+        assert record.notes == (note,)
+        assert record.log is not None
+        speeds = record.log["speed_mps"][record.log["kind"] == "ego"]
+        assert speeds[-1] == pytest.approx(speed_mps)
