@@ -260,5 +260,6 @@ def _grid_run(columns: dict[str, object], variation: Variation) -> GridRun:
         preset="",
         weather="",
         v_test_kmh=float(str(columns["v_test_kmh"])),
+        must="brake",  # no protocol here has tests that ask for no reaction
     )
     return GridRun(tuple(columns.items()), spec)

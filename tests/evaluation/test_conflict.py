@@ -178,6 +178,9 @@ def test_an_unbraked_run_is_made_once_for_all_strategies_and_settings(
     assert not made[0].adapts
     conflict_of(replace(spec, preset="paper"))
     assert len(made) == 1
+    crossing(tmp_path, late(0.3, 40.0))  # the same path and parameters, another content
+    assert touch_of(spec).place_percent() < 60.0
+    assert len(made) == 2
 
 
 def test_what_run_says_where_nothing_is_to_be_avoided(tmp_path: Path) -> None:
