@@ -57,6 +57,8 @@ _OFF_COURSE_M = 1.0
 _LONG_STOP_S = 60.0
 """Longer than any car brakes: `BrakeConfig.travel` over this time is the whole way to standstill."""
 
+_IN_LANE = "in the ego's lane"
+
 _LANE_WORDS = {
     "driving": "in another lane",
     "bidirectional": "in another lane",
@@ -112,6 +114,7 @@ class Slowing:
         decel_mps2: greatest deceleration between them.
         cause: the object that the speed was adapted to, and where it was; empty where none is known.
         why: why it counts as being in the way; may be empty.
+        in_lane: whether it was in the ego's lane then, so that slowing for it was called for.
     """
 
     first: int
@@ -121,12 +124,13 @@ class Slowing:
     decel_mps2: float
     cause: str
     why: str
+    in_lane: bool
 
     @property
     def depth(self) -> str:
-        """`from 50 to 12 km/h at 2.5 m/s²`."""
+        """`from 50 to 12 km/h at up to 2.5 m/s²`."""
         start = f"{self.from_mps * MPS_TO_KMH:.0f}{' km/h' if self.stands else ''}"
-        return f"from {start}{self.end} at {self.decel_mps2:.1f} m/s²"
+        return f"from {start}{self.end} at up to {self.decel_mps2:.1f} m/s²"
 
     @property
     def end(self) -> str:
@@ -227,8 +231,8 @@ def _cut_off(run: Run) -> bool:
 
 
 def _adapts(slowing: Slowing | None) -> bool:
-    """Whether the ego brakes because it adapts its speed to somebody."""
-    return slowing is not None and slowing.brakes and bool(slowing.cause)
+    """Whether the ego brakes because it adapts its speed to an object that is not in its lane."""
+    return slowing is not None and slowing.brakes and bool(slowing.cause) and not slowing.in_lane
 
 
 def _kind(scene: Scene, run: Run, must: str, triggers: list[Trigger], slowing: Slowing | None) -> str:
@@ -413,7 +417,7 @@ def _place(setting: Setting | None, center_m: FloatArray) -> str:
         return ""
     lanes = setting.network.locate(center_m).lane.tolist()
     if set(lanes) & set(setting.route.lanes):
-        return "in the ego's lane"
+        return _IN_LANE
     types = {str(setting.network.lanes.lane_type[lane]) for lane in lanes}
     return next((words for name, words in _LANE_WORDS.items() if name in types), "off the road")
 
@@ -559,22 +563,21 @@ def _slowing(scene: Scene, run: Run, setting: Setting | None) -> Slowing | None:
     # whatever it stands behind in the end; else what it braked for the hardest
     meant = last if speed[last] < STANDING_MPS else hardest
     order = sorted(range(first, last + 1), key=lambda frame: abs(frame - meant))
-    cause, why = "", ""
-    for frame in order[:_STAYED_EVERY]:
-        cause, why = _lead(scene, frame, run, setting)
-        if cause:
-            break
-    return Slowing(first, last, float(speed[first]), float(speed[last]), float(np.nanmax(decel)), cause, why)
+    leads = (_lead(scene, frame, run, setting) for frame in order[:_STAYED_EVERY])
+    cause, why, in_lane = next((lead for lead in leads if lead[0]), ("", "", False))
+    return Slowing(
+        first, last, float(speed[first]), float(speed[last]), float(np.nanmax(decel)), cause, why, in_lane
+    )
 
 
-def _lead(scene: Scene, frame: int, run: Run, setting: Setting | None) -> tuple[str, str]:
-    """Whom the speed is adapted to in a frame and where that was, and why it counts; empty without anybody.
+def _lead(scene: Scene, frame: int, run: Run, setting: Setting | None) -> tuple[str, str, bool]:
+    """What the speed is adapted to in a frame: object and place, why it counts, whether it is in the lane.
 
-    Without the strategy it is the nearest track ahead.
+    The texts are empty where there is no such object. Without the strategy it is the nearest track ahead.
     """
     tracks = scene.rows("track", frame)
     if run["strategy"] == NO_BRAKING or tracks.empty:
-        return "", ""
+        return "", "", False
     ego = scene.ego_state(frame)
     boxes, category = boxes_in(tracks), tracks["category"].to_numpy(np.str_)
     ahead = ego_extent(boxes, ego)[0] - ego.length_m / 2
@@ -584,16 +587,20 @@ def _lead(scene: Scene, frame: int, run: Run, setting: Setting | None) -> tuple[
         counts &= scene.strategy.at(ego).relevance(boxes, category).on_way
         counts &= ~(threat & is_vulnerable(category))
     if not counts.any():
-        return "", ""
+        return "", "", False
     nearest = int(np.argmin(np.where(counts, ahead, math.inf)))
     track = tracks.iloc[nearest]
-    place = _stay(scene, frame, track, setting) or _place(setting, boxes.center_m[[nearest]])
-    cause = _name(scene, frame, track) + (f", {place}" if place else "")
-    why = f"The ego keeps its distance to it, {ahead[nearest]:.1f} m ahead, as if it were in its way."
+    place = _place(setting, boxes.center_m[[nearest]])
+    stay = _stay(scene, frame, track, setting) or place
+    cause = _name(scene, frame, track) + (f", {stay}" if stay else "")
+    why = f"The ego keeps its distance to it, {ahead[nearest]:.1f} m ahead"
+    if place == _IN_LANE:
+        return cause, f"{why}.", True
+    why += ", as if it were in its way." if scene.strategy is not None else ", or to another object."
     if setting is not None and scene.strategy is not None and scene.strategy.name == "rectangular":
         half = setting.preset.rectangular.half_width_m
         why += f" It is inside the rectangle, up to {half:g} m to each side, which knows no lanes."
-    return cause, why
+    return cause, why, False
 
 
 def _stay(scene: Scene, frame: int, track: pd.Series[float], setting: Setting | None) -> str:

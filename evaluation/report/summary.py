@@ -253,7 +253,10 @@ def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:
     kind = accounts[worst].kind
     text, colour = "", _tint(_SHARES[kind]) if kind in _SHARES else _UNDECIDED
     if not math.isnan(score) and kind in _SHARES:
-        text, colour = f"{score:.2f} of {most:g}", _tint(score / most if most else 0.0)
+        # a false activation is no success, whatever points the impact speed alone is worth
+        text = f"{score:.2f} of {most:g}"
+        share = score / most if most else 0.0
+        colour = _tint(min(share, _SHARES[kind]) if kind == "false" else share)
     outcome = accounts[worst].outcome
     if len(names) > 1:
         like = sum(accounts[name].kind == kind for name in names)

@@ -1,6 +1,7 @@
 """Sentences say what the log and the settings say."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -237,11 +238,24 @@ def test_slowing_is_said_with_its_depth_and_its_cause(drive: Any, run_row: Any) 
     assert account.unnecessary
     assert account.outcome == "unnecessary braking to 12 km/h"
     assert account.finding == (
-        "Unnecessary braking: slows from 50 to 12 km/h at 5.3 m/s² for another pedestrian, who stayed on the "
-        "sidewalk, without an emergency."
+        "Unnecessary braking: slows from 50 to 12 km/h at up to 5.3 m/s² for another pedestrian, who stayed "
+        "on the sidewalk, without an emergency."
     )
     assert (
         account.story[-1] == "Slows without an emergency for another pedestrian, who stayed on the sidewalk."
+    )
+
+
+def test_slowing_for_an_object_in_the_ego_lane_is_not_unnecessary(drive: Any, run_row: Any) -> None:
+    class SameLane:
+        lanes = (0,)
+
+    setting = replace(setting_of("nothing"), route=SameLane())
+    account = explain(read_scene(slows(drive, 12.0), None), run_row(), setting)
+    assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
+    assert account.finding == (
+        "Slows from 50 to 12 km/h at up to 5.3 m/s² for another pedestrian, who stayed in the ego's lane, "
+        "without an emergency."
     )
 
 
@@ -249,13 +263,15 @@ def test_slowing_in_a_must_brake_scene_avoids_the_collision(drive: Any, run_row:
     run = run_row(false_activation=False, v_test_kmh=50.0)
     account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
     assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
-    assert account.finding.startswith("Collision avoided. Slows from 50 to 12 km/h at 5.3 m/s² for another")
+    assert account.finding.startswith(
+        "Collision avoided. Slows from 50 to 12 km/h at up to 5.3 m/s² for another"
+    )
 
 
 def test_a_standstill_by_speed_adaptation_is_one(drive: Any, run_row: Any) -> None:
     account = explain(read_scene(slows(drive, 0.0), None), run_row(), setting_of("nothing"))
     assert account.outcome == "unnecessary braking to a standstill"
-    assert "from 50 km/h to a standstill at 6.9 m/s²" in account.finding
+    assert "from 50 km/h to a standstill at up to 6.9 m/s²" in account.finding
 
 
 @pytest.mark.parametrize(
@@ -282,7 +298,7 @@ def test_slowing_that_the_scenario_asks_for_is_no_unnecessary_braking(drive: Any
     unbraked = run_row(strategy="none")
     account = explain(read_scene(slows(drive, 12.0), None), unbraked, setting_of("nothing"))
     assert account.why == "Nothing watches in this run: the scenario slows the ego."
-    assert "slows from 50 to 12 km/h at 5.3 m/s²" in account.finding.lower()
+    assert "slows from 50 to 12 km/h at up to 5.3 m/s²" in account.finding.lower()
 
 
 def test_a_must_brake_run_in_which_nothing_braked_has_no_conflict(drive: Any, run_row: Any) -> None:
@@ -307,7 +323,8 @@ def test_a_contact_after_slowing_is_mitigated(drive: Any, run_row: Any) -> None:
     account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
     assert (account.kind, account.outcome) == ("mitigated", "mitigated, 12.0 km/h")
     assert account.finding.startswith(
-        "Hits another pedestrian at 12.0 km/h, slowed from 50 to 13 km/h at 5.3 m/s² for another pedestrian"
+        "Hits another pedestrian at 12.0 km/h, slowed from 50 to 13 km/h at up to 5.3 m/s² for another "
+        "pedestrian"
     )
 
 

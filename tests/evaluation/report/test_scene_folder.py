@@ -36,7 +36,7 @@ def test_unnecessary_braking_is_found_and_explained(folder: Path) -> None:
     assert (rectangle.kind, rectangle.outcome) == (
         "unnecessary", "unnecessary braking to a standstill"
     )  # fmt: skip
-    assert "slows from 50 km/h to a standstill at " in rectangle.finding
+    assert "slows from 50 km/h to a standstill at up to " in rectangle.finding
     assert "who stayed on the sidewalk, without an emergency." in rectangle.finding
     assert rectangle.story[-1].startswith("Stands without an emergency behind ")
     # the map's area holds them in its margin; what makes them a threat is the forecast of the ego

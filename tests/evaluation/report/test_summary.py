@@ -85,6 +85,7 @@ def test_a_run_cut_off_has_no_score_and_a_colour_of_its_own(run_row: Any) -> Non
         }
     assert cells["stop"].score == "2.00 of 2"
     assert cells["stop"].colour == "#a6cee3"
+    assert cells["false"].colour not in ("#a6cee3", cells["cut"].colour)
 
 
 @pytest.mark.parametrize("kind", KINDS)
