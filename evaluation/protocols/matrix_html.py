@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
+from evaluation.plots.strategies import strategy_looks
 from evaluation.protocols.assessment import BlockScore
 from evaluation.protocols.grid import Cell, Layer
 from evaluation.protocols.sheet import Sheet, gate_line, total_line
@@ -14,6 +15,7 @@ body { font: 15px/1.45 system-ui, sans-serif; color: #111; background: #fff; mar
   max-width: 1500px; }
 h1 { font-size: 1.3em; margin: 0; } h2 { font-size: 1.1em; margin: 1.4em 0 .2em; }
 p { margin: .3em 0; }
+section { margin-top: 1.2em; } section h2 { margin-top: .4em; }
 .panels { display: flex; flex-wrap: wrap; gap: 18px 28px; }
 figure { margin: 0; max-width: 100%; overflow-x: auto; }
 table { border-collapse: separate; border-spacing: 2px; font-variant-numeric: tabular-nums; }
@@ -49,8 +51,10 @@ def matrix_page(sheet: Sheet) -> str:
         f"<p>Cells: {escape(sheet.unit)}.</p>",
         _legend(sheet),
     ]
+    looks = strategy_looks(sheet.panels)
     for strategy, scores in sheet.panels.items():
-        parts.append(f"<section><h2>{escape(strategy)}</h2>")
+        colour, _ = looks[strategy]
+        parts.append(f'<section style="border-top:4px solid {colour}"><h2>{escape(strategy)}</h2>')
         parts.append(f"<p>{escape(total_line(sheet.totals[strategy]))}</p>")
         failed = gate_line(sheet.gates[strategy])
         if failed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
+from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import FONT_PT, SMALL_PT, new_figure
 from evaluation.protocols.grid import Block, Layer
 from evaluation.protocols.marks import DARK, Mark
@@ -20,6 +21,7 @@ _CELL_W_IN, _CELL_H_IN = 0.52, 0.3
 _GAP_IN, _HEAD_IN, _FOOT_IN = 0.3, 0.62, 0.14
 _MARGIN_IN, _TITLE_IN, _STRATEGY_IN, _LINE_IN = 0.15, 0.4, 0.34, 0.16
 _WIDEST_IN, _NARROWEST_IN = 14.0, 5.0
+_BAR_IN = 0.06
 _CHARACTER_IN, _BOLD_IN = 0.062, 0.085  # mean width of a small character, and of a bold one of usual size
 
 
@@ -54,7 +56,10 @@ def matrix_figure(sheet: Sheet) -> Figure:
         width - _MARGIN_IN, y + 0.03, sheet.protocol, fontsize=SMALL_PT, va="top", ha="right", color=DARK
     )
     y += _TITLE_IN
+    looks = strategy_looks(lines)
     for name, rows in lines.items():
+        # the strategy's colour, a bar above its part
+        page.plot([_MARGIN_IN, width - _MARGIN_IN], [y - _BAR_IN] * 2, color=looks[name][0], linewidth=2.5)
         for index, text in enumerate(notes[name]):
             size, weight = (FONT_PT, "bold") if index == 0 else (SMALL_PT, "normal")
             page.text(

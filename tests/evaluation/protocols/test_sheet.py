@@ -10,6 +10,7 @@ import pytest
 from lxml import html
 from rich.console import Console
 
+from evaluation.plots.strategies import strategy_colour
 from evaluation.protocols import marks
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2026 import EuroNcap2026
@@ -109,6 +110,14 @@ def test_the_picture_holds_every_cell_inside_itself() -> None:
         assert box.x1 <= width, text
         assert box.y0 >= 0, text
         assert box.y1 <= height, text
+
+
+def test_a_strategy_has_its_colour_in_page_and_picture() -> None:
+    names = ("rectangular", "map & more")
+    page, figure = matrix_page(sheet()), matrix_figure(sheet())
+    bars = [line.get_color() for axes in figure.axes for line in axes.get_lines()]
+    assert bars == [strategy_colour(name) for name in names]
+    assert re.findall(r"border-top:4px solid (#\w+)", page) == bars
 
 
 def test_cell_texts_fit_their_cells() -> None:
