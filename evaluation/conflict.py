@@ -11,10 +11,14 @@ from evaluation.fingerprint import fingerprint
 from evaluation.runs import NO_AEB, RunSpec, simulation_of
 from evaluation.workers import execute_all
 from scenarios.openscenario.engine import Contact, Engine
+from scenarios.simulation import EndReason
 from smartmot.geometry import signed_gap_scalar
 
 TOUCH_M = 1e-3
 """Outlines this near touch: the engine finds a contact within 1 us, in which nobody moves 1 mm."""
+
+RUNS_PER_WORKER = 16
+"""A process takes about as long to start as this many unbraked runs."""
 
 
 class Part(StrEnum):
@@ -89,16 +93,19 @@ class Conflict:
     Args:
         target: entity that the test is about; None if the ego is alone.
         touch: first contact of the ego; None without one.
+        cut_off_s: when the time limit ended the run; None where it did not.
     """
 
     target: str | None
     touch: Touch | None
+    cut_off_s: float | None = None
 
     @property
     def missing(self) -> str:
         """Why nothing is to be avoided; empty where the ego would touch the target."""
         if self.touch is None:
-            return "no conflict without braking: the ego touches nobody"
+            until = "" if self.cut_off_s is None else f" within {self.cut_off_s:g} s, the time limit"
+            return f"no conflict without braking: the ego touches nobody{until}"
         if self.touch.entity != self.target:
             return f"no conflict with the target: without braking the ego touches {self.touch.entity} first"
         if self.touch.ego_speed_kmh == 0.0:
@@ -151,6 +158,7 @@ def conflicts(
         done: called after each unbraked run.
     """
     runs = list(dict.fromkeys(map(unbraked, specs)))
+    workers = min(workers, max(len(runs) // RUNS_PER_WORKER, 1))
     found = {}
     for run, conflict in zip(runs, execute_all(conflict_of, runs, workers), strict=True):
         found[run] = conflict
@@ -178,8 +186,10 @@ def _carried_out(run: RunSpec) -> Conflict:
     simulation = simulation_of(run)
     engine = simulation.engine
     before = engine.entities.boxes.yaw_rad[_index(engine, engine.ego.name)]
-    contact = simulation.run().contact
-    return Conflict(engine.target, None if contact is None else _touch(engine, contact, float(before)))
+    outcome = simulation.run()
+    touch = None if outcome.contact is None else _touch(engine, outcome.contact, float(before))
+    cut_off = outcome.end_reason is EndReason.TIME_LIMIT
+    return Conflict(engine.target, touch, outcome.end_time_s if cut_off else None)
 
 
 def _index(engine: Engine, name: str) -> int:

@@ -86,6 +86,9 @@ def test_a_target_that_comes_far_too_late_or_never_is_no_conflict(tmp_path: Path
     told = "no conflict without braking: the ego touches nobody"
     assert conflict_of(crossing(tmp_path, late(5.0, 40.0))).missing == told
     assert conflict_of(crossing(tmp_path, {LATE: LATE.replace("$_Lead", "99999")})).missing == told
+    # nor is one that comes after the time limit: at 5 km/h the ego drives 83 m in 60 s
+    crawling = crossing(tmp_path, {LATE: LATE.replace("$_Lead", "99999")}, 5.0, Lead_s=200.0)
+    assert conflict_of(crawling).missing == f"{told} within 60 s, the time limit"
 
 
 def test_a_deleted_target_is_no_conflict(tmp_path: Path) -> None:
