@@ -1,6 +1,7 @@
 """Grids that are run: their files, what is left out, and the logs of single runs."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -8,8 +9,13 @@ import pytest
 from rich.console import Console
 
 from evaluation import results
-from evaluation.ncap import run_grid
+from evaluation.ncap import assess, run_grid, specs_of
+from evaluation.ncap_grid import grid_of_shipped
+from evaluation.protocols.assessment import CellScore
+from evaluation.protocols.euroncap_2023 import EuroNcap2023
+from evaluation.protocols.euroncap_2026 import EuroNcap2026
 from evaluation.runner import Conditions
+from evaluation.runs import execute
 from scenarios.library import DEFINITIONS
 
 HELD = Conditions(("map",), adapts=False)
@@ -137,3 +143,48 @@ def test_a_shifted_target_is_off_the_place_asked_for(tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "out" / "cells.csv")
     # 75 + 100 (0.06 - 0.3 5 / 3.6) / 1.8
     assert table["reason"].str.contains("it is met at 55 % of the ego's width, not between").all()
+
+
+def test_cut_off_runs_and_false_activations_of_a_grid_are_not_avoided() -> None:
+    """The same run, which avoids the collision, as if it had ended otherwise."""
+    protocol = EuroNcap2023()
+    grid = grid_of_shipped(protocol, "2023")
+    run, spec = next(
+        (run, spec)
+        for run, spec in specs_of(grid, HELD, "2023")
+        if ("scenario", "CPNA") in run.columns and spec.v_test_kmh == 30.0
+    )
+    record = execute(spec, keep_log=False)
+    assert record.row.avoided
+    assert record.slowest_kmh < 30.0
+
+    def score(**changes: object) -> CellScore:
+        changed = replace(record, row=replace(record.row, **changes))  # type: ignore[arg-type]
+        (block,) = (b for b in assess(protocol, [(run, changed)])["map"].blocks if b.cells_run)
+        assert block.totals[0].won == (not changes)
+        (found,) = (score for score in block.scores.values() if score.measurement)
+        return found
+
+    assert score().mark.name == "avoided"
+    cut = score(end_reason="time_limit")
+    assert cut.mark.name == "invalid test, scores nothing"
+    assert cut.measurement is not None
+    assert cut.measurement.invalid.startswith("cut off by the time limit")
+    assert score(false_activation=True).mark.name == "false activation, failed"
+
+
+def test_the_speed_reduction_is_that_against_the_run_without_braking() -> None:
+    """It decides the requirement of the slow pedestrian, and the head-on tests."""
+    protocol = EuroNcap2026()
+    grid = grid_of_shipped(protocol, "2026", robustness=False)
+    slow = [
+        (run, execute(spec, keep_log=False))
+        for run, spec in specs_of(grid, HELD, "2026")
+        if ("condition", "general requirement") in run.columns
+    ]
+    assert len(slow) == 2
+    matrix = assess(protocol, slow)["map"].block("CPNA-75, pedestrian 3 km/h")
+    for (_, record), score in zip(slow, matrix.scores.values(), strict=True):
+        assert score.measurement is not None
+        assert score.measurement.speed_reduction_kmh == pytest.approx(20.0 - record.slowest_kmh)
+        assert (score.mark.name == "pass") is (record.slowest_kmh <= 15.0)
