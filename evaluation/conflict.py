@@ -105,7 +105,7 @@ class Conflict:
         """Why nothing is to be avoided; empty where the ego would touch the target."""
         if self.touch is None:
             until = "" if self.cut_off_s is None else f" within {self.cut_off_s:g} s, the time limit"
-            return f"no conflict without braking: the ego touches nobody{until}"
+            return f"no conflict without braking: the ego touches no road user{until}"
         if self.touch.entity != self.target:
             return f"no conflict with the target: without braking the ego touches {self.touch.entity} first"
         if self.touch.ego_speed_kmh == 0.0:

@@ -83,7 +83,7 @@ def test_a_target_that_comes_after_the_front_hits_the_side(tmp_path: Path) -> No
 
 
 def test_a_target_that_comes_far_too_late_or_never_is_no_conflict(tmp_path: Path) -> None:
-    told = "no conflict without braking: the ego touches nobody"
+    told = "no conflict without braking: the ego touches no road user"
     assert conflict_of(crossing(tmp_path, late(5.0, 40.0))).missing == told
     assert conflict_of(crossing(tmp_path, {LATE: LATE.replace("$_Lead", "99999")})).missing == told
     # nor is one that comes after the time limit: at 5 km/h the ego drives 83 m in 60 s
@@ -190,5 +190,5 @@ def test_what_run_says_where_nothing_is_to_be_avoided(tmp_path: Path) -> None:
     never = crossing(tmp_path, {LATE: LATE.replace("$_Lead", "99999")})
     two = [never, replace(never, strategy="rectangular")]
     assert told_without_conflict(two) == [
-        "CPNA, 40 km/h: no conflict without braking: the ego touches nobody"
+        "CPNA, 40 km/h: no conflict without braking: the ego touches no road user"
     ]

@@ -117,8 +117,8 @@ def test_a_target_that_never_moves_is_no_test(tmp_path: Path) -> None:
     table = pd.read_csv(out / "cells.csv")
     assert len(table) == 7  # six speeds, and the slow pedestrian
     assert set(table["state"]) == {"invalid"}
-    assert set(table["reason"]) == {"no conflict without braking: the ego touches nobody"}
-    assert "the ego touches nobody" in (out / "matrix_2026.html").read_text()
+    assert set(table["reason"]) == {"no conflict without braking: the ego touches no road user"}
+    assert "the ego touches no road user" in (out / "matrix_2026.html").read_text()
 
 
 def test_a_shifted_target_is_off_the_place_asked_for(tmp_path: Path) -> None:

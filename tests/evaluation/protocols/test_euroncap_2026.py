@@ -147,7 +147,7 @@ def test_slowing_down_for_a_slow_pedestrian_is_measured(measured: Measurement, p
 def test_an_invalid_cell_scores_nothing_and_stays_in_the_maximum() -> None:
     runs = avoided("CPNA")
     bad = next(c for c in runs if (c.speed_kmh, c.impact_percent, c.lighting) == (40, 25, Lighting.DAY))
-    runs[bad] = Measurement(0.0, invalid="no conflict without braking: the ego touches nobody")
+    runs[bad] = Measurement(0.0, invalid="no conflict without braking: the ego touches no road user")
     assessment = PROTOCOL.assess(runs)
     assert points(assessment, "CPNA day", "standard") == pytest.approx(0.5 * 17 / 18)
     shown = assessment.block("CPNA day").scores[bad]
@@ -157,7 +157,7 @@ def test_an_invalid_cell_scores_nothing_and_stays_in_the_maximum() -> None:
 
 
 def test_what_an_invalid_test_requires_is_not_shown() -> None:
-    nothing = Measurement(0.0, invalid="no conflict without braking: the ego touches nobody")
+    nothing = Measurement(0.0, invalid="no conflict without braking: the ego touches no road user")
     runs = avoided("CPNA", "CCRs")
     ten = Cell("CPNA", 10.0, 75.0, 5.0)
     rear = Cell("CCRs", 20.0, 100.0, 0.0)

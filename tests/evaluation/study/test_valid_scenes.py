@@ -23,7 +23,7 @@ def test_a_scene_without_a_conflict_is_named_counted_and_left_out() -> None:
     kept, reasons = valid_scenes([wrong, brake])
     assert kept == (brake,)
     assert told_invalid_scenes(reasons, 2) == [
-        f"{wrong.name}: no conflict without braking: the ego touches nobody",
+        f"{wrong.name}: no conflict without braking: the ego touches no road user",
         "1 of 2 scenes that ask for braking is invalid, and in no rate",
     ]
     assert valid_scenes([nothing]) == ((nothing,), {})  # a test of no reaction needs no contact
