@@ -111,7 +111,7 @@ def _outcome(record: RunRecord, conflict: Conflict) -> dict[str, object]:
         "v_impact_kmh": row.v_impact_kmh,
         "target_speed_at_contact_kmh": row.target_speed_at_contact_kmh,
         "warning_ttc_s": record.flag_ttc_s,
-        "speed_reduction_kmh": unbraked_kmh - record.slowest_kmh,
+        "speed_reduction_kmh": unbraked_kmh - (row.v_impact_kmh if row.collided else record.slowest_kmh),
         "end_reason": row.end_reason,
         "false_activation": row.false_activation,
     }

@@ -188,3 +188,10 @@ def test_the_speed_reduction_is_that_against_the_run_without_braking() -> None:
         assert score.measurement is not None
         assert score.measurement.speed_reduction_kmh == pytest.approx(20.0 - record.slowest_kmh)
         assert (score.mark.name == "pass") is (record.slowest_kmh <= 15.0)
+    # what was slowed and let go again before the contact is no reduction
+    run, record = slow[0]
+    hit = replace(record, slowest_kmh=2.0, row=replace(record.row, collided=True, v_impact_kmh=18.0))
+    (score, *_) = assess(protocol, [(run, hit)])["map"].block("CPNA-75, pedestrian 3 km/h").scores.values()
+    assert score.measurement is not None
+    assert score.measurement.speed_reduction_kmh == pytest.approx(2.0)
+    assert score.mark.name == "fail"
