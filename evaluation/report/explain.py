@@ -246,7 +246,8 @@ def _kind(scene: Scene, run: Run, must: str, triggers: list[Trigger], slowing: S
         return "unnecessary"
     if _cut_off(run):
         return "cut"
-    if must == "brake" and not triggers and not (slowing and slowing.cause):
+    asked = must == "brake" or not math.isnan(run["score_max"]) or run["strategy"] == NO_BRAKING
+    if asked and must != "nothing" and not triggers and not (slowing and slowing.cause):
         return "invalid"  # nothing has braked: without any brake there is no contact either
     return "stop" if triggers or slowing else "pass"
 
@@ -557,16 +558,17 @@ def _slowing(scene: Scene, run: Run, setting: Setting | None) -> Slowing | None:
         return None
     if speed[last] < STANDING_MPS:
         last = first + int(np.argmax(speed[first:] < STANDING_MPS))
-    decel = -scene.ego["accel_mps2"].to_numpy(np.float64)[first : last + 1]
-    decel *= np.where(scene.ego["speed_mps"].to_numpy(np.float64)[first : last + 1] < 0.0, -1.0, 1.0)
-    hardest = first + int(np.nanargmax(decel)) if np.isfinite(decel).any() else first
+    ego = scene.ego.iloc[first : last + 1]
+    backwards = ego["speed_mps"].to_numpy(np.float64) < 0.0
+    decel = np.nan_to_num(np.where(backwards, 1.0, -1.0) * ego["accel_mps2"].to_numpy(np.float64))
+    hardest = first + int(np.argmax(decel))
     # whatever it stands behind in the end; else what it braked for the hardest
     meant = last if speed[last] < STANDING_MPS else hardest
     order = sorted(range(first, last + 1), key=lambda frame: abs(frame - meant))
     leads = (_lead(scene, frame, run, setting) for frame in order[:_STAYED_EVERY])
     cause, why, in_lane = next((lead for lead in leads if lead[0]), ("", "", False))
     return Slowing(
-        first, last, float(speed[first]), float(speed[last]), float(np.nanmax(decel)), cause, why, in_lane
+        first, last, float(speed[first]), float(speed[last]), float(decel.max()), cause, why, in_lane
     )
 
 

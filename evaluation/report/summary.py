@@ -29,7 +29,7 @@ _SHARES = {
 """Where an outcome stands on that scale when there are no points."""
 
 _UNDECIDED = "#e4e6e9"
-"""Fill of runs that count in no rate."""
+"""Fill of runs that decide nothing: in no rate, or without braking where it is unknown what must happen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,7 +251,8 @@ def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:
     worst = min(names, key=lambda name: KINDS.index(accounts[name].kind))
     score, most = float(runs["score"].mean()), float(runs["score_max"].mean())
     kind = accounts[worst].kind
-    text, colour = "", _tint(_SHARES[kind]) if kind in _SHARES else _UNDECIDED
+    decided = kind in _SHARES and not (kind == "pass" and not accounts[worst].must)
+    text, colour = "", _tint(_SHARES[kind]) if decided else _UNDECIDED
     if not math.isnan(score) and kind in _SHARES:
         # a false activation is no success, whatever points the impact speed alone is worth
         text = f"{score:.2f} of {most:g}"

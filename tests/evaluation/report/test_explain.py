@@ -305,6 +305,13 @@ def test_a_must_brake_run_in_which_nothing_braked_has_no_conflict(drive: Any, ru
     account = explain(read_scene(drive().log(), None), run_row(), setting_of("brake"))
     assert (account.kind, account.outcome) == ("invalid", "no conflict")
     assert "avoided" not in account.finding
+    # so is a test with points, and an unbraked run
+    for row in (run_row(score=2.0, score_max=2.0), run_row(strategy="none")):
+        assert explain(read_scene(drive().log(), None), row, None).kind == "invalid"
+    assert (
+        explain(read_scene(drive().log(), None), run_row(strategy="none"), setting_of("nothing")).kind
+        == "pass"
+    )
 
 
 def test_a_run_cut_off_avoids_nothing(drive: Any, run_row: Any) -> None:

@@ -91,3 +91,12 @@ def test_a_run_cut_off_has_no_score_and_a_colour_of_its_own(run_row: Any) -> Non
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_has_a_mark_of_its_own(kind: str) -> None:
     assert sum(mark == MARKS[kind] for mark in MARKS.values()) == 1
+
+
+def test_no_braking_is_a_success_only_where_nothing_should_happen(run_row: Any) -> None:
+    runs = pd.DataFrame([run_row(log="one")])
+    colours = {
+        must: score_matrix(runs, {"one": account("pass", must)}).lines[0][1][0].colour
+        for must in ("nothing", "")
+    }
+    assert colours == {"nothing": "#a6cee3", "": "#e4e6e9"}
