@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from scenarios.brakes import BrakeConfig
@@ -195,7 +196,10 @@ def fog_attenuation_db_per_km(visual_range_m: float, wavelength_nm: float = 905.
 CLEAR_AIR_M = 50_000.0
 """Greater visual ranges are no fog."""
 
-_ATTENUATION = {"rain": rain_attenuation_db_per_km, "snow": dry_snow_attenuation_db_per_km}
+_ATTENUATION: Mapping[str, Callable[[float], float]] = {
+    "rain": rain_attenuation_db_per_km,
+    "snow": dry_snow_attenuation_db_per_km,
+}
 
 
 @dataclass(frozen=True, slots=True)
