@@ -54,7 +54,7 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
 def _value(row: Mapping[str, str], name: str, kind: str) -> Any:
     """A cell as the value that was written; what version 0.1.0 did not write is not known."""
     of_old = OLD_FALSE_ACTIVATION in row
-    if of_old and name in SINCE_0_2:
+    if of_old and name in (*SINCE_0_2, "dropped_share"):
         name = OLD_FALSE_ACTIVATION if name == "false_activation" else name
         if name not in row:
             return None if "None" in kind else {"str": "", "float": math.nan}[kind]

@@ -48,7 +48,7 @@ from evaluation.study.grid import (
     study_runs,
 )
 from evaluation.study.journal import Journal
-from evaluation.study.measures import RunMeasures, measure
+from evaluation.study.measures import RunMeasures, measure, told_measures
 from evaluation.study.progress import progress_bar
 from evaluation.study.table import (
     Summary,
@@ -112,7 +112,7 @@ def compare(options: CompareOptions) -> list[Summary]:
     found = compared(options, points, measures)
     written = write(options, scenes, points, measures, rows, found, spent)
     console.print(rich_table(short_table(rows), _title(options, scenes)))
-    for line in told(options, points, rows, found):
+    for line in [*told(options, points, rows, found), *told_measures(measures)]:
         console.print(line, highlight=False)
     done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
     console.print(f"{done}; in {options.out}: {', '.join(path.name for path in written)}", highlight=False)
@@ -243,7 +243,7 @@ def write(
     usual = usual_points(points, options.preset)
     lines = [
         markdown_table(summary_table(rows)),
-        *(f"{line}\n" for line in told(options, points, rows, found)),
+        *(f"{line}\n" for line in [*told(options, points, rows, found), *told_measures(measures)]),
     ]
     if options.seeds > 1:
         lines += ["## Over the seeds\n", markdown_table(seed_table(rows))]
@@ -298,22 +298,21 @@ def _title(options: CompareOptions, scenes: Sequence[SceneRun]) -> str:
 
 
 def time_table(measures: Sequence[RunMeasures], spent: Sequence[FrameTime]) -> Table:
-    """Processor time per frame of each strategy: medians over its runs."""
+    """Processor time per frame of each strategy and settings: medians over its runs."""
     import numpy as np
 
-    header = ("strategy", "runs", "median per frame (ms)", "95th percentile (ms)")
+    groups: dict[tuple[str, str], list[FrameTime]] = {}
+    for run, time in zip(measures, spent, strict=True):
+        if time.frames:
+            groups.setdefault((run.strategy, run.settings), []).append(time)
     lines = []
-    for strategy in dict.fromkeys(run.strategy for run in measures):
-        mine = [
-            time
-            for run, time in zip(measures, spent, strict=True)
-            if run.strategy == strategy and time.frames
-        ]
-        if mine:
-            median, high = (
-                float(np.median([getattr(t, name) for t in mine])) for name in ("median_ms", "p95_ms")
-            )
-            lines.append((strategy, str(len(mine)), f"{median:.2f}", f"{high:.2f}"))
+    for (strategy, settings), mine in groups.items():
+        median, high = (
+            float(np.median([getattr(t, name) for t in mine])) for name in ("median_ms", "p95_ms")
+        )
+        name = settings or "as the preset has it"
+        lines.append((strategy, name, str(len(mine)), f"{median:.2f}", f"{high:.2f}"))
+    header = ("strategy", "settings", "runs", "median per frame (ms)", "95th percentile (ms)")
     return Table(
         header, tuple(lines), (), "Processor time of perception and decision; medians over the runs."
     )

@@ -37,7 +37,14 @@ class Compared:
 COMPARED: Mapping[str, Compared] = {
     "avoided": Compared("collisions avoided", "brake", lambda run: run.avoided, True),
     "v_impact_kmh": Compared("mean impact", "brake", impact_kmh, False, "km/h", 1),
-    "flag_time_s": Compared("time of the flag", "brake", lambda run: run.flag_time_s, False, "s", 2),
+    "flag_time_s": Compared(
+        "time of the flag",
+        "brake",
+        lambda run: None if run.false_activation else run.flag_time_s,
+        False,
+        "s",
+        2,
+    ),
     "false_activations": Compared("false activations", "nothing", lambda run: run.false_activation),
     "early_activations": Compared("early activations", "brake", lambda run: run.false_activation),
     "needless_stops": Compared("unnecessary stops", "nothing", lambda run: run.needless_stop),

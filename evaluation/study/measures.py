@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
+from evaluation.results import MANY_DROPPED
 from evaluation.runs import FrameTime, frame_time, preset_of, run_points, simulation_of
 from evaluation.settings import settings_text
 from evaluation.study.criticality import criticality
 from evaluation.study.grid import StudyRun
-from scenarios.simulation import EndReason, Outcome, StopRule, is_avoided
+from scenarios.simulation import TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided
 
 THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
 """A scene in which nothing should happen is driven to its end, so that the delay can be measured."""
@@ -46,6 +48,7 @@ class RunMeasures:
         distance_m: driven.
         duration_s: of the run.
         detections_mean, tracks_mean: per frame.
+        dropped_share: of the detections, for their score, category or box.
         min_ttc_s: shortest time to collision; None: nobody was ever on a collision course.
         max_btn: greatest brake threat number before a contact.
     """
@@ -75,6 +78,7 @@ class RunMeasures:
     duration_s: float
     detections_mean: float
     tracks_mean: float
+    dropped_share: float
     min_ttc_s: float | None
     max_btn: float
 
@@ -87,6 +91,21 @@ class RunMeasures:
     def cut_off(self) -> bool:
         """Whether the time limit ended it: it is in no share."""
         return self.end_reason == EndReason.TIME_LIMIT
+
+
+def told_measures(runs: Sequence[RunMeasures]) -> list[str]:
+    """What the reader has to know about finished runs, one line each; none if all is as it should be."""
+    ended = sum(run.cut_off for run in runs)
+    lost = [run.dropped_share for run in runs if run.dropped_share > MANY_DROPPED]
+    lines = []
+    if ended:
+        lines.append(f"{ended} of {len(runs)} runs were cut off at {TIME_LIMIT_S:g} s, and are in no rate")
+    if lost:
+        lines.append(
+            f"in {len(lost)} of {len(runs)} runs more than a tenth of the detections were dropped "
+            f"(up to {100 * max(lost):.0f} %), for their score, category or box; `runs.csv` has the shares"
+        )
+    return lines
 
 
 def impact_kmh(run: RunMeasures) -> float | None:
@@ -145,6 +164,7 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
         duration_s=duration,
         detections_mean=float(np.count_nonzero(log["kind"] == "detection")) / frames,
         tracks_mean=float(np.count_nonzero(log["kind"] == "track")) / frames,
+        dropped_share=outcome.dropped.total / max(outcome.detections, 1),
         min_ttc_s=_finite(float(threat.time_to_collision_s.min())),
         max_btn=float(before.max(initial=0.0)),
     )

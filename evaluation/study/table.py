@@ -42,8 +42,9 @@ class Summary:
         v_impact_kmh: mean impact speed of those, 0 for a collision avoided.
         score_share: the paper's points of those over what could be won.
         band_share: mean share of a cell's points that Euro NCAP 2026 gives for the impact speed of those.
-        flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course.
-        flag_distance_m: mean distance to the target at the flag, of those with a flag.
+        flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course and not
+            before the target had set off.
+        flag_distance_m: mean distance to the target at the flag, of those with a flag that is not too early.
         false_activations: share of runs with an emergency request, of those where nothing should happen.
         false_activations_per_km: the same by distance driven.
         early_activations: share of runs with a request before the target had set off, of those where the ego
@@ -124,8 +125,8 @@ def _over_scenes(runs: Sequence[RunMeasures]) -> Summary:
         v_impact_kmh=_mean_of(brake, impact_kmh),
         score_share=sum(run.score or 0.0 for run in brake) / most if most else math.nan,
         band_share=_mean_of(brake, lambda run: WEIGHT[Colour(run.band)] if run.band else None),
-        flag_ttc_s=_mean_of(brake, lambda run: run.flag_ttc_s),
-        flag_distance_m=_mean_of(brake, lambda run: run.flag_distance_m),
+        flag_ttc_s=_mean_of(brake, lambda run: None if run.false_activation else run.flag_ttc_s),
+        flag_distance_m=_mean_of(brake, lambda run: None if run.false_activation else run.flag_distance_m),
         false_activations=_rate_of(nothing, lambda run: run.false_activation is True),
         false_activations_per_km=activations / km if km else math.nan,
         early_activations=_rate_of(
@@ -165,8 +166,8 @@ def summary_table(rows: Sequence[Summary]) -> Table:
     header = (
         *(("weather",) if weathers else ()),
         "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "bands (%)",
-        "TTC at flag (s)", "distance at flag (m)", "false activations (%)", "per km",
-        "unnecessary stops (%)", "speed loss (km/h)", "delay (s)", "tracks",
+        "TTC at flag (s)", "distance at flag (m)", "early activations (%)", "false activations (%)", "per km",
+        "unnecessary stops (%)", "speed loss (km/h)", "delay (s)", "tracks", "cut off (%)",
     )  # fmt: skip
     lines = [
         (
@@ -179,12 +180,14 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             _plain(100 * row.band_share.value, 0),
             _mean(row.flag_ttc_s, 2),
             _mean(row.flag_distance_m, 1),
+            _rate(row.early_activations),
             _rate(row.false_activations),
             _plain(row.false_activations_per_km, 2),
             _rate(row.needless_stops),
             _mean(row.speed_loss_kmh, 1),
             _mean(row.delay_s, 2),
             _mean(row.tracks, 1),
+            _rate(row.cut_off),
         )
         for row in rows
     ]
@@ -196,7 +199,7 @@ def short_table(rows: Sequence[Summary]) -> Table:
     weathers = len({row.weather for row in rows}) > 1
     header = (
         *(("weather",) if weathers else ()), "strategy", "settings", "avoided", "impact (km/h)",
-        "false activations", "unnecessary stops", "delay (s)",
+        "early activations", "false activations", "unnecessary stops", "delay (s)",
     )  # fmt: skip
     lines = [
         (
@@ -205,7 +208,10 @@ def short_table(rows: Sequence[Summary]) -> Table:
             row.settings or "-",
             f"{_plain(100 * row.avoided.value, 0)} %",
             _plain(row.v_impact_kmh.value, 1),
-            *(f"{_plain(100 * rate.value, 0)} %" for rate in (row.false_activations, row.needless_stops)),
+            *(
+                "–" if math.isnan(rate.value) else f"{_plain(100 * rate.value, 0)} %"
+                for rate in (row.early_activations, row.false_activations, row.needless_stops)
+            ),
             _plain(row.delay_s.value, 2),
         )
         for row in rows
@@ -218,7 +224,7 @@ def seed_table(rows: Sequence[Summary]) -> Table:
     weathers = len({row.weather for row in rows}) > 1
     header = (
         *(("weather",) if weathers else ()), "strategy", "settings", "avoided (%)", "impact (km/h)",
-        "false activations (%)", "unnecessary stops (%)", "delay (s)",
+        "early activations (%)", "false activations (%)", "unnecessary stops (%)", "delay (s)",
     )  # fmt: skip
     lines = []
     for row in rows:
@@ -230,6 +236,7 @@ def seed_table(rows: Sequence[Summary]) -> Table:
                 row.settings or "as the preset has it",
                 _rate(over["avoided"]),
                 _mean(over["v_impact_kmh"], 1),
+                _rate(over["early_activations"]),
                 _rate(over["false_activations"]),
                 _rate(over["needless_stops"]),
                 _mean(over["delay_s"], 2),
@@ -244,8 +251,21 @@ def seed_table(rows: Sequence[Summary]) -> Table:
 
 
 def _counts(rows: Sequence[Summary]) -> str:
-    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
-    return f"Per line {brake} runs where the ego must brake and {nothing} where nothing should happen."
+    """Runs in each kind of rate; every line of a comparison meets the same."""
+    brake, early, nothing = (
+        max(rate.count for rate in rates)
+        for rates in zip(
+            *((row.avoided, row.early_activations, row.false_activations) for row in rows), strict=True
+        )
+    )
+    text = (
+        f"Per line {brake} runs where the ego must brake, in {early} of them for a target that sets off "
+        f"(early: braked before that), and {nothing} where nothing should happen."
+    )
+    ended = [round(row.cut_off.value * row.cut_off.count) for row in rows]
+    return text + (
+        f" {sum(ended)} runs were cut off, and are in no rate of their line." if any(ended) else ""
+    )
 
 
 def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
@@ -263,7 +283,11 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
         for who in chosen:
             mine = [run for run in group.get(who, []) if not run.cut_off]
             if must == "brake":
-                cells.append(f"{sum(run.avoided for run in mine)}/{len(mine)} avoided")
+                early = sum(run.false_activation is True for run in mine)
+                cells.append(
+                    f"{sum(run.avoided for run in mine)}/{len(mine)} avoided"
+                    + (f", {early} early" if early else "")
+                )
             else:
                 stops = sum(run.false_activation is True for run in mine)
                 still = sum(run.needless_stop for run in mine)

@@ -21,8 +21,8 @@ def measured(name: str, must: str, variant: str, seed: int, bad: bool) -> RunMea
         preset="physical", weather="dry", seed=seed, v_test_kmh=50.0, collided=bad and must == "brake",
         v_impact_kmh=0.0, score=None, band=None, flag_time_s=None, flag_distance_m=None, flag_ttc_s=None,
         end_reason="passed", false_activation=False, needless_stop=bad and must == "nothing",
-        speed_loss_kmh=0.0, delay_s=0.0,
-        distance_m=100.0, duration_s=10.0, detections_mean=1.0, tracks_mean=1.0, min_ttc_s=None, max_btn=0.0,
+        speed_loss_kmh=0.0, delay_s=0.0, distance_m=100.0, duration_s=10.0, detections_mean=1.0,
+        tracks_mean=1.0, dropped_share=0.0, min_ttc_s=None, max_btn=0.0,
     )  # fmt: skip
 
 

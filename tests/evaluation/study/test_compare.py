@@ -145,7 +145,7 @@ def measured(
         band=None if nothing else "orange" if bad else "green", flag_time_s=1.0,
         flag_distance_m=10.0, flag_ttc_s=1.0, end_reason="passed", false_activation=bad and nothing,
         needless_stop=nothing and (bad or standstill), speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0,
-        duration_s=10.0, detections_mean=2.0, tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
+        duration_s=10.0, detections_mean=2.0, tracks_mean=1.0, dropped_share=0.0, min_ttc_s=1.0, max_btn=0.5,
     )  # fmt: skip
 
 

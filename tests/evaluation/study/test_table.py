@@ -9,8 +9,18 @@ import pytest
 from scipy import stats
 
 from evaluation.study.answer import told_intervals
-from evaluation.study.measures import RunMeasures
-from evaluation.study.table import MEASURES, Summary, seed_table, summaries, summarise, summary_csv
+from evaluation.study.grid import Point
+from evaluation.study.measures import RunMeasures, told_measures
+from evaluation.study.table import (
+    MEASURES,
+    Summary,
+    scene_table,
+    seed_table,
+    summaries,
+    summarise,
+    summary_csv,
+    summary_table,
+)
 
 
 def run(scene: str, must: str, seed: int, **changes: object) -> RunMeasures:
@@ -20,7 +30,7 @@ def run(scene: str, must: str, seed: int, **changes: object) -> RunMeasures:
         flag_time_s=1.0, flag_distance_m=10.0, flag_ttc_s=1.0, end_reason="passed",
         false_activation=False, needless_stop=False,
         speed_loss_kmh=5.0, delay_s=1.0, distance_m=250.0, duration_s=10.0, detections_mean=2.0,
-        tracks_mean=1.0, min_ttc_s=1.0, max_btn=0.5,
+        tracks_mean=1.0, dropped_share=0.0, min_ttc_s=1.0, max_btn=0.5,
     )  # fmt: skip
     return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
 
@@ -89,7 +99,8 @@ def test_columns_over_the_seeds_are_filled_with_two_seeds_and_empty_with_one() -
 
 def test_the_table_over_the_seeds() -> None:
     table = seed_table(summaries(three_seeds()))
-    assert table.header[2:5] == ("avoided (%)", "impact (km/h)", "false activations (%)")
+    assert table.header[2:4] == ("avoided (%)", "impact (km/h)")
+    assert table.header[4:6] == ("early activations (%)", "false activations (%)")
     assert table.rows[0][2:4] == ("50 [0, 100]", "5.0 ±2.5")
 
 
@@ -101,3 +112,48 @@ def test_what_the_intervals_mean_is_told_for_one_seed_and_for_several() -> None:
     assert "100 points of collisions avoided and 0 points of unnecessary stops" in told
     told = told_intervals(summaries([r for r in runs if r.seed == 0]))
     assert told.endswith("With one seed there are none over the seeds.")
+
+
+def must_brake(seed: int, **values: object) -> RunMeasures:
+    return run("c", "brake", seed, **values)  # type: ignore[arg-type]
+
+
+def test_rates_have_their_own_denominators() -> None:
+    """Of six must-brake runs one was cut off, one braked early, one hit; two have a target that stands."""
+    runs = [
+        must_brake(0, end_reason="time_limit", false_activation=None, score=None),
+        must_brake(1, false_activation=True, score=0.0, flag_distance_m=90.0),
+        must_brake(2, collided=True, v_impact_kmh=20.0, end_reason="contact", score=1.0),
+        must_brake(3),
+        must_brake(4, false_activation=None),
+        must_brake(5, false_activation=None),
+        run("n", "nothing", 0, score=None, band=None),
+        run("n", "nothing", 1, score=None, band=None, end_reason="time_limit"),
+    ]
+    row = summarise(runs)
+    assert (row.avoided.value, row.avoided.count) == (3 / 5, 5)
+    # one of the three whose target sets off and that were not cut off
+    assert (row.early_activations.value, row.early_activations.count) == (pytest.approx(1 / 3), 3)
+    assert (row.false_activations.value, row.false_activations.count) == (0.0, 1)
+    assert (row.cut_off.value, row.cut_off.count) == (2 / 8, 8)
+    # the early one has neither an impact nor a flag for the target
+    assert (row.v_impact_kmh.value, row.v_impact_kmh.count) == (20.0 / 4, 4)
+    assert row.flag_distance_m.value == 10.0
+    assert row.score_share == pytest.approx((0.0 + 1.0 + 2.0 * 3) / (2.0 * 5))
+    (line,) = summary_table([row]).rows
+    cells = dict(zip(summary_table([row]).header, line, strict=True))
+    assert cells["early activations (%)"].startswith("33 [")
+    assert cells["cut off (%)"].startswith("25 [")
+    assert "Per line 5 runs where the ego must brake, in 3 of them for a target that sets off" in (
+        summary_table([row]).caption
+    )
+    assert "2 runs were cut off" in summary_table([row]).caption
+    assert told_measures(runs) == ["2 of 8 runs were cut off at 60 s, and are in no rate"]
+    brake, nothing = scene_table(runs, [Point("map")]).rows
+    assert (brake[2], nothing[2]) == ("3/5 avoided, 1 early", "0/1 false activations")
+
+
+def test_dropped_detections_are_said() -> None:
+    runs = [must_brake(0), must_brake(1, dropped_share=0.4), must_brake(2, dropped_share=0.1)]
+    (line,) = told_measures(runs)
+    assert line.startswith("in 1 of 3 runs more than a tenth of the detections were dropped (up to 40 %)")
