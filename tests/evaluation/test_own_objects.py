@@ -160,7 +160,7 @@ def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
     assert call(*command, *options) == 2
     [line] = capfd.readouterr().err.splitlines()
     assert "low_scores:LowScores: none of " in line
-    assert "highest: 0.25), so that nobody would be seen; scale the detector's scores, or give" in line
+    assert "highest: 0.25), so that no object would be seen; scale the detector's scores, or give" in line
     assert not (folder / "out" / "runs.csv").exists()
     sys.modules.pop("low_scores", None)
 
