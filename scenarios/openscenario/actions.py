@@ -24,6 +24,15 @@ ROUTE_REACH_M = 10.0
 TRAJECTORY_REACH_M = 1.0
 """An entity that follows a trajectory can be teleported this far beside it."""
 
+ON_TRAJECTORY_M = 0.01
+"""An entity that is to steer to a trajectory is on it if it is this near."""
+
+STEERING_MPS2 = 1.0
+"""Lateral acceleration of who steers to a trajectory: that of a lane change after UN R79, 5.6.4 (ACSF C)."""
+
+GENTLY = 3.0
+"""Steering takes at least this many times the offset: the heading stays within 27 degrees of the line."""
+
 SAME_WAY = math.cos(math.pi / 4)
 """Who heads further away from its route than 45 degrees does not go on along it."""
 
@@ -195,19 +204,48 @@ class FollowTrajectory(RunningAction):
     def start(self, time_s: float) -> None:
         """Be at the start of the trajectory (or as far along as the file says)."""
         action = self._action
-        self._path = self.world.locator.trajectory(action.trajectory, self.who.name)
+        trajectory = self._path = self.world.locator.trajectory(action.trajectory, self.who.name)
         station = action.initial_distance_m
         if station > self._path.length_m:
             raise RunError(
                 f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
                 f"its length of {self._path.length_m:.6g} m"
             )
+        here: float | None = None
+        pose = self.who.state(time_s).pose
+        if action.steers and self.who.placed and not self._is_at(station, pose):
+            here = station = self._steer(time_s, pose)
         if action.timing is None:
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
-        profile = timed_profile(action, self._path, time_s)
-        self.who.follow(time_s, self._path, profile.at(time_s)[0], trajectory=True)
+        profile = timed_profile(action, trajectory, time_s, here)
+        if here is None:
+            station = profile.at(time_s)[0]
+        self.who.follow(time_s, self._path, station, trajectory=True)
         self.drive(time_s, profile)
+
+    def _is_at(self, station_m: float, pose: Pose) -> bool:
+        x, y, _ = self._path.pose(station_m)
+        return math.hypot(x - pose.x_m, y - pose.y_m) <= ON_TRAJECTORY_M
+
+    def _steer(self, time_s: float, pose: Pose) -> float:
+        """Join the trajectory from a place beside it; where on it that is."""
+        name = self._action.trajectory.name
+        station, left = self._path.project(pose.x_m, pose.y_m)
+        speed = abs(self.who.state(time_s).speed_mps)
+        within = speed * math.sqrt(
+            6.0 * abs(left) / STEERING_MPS2
+        )  # 6 is the greatest curvature of the shape
+        within = max(within, GENTLY * abs(left))
+        if station + within > self._path.length_m:
+            raise RunError(
+                f"'{self.who.name}' is {abs(left):.3g} m beside trajectory '{name}' and cannot steer to it "
+                f"in the {max(self._path.length_m - station, 0.0):.3g} m that are left; use "
+                "followingMode='position'"
+            )
+        if abs(left) > ON_TRAJECTORY_M:
+            self._path = self._path.joined_from(station, left, within)
+        return station
 
     def ended(self, instant: Instant) -> bool:
         """At its end."""
@@ -243,8 +281,16 @@ def route_way(roads: Roads, legs: list[Leg], pose: Pose) -> Path | None:
     return middle if abs(left) < 1e-9 else roads.path(legs, left)
 
 
-def timed_profile(action: model.FollowTrajectoryAction, path: Path, time_s: float) -> SpeedProfile:
+def timed_profile(
+    action: model.FollowTrajectoryAction, path: Path, time_s: float, here_m: float | None = None
+) -> SpeedProfile:
     """Speed profile that meets the times of a trajectory's vertices.
+
+    Args:
+        action: what is followed.
+        path: the trajectory.
+        time_s: now.
+        here_m: where on it the entity is now; None: where it should be.
 
     Raises:
         RunError: a vertex has no time, or times do not grow.
@@ -264,10 +310,16 @@ def timed_profile(action: model.FollowTrajectoryAction, path: Path, time_s: floa
         raise RunError(
             f"trajectory '{action.trajectory.name}': following it by time needs growing times throughout"
         )
+    points = list(zip(given, stations, strict=True))
+    if here_m is not None:
+        ahead = [(t, s) for t, s in points if t > time_s and s > here_m]
+        points = [(time_s, here_m), *ahead]
     pieces = [
         Piece(t1 - t0, (s1 - s0) / (t1 - t0), (s1 - s0) / (t1 - t0))
-        for (t0, t1), (s0, s1) in zip(pairwise(given), pairwise(stations), strict=True)
+        for (t0, s0), (t1, s1) in pairwise(points)
     ]
+    if here_m is not None:
+        return SpeedProfile(time_s, 0.0, pieces)
     wait = max(given[0] - time_s, 0.0)
     return SpeedProfile(min(given[0], time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
 

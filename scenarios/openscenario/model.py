@@ -335,11 +335,15 @@ class TimeReference:
 
 @dataclass(frozen=True, slots=True)
 class FollowTrajectoryAction:
-    """Follow a trajectory: at the entity's own speed, or (with `timing`) by the times of its vertices."""
+    """Follow a trajectory: at the entity's own speed, or (with `timing`) by the times of its vertices.
+
+    `steers`: it drives to the trajectory from where it is; else it is on it at once.
+    """
 
     trajectory: Trajectory
     initial_distance_m: float
     timing: TimeReference | None
+    steers: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,6 +105,35 @@ class Path:
         foot_x, foot_y, heading = self.pose(station)
         return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
 
+    def joined_from(self, station_m: float, left_m: float, within_m: float) -> Path:
+        """The same curve by the same arc lengths, joined smoothly from a place to the left of it.
+
+        Args:
+            station_m: arc length of that place, which may lie before the beginning.
+            left_m: how far it is to the left.
+            within_m: arc length after which the curve is joined.
+        """
+        end = station_m + within_m
+        along = np.linspace(station_m, end, max(2, math.ceil(within_m / SPACING_M) + 1))
+        frames = np.array([self.pose(s) for s in along.tolist()])
+        part = (along - station_m) / within_m
+        left = left_m * (1.0 - part**2 * (3.0 - 2.0 * part))
+        slope = -left_m * 6.0 * part * (1.0 - part) / within_m
+        x = frames[:, 0] - np.sin(frames[:, 2]) * left
+        y = frames[:, 1] + np.cos(frames[:, 2]) * left
+        yaw = frames[:, 2] + np.arctan(slope)
+        # both headings of a corner, so that the heading stays that of the line up to it
+        corners = [s for s in self._station if s > end + 2e-6] or [end + 1.0]
+        more = np.array([(at, *self.pose(at)) for s in corners for at in (s - 1e-6, s)])
+        joined = Path(
+            np.concatenate((x, more[:, 1])),
+            np.concatenate((y, more[:, 2])),
+            np.unwrap(np.concatenate((yaw, more[:, 3]))),
+            np.concatenate((along, more[:, 0])),
+        )
+        joined.length_m = self.length_m
+        return joined
+
     def turn_rad(self, station_m: float, other_m: float) -> float:
         """How much the heading turns between two arc lengths at most, whichever way."""
         stations, last = self._station, len(self._station) - 2

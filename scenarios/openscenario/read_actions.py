@@ -157,13 +157,16 @@ def _follow_trajectory(node: Node, context: Context) -> Action:
     )
     mode = node.need("TrajectoryFollowingMode")
     mode.allow("followingMode")
-    mode.choice("followingMode", "position follow")
+    steers = mode.choice("followingMode", "position follow") == "follow"
     reference = node.get("TrajectoryRef")
     if reference is None:  # 1.0: the trajectory or its catalog reference stands in the action itself
         reference = node.without("TimeReference TrajectoryFollowingMode")
     curve = trajectory(reference, context)
     return FollowTrajectoryAction(
-        curve, node.positive("initialDistanceOffset", 0.0), _time_reference(node.need("TimeReference"))
+        curve,
+        node.positive("initialDistanceOffset", 0.0),
+        _time_reference(node.need("TimeReference")),
+        steers,
     )
 
 

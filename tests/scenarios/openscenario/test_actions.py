@@ -383,6 +383,148 @@ def test_a_trajectory_gives_way_to_a_route(play):
     assert at(run, "Other", 8.0) == pytest.approx((100, -1.75, 0, 5))
 
 
+STOPPED = trigger(condition(at_time(3)), kind="StopTrigger")
+"""Of an act that ends at 3 s."""
+
+
+def kept(target, value="20"):
+    return wrap(
+        f'<LongitudinalAction><LongitudinalDistanceAction entityRef="{target}" distance="{value}" '
+        'freespace="false" continuous="true" displacement="leadingReferencedEntity"/></LongitudinalAction>'
+    )
+
+
+TIMED = wrap(
+    '<RoutingAction><FollowTrajectoryAction><TimeReference><Timing domainAbsoluteRelative="relative" '
+    'scale="1" offset="0"/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+    '<TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>'
+    '<Vertex time="0"><Position><WorldPosition x="60" y="-5.25"/></Position></Vertex>'
+    '<Vertex time="2"><Position><WorldPosition x="64" y="-5.25"/></Position></Vertex>'
+    '<Vertex time="4"><Position><WorldPosition x="76" y="-5.25"/></Position></Vertex>'
+    "</Polyline></Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction>"
+)
+
+
+@pytest.mark.parametrize(
+    ("action", "x", "v"),
+    [
+        (speed(8, "linear", "time", 4), 60 + 9, 6),
+        (speed(8, "cubic", "time", 4), 60 + 4 * 8 * 0.75**3 * (1 - 0.5 * 0.75), 8 * 0.75**2 * 1.5),
+        (synchronize(70, 90, steady='<TargetDistanceSteadyState distance="6"/>'), 61, 1),
+        (kept("Ego", "20"), 60, 10),  # 20 m ahead of s = 40
+        (TIMED, 70, 6),
+    ],
+)
+def test_the_end_of_an_act_leaves_place_and_speed(play, action, x, v):
+    _, run = play(act(maneuver(event("e", action)), stop=STOPPED), init=BESIDE)
+    for t in (3, 5, 9):
+        assert at(run, "Other", t)[0] == pytest.approx(x + v * (t - 3), abs=1e-4)
+        assert at(run, "Other", t)[3] == pytest.approx(v, abs=1e-6)
+
+
+def test_a_kept_distance_that_is_overridden_ends_with_the_speed_it_had(play):
+    """Ego slows down at 5 s; Other has left it at 3 s, when it was to accelerate by 1 m/s2 to 12 m/s."""
+    faster = event("faster", speed(12, "linear", "rate", 1), later(3))
+    slow = act(maneuver(event("slow", speed(2), later(5)), name="slow"), actors="Ego", name="second")
+    _, run = play(act(maneuver(event("e", kept("Ego")), faster)), slow, init=BESIDE)
+    assert at(run, "Other", 3)[:1] == pytest.approx((60,))
+    for t, x, v in ((4, 70.5, 11), (5, 82, 12), (8, 118, 12)):
+        assert at(run, "Other", t) == pytest.approx((x, -5.25, 0, v), abs=1e-6)
+
+
+def delete(entity, when):
+    gone = f'<EntityAction entityRef="{entity}"><DeleteEntityAction/></EntityAction>'
+    action = f"<GlobalAction>{gone}</GlobalAction>"
+    return act(maneuver(event("gone", action, later(when)), name="gone"), actors=entity, name="deletes")
+
+
+def test_without_the_leader_the_speed_is_kept(play):
+    """Ego, 10 m/s and 2 m/s2 from 1 s on, is deleted at 3 s, when it has 14 m/s."""
+    faster = act(
+        maneuver(event("f", speed(30, "linear", "rate", 2), later(1)), name="f"), actors="Ego", name="f"
+    )
+    seen = condition(
+        '<ByValueCondition><StoryboardElementStateCondition storyboardElementType="action" '
+        'storyboardElementRef="e/a" state="stopTransition"/></ByValueCondition>'
+    )
+    tells = act(maneuver(event("tells", set_variable("n", 1), trigger(seen)), name="t"), name="tells")
+    engine, run = play(act(maneuver(event("e", kept("Ego")))), faster, delete("Ego", 3), tells, init=BESIDE)
+    place = 10 + 10 * 3 + 4 + 20
+    for t in (3, 5, 9):
+        assert at(run, "Other", t) == pytest.approx((place + 14 * (t - 3), -5.25, 0, 14), abs=1e-5)
+    assert engine.world.variables["n"] == 1
+    assert not run.exists[-1, 0]
+
+
+@pytest.mark.parametrize(("when", "x"), [(0.5, 60.0), (3.0, 74.0)])
+def test_without_the_master_who_waits_goes_on_waiting_and_who_has_set_off_keeps_the_plan(play, when, x):
+    """The plan: from 1 s on by 0.5 m/s2 to 2 m/s at 5 s, 70 m at 8 s."""
+    _, run = play(act(maneuver(event("e", STEADY))), delete("Ego", when), init=BESIDE)
+    assert at(run, "Other", 10)[0] == pytest.approx(x, abs=1e-6)
+
+
+def test_an_action_that_refers_to_a_deleted_entity_is_noted_and_not_begun(play):
+    relative = speed(0, "step").replace(
+        '<AbsoluteTargetSpeed value="0"/>',
+        '<RelativeTargetSpeed entityRef="Other" value="1" speedTargetValueType="delta" continuous="false"/>',
+    )
+    engine, run = play(
+        act(maneuver(event("e", relative, later(3)), event("f", kept("Other"), later(4))), actors="Ego"),
+        delete("Other", 2),
+    )
+    assert at(run, "Ego", 9) == pytest.approx((100, -1.75, 0, 10))
+    why = "is not carried out: it refers to 'Other', which is deleted"
+    assert engine.notes == (
+        f"SpeedAction of 'Ego' at 3.000 s {why}",
+        f"LongitudinalDistanceAction of 'Ego' at 4.000 s {why}",
+    )
+
+
+def test_a_deleted_actor_stops_what_it_does(play):
+    ramp = act(maneuver(event("ramp", speed(10, "linear", "time", 10))))
+    seen = condition(
+        '<ByValueCondition><StoryboardElementStateCondition storyboardElementType="action" '
+        'storyboardElementRef="ramp/a" state="stopTransition"/></ByValueCondition>'
+    )
+    tells = act(maneuver(event("tells", set_variable("n", 1), trigger(seen)), name="t"), name="tells")
+    engine, run = play(ramp, delete("Other", 2), tells)
+    assert engine.world.variables["n"] == 1
+    assert not run.exists[-1, 1]
+
+
+def test_a_master_that_accelerates_arrives_when_its_own_plan_has_it(play):
+    """Ego: an initial ramp from 0 to 10 m/s within 4 s, 20 m, then 60 m in 6 s: at s = 90 after 10 s.
+
+    Other's last 6 m take 3 s, the 4 m before 4 s: it sets off at 3 s.
+    """
+    init = (
+        private("Ego", teleport(lane_position(10)))
+        + private("Ego", speed(10, "linear", "time", 4))
+        + private("Other", teleport(lane_position(60, lane=-2)))
+    )
+    stop = trigger(condition(at_time(12)), kind="StopTrigger")
+    _, run = play(act(maneuver(event("e", STEADY))), init=init, stop=stop)
+    assert at(run, "Ego", 10)[0] == pytest.approx(90.0)
+    assert (run.target_start_time_s, run.target_steady_time_s) == pytest.approx((3.0, 7.0), abs=1e-6)
+    assert at(run, "Other", 10)[0] == pytest.approx(70.0, abs=1e-6)
+
+
+def test_a_master_that_is_given_another_way_arrives_by_that(play):
+    """At 1 s Ego is put on a line on which it has 110 m to go instead of 70: it arrives at 12 s."""
+    line = wrap(
+        "<RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
+        '<TrajectoryFollowingMode followingMode="position"/><TrajectoryRef><Trajectory name="t" '
+        'closed="false"><Shape><Polyline><Vertex><Position><WorldPosition x="-20" y="-1.75"/></Position>'
+        '</Vertex><Vertex><Position><WorldPosition x="200" y="-1.75"/></Position></Vertex></Polyline>'
+        "</Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction></RoutingAction>"
+    )
+    turn = act(maneuver(event("t", line, later(0.9)), name="t"), actors="Ego", name="second")
+    stop = trigger(condition(at_time(14)), kind="StopTrigger")
+    _, run = play(act(maneuver(event("e", STEADY))), turn, init=BESIDE, stop=stop)
+    arrives = 0.9 + 11.0
+    assert run.target_start_time_s == pytest.approx(arrives - 7.0, abs=1e-6)
+
+
 def test_more_than_the_performance_allows_is_noted_or_not_done(write):
     """5 and 10 m/s2 are allowed: 10 m/s more within 1 s takes 2 s; who turns round accelerates as well."""
     changes = act(

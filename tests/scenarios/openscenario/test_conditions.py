@@ -357,3 +357,103 @@ def test_a_delayed_level_ends_later_too(write):
     after = condition(by_value('<SimulationTimeCondition value="4.5" rule="greaterOrEqual"/>'))
     assert fires_at(write, low, high) == pytest.approx(3.0)
     assert fires_at(write, low, high, after) is None
+
+
+def deleted(entity, when):
+    gone = f'<EntityAction entityRef="{entity}"><DeleteEntityAction/></EntityAction>'
+    start = trigger(condition(at_time(when)))
+    action = f"<GlobalAction>{gone}</GlobalAction>"
+    return act(maneuver(event("gone", action, start), name="gone"), actors=entity, name="deletes")
+
+
+def fires_without(write, inner, entity, edge="none", rule="any", who=("Ego",), delay=0.0, later=()):
+    """When a condition on an entity that is deleted at 1 s is seen by an event that waits for 2 s."""
+    first = condition(by_entity(inner, *who, rule=rule), delay, edge)
+    path = write(
+        act(maneuver(event("e", set_variable("n", 1), trigger(first, condition(at_time(2)))))),
+        deleted(entity, 1),
+        *later,
+    )
+    engine = Engine(load(path))
+    engine.run()
+    return engine.world.variables["n"] == 1
+
+
+HOLDS_ON_ANYBODY = {
+    "speed": '<SpeedCondition value="-1" rule="greaterThan"/>',
+    "acceleration": '<AccelerationCondition value="100" rule="lessThan"/>',
+    "travelled": '<TraveledDistanceCondition value="0"/>',
+    "angle": '<AngleCondition angleType="heading" angle="0" angleTolerance="4"/>',
+    "reach": f'<ReachPositionCondition tolerance="1e4">{lane_position(50)}</ReachPositionCondition>',
+    "standstill": '<StandStillCondition duration="0"/>',
+}
+TO_OTHER = {
+    "distance": relative_distance(1e4),
+    "lateral": relative_distance(1e4, kind="lateral", freespace="false"),
+    "apart": relative_distance(0.0, rule="greaterOrEqual"),
+    "relative speed": '<RelativeSpeedCondition entityRef="Other" value="-1e3" rule="greaterThan"/>',
+    "headway": '<TimeHeadwayCondition entityRef="Other" value="1e4" rule="lessThan" freespace="true" '
+    'alongRoute="false"/>',
+    "ttc": '<TimeToCollisionCondition value="1e4" rule="lessThan" freespace="true" alongRoute="false">'
+    '<TimeToCollisionConditionTarget><EntityRef entityRef="Other"/></TimeToCollisionConditionTarget>'
+    "</TimeToCollisionCondition>",
+    "reach": '<ReachPositionCondition tolerance="1e4"><Position><RelativeObjectPosition entityRef="Other" '
+    'dx="0" dy="0"/></Position></ReachPositionCondition>',
+}
+
+
+@pytest.mark.parametrize("name", HOLDS_ON_ANYBODY)
+def test_nothing_holds_on_one_that_is_deleted(write, name):
+    inner = HOLDS_ON_ANYBODY[name]
+    assert not fires_without(write, inner, "Other", who=("Other",))
+    assert not fires_without(write, inner, "Other", who=("Other",), rule="all")
+    if name != "standstill":  # Ego moves
+        assert fires_without(write, inner, "Other", who=("Ego", "Other"))
+        assert not fires_without(write, inner, "Other", who=("Ego", "Other"), rule="all")
+    for edge in ("rising", "falling", "risingOrFalling"):
+        assert not fires_without(write, inner, "Other", edge=edge, who=("Other",))
+
+
+@pytest.mark.parametrize("name", TO_OTHER)
+def test_nothing_holds_towards_one_that_is_deleted(write, name):
+    for who in (("Ego",), ("Ego", "Ego")):
+        for rule in ("any", "all"):
+            assert not fires_without(write, TO_OTHER[name], "Other", who=who, rule=rule)
+
+
+def edge_fires(write, inner, edge, who=("Ego",), delay=0.0, deletion_s=1):
+    path = write(
+        act(
+            maneuver(
+                event("e", set_variable("n", 1), trigger(condition(by_entity(inner, *who), delay, edge)))
+            )
+        ),
+        deleted("Other", deletion_s),
+    )
+    engine = Engine(load(path))
+    engine.run()
+    return engine.world.variables["n"] == 1
+
+
+@pytest.mark.parametrize("name", TO_OTHER)
+def test_a_deletion_is_no_edge(write, name):
+    for edge in ("rising", "falling", "risingOrFalling"):
+        for delay in (0.0, 0.5):
+            assert not edge_fires(write, TO_OTHER[name], edge, delay=delay)
+            assert not edge_fires(write, HOLDS_ON_ANYBODY["speed"], edge, ("Ego", "Other"), delay)
+
+
+def test_a_collision_with_one_that_is_deleted_does_not_happen(write):
+    """They would meet at 4.6 s."""
+    touch = '<CollisionCondition><EntityRef entityRef="Other"/></CollisionCondition>'
+    assert fires_at(write, condition(by_entity(touch))) == pytest.approx(4.6, abs=1e-6)
+    assert edge_fires(write, touch, "none", deletion_s=9)
+    assert not edge_fires(write, touch, "none")
+
+
+def test_a_place_that_moves_is_reached_where_it_is(write):
+    """20 m behind Other, which drives off at 2 m/s at 1 s: 10 + 10 t = 40 + 2 (t - 1) - 0.1."""
+    off = act(maneuver(event("off", speed(2), trigger(condition(at_time(1)))), name="off"), name="second")
+    position = '<Position><RelativeObjectPosition entityRef="Other" dx="-20" dy="0"/></Position>'
+    reach = f'<ReachPositionCondition tolerance="0.1">{position}</ReachPositionCondition>'
+    assert fires_at(write, condition(by_entity(reach)), more=(off,)) == pytest.approx(27.9 / 8, abs=1e-6)

@@ -9,7 +9,20 @@ from math import pi
 import pytest
 
 from scenarios.openscenario import ContentError, Engine, RunError, load
-from tests.scenarios.openscenario.conftest import EGO_AT_START, at, lane_position, private, speed, teleport
+from tests.scenarios.openscenario.conftest import (
+    EGO_AT_START,
+    act,
+    at,
+    at_time,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    speed,
+    teleport,
+    trigger,
+)
 
 
 def place(write, position, ego=EGO_AT_START):
@@ -158,3 +171,89 @@ def test_reverse(play):
     )
     _, run = play(init=init)
     assert at(run, "Ego", 5.0) == pytest.approx((90, -1.75, 0, -2))
+
+
+def from_4_s(write, action, **parts):
+    """A run in which Other, beside the road at first, does something at 4 s, when Ego is at s = 50."""
+    init = EGO_AT_START + private("Other", teleport(lane_position(30, lane=-2)), speed(5))
+    start = trigger(condition(at_time(4)))
+    return Engine(load(write(act(maneuver(event("e", action, start))), init=init, **parts))).run()
+
+
+def along(curve):
+    return (
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TimeReference><None/></TimeReference>"
+        '<TrajectoryFollowingMode followingMode="position"/><TrajectoryRef><Trajectory name="t" '
+        f'closed="false"><Shape>{curve}</Shape></Trajectory></TrajectoryRef></FollowTrajectoryAction>'
+        "</RoutingAction></PrivateAction>"
+    )
+
+
+def ahead_of_ego(*metres):
+    return [
+        f'<Position><RelativeObjectPosition entityRef="Ego" dx="{m}" dy="-3.5"/></Position>' for m in metres
+    ]
+
+
+POLYLINE = "<Polyline>" + "".join(f"<Vertex>{p}</Vertex>" for p in ahead_of_ego(10, 100)) + "</Polyline>"
+SPLINE = (
+    '<ClothoidSpline><ClothoidSplineSegment curvatureStart="0" curvatureEnd="0" length="90">'
+    f"<PositionStart>{ahead_of_ego(10)[0][10:-11]}</PositionStart></ClothoidSplineSegment></ClothoidSpline>"
+)
+NURBS = (
+    '<Nurbs order="2">'
+    + "".join(f"<ControlPoint>{p}</ControlPoint>" for p in ahead_of_ego(10, 55, 100))
+    + "".join(f'<Knot value="{k}"/>' for k in (0, 0, 1, 2, 2))
+    + "</Nurbs>"
+)
+
+
+@pytest.mark.parametrize("curve", [POLYLINE, SPLINE, NURBS])
+def test_a_curve_relative_to_an_entity_begins_where_that_is_when_it_starts(write, curve):
+    """At 4 s Ego is at s = 50, the beginning is at x = 60, and 2 s later Other has gone 10 m."""
+    run = from_4_s(write, along(curve))
+    assert at(run, "Other", 3.99)[0] == pytest.approx(30 + 19.95)
+    assert at(run, "Other", 6)[:2] == pytest.approx((70, -5.25), abs=1e-6)
+
+
+def test_the_same_curve_is_another_one_later(write):
+    """A second event follows the same trajectory, of which nothing is kept, at 8 s: Ego is at s = 90."""
+    line = along(POLYLINE)
+    init = EGO_AT_START + private("Other", teleport(lane_position(30, lane=-2)), speed(5))
+    events = [event(f"e{t}", line, trigger(condition(at_time(t)))) for t in (4, 8)]
+    run = Engine(load(write(act(maneuver(*events)), init=init))).run()
+    assert at(run, "Other", 7.99)[0] == pytest.approx(60 + 5 * 3.99)
+    assert at(run, "Other", 9)[0] == pytest.approx(100 + 5)
+
+
+def test_a_route_relative_to_an_entity_is_that_of_its_start(write):
+    """From 40 m behind Ego to 50 m beyond: at t = 0 that begins before the road."""
+    points = "".join(
+        f'<Waypoint routeStrategy="shortest"><Position><RelativeLanePosition entityRef="Ego" dLane="-1" '
+        f'ds="{ds}"/></Position></Waypoint>'
+        for ds in (-40, 50)
+    )
+    route = f'<Route name="r" closed="false">{points}</Route>'
+    assign = f"<RoutingAction><AssignRouteAction>{route}</AssignRouteAction></RoutingAction>"
+    run = from_4_s(write, f"<PrivateAction>{assign}</PrivateAction>")
+    assert at(run, "Other", 8)[:2] == pytest.approx((70, -5.25), abs=1e-6)
+    place = f"<RoutePosition><RouteRef>{route}</RouteRef><InRoutePosition>"
+    place += '<FromLaneCoordinates pathS="60" laneId="-2"/></InRoutePosition></RoutePosition>'
+    run = from_4_s(write, teleport(f"<Position>{place}</Position>"))
+    assert at(run, "Other", 6)[:2] == pytest.approx((10 + 60 + 10, -5.25), abs=1e-6)
+
+
+def test_a_place_on_a_trajectory_relative_to_an_entity(write):
+    shape = f'<Trajectory name="t" closed="false"><Shape>{POLYLINE}</Shape></Trajectory>'
+    place = f'<TrajectoryPosition s="20"><TrajectoryRef>{shape}</TrajectoryRef></TrajectoryPosition>'
+    run = from_4_s(write, teleport(f"<Position>{place}</Position>"))
+    assert at(run, "Other", 6)[:2] == pytest.approx((50 + 10 + 20 + 10, -5.25), abs=1e-6)
+
+
+def test_what_is_on_the_road_only_later_is_not_refused(write):
+    """60 m behind Ego there is no road before 5 s; at 9 s Other is put there."""
+    position = '<Position><RelativeRoadPosition entityRef="Ego" ds="-60" dt="-3.5"/></Position>'
+    init = EGO_AT_START + private("Other", teleport(lane_position(30, lane=-2)), speed(5))
+    start = trigger(condition(at_time(9)))
+    run = Engine(load(write(act(maneuver(event("e", teleport(position), start))), init=init))).run()
+    assert at(run, "Other", 9.5)[0] == pytest.approx(40 + 2.5)

@@ -99,7 +99,7 @@ def test_a_group_executes_again(write):
     ("priority", "speed_at_3_s", "speed_at_8_s"),
     [
         # a ramp from 0 to 10 m/s in 10 s is running when, at 2 s, an event that sets n wants to start
-        ("override", 3.0, 8.0),
+        ("override", 2.0, 2.0),
         ("parallel", 3.0, 8.0),
         ("skip", 3.0, 8.0),
     ],
@@ -117,6 +117,9 @@ def test_priority(write, priority, speed_at_3_s, speed_at_8_s):
     engine.advance(3.0)
     assert engine.world.variables["n"] == (0 if priority == "skip" else 1)
     assert engine.world.variables["ended"] == (1 if priority == "override" else 0)
+    assert engine.entities.speed_mps[1] == pytest.approx(speed_at_3_s, abs=1e-6)
+    engine.advance(5.0)
+    assert engine.entities.speed_mps[1] == pytest.approx(speed_at_8_s, abs=1e-6)
 
 
 def test_overwrite_is_the_old_name_of_override(write):
@@ -224,3 +227,43 @@ def test_events_that_start_one_another_without_end_are_refused(write):
     engine_error = pytest.raises(RunError, match="start one another without end")
     with engine_error:
         engine_of(write, act(maneuver(event("e", add_to_variable("n", 1))), count=100_000))
+
+
+@pytest.mark.parametrize("where", ["event", "group", "act"])
+def test_an_action_is_stopped_from_wherever_it_is_overridden(write, where):
+    """A ramp to 10 m/s within 10 s; at 2 s another event, group or act takes the speed to 1 m/s at once."""
+    ramp = event("ramp", speed(10, "linear", "time", 10))
+    takes = event("takes", speed(1), later(2))
+    seen = [
+        event(name, set_variable(name, 1), trigger(condition(state("action", "ramp/a", transition))))
+        for name, transition in (("stopped", "stopTransition"), ("ended", "endTransition"))
+    ]
+    ends = event("left", set_variable("left", 1), trigger(condition(state("event", "ramp", "endTransition"))))
+    watch = act(maneuver(*seen, ends, name="watch"), name="watch")
+    variables = "".join(
+        f'<VariableDeclaration name="{v}" variableType="double" value="0"/>'
+        for v in ("stopped", "ended", "left")
+    )
+    if where == "event":
+        acts = [act(maneuver(ramp, takes))]
+    elif where == "group":
+        acts = [act(maneuver(ramp), maneuver(takes, name="second"))]
+    else:
+        acts = [act(maneuver(ramp)), act(maneuver(takes, name="second"), name="second")]
+    engine = engine_of(write, *acts, watch, variables=variables)
+    engine.advance(1.999)
+    assert engine.world.variables == {"stopped": 0, "ended": 0, "left": 0}
+    engine.advance(1.0)
+    assert engine.world.variables == {"stopped": 1, "ended": 0, "left": 1}
+    assert engine.entities.speed_mps[1] == 1.0
+
+
+def test_a_group_executes_a_change_that_takes_time_as_often_as_it_may(write):
+    """Each execution accelerates by 1 m/s within 2 s: three of them take 6 s."""
+    faster = speed(1, "linear", "time", 2).replace(
+        '<AbsoluteTargetSpeed value="1"/>',
+        '<RelativeTargetSpeed entityRef="Other" value="1" speedTargetValueType="delta" continuous="false"/>',
+    )
+    run = engine_of(write, act(maneuver(event("e", faster)), count=3)).run()
+    for t, v in ((2, 1.0), (3, 1.5), (6, 3.0), (9, 3.0)):
+        assert at(run, "Other", t)[3] == pytest.approx(v, abs=1e-6)

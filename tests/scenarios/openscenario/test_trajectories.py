@@ -201,3 +201,62 @@ def test_projection_is_the_inverse_of_the_pose():
         x, y, yaw = path.pose(station)
         found, left = path.project(x - 0.5 * math.sin(yaw), y + 0.5 * math.cos(yaw))
         assert (found, left) == pytest.approx((station, 0.5), abs=0.02)
+
+
+@pytest.mark.parametrize("mode", ["position", "follow"])
+def test_after_a_trajectory_the_entity_follows_its_lane(play, mode):
+    """It ends in lane -1 of A at s = 200, 0.5 m to the left of its middle, 10 degrees off its direction."""
+    start = (200 - 50 * math.cos(0.17), -1.25 - 50 * math.sin(0.17))
+    line = polyline(start, (200, -1.25))
+    init = private("Ego", teleport(world(*start)), speed(10), follow(line, mode=mode))
+    init += private("Other", teleport(lane_position(60)))
+    run = play(init=init)[1]
+    assert at(run, "Ego", 4.0)[1] < -1.5
+    assert at(run, "Ego", 9.0)[:2] == pytest.approx((240, -1.25), abs=1e-6)
+    assert math.sin(at(run, "Ego", 9.0)[2]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_steering_to_a_trajectory_does_not_jump(play):
+    """3 m to the left at 10 m/s: lateral acceleration 1 m/s2 takes 10 sqrt(18) = 42.4 m; half way 1.5 m."""
+    line = polyline((-100, 1.25), (280, 1.25))
+    init = EGO_AT_START + private("Ego", follow(line, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    engine, run = play(init=init)
+    assert at(run, "Ego", 0.0)[:2] == pytest.approx((10, -1.75))
+    within = 10 * math.sqrt(18)
+    sideways = np.interp(10 + within / 2, run.x_m[:, 0], run.y_m[:, 0])
+    assert sideways == pytest.approx(-0.25, abs=1e-3)
+    assert np.abs(np.diff(run.y_m[:, 0], 2)).max() / 0.01**2 == pytest.approx(1.0, abs=0.1)
+    assert at(run, "Ego", 6.0)[:2] == pytest.approx((70, 1.25), abs=0.05)
+    assert engine.world.actors["Ego"].on_trajectory
+    jumps = play(init=init.replace('"follow"', '"position"'))[1]
+    assert at(jumps, "Ego", 0.0)[:2] == pytest.approx((-100, 1.25))
+
+
+def test_steering_keeps_the_headings_of_the_lines_after_it(play):
+    corner = polyline((0, -0.75), (100, -0.75), (100, 80))
+    init = EGO_AT_START + private("Ego", follow(corner, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    run = play(init=init)[1]
+    assert at(run, "Ego", 8.0)[2] == pytest.approx(0.0, abs=1e-6)
+    assert at(run, "Ego", 9.9)[2] == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_steering_by_times_meets_them(play):
+    """10 m behind the first place, which it is to be at after 2 s: 5 m/s, then 20 m/s."""
+    line = polyline((20, 1.25), (120, 1.25), times=(2, 7))
+    timing = '<TimeReference><Timing domainAbsoluteRelative="absolute" scale="1" offset="0"/></TimeReference>'
+    init = EGO_AT_START + private("Ego", follow(line, timing, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    run = play(init=init)[1]
+    for t, x, v in ((0, 10, 5), (2, 20, 20), (4.5, 70, 20), (7, 120, 20)):
+        assert at(run, "Ego", t)[0] == pytest.approx(x, abs=1e-6)
+        assert at(run, "Ego", t)[3] == pytest.approx(v, abs=1e-6)
+
+
+def test_no_room_to_steer_is_refused(write):
+    line = polyline((0, 20), (12, 20))
+    init = EGO_AT_START + private("Ego", follow(line, mode="follow"))
+    init += private("Other", teleport(lane_position(60)))
+    with pytest.raises(RunError, match=r"21\.8 m beside trajectory 'curve' and cannot steer"):
+        Engine(load(write(init=init)))
