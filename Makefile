@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: run test check bench reports clean
+.PHONY: run test check newest oldest pythons release-check bench reports clean
 
 # The main job: the pedestrian test at 10, 20, ... 60 km/h with every strategy, scored and drawn.
 run: $(VENV)/.run
@@ -18,6 +18,17 @@ check: test
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+
+# The same project with other versions of its dependencies, and with every Python that is found.
+newest oldest:
+	PYTHON=$(PYTHON) .ci/versions $@
+
+pythons:
+	.ci/pythons
+
+# What has to pass before a release: the slow checks too.
+release-check: check newest oldest pythons
+	$(VENV)/bin/smartmot-eval reports --check
 
 # Each prints ratios against peers measured in the same run; peers come from PyPI into an environment of their own.
 bench: $(VENV)/.run

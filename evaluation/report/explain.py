@@ -540,7 +540,7 @@ def _in_emergency(scene: Scene) -> BoolArray:
 
 def _slowing(scene: Scene, run: Run, setting: Setting | None) -> Slowing | None:
     """The greatest loss of speed between two frames without an emergency brake; None where it is none."""
-    speed = scene.ego["speed_mps"].abs().to_numpy(np.float64)
+    speed = scene.ego["speed_mps"].abs().to_numpy(np.float64, copy=True)
     emergency = _in_emergency(scene)
     if run["collided"]:  # the instant of the contact may see the other push the ego
         speed[-1] = speed[max(len(speed) - 2, 0)]
