@@ -179,6 +179,8 @@ def run_grid(
     hits = [record.row for _, record in finished if record.row.collided]
     if hits:
         console.print(_how_to_see(max(hits, key=lambda row: row.v_impact_kmh), out), soft_wrap=True)
+    for line in results.told_runs([record.row for _, record in finished]):
+        console.print(line, highlight=False, soft_wrap=True)
     done_line = f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}"
     console.print(". ".join(filter(None, (done_line, told_invalid(assessments)))), soft_wrap=True)
 

@@ -113,9 +113,9 @@ class StopRule:
         after_pass_m: once the ego's centre is this far beyond the target's.
         after_following_s: this long behind a target to whose speed the ego has adapted its own, unless an
             event is left that would change the target's.
-        after_standstill_s: once the ego has stood so long while the target does not come nearer and no event
-            is left that would change the target's speed. 3 s is what the stop triggers of the shipped scenes
-            wait.
+        after_standstill_s: once the ego has stood so long while the target does not come nearer and the
+            scenario is not to change its speed any more, nor to set the ego off. 3 s is what the stop
+            triggers of the shipped scenes wait.
         at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
     """
 
@@ -508,7 +508,7 @@ class Simulation:
             and abs(ego.speed_mps - target_mps) < SAME_SPEED_MPS
             and ego.speed_mps < abs(self._asked(time_s).speed_mps) - SLOWED_MPS
         )
-        if not follows or self._target_waits():
+        if not follows or self._target_waits(time_s):
             self._following_since_s = None
         elif self._following_since_s is None:
             self._following_since_s = time_s
@@ -520,8 +520,12 @@ class Simulation:
 
     def _rests(self, time_s: float) -> bool:
         """Whether the ego has stood for long enough while nothing changes any more."""
-        if abs(self._speed_mps()) >= STANDS_MPS or self._target_comes() or self._target_waits():
+        if abs(self._speed_mps()) >= STANDS_MPS or self._target_comes() or self._target_waits(time_s):
             self._standing_since_s = None
+        elif abs(self._asked(time_s).speed_mps) < STANDS_MPS and self._is_to_change(
+            self.engine.ego.name, time_s
+        ):
+            self._standing_since_s = None  # it waits as the scenario wants
         elif self._standing_since_s is None:
             self._standing_since_s = time_s
         else:
@@ -538,12 +542,18 @@ class Simulation:
         comes = speed * (math.cos(yaw) * dx + math.sin(yaw) * dy) < 0.0
         return bool(world.exists[k]) and abs(speed) >= STANDS_MPS and comes
 
-    def _target_waits(self) -> bool:
-        """Whether an event is left that would change the target's speed."""
+    def _target_waits(self, time_s: float) -> bool:
+        """Whether the scenario is still to change the target's speed."""
+        return self.engine.target is not None and self._is_to_change(self.engine.target, time_s)
+
+    def _is_to_change(self, name: str, time_s: float) -> bool:
+        """Whether an event is left, or an action goes on, that changes the speed of an entity."""
+        if self.engine.world.actors[name].profile.end_s > time_s:
+            return True
         return any(
             isinstance(element, EventElement)
             and element.state == STANDBY
-            and any(self.engine.target in a.entities and is_motion(a.action) for a in element.event.actions)
+            and any(name in a.entities and is_motion(a.action) for a in element.event.actions)
             for element in self.engine.storyboard.elements
         )
 

@@ -32,6 +32,7 @@ from scenarios.openscenario.model import (
     Polyline,
     ScenarioDefinition,
     SpeedAction,
+    StandStillCondition,
     Story,
     SynchronizeAction,
     TeleportAction,
@@ -462,6 +463,31 @@ def test_standing_while_the_target_is_still_to_set_off_is_no_end() -> None:
     outcome = simulation(36, [walker], BrakesAt(0.5), rule=StopRule(time_limit_s=12.0)).run()
     assert outcome.end_reason is EndReason.TIME_LIMIT
     assert not outcome.avoided
+
+
+def test_an_ego_that_the_scenario_has_not_yet_set_off_has_not_stopped() -> None:
+    """It waits 5 s on a timed trajectory, then drives 47.8 m to the standing car at 10 m/s."""
+    waits = FollowTrajectoryAction(
+        vertices((0.0, 97.8), (5.0, 97.8001), (15.0, 197.8)), 0.0, TimeReference(True, 1.0, 0.0)
+    )
+    made = definition(0.0, [car_at(150.0)])
+    made = dataclasses.replace(made, init=(*made.init, ("Ego", waits)))
+    outcome = Simulation(made, PHYSICAL, None).run()
+    assert outcome.end_reason is EndReason.CONTACT
+    assert outcome.contact_time_s == pytest.approx(Engine(made).run(20.0).contact_time_s)
+    # by an event whose condition is time: a trigger that only comes after 5 s
+    made = asking(SpeedAction("step", "time", 0.0, 10.0), initial=False)
+    late = ((Condition("late", 5.0, "none", EntityCondition(("Ego",), False, StandStillCondition(0.0))),),)
+    event = dataclasses.replace(made.stories[-1].acts[0].groups[0].maneuvers[0].events[0], start=late)
+    group = ManeuverGroup("later", 1, (Maneuver("later", (event,)),))
+    still = ("Ego", SpeedAction("step", "time", 0.0, 0.0))
+    made = dataclasses.replace(
+        made, init=(made.init[0], still, made.init[2]), entities=made.entities[:2],
+        stories=(Story("later", (Act("later", (group,), None, None),)),),
+    )  # fmt: skip
+    outcome = Simulation(made, PHYSICAL, None).run()
+    assert outcome.end_reason is EndReason.CONTACT
+    assert outcome.contact_time_s == pytest.approx(5.0 + 50.0 / 10.0, abs=0.02)
 
 
 @pytest.mark.parametrize(
