@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PathCollection, PolyCollection
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
     from matplotlib.transforms import Affine2D
     from PIL import Image as Pillow
 
@@ -55,8 +56,9 @@ _TEXT_WIDTH = 0.97
 """Of a picture's width, for one line of text."""
 _STATUS_GAP = 0.02
 """Of a picture's width, between speed and what perception holds."""
-_STORY_TOP, _STORY_BOTTOM = 0.06, 0.075
-"""Of a picture's height: where the story begins below the view, and where the legend begins."""
+_STORY_TOP, _STORY_GAP = 0.06, 0.01
+"""Of a picture's height: where the story begins below the view, and what stays free above the legend."""
+_LEGEND_COLUMNS = 6
 _SMALLEST_PT, _STEP_PT = 5.5, 0.5
 """Texts that are too long become smaller, to this size."""
 
@@ -122,6 +124,7 @@ class Film:
     title: str
     colour: str = ""
     _figure: Figure = field(init=False)
+    _legend_top: float = field(init=False, default=0.0)
     _axes: Axes = field(init=False)
     _ego_map: Affine2D = field(init=False)
     _areas: dict[str, PathCollection] = field(init=False, default_factory=dict)
@@ -222,8 +225,21 @@ class Film:
         handles += [Patch(facecolor="none", edgecolor=colour, label=f"track, {state}")
                     for state, colour in TRACK_COLOURS.items()]  # fmt: skip
         handles.append(Patch(facecolor="none", edgecolor=GREY, label="forecast"))
-        self._figure.legend(handles=handles, loc="lower center", ncols=6, fontsize=6.5, frameon=False,
-                            columnspacing=1.2, handlelength=1.4, borderaxespad=0.2)  # fmt: skip
+        self._add_legend(handles)
+
+    def _add_legend(self, handles: Sequence[Patch]) -> None:
+        """Legend at the foot, in as many columns as fit; the story keeps above it."""
+        canvas: Any = self._figure.canvas
+        for columns in range(_LEGEND_COLUMNS, 0, -1):
+            legend = self._figure.legend(
+                handles=handles, loc="lower center", ncols=columns, fontsize=6.5, frameon=False,
+                columnspacing=1.2, handlelength=1.4, borderaxespad=0.2,
+            )  # fmt: skip
+            box = legend.get_window_extent(canvas.get_renderer())
+            if box.width <= _TEXT_WIDTH * self._figure.bbox.width or columns == 1:
+                break
+            legend.remove()
+        self._legend_top = box.y1 / self._figure.bbox.height
 
     def _move_to(self, frame: int) -> None:
         """Put every artist where it belongs in a frame."""
@@ -264,7 +280,7 @@ class Film:
     def _tell(self, text: str) -> None:
         """Write the story below the view, as large as it fits between the view and the legend."""
         story = self._texts["story"]
-        room = float(story.get_position()[1]) - _STORY_BOTTOM
+        room = float(story.get_position()[1]) - self._legend_top - _STORY_GAP
         size = SMALL_PT
         while True:
             story.set_fontsize(size)

@@ -16,6 +16,7 @@ from PIL import Image
 
 from evaluation import results, video
 from evaluation.errors import ArgumentError
+from evaluation.plots.ground import AREA_COLOURS
 from evaluation.report.explain import explain
 from evaluation.report.film import HOLD_S, Film, film_times
 from evaluation.report.folder import read_folder
@@ -108,16 +109,30 @@ def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:
         assert (image[640:680].min(axis=(1, 2)) > 250).any()
 
 
-def test_texts_do_not_stand_over_each_other(folder: Path, name: str) -> None:
-    """Speed, acceleration and a long count of what perception holds share a line."""
+class Everything:
+    """An area with every role, as at an intersection."""
+
+    name = "map"
+
+    def at(self, ego: Any) -> Any:
+        rings = [(role, np.array([(0, 0), (9, 0), (9, 9)]) + 10.0 * k) for k, role in enumerate(AREA_COLOURS)]
+        return type("Area", (), {"polygons": lambda _: rings})()
+
+
+@pytest.mark.parametrize("strategy", [None, Everything()])
+def test_texts_do_not_stand_over_each_other(folder: Path, name: str, strategy: Any) -> None:
+    """Speed, acceleration and a long count of what perception holds share a line; the legend may be long."""
     results_folder = read_folder(folder)
     run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
     scene = read_scene(results_folder.log(name), None)
+    story = "Emergency brake for another pedestrian, who stayed on the sidewalk, 12.3 m ahead then. " * 4
     status = "115.5 km/h, speeding up at 2.8 m/s² · 103 of 110 detections kept · 103 tracked, 10 on a "
     account = dataclasses.replace(
-        explain(scene, run, None), status=(f"{status}collision course",) * len(scene)
+        explain(scene, run, None),
+        status=(f"{status}collision course",) * len(scene),
+        story=(story,) * len(scene),
     )
-    film = Film(scene, account, None, "title", "#d55e00")
+    film = Film(dataclasses.replace(scene, strategy=strategy), account, None, "title", "#d55e00")
     film.picture(0)
     figure = film._figure
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -126,6 +141,9 @@ def test_texts_do_not_stand_over_each_other(folder: Path, name: str) -> None:
     assert len(boxes) > 8
     for one, two in itertools.combinations(boxes, 2):
         assert not one.overlaps(two)
+    for box in boxes:
+        assert figure.bbox.x0 < box.x0 < box.x1 < figure.bbox.x1
+        assert figure.bbox.y0 < box.y0 < box.y1 < figure.bbox.y1
     # the strategy's colour, above the heading
     assert film.picture(0)[3, 480].tolist() == [0xD5, 0x5E, 0x00]
 
