@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import reprlib
 from pathlib import Path
 from typing import Any
 
 _WHOLE_DIGITS = 18
 """A whole number with more digits is read as a float: it may not fit into 64 bits."""
+
+_HALF = re.compile(r"\\u[dD][89a-fA-F]")
+"""Half of a pair of UTF-16, as JSON writes it."""
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
@@ -46,19 +50,35 @@ def parse_json(text: str) -> Any:
 
     Raises:
         ReadError: it is no JSON, is nested too deeply, names a key of an object twice, or holds a number
-            beyond all floats; the message has the line where that is known.
+            beyond all floats or half a character; the message has the line where that is known.
     """
     try:
-        return json.loads(text, parse_int=_whole, parse_float=_finite, object_pairs_hook=_object)
+        found = json.loads(text, parse_int=_whole, parse_float=_finite, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         raise ReadError(f"line {error.lineno}: not JSON: {error.msg} at column {error.colno}") from None
     except RecursionError:
         raise ReadError("nested too deeply") from None
+    if _HALF.search(text):
+        _require_whole_characters(found)
+    return found
 
 
 def read_json(path: Path) -> Any:
     """What a file in JSON holds; see `read_text` and `parse_json`."""
     return parse_json(read_text(path))
+
+
+def _require_whole_characters(found: object) -> None:
+    """Refuse texts with one half of a pair of UTF-16, which no file could be written with."""
+    todo = [found]
+    while todo:
+        value = todo.pop()
+        if isinstance(value, dict):
+            todo += [*value, *value.values()]
+        elif isinstance(value, list):
+            todo += value
+        elif isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
+            raise ReadError(f"half a character in {shown(value)}")
 
 
 def _whole(text: str) -> int | float:

@@ -12,6 +12,7 @@ import enum
 import io
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.exact import exact_floats
+from evaluation.reading import read_text, shown
 from evaluation.seal import KEY, PLACEHOLDER, check_seal, seal
 from scenarios.recording import COLUMNS, TEXT_COLUMNS
 from scenarios.simulation import TIME_LIMIT_S, EndReason, is_avoided
@@ -47,7 +49,19 @@ Published = Mapping[float, tuple[float, float | None]]
 """Published impact speed in km/h and score, if there is one, of one strategy by test speed in km/h."""
 
 _LOG_TEXT = frozenset(TEXT_COLUMNS)
-_EGO_NUMBERS = ["x_m", "y_m", "yaw_rad", "length_m", "width_m", "speed_mps"]
+_NEEDED = (
+    (("actor", "detection", "ego", "ego_forecast", "forecast", "track"), ["x_m", "y_m", "yaw_rad"]),
+    (("actor", "detection", "ego", "ego_forecast", "forecast", "track"), ["length_m", "width_m"]),
+    (("actor", "ego", "track"), ["speed_mps"]),
+    (("ego",), ["accel_mps2"]),
+    (("actor", "forecast", "track"), ["id"]),
+    (("ego_forecast", "forecast"), ["horizon_s"]),
+)
+"""Kinds of rows, and columns that they have values in."""
+_GREATEST = 1e9
+"""No time, place, angle or speed of a run is greater, in the units of its column."""
+_LOG_NAME = re.compile(r"(?!\.+$)[\w.=+-]+( [\w.=+-]+)*")
+"""Names of logs, which are names of files in the folder of logs."""
 _BROKEN = (OSError, ValueError, TypeError, LookupError, NotImplementedError, OverflowError, MemoryError)
 """What pyarrow and pandas raise of a damaged file."""
 _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
@@ -231,15 +245,17 @@ def read_runs(directory: Path) -> pd.DataFrame:
     kinds |= {"bool": "bool", "bool | None": "boolean"}
     dtypes: dict[str, Any] = {f.name: kinds.get(str(f.type), "str") for f in dataclasses.fields(RunRow)}
     try:
-        header = list(pd.read_csv(path, nrows=0).columns)
+        text = read_text(path)
+        header = _header(text)
         of_old = OLD_FALSE_ACTIVATION in header
         new = SINCE_0_2 if of_old else ()
         _require_columns(path, header, [name for name in RUN_COLUMNS if name not in new])
         if of_old:
             dtypes[OLD_FALSE_ACTIVATION] = dtypes.pop("false_activation")
         runs: pd.DataFrame = pd.read_csv(
-            path, dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats()
+            io.StringIO(text), dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats()
         )
+        _require_values(runs, [name for name in RUN_COLUMNS if name in runs])
         if of_old:
             runs = runs.rename(columns={OLD_FALSE_ACTIVATION: "false_activation"})
             runs = runs.reindex(columns=list(RUN_COLUMNS))
@@ -248,10 +264,47 @@ def read_runs(directory: Path) -> pd.DataFrame:
         return runs
     except ResultsError:
         raise
-    except (OSError, ValueError) as error:
+    except (*_BROKEN, csv.Error) as error:
         raise ResultsError(
             f"{path}: not a readable table of runs ({_one_line(error)}); run the evaluation again"
         ) from error
+
+
+def _header(text: str) -> list[str]:
+    """Names of the columns of a table in which every row has all of them.
+
+    Raises:
+        ValueError: a row has another number of fields, or a column is there twice.
+    """
+    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    header = next(rows, [])
+    if not header:
+        raise ValueError("empty")
+    for row in rows:
+        if row and len(row) != len(header):
+            raise ValueError(f"line {rows.line_num}: {len(row)} fields, {len(header)} expected")
+    for name in header:
+        if header.count(name) > 1:
+            raise ValueError(f"column {name!r} is there twice")
+    return header
+
+
+def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
+    """See that values are there where a run must have them, and possible.
+
+    Raises:
+        ValueError: one is not.
+    """
+    kinds = {field.name: str(field.type) for field in dataclasses.fields(RunRow)}
+    for name in names:
+        column = runs[name]
+        if "None" not in kinds[name] and column.isna().any():
+            raise ValueError(f"column {name!r}: a value is missing")
+        if kinds[name].startswith(("float", "int")) and (column.abs() > _GREATEST).any():
+            raise ValueError(f"column {name!r}: a value is beyond {_GREATEST:g}")
+    for log in runs["log"].dropna():
+        if not _LOG_NAME.fullmatch(log):
+            raise ValueError(f"column 'log': no name of a log: {shown(log)}")
 
 
 def write_log(path: Path, table: Mapping[str, NDArray[Any]]) -> None:
@@ -287,8 +340,8 @@ def read_log(path: Path) -> pd.DataFrame:
     """Read the log of one run.
 
     Raises:
-        ResultsError: the file is missing, is no Parquet file, is damaged, lacks a column, or holds values of
-            another kind; times, and the ego's pose, outline and speed, must be finite.
+        ResultsError: the file is missing, is no Parquet file, is damaged, lacks a column, or holds values
+            that are of another kind, too great or missing.
     """
     import pandas as pd
     import pyarrow as pa
@@ -310,10 +363,18 @@ def read_log(path: Path) -> pd.DataFrame:
             good = pd.api.types.is_numeric_dtype(log[name]) and not pd.api.types.is_bool_dtype(log[name])
         if not good:
             raise ResultsError(f"{path}: column {name!r} holds other values; see docs/run-log.md")
-    ego = log[log["kind"] == "ego"]
-    numbers = np.concatenate([log["time_s"].to_numpy(np.float64), *ego[_EGO_NUMBERS].to_numpy(np.float64)])
-    if not np.isfinite(numbers).all():
-        raise ResultsError(f"{path}: times, and {', '.join(_EGO_NUMBERS)} of the ego, must be finite")
+    for name in LOG_COLUMNS:
+        if name not in _LOG_TEXT and (log[name].abs() > _GREATEST).any():
+            raise ResultsError(f"{path}: column {name!r} holds a value beyond {_GREATEST:g}")
+    if not np.isfinite(log["time_s"].to_numpy(np.float64)).all():
+        raise ResultsError(f"{path}: column 'time_s' has a row without a value")
+    for kinds, names in _NEEDED:
+        rows = log[log["kind"].isin(kinds)]
+        holes = rows[names].isna()
+        if holes.to_numpy().any():
+            name = str(holes.any().idxmax())
+            kind = rows.loc[holes[name], "kind"].iloc[0]
+            raise ResultsError(f"{path}: column {name!r} has a row of kind {kind} without a value")
     return log
 
 

@@ -24,6 +24,7 @@ import numpy as np
 from evaluation.mot.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
 from evaluation.mot.dataset import Dataset, DatasetError, Objects, Sequence, finished
 from evaluation.mot.textfile import read_headed_table, read_text
+from evaluation.reading import ReadError, parse_json, shown
 from smartmot.types import CATEGORIES, FloatArray, StrArray
 
 CATEGORY_OF_CLASS = {
@@ -161,10 +162,11 @@ def _table_folder(folder: Path) -> Path | None:
 
 def _json(path: Path) -> Any:
     """Content of a JSON file."""
+    text = read_text(path)
     try:
-        return json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise DatasetError(f"{path}:{error.lineno}: not JSON: {error.msg} at column {error.colno}") from None
+        return parse_json(text)
+    except ReadError as error:
+        raise DatasetError(f"{path}: {error}") from None
 
 
 def _records(
@@ -233,6 +235,10 @@ def _scenes_of_csv(path: Path) -> Scenes:
     table = read_headed_table(path, ("sample_token", "scene", "stamp_s"), ("stamp_s",))
     table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
     scenes: Scenes = {}
+    tokens = table["sample_token"]
+    first = np.zeros(len(tokens), dtype=np.bool_)
+    first[np.unique(tokens, return_index=True)[1]] = True
+    table.require(first, "sample_token", "must be there once")
     for token, scene, stamp_s in zip(
         table["sample_token"].tolist(), table["scene"].tolist(), table["stamp_s"].tolist(), strict=True
     ):
@@ -260,12 +266,12 @@ def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]], cla
                     f"{path}: sample {tokens[frame]!r}: field {name!r} must be {length} numbers"
                 )
         kind = box.get("detection_name")
-        if kind not in classes:
+        if not isinstance(kind, str) or kind not in classes:
             raise DatasetError(
-                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {kind!r}; "
+                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {shown(kind)}; "
                 f"give it a category in {CLASSES_CSV}"
             )
-        if not _number(box.get("detection_score")):
+        if "detection_score" not in box or not _number(box["detection_score"]):
             raise DatasetError(f"{path}: sample {tokens[frame]!r}: field 'detection_score' must be a number")
     kinds = np.array([box["detection_name"] for _, box in boxes], dtype=np.str_)
     return _objects(
@@ -368,6 +374,8 @@ def _ego_poses(folder: Path) -> dict[str, FloatArray]:
     poses = {}
     for row in _records(folder, "ego_pose", ("token",), translation=3, rotation=4):
         if row["token"] in sample_of:
+            if not any(row["rotation"]):
+                raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
             pose = np.eye(4)
             pose[:3, :3] = rotation_matrix(_array(row["rotation"]))
             pose[:3, 3] = row["translation"]

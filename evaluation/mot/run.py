@@ -189,8 +189,8 @@ def _require_own_files(data: Dataset) -> None:
 
 
 def _file_name(sequence: str) -> str:
-    """A sequence's name without what would lead to another folder."""
-    return sequence.replace("/", "_").replace("\\", "_")
+    """A sequence's name without what would lead to another folder, or is no name of a file."""
+    return "".join("_" if c in "/\\" or not c.isprintable() else c for c in sequence)
 
 
 def _write(path: Path, text: str) -> Path:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from evaluation import reading
 from evaluation.results import OLD_FALSE_ACTIVATION, SINCE_0_2, ResultsError
 
 Record = TypeVar("Record")
@@ -30,9 +30,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return list(csv.DictReader(file))
+            return list(csv.DictReader(file, strict=True))
     except OSError as error:
         raise ResultsError(f"{path}: {error.strerror}; make it with smartmot-eval reports") from None
+    except (csv.Error, ValueError) as error:
+        raise ResultsError(f"{path}: not a table ({error}); make it with smartmot-eval reports") from None
 
 
 def read_records(path: Path, kind: type[Record]) -> list[Record]:
@@ -47,7 +49,7 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
         return [
             kind(**{field.name: _value(row, field.name, str(field.type)) for field in fields}) for row in rows
         ]
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise ResultsError(f"{path}: not a table of this version ({error!r}); make it again") from None
 
 
@@ -69,6 +71,9 @@ def read_json(path: Path) -> dict[str, Any]:
         ResultsError: the file is missing or not understood.
     """
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
+        found = reading.read_json(path)
+    except reading.ReadError as error:
         raise ResultsError(f"{path}: {error}; make it with smartmot-eval reports") from None
+    if not isinstance(found, dict):
+        raise ResultsError(f"{path}: holds no settings; make it with smartmot-eval reports")
+    return found

@@ -260,6 +260,7 @@ def evil(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder that names a module which lies in it, as the current folder."""
     folder = field(tmp_path, "report_runs_code")
     monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", list(sys.path))
     yield folder
     sys.modules.pop("evil", None)
 

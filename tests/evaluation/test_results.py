@@ -332,8 +332,10 @@ def test_equal_logs_are_equal_bytes_and_their_pages_have_checksums_too(tmp_path:
         ({"kind": [1, 2, 3]}, "column 'kind' holds other values"),
         ({"label": [b"a", None, b"b"]}, "not a readable Parquet log|column 'label' holds other values"),
         ({"id": [True, False, True]}, "column 'id' holds other values"),
-        ({"time_s": [0.0, np.nan, 1.0]}, "times, and .* must be finite"),
-        ({"yaw_rad": [np.inf, 0.0, 0.0]}, "times, and .* must be finite"),
+        ({"time_s": [0.0, np.nan, 1.0]}, "column 'time_s' has a row without a value"),
+        ({"yaw_rad": [np.nan, 0.0, 0.0]}, "column 'yaw_rad' has a row of kind ego without a value"),
+        ({"length_m": [4.0, np.nan, 0.0]}, "column 'length_m' has a row of kind track without a value"),
+        ({"yaw_rad": [np.inf, 0.0, 0.0]}, r"column 'yaw_rad' holds a value beyond 1e\+09"),
     ],
 )
 def test_logs_with_values_of_another_kind_are_refused(

@@ -161,7 +161,7 @@ def test_mistakes_in_tables_name_file_record_and_field(
 
 def test_broken_json_names_the_line(tmp_path: Path) -> None:
     (tmp_path / "detections.json").write_text('{"results":\n {"a": [}\n')
-    with pytest.raises(DatasetError, match=r"detections.json:2: not JSON"):
+    with pytest.raises(DatasetError, match=r"detections\.json: line 2: not JSON"):
         read_nuscenes(tmp_path)
 
 
