@@ -135,7 +135,7 @@ class Slowing:
     @property
     def end(self) -> str:
         """Speed at the end, with a space before it."""
-        return " to a standstill" if self.stands else f" to {self.to_mps * MPS_TO_KMH:.0f} km/h"
+        return _down_to(self.to_mps)
 
     @property
     def text(self) -> str:
@@ -206,7 +206,7 @@ def explain(scene: Scene, run: Run, setting: Setting | None) -> Account:
         shown = slowing.last if slowing else 0
     false_activation = _false_activation(run)
     return Account(
-        outcome=_outcome(run, kind, slowing),
+        outcome=_outcome(scene, run, kind, triggers, slowing),
         kind=kind,
         must=must,
         finding=finding,
@@ -252,7 +252,7 @@ def _kind(scene: Scene, run: Run, must: str, triggers: list[Trigger], slowing: S
     return "stop" if triggers or slowing else "pass"
 
 
-def _outcome(run: Run, kind: str, slowing: Slowing | None) -> str:
+def _outcome(scene: Scene, run: Run, kind: str, triggers: list[Trigger], slowing: Slowing | None) -> str:
     if kind in ("hit", "mitigated"):
         return f"{kind}, {run['v_impact_kmh']:.1f} km/h"
     words = {
@@ -265,9 +265,21 @@ def _outcome(run: Run, kind: str, slowing: Slowing | None) -> str:
         return words[kind]
     if kind == "unnecessary" and slowing is not None:
         return f"unnecessary braking{slowing.end}"
-    if not math.isnan(run["t0_s"]) or slowing is None:
-        return "slowed" if math.isnan(run["t0_s"]) else "stopped"
-    return "stopped" if slowing.stands else f"slowed{slowing.end}"
+    if not math.isnan(run["t0_s"]):
+        return "stopped"
+    ends = [_least_mps(scene, trigger.frame) for trigger in triggers[:1]]
+    ends += [slowing.to_mps] if slowing else []
+    return "stopped" if min(ends) < STANDING_MPS else f"slowed{_down_to(min(ends))}"
+
+
+def _least_mps(scene: Scene, frame: int) -> float:
+    """Least speed from a frame on."""
+    return float(scene.ego["speed_mps"].abs().iloc[frame:].min())
+
+
+def _down_to(speed_mps: float) -> str:
+    """` to 12 km/h`, or ` to a standstill`."""
+    return " to a standstill" if speed_mps < STANDING_MPS else f" to {speed_mps * MPS_TO_KMH:.0f} km/h"
 
 
 def _finding(
@@ -324,10 +336,9 @@ def _emergency(scene: Scene, run: Run, first: Trigger, hit: str, preset: Preset 
             f"The brake was requested {first.gap_m:.1f} m before {'it' if first.who == hit else first.who}"
         )
     if _false_activation(run):
-        least = float(scene.ego["speed_mps"].abs().iloc[first.frame :].min())
-        until = "to a standstill" if least < STANDING_MPS else f"to {least * MPS_TO_KMH:.0f} km/h"
+        until = _down_to(_least_mps(scene, first.frame))
         what = (
-            f"False activation: emergency braking from {first.speed_mps * MPS_TO_KMH:.0f} km/h {until} for "
+            f"False activation: emergency braking from {first.speed_mps * MPS_TO_KMH:.0f} km/h{until} for "
             f"{first.who}{f', then hits {hit} at {impact}' if hit else ''}."
         )
         request += f", {first.how}"
@@ -337,8 +348,8 @@ def _emergency(scene: Scene, run: Run, first: Trigger, hit: str, preset: Preset 
             need_m = preset.brakes.travel(first.speed_mps, 0.0, _LONG_STOP_S)[0]
             request += f"; from {first.speed_mps * MPS_TO_KMH:.0f} km/h these brakes need {need_m:.1f} m"
     elif math.isnan(run["t0_s"]):
-        least = float(scene.ego["speed_mps"].abs().iloc[first.frame :].min())
-        what = f"Slows to {least * MPS_TO_KMH:.0f} km/h in an emergency, and passes without contact."
+        least = _down_to(_least_mps(scene, first.frame))
+        what = f"Slows{least} in an emergency, and passes without contact."
     elif math.isnan(run["stop_gap_m"]):
         what = "Stops without contact."
     elif run["stop_gap_m"] > 0:

@@ -339,3 +339,21 @@ def test_a_standing_ego_is_hit(drive: Any, run_row: Any) -> None:
     run = run_row(collided=True, v_impact_kmh=0.0, contact_time_s=2.0, t0_s=2.0)
     account = explain(read_scene(slows(drive, 0.0), None), run, setting_of("nothing"))
     assert account.finding == "Is hit by another pedestrian while it stands."
+
+
+def test_an_emergency_that_ends_before_standstill_is_said_with_its_depth(drive: Any, run_row: Any) -> None:
+    log = slows(drive, 12.0)
+    log.loc[len(log)] = {
+        "time_s": 0.5,
+        "kind": "event",
+        "category": "unexpected",
+        "label": "predicted_collision",
+    }
+    run = run_row(flag_time_s=0.5, false_activation=False)
+    account = explain(read_scene(log, None), run, setting_of("brake"))
+    assert (account.kind, account.outcome) == ("stop", "slowed to 12 km/h")
+    assert account.finding == (
+        "Collision avoided. Slows to 12 km/h in an emergency, and passes without contact."
+    )
+    # what it lost before the request: a quarter of the way from 50 to 12 km/h
+    assert "Before that, the ego had slowed from 50 to 40 km/h at up to 5.3 m/s²" in account.why
