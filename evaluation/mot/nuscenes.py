@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -107,10 +108,13 @@ def read_nuscenes(folder: Path) -> Dataset:
             f"no times of the samples: taken as one recording in the file's order, {FRAME_S:g} s apart; put "
             f"sample.json and scene.json of nuScenes or {FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
         )
-    known = {token for samples in scenes.values() for token, _ in samples}
+    known = Counter(token for samples in scenes.values() for token, _ in samples)
     unknown = [token for token in results if token not in known]
+    where = tables / "sample.json" if tables else times
+    twice = [token for token, count in known.items() if count > 1]
+    if twice:
+        raise DatasetError(f"{where}: sample {twice[0]!r} is there twice")
     if unknown:
-        where = tables / "sample.json" if tables else times
         raise DatasetError(f"{path}: sample {unknown[0]!r} is not in {where}")
     classes = read_classes(path.parent, CATEGORY_OF_CLASS)
     annotations = _annotations(tables) if tables else {}
@@ -235,10 +239,6 @@ def _scenes_of_csv(path: Path) -> Scenes:
     table = read_headed_table(path, ("sample_token", "scene", "stamp_s"), ("stamp_s",))
     table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
     scenes: Scenes = {}
-    tokens = table["sample_token"]
-    first = np.zeros(len(tokens), dtype=np.bool_)
-    first[np.unique(tokens, return_index=True)[1]] = True
-    table.require(first, "sample_token", "must be there once")
     for token, scene, stamp_s in zip(
         table["sample_token"].tolist(), table["scene"].tolist(), table["stamp_s"].tolist(), strict=True
     ):
@@ -301,7 +301,7 @@ def _objects(
     size = _array([box["size"] for _, box in boxes], 3)
     quaternion = _array([box["rotation"] for _, box in boxes], 4)
     with np.errstate(invalid="ignore", divide="ignore"):
-        w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
+        w, x, y, z = _unit(quaternion).T
     found = Objects.of(
         np.array([frame for frame, _ in boxes], dtype=np.int64),
         place[:, :2],
@@ -314,6 +314,14 @@ def _objects(
         **columns,
     )
     return found[found.category != LEFT_OUT]
+
+
+def _unit(quaternion: FloatArray) -> FloatArray:
+    """(..., 4) quaternions of length 1; NaN for those of length 0."""
+    # the squares of great and of small numbers are no floats
+    scaled = quaternion / np.abs(quaternion).max(axis=-1, keepdims=True)
+    unit: FloatArray = scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
+    return unit
 
 
 def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]]]:
@@ -385,7 +393,7 @@ def _ego_poses(folder: Path) -> dict[str, FloatArray]:
 
 def rotation_matrix(quaternion: FloatArray) -> FloatArray:
     """(3, 3) matrix of a quaternion w, x, y, z of any length but 0."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    w, x, y, z = _unit(quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
