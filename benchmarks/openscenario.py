@@ -38,8 +38,9 @@ LIMITS = {
     "target start (s)": 2 * STEP_S + 0.001,
     "target steady (s)": 2 * STEP_S + 0.001,
 }
-"""One step of the reference (two for its targets, which know their master a step late), and its rounding; what
-the target walks in one step is added to that of the impact location."""
+"""One step of the reference (two for its targets, which know their master a step late), and its rounding.
+
+What the target walks in one step is added to that of the impact location."""
 
 
 def timed(variation: Variation) -> tuple[Run, float]:

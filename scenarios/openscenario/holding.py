@@ -567,11 +567,16 @@ def _time_to_collision(kind: model.TimeToCollisionCondition, actor: Actor, other
             return True
         return upwards and abs(speed) + abs(speed_later) + SLACK < bend
 
+    def settled_s(now: Instant) -> float:
+        if upwards:  # it also begins to hold where they begin to approach each other, however far apart
+            return now.time_s
+        return _nearer_s(now, actor, other, how, freespace, 0.0, max(value, 0.0))
+
     return Holding(
         holds,
         side if equal else holds,
         flips,
-        lambda now: _nearer_s(now, actor, other, how, freespace, 0.0, max(value, 0.0)),
+        settled_s,
     )
 
 

@@ -1,10 +1,13 @@
 """What holds for less than a step is found, whatever the step. Times follow from the geometry."""
 
 import math
+import random
+from dataclasses import replace
 
 import pytest
 
 from scenarios.openscenario import Engine, load
+from scenarios.openscenario import model as m
 from tests.scenarios.openscenario.conftest import (
     act,
     at_time,
@@ -19,6 +22,7 @@ from tests.scenarios.openscenario.conftest import (
     speed,
     teleport,
     trigger,
+    write_scenario,
 )
 
 STEPS_S = [0.002, 0.01, 0.1]
@@ -228,3 +232,97 @@ def test_a_standstill_is_counted_from_the_instant_of_the_stop(write, step_s):
     inner = by_entity('<StandStillCondition duration="1.5"/>')
     found = triggered_s(write, init, inner, step_s, edge="rising", also=moves)
     assert found == pytest.approx([1 + 10 / 3 + 1.5], abs=1e-6)
+
+
+# ---- random scenes ---------------------------------------------------------------------------------------
+
+
+def any_condition(r):
+    """A condition of Ego's towards B, or on itself."""
+    kind = r.choice(("longitudinal", "lateral", "euclidianDistance"))
+    rule = r.choice(("lessThan", "greaterThan", "equalTo", "lessOrEqual", "greaterOrEqual"))
+    free = r.random() < 0.5
+    places = (
+        m.RelativeObjectPosition("B", r.uniform(-10, 10), r.uniform(-5, 5), m.Orientation()),
+        m.WorldPosition(r.uniform(0, 60), r.uniform(-20, 20), 0.0),
+    )
+    along = r.choice((None, "longitudinal", "lateral"))
+    return r.choice(
+        (
+            m.CollisionCondition("B"),
+            m.RelativeDistanceCondition("B", rule, r.uniform(0, 15), kind, free),
+            m.TimeToCollisionCondition("B", rule, r.uniform(0.05, 3), kind, free),
+            m.TimeHeadwayCondition("B", rule, r.uniform(0.05, 3), kind, free),
+            m.ReachPositionCondition(r.choice(places), r.uniform(0.02, 2)),
+            m.RelativeSpeedCondition("B", rule, r.uniform(-15, 15), along),
+            m.SpeedCondition(rule, r.uniform(-5, 20), None),
+            m.AngleCondition(r.uniform(-3, 3), r.uniform(0.005, 0.3)),
+            m.TraveledDistanceCondition(r.uniform(0, 80)),
+        )
+    )
+
+
+def any_line(r, name):
+    x, y, heading = r.uniform(-20, 20), r.uniform(-20, 20), r.uniform(-3, 3)
+    vertices = []
+    for _ in range(r.randrange(2, 9)):
+        vertices.append(m.Vertex(m.WorldPosition(x, y, 0.0), None))
+        length = r.uniform(0.05, 30)
+        heading += r.uniform(-0.8, 0.8)
+        x, y = x + length * math.cos(heading), y + length * math.sin(heading)
+    return m.FollowTrajectoryAction(m.Trajectory(name, m.Polyline(tuple(vertices))), 0.0, None)
+
+
+def at_once(name, action, kind, edge="none", delay=0.0):
+    started = ((m.Condition("c", delay, edge, kind),),)
+    actor = () if isinstance(action, m.ModifyVariableAction) else ("Ego",)
+    return m.Event(name, "parallel", 5, (m.NamedAction("a", action, actor),), started)
+
+
+def any_scene(r, base):
+    """Two cars near each other, straight on or along lines with corners, that change their speeds."""
+    sizes = [(r.uniform(0.5, 6), r.uniform(0.4, 2.5), 1.5, r.uniform(0, 1.5), 0.0) for _ in range(2)]
+    cars = tuple(
+        m.EntityDefinition(n, "car", "car", *size) for n, size in zip(("Ego", "B"), sizes, strict=True)
+    )
+    init = []
+    for name in ("Ego", "B"):
+        place = m.WorldPosition(r.uniform(-9, 9), 100 + r.uniform(-9, 9), r.uniform(-3, 3))
+        init.append((name, m.TeleportAction(place) if r.random() < 0.5 else any_line(r, name)))
+        init.append((name, m.SpeedAction("step", "time", 0.0, r.uniform(-3, 20))))
+    edges = ("rising", "falling", "risingOrFalling")
+    counts = m.ModifyVariableAction("n", "add", 1.0)
+    events = [
+        at_once(
+            f"w{k}",
+            counts,
+            m.EntityCondition(("Ego",), False, any_condition(r)),
+            r.choice(edges),
+            r.choice((0.0, 0.37)),
+        )
+        for k in range(3)
+    ]
+    shapes = ("step", "linear", "cubic", "sinusoidal")
+    for k in range(2):
+        change = m.SpeedAction(r.choice(shapes), "time", r.choice((0.003, 0.5, 2.0)), r.uniform(-3, 20))
+        when = m.SimulationTimeCondition("greaterOrEqual", r.uniform(0, 4))
+        events.append(replace(at_once(f"s{k}", change, when), max_executions=1))
+    group = m.ManeuverGroup("g", 1, (m.Maneuver("m", tuple(events)),))
+    story = m.Story("s", (m.Act("a", (group,), None, None),))
+    return replace(base, entities=cars, init=tuple(init), stories=(story,))
+
+
+def what_happens(definition, step_s):
+    engine = Engine(definition, step_s=step_s)
+    clock = engine.world.variables = Clocked(engine)
+    while not engine.over and engine.time_s < 6.0 - 1e-9:
+        engine.advance(min(step_s, 6.0 - engine.time_s))
+    return clock.set_s, engine.contact.time_s if engine.contact else math.inf
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_the_step_decides_nothing_in_random_scenes(tmp_path, seed):
+    scene = any_scene(random.Random(seed), load(write_scenario(tmp_path)))
+    (coarse, touched), (fine, touched_fine) = what_happens(scene, 0.05), what_happens(scene, 0.0017)
+    assert coarse == pytest.approx(fine, abs=1e-5)
+    assert touched == pytest.approx(touched_fine, abs=1e-5)
