@@ -302,12 +302,12 @@ class Simulation:
             target=run.target,
             target_start_time_s=run.target_start_time_s,
             target_steady_time_s=run.target_steady_time_s,
-            false_activation=self._false_activation(run.target_start_time_s),
+            false_activation=self._false_activation(),
             end_reason=reason,
             end_time_s=engine.time_s,
             detections=self._counts.reported,
             dropped=self._counts.dropped,
-            notes=engine.notes,
+            notes=(*engine.notes, *self._told_end(reason)),
             log=self._log,
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
@@ -461,6 +461,23 @@ class Simulation:
         ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
         return max(float(ahead) - ego.length_m / 2, 0.0)
 
+    def _told_end(self, reason: EndReason) -> list[str]:
+        """Whether the scenario's own stop trigger came before anything that it has the target do."""
+        target = self.engine.target
+        events = [
+            element
+            for element in self.engine.storyboard.elements
+            if isinstance(element, EventElement)
+            and any(target in a.entities and is_motion(a.action) for a in element.event.actions)
+        ]
+        begun = any(action.running for event in events for action in event.actions)
+        if reason is not EndReason.STORYBOARD or begun or not events:
+            return []
+        return [
+            f"the scenario's stop trigger held before any event of '{target}' began: a run without contact "
+            "says nothing about avoiding it"
+        ]
+
     def _require_scores(self) -> None:
         """Refuse a run in which no detection could start a track: the ego was blind.
 
@@ -481,10 +498,12 @@ class Simulation:
             "(--tracker package.module:name)"
         )
 
-    def _false_activation(self, set_off_s: float | None) -> bool | None:
+    def _false_activation(self) -> bool | None:
         """Whether the first request came before the target had set off; None where it does not do so."""
+        target = self.engine.target
+        set_off_s = None if target is None else self.engine.world.actors[target].set_off_s
         if set_off_s is None:
-            if not _is_to_set_off(self.engine.definition, self.engine.target):
+            if not _is_to_set_off(self.engine.definition, target):
                 return None
             return self._flag is not None
         if set_off_s <= STEP_S:

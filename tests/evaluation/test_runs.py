@@ -185,6 +185,15 @@ def test_an_initial_speed_that_takes_time_is_carried_out(tmp_path: Path, lane: s
     assert initial_speed_kmh(definition_of(spec)) == pytest.approx(40.0)
 
 
+def test_a_run_that_is_cut_off_has_no_score_and_is_not_avoided() -> None:
+    """Unbraked at 30 km/h the pedestrian is hit 2.85 s after the lead, which takes 70 s here."""
+    parameters = (("Ego_speed_kmh", 30.0), ("Lead_s", 70.0))
+    spec = RunSpec("x", "cpna_paper", parameters, NO_AEB, "paper", "dry", 30.0, paper_points=True)
+    row = execute(spec).row
+    assert (row.end_reason, row.end_time_s) == ("time_limit", pytest.approx(60.0))
+    assert (row.collided, row.avoided, row.score) == (False, False, None)
+
+
 def with_ego_actions(initial: list[Action], later: list[Action]) -> ScenarioDefinition:
     """The shipped crossing with other actions of the ego."""
     made = definition_of(CPNA)

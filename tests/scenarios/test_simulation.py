@@ -423,6 +423,15 @@ def test_a_target_that_moves_from_the_start_cannot_be_braked_for_too_early() -> 
     assert outcome.false_activation is None
 
 
+def test_whom_the_ego_hits_does_not_make_its_braking_a_false_activation() -> None:
+    """The walker, target of the test, sets off at 1 s; the ego brakes at 1.2 s and hits a car that stands."""
+    walker = Other("pedestrian", 140.0, LANE_Y_M - 6.0, math.pi / 2, 0.6, 0.5, speed_mps=0.2, after_m=20.0)
+    outcome = simulation(72, [walker, car_at(135.0)], BrakesAt(1.2)).run()
+    assert outcome.contact is not None
+    assert outcome.contact.entity == "other 1"
+    assert (outcome.flag_time_s, outcome.false_activation) == (pytest.approx(1.2), False)
+
+
 # ---- why a run ends ----------------------------------------------------------------------------------------
 
 
@@ -463,6 +472,19 @@ def test_standing_while_the_target_is_still_to_set_off_is_no_end() -> None:
     outcome = simulation(36, [walker], BrakesAt(0.5), rule=StopRule(time_limit_s=12.0)).run()
     assert outcome.end_reason is EndReason.TIME_LIMIT
     assert not outcome.avoided
+
+
+@pytest.mark.parametrize(("stop_m", "told"), [(5.0, 1), (25.0, 0)])
+def test_a_stop_trigger_before_the_target_does_anything_is_said(stop_m: float, told: int) -> None:
+    """The walker sets off when the ego has gone 20 m."""
+    walker = Other("pedestrian", 180.0, LANE_Y_M - 4.0, math.pi / 2, 0.6, 0.5, speed_mps=1.0, after_m=20.0)
+    gone = EntityCondition(("Ego",), False, TraveledDistanceCondition(stop_m))
+    made = dataclasses.replace(definition(36, [walker]), stop=((Condition("end", 0.0, "none", gone),),))
+    outcome = Simulation(made, PHYSICAL, None).run()
+    assert outcome.end_reason is EndReason.STORYBOARD
+    assert outcome.end_time_s == pytest.approx(stop_m / 10.0, abs=0.01)
+    assert len(outcome.notes) == told
+    assert all("before any event of 'other 0' began" in note for note in outcome.notes)
 
 
 def test_an_ego_that_the_scenario_has_not_yet_set_off_has_not_stopped() -> None:

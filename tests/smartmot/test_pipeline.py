@@ -9,6 +9,7 @@ import pytest
 
 from opendrive import load_map
 from smartmot.braking import BrakingDistance
+from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import ForecastConfig
 from smartmot.lifecycle import LifecycleConfig
@@ -22,7 +23,7 @@ from smartmot.monitored_area import (
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
 from smartmot.route import route_ahead
 from smartmot.tracker import TrackerConfig
-from smartmot.types import Boxes, Detections, EgoState
+from smartmot.types import Boxes, Detections, Dropped, EgoState
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"
 SIZES = {"car": (4.4, 1.8), "pedestrian": (0.5, 0.5), "cyclist": (1.8, 0.6), "truck": (9.0, 2.5)}
@@ -172,6 +173,19 @@ def test_unsure_detections_start_no_tracks() -> None:
     assert result.kept.all()
     assert len(result.tracks) == 0
     assert not result.command.emergency
+
+
+def test_a_frame_tells_what_was_dropped() -> None:
+    """One score under the tracker's 0.3; one name and one box that the detector's arrays had."""
+    found, _ = detections_from_arrays(
+        0.0, [[120.0, LANE_Y]] * 4, [[4.0, 2.0]] * 3 + [[0.0, 2.0]], [0.0] * 4, [0.2, 0.9, 0.9, 0.9],
+        ["car", "car", "unicorn", "car"],
+    )  # fmt: skip
+    pipeline = Pipeline(_map_area(), PipelineConfig())
+    _, result = pipeline.step(pipeline.initial(), found, EgoState(0.0, 100.0, LANE_Y, 0.0, 10.0))
+    assert result.dropped == Dropped(score=1, category=1, box=1)
+    assert result.trackable == 1
+    assert len(result.tracks) == 1
 
 
 def test_frames_must_come_in_order() -> None:

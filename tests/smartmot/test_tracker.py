@@ -563,3 +563,33 @@ def test_a_users_own_affinity_takes_the_costs_place() -> None:
     matched = tracks[tracks.track_id == 1]
     assert matched.coasted_s.tolist() == [0.0]
     assert matched.boxes.center_m[0, 1] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("config", "drop", "start"),
+    [
+        (TrackerConfig(), 0.3, 0.3),
+        (TrackerConfig(score_threshold=0.1, second_stage_score=0.5), 0.1, 0.5),
+        (TrackerConfig(lifecycle=LifecycleConfig(birth_score=0.6)), 0.3, 0.6),
+        (TrackerConfig(report=ReportConfig(score=0.7)), 0.3, 0.7),
+        (TrackerConfig(report=ReportConfig(mean_score=0.8)), 0.3, 0.8),
+    ],
+)
+def test_score_limits_say_which_detections_are_dropped_and_which_can_be_reported(
+    config: TrackerConfig, drop: float, start: float
+) -> None:
+    limits = Tracker(config).score_limits
+    scores = [drop - 0.01, drop, start - 0.01, start]
+    frame = _frame(0.0, [[20.0 * k, 0.0] for k in range(4)], score=scores)
+    assert limits.counts(frame) == (sum(s < drop for s in scores), sum(s >= start for s in scores))
+    assert limits.counts(Detections.empty(0.0)) == (0, 0)
+    for score in (start - 0.01, start):  # what the limits say is what comes out
+        shown = Tracker(config).update(_frame(0.0, [[0.0, 0.0]], score=score))
+        assert len(shown) == (score >= start)
+
+
+def test_score_limits_go_by_category() -> None:
+    least = PerCategory(0.2, pedestrian=0.6, cyclist=0.2, truck=0.2, motorcycle=0.2, unknown=0.2)
+    limits = Tracker(TrackerConfig(score_threshold=least)).score_limits
+    frame = _frame(0.0, [[0.0, 0.0], [20.0, 0.0]], category=["car", "pedestrian"], score=0.4)
+    assert limits.counts(frame) == (1, 1)
