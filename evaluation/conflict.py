@@ -15,7 +15,7 @@ from scenarios.simulation import EndReason
 from smartmot.geometry import signed_gap_scalar
 
 TOUCH_M = 1e-3
-"""Outlines this near touch: the engine finds a contact within 1 us, in which nobody moves 1 mm."""
+"""Outlines this near touch: the engine finds a contact within 1 us, in which nothing moves 1 mm."""
 
 RUNS_PER_WORKER = 16
 """A process takes about as long to start as this many unbraked runs."""
@@ -88,7 +88,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """What comes to pass if nobody brakes.
+    """What comes to pass if the ego does not brake.
 
     Args:
         target: entity that the test is about; None if the ego is alone.
@@ -116,7 +116,7 @@ class Conflict:
 
 
 def unbraked(spec: RunSpec) -> RunSpec:
-    """The run in which nobody perceives or brakes: what is left of a run are its world and the ego's way."""
+    """The run without perception and brakes: what is left of a run are its world and the ego's way."""
     return RunSpec(
         scenario=spec.file,
         file=spec.file,
@@ -150,7 +150,7 @@ def conflict_of(spec: RunSpec) -> Conflict:
 def conflicts(
     specs: Iterable[RunSpec], workers: int = 1, done: Callable[[], None] = lambda: None
 ) -> dict[RunSpec, Conflict]:
-    """What comes to pass in runs if nobody brakes, by their `unbraked` run; each of these is run once.
+    """What comes to pass in runs without brakes, by their `unbraked` run; each of these is run once.
 
     Args:
         specs: the runs; what they differ in beside the scenario and its parameters plays no part.

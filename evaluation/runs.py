@@ -49,7 +49,7 @@ from smartmot.plugins import failure, is_plugin
 from smartmot.types import FloatArray
 
 NO_AEB = "none"
-"""Stands for the strategy in runs in which nobody perceives and nobody brakes."""
+"""Stands for the strategy in runs without perception and emergency brake."""
 
 NCAP_MAP = "euro_ncap_street"
 TEST_TRACK_LANE_M = 8.0
@@ -237,7 +237,7 @@ def initial_speed_kmh(definition: ScenarioDefinition) -> float:
     initial, later = ego_actions(definition, ego)
     speeds = [action.target for action in initial if isinstance(action, SpeedAction)]
     asked = speeds[-1] if speeds else 0.0
-    if not isinstance(asked, float):  # relative to somebody
+    if not isinstance(asked, float):  # relative to another entity
         asked = Engine(definition).ego.profile.final_mps
     elif not asked and any(is_motion(a) for a in initial):  # by a distance, synchronisation or trajectory
         asked = Engine(definition).ego.asked_mps(0.0)

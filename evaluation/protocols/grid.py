@@ -72,7 +72,7 @@ class Measurement:
         impact_speed_kmh: speed of the VUT at contact less the target's speed along it; 0 without contact.
         warning_ttc_s: time to collision at the warning; None without one.
         speed_reduction_kmh: speed without braking less speed at contact, or at the slowest without contact;
-            None where nobody asks for it.
+            None where it is not asked for.
         invalid: why the run tests nothing; it then scores nothing, whatever came out. Empty if it is valid.
         false_activation: whether an emergency was requested before the target set off; the test is then
             failed, whatever came out.

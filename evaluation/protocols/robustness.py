@@ -137,7 +137,7 @@ layer has two conditions the laboratory drives one, drawn at random, so both mus
 NOT_SIMULATED = (
     "driver input, target type and appearance, adverse weather, sun and headlamp glare, clutter, obstruction"
 )
-"""Layers that nobody can claim from runs of this simulation."""
+"""Layers that cannot be claimed from runs of this simulation."""
 
 
 def conditioned(scenario: str, base: Cell) -> tuple[tuple[Condition, Cell], ...]:

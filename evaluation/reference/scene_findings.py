@@ -290,7 +290,7 @@ def told_growth(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> list[s
 
 
 def grows_in_proportion(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bool:
-    """Whether nobody's time grows faster than the number of others from half of them to all, noise apart."""
+    """Whether the time of no strategy outgrows the number of others from half of them to all, noise apart."""
     most = max(run.others for run in runs)
     for strategy in {run.strategy for run in runs}:
         by_count: dict[int, list[float]] = defaultdict(list)

@@ -360,7 +360,7 @@ def _emergency(scene: Scene, run: Run, first: Trigger, hit: str, preset: Preset 
 
 
 def _why_never(scene: Scene, run: Run) -> str:
-    """Why an ego that hits somebody has not braked."""
+    """Why an ego that hits an object has not braked."""
     if run["strategy"] == NO_BRAKING:
         return "Nothing watches and nothing brakes in this run."
     detections, tracks = scene.objects["detection"], scene.objects["track"]

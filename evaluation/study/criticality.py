@@ -54,8 +54,8 @@ class Criticality:
 
     Args:
         time_s: (T,) times of the log.
-        time_to_collision_s: (T,) infinite where nobody is on a collision course.
-        required_decel_mps2: (T,) 0 where nobody is, infinite in contact.
+        time_to_collision_s: (T,) infinite without a collision course.
+        required_decel_mps2: (T,) 0 without one, infinite in contact.
         brake_threat_number: (T,) the same over what the brakes give.
     """
 
@@ -126,7 +126,7 @@ def criticality(log: Mapping[str, NDArray[Any]], available_decel_mps2: float) ->
 
 
 def criticality_csv(found: Criticality) -> bytes:
-    """One line per time; a time to collision is empty where nobody is on a collision course."""
+    """One line per time; a time to collision is empty without a collision course."""
     lines = ["time_s,time_to_collision_s,required_decel_mps2,brake_threat_number"]
     columns = (
         found.time_s,

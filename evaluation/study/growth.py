@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -327,19 +328,27 @@ def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
     return text.getvalue().encode()
 
 
+_LEGEND_CHARACTERS, _LEGEND_LINE_IN = 40, 0.165
+"""Characters of all strategies' names that three columns have room for, and the height of a line."""
+
+
 def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figure:
     """Time per frame, tracks and time of the flag over the number of others, a curve per strategy."""
     pairs = list(zip(runs, spent, strict=True))
-    figure = new_figure(2.7)
+    looks = strategy_looks(run.strategy for run in runs)
+    columns = 3 if sum(map(len, looks)) < _LEGEND_CHARACTERS else 2
+    more_in = _LEGEND_LINE_IN * (math.ceil(len(looks) / columns) - 1)
+    height_in = 2.7 + more_in
+    figure = new_figure(height_in)
     panels = figure.subplots(1, 3)
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.37, top=0.9, wspace=0.33)
+    bottom, top = (1.0 + more_in) / height_in, 1.0 - 0.27 / height_in
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=bottom, top=top, wspace=0.33)
     counts = list(dict.fromkeys(run.others for run in runs))
     summaries: tuple[tuple[str, Callable[[Sequence[Timed]], Estimate]], ...] = (
         ("time per frame (ms)", _median_ms),
         ("tracks per frame", _tracks),
         ("first request (s)", _flag_s),
     )
-    looks = strategy_looks(run.strategy for run in runs)
     for axes, (title, summary) in zip(panels, summaries, strict=True):
         set_style(axes)
         set_title(axes, title, room=26)
@@ -355,9 +364,12 @@ def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figu
                 label=strategy if axes is panels[0] else None,
             )
     panels[0].set_ylim(bottom=0.0)
-    figure.legend(loc="lower center", ncols=3, fontsize=SMALL_PT, frameon=False, bbox_to_anchor=(0.5, 0.1))
+    figure.legend(
+        loc="lower center", ncols=columns, fontsize=SMALL_PT, frameon=False,
+        bbox_to_anchor=(0.5, 0.27 / height_in),
+    )  # fmt: skip
     figure.text(
-        0.5, 0.015,
+        0.5, 0.04 / height_in,
         f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds.\n"
         "No point: no emergency request for the pedestrian.",
         ha="center", fontsize=SMALL_PT - 1.5, color="#444444",

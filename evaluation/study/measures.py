@@ -37,19 +37,19 @@ class RunMeasures:
         flag_time_s: first emergency request.
         flag_distance_m: free distance to the target then.
         flag_ttc_s: time to collision with anybody then, from ground truth at constant velocities; None also
-            where nobody was on a collision course.
+            where no road user was on a collision course.
         end_reason: why the run ended, see `scenarios.simulation.EndReason`.
         false_activation: an emergency request where nothing should happen, or before a target that was to set
             off had done so; None where the ego must brake for one that stands or moves from the start.
         needless_stop: a false activation, or a standstill where nothing should happen: adapting the speed to
-            somebody who is in nobody's way can end in a standstill without an emergency.
+            an object that is not in the way can end in a standstill without an emergency.
         speed_loss_kmh: by how much it was slower at the slowest than without braking.
         delay_s: how much later it was where it came to than without braking.
         distance_m: driven.
         duration_s: of the run.
         detections_mean, tracks_mean: per frame.
         dropped_share: of the detections, for their score, category or box.
-        min_ttc_s: shortest time to collision; None: nobody was ever on a collision course.
+        min_ttc_s: shortest time to collision; None: there was never a collision course.
         max_btn: greatest brake threat number before a contact.
     """
 
