@@ -14,6 +14,7 @@ from evaluation.folder_lock import LOCK, locked
 from evaluation.results import ResultsError, write_bytes
 
 COMMAND = (sys.executable, "-c", "from evaluation.cli import main; main()")
+FIELD = Path(__file__).parents[1] / "data" / "field" / "runs"
 HOLD = """
 import sys
 from pathlib import Path
@@ -68,10 +69,11 @@ def test_another_process_is_told_which_one_writes(tmp_path: Path, other: subproc
         ("compare", "--seeds", "1"),
         ("compare", "--growth", "--seeds", "1"),
         ("reports", "--only", "paper"),
+        ("mot", FIELD / "nuscenes_no_score", "--format", "nuscenes"),
     ],
 )
 def test_every_command_that_writes_a_folder_waits_for_its_turn(
-    tmp_path: Path, other: subprocess.Popen[str], words: tuple[str, ...]
+    tmp_path: Path, other: subprocess.Popen[str], words: tuple[object, ...]
 ) -> None:
     done = command(*words, "--out", tmp_path)
     assert done.returncode == 2
