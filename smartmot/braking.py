@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from smartmot.errors import ConfigError
@@ -20,8 +21,8 @@ class BrakingDistance:
     constant_m: float = 0.04
 
     def __post_init__(self) -> None:
-        if not all(c >= 0 for c in (self.per_kmh2_m, self.per_kmh_m, self.constant_m)):
-            raise ConfigError("braking distance: coefficients must not be negative")
+        if not all(0 <= c < math.inf for c in (self.per_kmh2_m, self.per_kmh_m, self.constant_m)):
+            raise ConfigError("braking distance: coefficients must be finite and not negative")
 
     def at(self, speed_mps: float) -> float:
         """Metres needed to stop from `speed_mps`."""

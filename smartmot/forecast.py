@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,8 @@ class ForecastConfig:
     def __post_init__(self) -> None:
         if self.ego not in EGO_FORECASTS:
             raise ConfigError(f"forecast: ego must be one of {', '.join(EGO_FORECASTS)}, got {self.ego!r}")
-        if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s:
-            raise ConfigError("forecast: needs 0 < step_s <= min_horizon_s <= max_horizon_s")
+        if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s < math.inf:
+            raise ConfigError("forecast: needs 0 < step_s <= min_horizon_s <= max_horizon_s, finite")
         if not self.max_yaw_rate_radps >= 0:
             raise ConfigError("forecast: max_yaw_rate_radps must not be negative")
 

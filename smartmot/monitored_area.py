@@ -18,7 +18,16 @@ from smartmot.braking import BrakingDistance
 from smartmot.errors import ConfigError
 from smartmot.route import Route
 from smartmot.strips import LaneStrip, StripSet, lane_strip, ring
-from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray
+from smartmot.types import (
+    VULNERABLE,
+    BoolArray,
+    Boxes,
+    EgoState,
+    FloatArray,
+    StrArray,
+    frozen,
+    unchecked,
+)
 
 CAR_HALF_LENGTH_M = 2.2
 """From the centre to the front of the car that the paper's distances are meant for. Source: authors' code."""
@@ -36,11 +45,19 @@ class Relevance:
         on_way: (N,) which are in the ego's way. With a map: VRUs on its lane, others on its path. The
             baseline knows neither: whoever is in its rectangle is in its way, also on the sidewalk.
         within_reach: (N,) which are near enough in front of the ego to count at all.
+
+    Raises:
+        ShapeError: Shapes disagree.
     """
 
     in_route: BoolArray
     on_way: BoolArray
     within_reach: BoolArray
+
+    def __post_init__(self) -> None:
+        n = np.size(self.in_route)
+        for name in ("in_route", "on_way", "within_reach"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_, (n,), name))
 
 
 class MonitoredArea(Protocol):
@@ -161,7 +178,7 @@ class _Rectangle:
         x_min, x_max, y_min, y_max = ego_extent(boxes, self.ego)
         inside = (x_min <= self.length_m) & (x_max >= 0.0)
         inside &= (y_min <= self.half_width_m) & (y_max >= -self.half_width_m)
-        return Relevance(inside, inside & self.on_lane(boxes.center_m), inside)
+        return unchecked(Relevance, inside, inside & self.on_lane(boxes.center_m), inside)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         x, y = ego_frame(center_m, self.ego)
@@ -214,7 +231,7 @@ class _Everything:
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
         ahead = ego_extent(boxes, self.ego)[1] >= 0.0
-        return Relevance(ahead, ahead & self.on_lane(boxes.center_m), ahead)
+        return unchecked(Relevance, ahead, ahead & self.on_lane(boxes.center_m), ahead)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         x, y = ego_frame(center_m, self.ego)
@@ -342,7 +359,7 @@ class MonitoredLanes:
             near = np.abs(offset) <= self.ego.width_m / 2 + PATH_CLEARANCE_M
             near &= (station >= self.path_m[0]) & (station <= self.path_m[1])
             on_way[others] = near.reshape(len(others), -1).any(axis=1)
-        return Relevance(in_route, on_way, within_reach)
+        return unchecked(Relevance, in_route, on_way, within_reach)
 
     def _inside(self, boxes: Boxes, category: StrArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
         """(N,) whether VRUs' centres lie in lanes or margins, or other outlines meet a lane, in a span."""

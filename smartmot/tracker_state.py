@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from smartmot.errors import ConfigError, ShapeError
-from smartmot.types import BoolArray, FloatArray, IntArray
+from smartmot.types import CATEGORIES, BoolArray, FloatArray, IntArray, seconds
 
 COLUMNS = (
     "track_id",
@@ -42,7 +42,9 @@ class TrackerState:
         filtered: (M, W) filter states at stamp_s, see `smartmot.kalman.BoxFilter`.
 
     Raises:
-        ShapeError: The arrays do not have one row per track.
+        ShapeError: The arrays do not have one row per track, a filter state is not finite, a category is
+            unknown, or identifiers are not unique and less than the next.
+        StampError: The stamp is not in seconds.
     """
 
     stamp_s: float | None
@@ -51,11 +53,21 @@ class TrackerState:
     filtered: FloatArray
 
     def __post_init__(self) -> None:
+        if self.stamp_s is not None:
+            seconds(self.stamp_s, "tracker state")
         if self.rows.shape != (len(self.filtered), len(COLUMNS)) or self.filtered.ndim != 2:
             raise ShapeError(
                 f"tracker state: expected (M, {len(COLUMNS)}) rows and (M, W) filter states, "
                 f"got {self.rows.shape} and {self.filtered.shape}"
             )
+        ids = self.rows[:, ID]
+        if not (np.isfinite(ids).all() and np.isfinite(self.filtered).all()):
+            raise ShapeError("tracker state: identifiers and filter states must be finite")
+        if len(np.unique(ids)) < len(ids) or (len(ids) and ids.max() >= self.next_id):
+            raise ShapeError("tracker state: identifiers must differ and be less than next_id")
+        codes = self.rows[:, CODE]
+        if not np.isin(codes, np.arange(len(CATEGORIES))).all():
+            raise ShapeError(f"tracker state: category codes must lie in 0 ... {len(CATEGORIES) - 1}")
         self.rows.flags.writeable = False
         self.filtered.flags.writeable = False
 

@@ -8,7 +8,7 @@ import shapely
 
 from opendrive import RoadNetwork, load_map
 from smartmot.braking import BrakingDistance
-from smartmot.errors import ConfigError
+from smartmot.errors import ConfigError, ShapeError
 from smartmot.geometry import corners
 from smartmot.monitored_area import (
     EverythingArea,
@@ -17,6 +17,7 @@ from smartmot.monitored_area import (
     MonitoredLanes,
     RectangularArea,
     RectangularConfig,
+    Relevance,
     ego_extent,
     is_vulnerable,
 )
@@ -71,6 +72,15 @@ def test_front_grows_with_speed_and_back_is_half_of_it(speed: float, front: floa
         True,
         False,
     ]
+
+
+def test_flags_of_an_own_area_are_one_per_object() -> None:
+    one, two = np.ones(1, dtype=bool), np.ones(2, dtype=bool)
+    assert Relevance(two, two, two).on_way.tolist() == [True, True]
+    with pytest.raises(ShapeError, match="on_way: expected shape"):
+        Relevance(two, one, two)
+    with pytest.raises(ShapeError, match="in_route: expected shape"):
+        Relevance(two[None], two, two)
 
 
 def test_lengths_are_cut_where_the_map_ends() -> None:

@@ -129,3 +129,28 @@ def test_another_motion_model_does_not_take_the_state() -> None:
 def test_rows_must_agree() -> None:
     with pytest.raises(ShapeError, match="tracker state: expected"):
         TrackerState(0.0, 1, np.zeros((2, len(COLUMNS))), np.zeros((1, 25)))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"stamp_s": 1.8e18}, "looks like nanoseconds"),
+        ({"track_id": [1, 1]}, "must differ and be less than next_id"),
+        ({"track_id": [1, 3]}, "must differ and be less than next_id"),
+        ({"track_id": [1, np.nan]}, "must be finite"),
+        ({"category_code": [0, 6]}, "must lie in 0 ... 5"),
+        ({"category_code": [0, 0.5]}, "must lie in 0 ... 5"),
+        ({"filtered": np.full((2, 25), np.nan)}, "must be finite"),
+    ],
+)
+def test_a_state_is_checked(change: dict[str, Any], told: str) -> None:
+    def state(**change: Any) -> TrackerState:
+        rows = np.zeros((2, len(COLUMNS)))
+        rows[:, COLUMNS.index("track_id")] = 1, 2
+        for name in set(change) & set(COLUMNS):
+            rows[:, COLUMNS.index(name)] = change[name]
+        return TrackerState(change.get("stamp_s", 0.0), 3, rows, change.get("filtered", np.zeros((2, 25))))
+
+    assert state().track_id.tolist() == [1, 2]
+    with pytest.raises(ShapeError, match=told):
+        state(**change)
