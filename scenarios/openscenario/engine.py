@@ -196,7 +196,7 @@ class Engine:
         self._sample()
 
     def _check_places(self) -> None:
-        """Work out every place that a later action names, to find those off the road before the run.
+        """Find places off the road that an action or a condition names before the run.
 
         What is relative to an entity is known only when its action starts.
         """
@@ -215,6 +215,11 @@ class Engine:
                             locator.trajectory(curve, None)
                     case model.AssignRouteAction() if not references(action.route):
                         locator.legs(action.route)
+        for condition in self.definition.conditions():
+            match condition.kind:
+                case model.EntityCondition(kind=model.ReachPositionCondition(position=position)):
+                    if not references(position):
+                        locator.pose(position)
 
     def _pose_now(self, name: str) -> Pose:
         actor = self._actors[name]

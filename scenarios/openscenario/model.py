@@ -693,3 +693,14 @@ class ScenarioDefinition:
                 for group in act.groups:
                     for maneuver in group.maneuvers:
                         yield from maneuver.events
+
+    def conditions(self) -> Iterator[Condition]:
+        """All conditions of all triggers."""
+        triggers = [self.stop]
+        triggers += [
+            trigger for story in self.stories for act in story.acts for trigger in (act.start, act.stop)
+        ]
+        triggers += [event.start for event in self.events()]
+        for trigger in triggers:
+            for group in trigger or ():
+                yield from group

@@ -8,7 +8,7 @@ import math
 
 import pytest
 
-from scenarios.openscenario import Engine, load
+from scenarios.openscenario import Engine, RunError, load
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     OTHER_AHEAD,
@@ -449,6 +449,16 @@ def test_a_collision_with_one_that_is_deleted_does_not_happen(write):
     assert fires_at(write, condition(by_entity(touch))) == pytest.approx(4.6, abs=1e-6)
     assert edge_fires(write, touch, "none", deletion_s=9)
     assert not edge_fires(write, touch, "none")
+
+
+def test_a_place_off_the_road_is_refused_before_the_run(write):
+    reach = f'<ReachPositionCondition tolerance="1">{lane_position(400)}</ReachPositionCondition>'
+    event_later = event(
+        "e", set_variable("n", 1), trigger(condition(by_entity(reach)), condition(at_time(5)))
+    )
+    late = act(maneuver(event_later), start=trigger(condition(at_time(4))))
+    with pytest.raises(RunError, match=r"s = 400 m is off road 'A'"):
+        Engine(load(write(late)))
 
 
 def test_a_place_that_moves_is_reached_where_it_is(write):
