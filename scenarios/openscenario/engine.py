@@ -34,6 +34,9 @@ TOLERANCE_S = 1e-9
 FINEST_S = 1e-5
 """What holds for a shorter time than this may be overlooked."""
 
+MAX_LOOKS, MANY_LOOKS_S = 100, 1e-3
+"""What stays close to its value all the time is, after so many looks into a step, looked at this often."""
+
 MAX_SPLITS = 1000
 """More changes within one step are a fault of the scenario."""
 
@@ -167,6 +170,7 @@ class Engine:
         self._touches = [(other, Observed(touching(self.ego, other))) for other in self._others]
         self._watching: list[Observed] = []
         self._open: list[Observed] = []
+        self._looks = 0
         self._kink_s = math.inf
         self._times: list[float] = []
         self._samples: list[list[State]] = []
@@ -291,6 +295,7 @@ class Engine:
             until = min(end, self._kink_s, self._command_s())
             ahead = Instant(until if until < end - TOLERANCE_S else end, self._actors)
             self._open = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
+            self._looks = 0
             change = self._first_change(self._now, ahead)
             if change is None:
                 self._move(ahead)
@@ -352,7 +357,8 @@ class Engine:
                 return self._bisected(a.time_s, b)
             least = TOLERANCE_S
         elif self._may_flip(a, b):
-            least = FINEST_S
+            self._looks += 1
+            least = FINEST_S if self._looks <= MAX_LOOKS else MANY_LOOKS_S
         else:
             return None
         if b.time_s - a.time_s <= least:

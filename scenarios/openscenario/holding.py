@@ -557,15 +557,15 @@ def _time_to_collision(kind: model.TimeToCollisionCondition, actor: Actor, other
         changes = _change(a.state(one), b.state(one), turn) + _change(a.state(two), b.state(two), other_turn)
         near = min(apart, apart_later) - most
         if near <= 0.0:
-            bend = math.inf  # where they meet, the direction in which they approach can be any
-        else:
-            rate = most / seconds
-            bend = changes + rate * (turn + other_turn)
-            bend += rate * most / near if how == "euclidianDistance" else 0.0
+            # where they meet, the direction in which they approach can be any: look every millisecond
+            return seconds > _MOMENT_S
+        rate = most / seconds
+        bend = changes + rate * (turn + other_turn)
+        bend += rate * most / near if how == "euclidianDistance" else 0.0
         over = abs(apart - value * speed) + abs(apart_later - value * speed_later)
         if over + SLACK < most + abs(value) * bend:
             return True
-        return upwards and abs(speed) + abs(speed_later) + SLACK < bend
+        return upwards and seconds > _MOMENT_S and abs(speed) + abs(speed_later) + SLACK < bend
 
     def settled_s(now: Instant) -> float:
         if upwards:  # it also begins to hold where they begin to approach each other, however far apart
