@@ -17,6 +17,8 @@ from smartmot.types import FloatArray
 
 MAX_ROTATION_ERROR = 1e-3
 """Entries of a pose's matrix may be rounded by this much."""
+_GREATEST = 1e9
+"""No entry of a calibration's matrix, in pixels or metres, is greater."""
 
 EARTH_RADIUS_M = 6_378_137.0
 """Of the Mercator projection (WGS 84)."""
@@ -65,7 +67,7 @@ def read_matrix(path: Path, names: tuple[str, ...], shape: tuple[int, int]) -> F
             values = np.array([float(field) for field in fields])
         except ValueError:
             values = np.zeros(0)
-        if values.size != shape[0] * shape[1] or not np.isfinite(values).all():
+        if values.size != shape[0] * shape[1] or not (np.abs(values) <= _GREATEST).all():
             raise DatasetError(f"{path}:{number}: field {name!r} must be {shape[0] * shape[1]} numbers")
         return values.reshape(shape)
     raise DatasetError(f"{path}: no line {names[0]!r}, which is needed")
