@@ -26,7 +26,7 @@ from evaluation.exact import exact_floats
 from evaluation.reading import read_text, shown
 from evaluation.seal import KEY, PLACEHOLDER, check_seal, seal
 from scenarios.recording import COLUMNS, TEXT_COLUMNS
-from scenarios.simulation import TIME_LIMIT_S, EndReason, is_avoided
+from scenarios.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, is_avoided
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,8 @@ class RunRow:
         stop_gap_m: free distance left when the ego stood still.
         contact_time_s: time of contact.
         t0_s: time of stop or contact.
-        end_reason: why the run ended, a `scenarios.simulation.EndReason`; `time_limit`: it was cut off.
+        end_reason: why the run ended, a `scenarios.simulation.EndReason`; `time_limit` and `not_begun`: it
+            was cut off.
         end_time_s: when it ended.
         false_activation: whether the emergency brake was requested where nothing should happen, or before a
             target that was to set off had done so; None where neither can be.
@@ -488,7 +489,7 @@ def impact_table(runs: pd.DataFrame) -> Table:
 
 def cut_off(runs: pd.DataFrame) -> pd.Series[bool]:
     """Which runs the time limit ended; what they would have come to is not known."""
-    return runs["end_reason"].eq(EndReason.TIME_LIMIT)
+    return runs["end_reason"].isin(CUT_OFF)
 
 
 def avoided(runs: pd.DataFrame) -> pd.Series[bool]:
@@ -522,6 +523,12 @@ def told_runs(rows: Sequence[RunRow], time_limit_s: float = TIME_LIMIT_S) -> lis
         lines.append(
             f"{ended} of {len(rows)} runs were cut off at {time_limit_s:g} s: they count nowhere as avoided, "
             "and have no score; shorten what comes before, or give the scenario a stop trigger"
+        )
+    not_begun = sum(row.end_reason == EndReason.NOT_BEGUN for row in rows)
+    if not_begun:
+        lines.append(
+            f"{not_begun} of {len(rows)} runs were ended by the scenario's stop trigger before any event of "
+            "the target began: they count nowhere as avoided, and have no score"
         )
     lost = [row for row in rows if row.dropped > MANY_DROPPED * (row.detections or 0)]
     if lost:

@@ -41,7 +41,16 @@ from scenarios.presets import (
     preset_in_weather,
     weather_of,
 )
-from scenarios.simulation import EndReason, Outcome, Simulation, StopRule, ego_actions, ego_of, is_motion
+from scenarios.simulation import (
+    CUT_OFF,
+    EndReason,
+    Outcome,
+    Simulation,
+    StopRule,
+    ego_actions,
+    ego_of,
+    is_motion,
+)
 from scenarios.strategies import make_strategy
 from smartmot.errors import SmartMotError
 from smartmot.monitored_area import MonitoredAreaStrategy
@@ -381,7 +390,7 @@ def _false_activation(spec: RunSpec, outcome: Outcome) -> bool | None:
 
 def run_points(outcome: Outcome, v_test_kmh: float) -> float | None:
     """The paper's points; none of a run that was cut off, 0 for braking before the target has set off."""
-    if outcome.end_reason is EndReason.TIME_LIMIT:
+    if outcome.end_reason in CUT_OFF:
         return None
     if outcome.false_activation:
         return 0.0

@@ -68,7 +68,7 @@ StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
 
 
 class EndReason(StrEnum):
-    """Why a run ended. All but the last say that what was to come has come.
+    """Why a run ended. All but the last two say that what was to come has come.
 
     Attributes:
         CONTACT: the ego touched somebody.
@@ -76,7 +76,9 @@ class EndReason(StrEnum):
         PASSED: the target, once ahead, is behind the ego.
         FOLLOWED: the ego drives behind the target, no faster than that.
         STORYBOARD: the scenario's own stop trigger.
-        TIME_LIMIT: the run was cut off; what would have come is not known.
+        NOT_BEGUN: the scenario's own stop trigger, before any event of the target began and without an
+            emergency request; what would have come is not known.
+        TIME_LIMIT: the time limit; what would have come is not known.
     """
 
     CONTACT = "contact"
@@ -84,7 +86,12 @@ class EndReason(StrEnum):
     PASSED = "passed"
     FOLLOWED = "followed"
     STORYBOARD = "storyboard"
+    NOT_BEGUN = "not_begun"
     TIME_LIMIT = "time_limit"
+
+
+CUT_OFF = frozenset({EndReason.NOT_BEGUN, EndReason.TIME_LIMIT})
+"""Ends of runs that count nowhere as avoided."""
 
 
 def is_avoided(collided: bool, end_reason: str, false_activation: bool | None) -> bool:
@@ -98,7 +105,7 @@ def is_avoided(collided: bool, end_reason: str, false_activation: bool | None) -
         end_reason: an `EndReason`; empty where it is not known, as of runs of version 0.1.0.
         false_activation: see `Outcome`.
     """
-    return not collided and end_reason != EndReason.TIME_LIMIT and not false_activation
+    return not collided and end_reason not in CUT_OFF and not false_activation
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +298,8 @@ class Simulation:
         if engine.contact is not None:
             self._log_truth(engine.time_s)
         self._require_scores()
+        if reason is EndReason.STORYBOARD and self._not_begun():
+            reason = EndReason.NOT_BEGUN
         run = engine.result()
         return Outcome(
             contact=engine.contact,
@@ -307,7 +316,7 @@ class Simulation:
             end_time_s=engine.time_s,
             detections=self._counts.reported,
             dropped=self._counts.dropped,
-            notes=(*engine.notes, *self._told_end(reason)),
+            notes=engine.notes,
             log=self._log,
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
@@ -461,8 +470,8 @@ class Simulation:
         ahead = ego_extent(self._world().boxes[[self._target]], ego)[0][0]
         return max(float(ahead) - ego.length_m / 2, 0.0)
 
-    def _told_end(self, reason: EndReason) -> list[str]:
-        """Whether the scenario's own stop trigger came before anything that it has the target do."""
+    def _not_begun(self) -> bool:
+        """Whether neither an event of the target has begun, nor the ego has braked."""
         target = self.engine.target
         events = [
             element
@@ -471,12 +480,7 @@ class Simulation:
             and any(target in a.entities and is_motion(a.action) for a in element.event.actions)
         ]
         begun = any(action.running for event in events for action in event.actions)
-        if reason is not EndReason.STORYBOARD or begun or not events:
-            return []
-        return [
-            f"the scenario's stop trigger held before any event of '{target}' began: a run without contact "
-            "says nothing about avoiding it"
-        ]
+        return self._flag is None and bool(events) and not begun
 
     def _require_scores(self) -> None:
         """Refuse a run in which no detection could start a track: the ego was blind.

@@ -25,7 +25,10 @@ _KEYS = {
 
 TOUCHED_KMH = 0.01
 """Least impact speed of a contact, as 0 stands for none: two decimals count."""
-CUT_OFF = "cut off by the time limit: nothing was decided until then"
+CUT_OFF: dict[str, str] = {
+    EndReason.TIME_LIMIT: "cut off by the time limit: nothing was decided until then",
+    EndReason.NOT_BEGUN: "ended by the scenario's stop trigger before any event of the target began",
+}
 
 _EMPTY = frozenset({"", "None", "nan", "<NA>"})
 
@@ -139,7 +142,7 @@ class _Run:
             impact,
             warning,
             reduction,
-            CUT_OFF if self.has("end_reason") and self.record["end_reason"] == EndReason.TIME_LIMIT else "",
+            CUT_OFF.get(str(self.record["end_reason"]), "") if self.has("end_reason") else "",
             self.has("false_activation") and str(self.record["false_activation"]).lower() == "true",
         )
 

@@ -12,7 +12,7 @@ from evaluation.plots.style import MPS_TO_KMH
 from evaluation.report.folder import Run, Setting
 from evaluation.report.scene import Scene, boxes_in
 from scenarios.presets import Preset
-from scenarios.simulation import EndReason
+from scenarios.simulation import CUT_OFF, EndReason
 from smartmot.forecast import forecast_ego
 from smartmot.geometry import signed_gap
 from smartmot.monitored_area import MonitoredLanes, ego_extent, ego_frame, is_vulnerable
@@ -227,7 +227,7 @@ def _false_activation(run: Run) -> bool | None:
 
 def _cut_off(run: Run) -> bool:
     """Whether the time limit ended the run; folders of version 0.1.0 do not say."""
-    return bool(run["end_reason"] == EndReason.TIME_LIMIT)
+    return bool(run["end_reason"] in CUT_OFF)
 
 
 def _adapts(slowing: Slowing | None) -> bool:
@@ -313,7 +313,8 @@ def _finding(
     if must == "brake" and kind == "stop":
         what = f"Collision avoided. {what}"
     if _cut_off(run) and not run["collided"]:
-        what += f" The time limit ended the run at t = {scene.time_s[-1]:.1f} s."
+        who = "time limit" if run["end_reason"] == EndReason.TIME_LIMIT else "scenario's stop trigger"
+        what += f" The {who} ended the run at t = {scene.time_s[-1]:.1f} s."
     return what, why.strip()
 
 

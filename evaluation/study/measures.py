@@ -15,7 +15,7 @@ from evaluation.runs import FrameTime, frame_time, preset_of, run_points, simula
 from evaluation.settings import settings_text
 from evaluation.study.criticality import criticality
 from evaluation.study.grid import StudyRun
-from scenarios.simulation import TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided
+from scenarios.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided
 
 THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
 """A scene in which nothing should happen is driven to its end, so that the delay can be measured."""
@@ -89,17 +89,23 @@ class RunMeasures:
 
     @property
     def cut_off(self) -> bool:
-        """Whether the time limit ended it: it is in no share."""
-        return self.end_reason == EndReason.TIME_LIMIT
+        """Whether it ended before what was to come: it is in no share."""
+        return self.end_reason in CUT_OFF
 
 
 def told_measures(runs: Sequence[RunMeasures]) -> list[str]:
     """What the reader has to know about finished runs, one line each; none if all is as it should be."""
-    ended = sum(run.cut_off for run in runs)
+    ended = sum(run.end_reason == EndReason.TIME_LIMIT for run in runs)
+    not_begun = sum(run.end_reason == EndReason.NOT_BEGUN for run in runs)
     lost = [run.dropped_share for run in runs if run.dropped_share > MANY_DROPPED]
     lines = []
     if ended:
         lines.append(f"{ended} of {len(runs)} runs were cut off at {TIME_LIMIT_S:g} s, and are in no rate")
+    if not_begun:
+        lines.append(
+            f"{not_begun} of {len(runs)} runs were ended by the scenario's stop trigger before any event of "
+            "the target began, and are in no rate"
+        )
     if lost:
         lines.append(
             f"in {len(lost)} of {len(runs)} runs more than a tenth of the detections were dropped "
@@ -173,7 +179,7 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
 
 def _band(outcome: Outcome, v_test_kmh: float) -> str | None:
     """Colour of the impact speed; of braking before the target has set off the worst."""
-    if outcome.end_reason is EndReason.TIME_LIMIT:
+    if outcome.end_reason in CUT_OFF:
         return None
     try:
         colour = impact_colour(v_test_kmh, outcome.impact_speed_mps * 3.6)

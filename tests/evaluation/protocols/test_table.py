@@ -139,6 +139,8 @@ def test_a_run_that_was_cut_off_is_invalid() -> None:
     (measured,) = measurements([{**run, "end_reason": "time_limit"}], CELLS).values()
     assert measured.invalid == "cut off by the time limit: nothing was decided until then"
     assert not measured.avoided
+    (early,) = measurements([{**run, "end_reason": "not_begun"}], CELLS).values()
+    assert early.invalid == "ended by the scenario's stop trigger before any event of the target began"
     (stopped,) = measurements([{**run, "end_reason": "stopped"}], CELLS).values()
     assert stopped.avoided
 
