@@ -11,7 +11,7 @@ import rich.console
 
 from evaluation import results, runner
 from evaluation.configuration import configuration_of, read_configuration
-from evaluation.conflict import told_without_conflict
+from evaluation.conflict import conflicts, scored, told_without_conflict, unbraked
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import Published, ResultsError, RunRow, Table
 from evaluation.runs import NO_AEB, RunSpec, definition_of, execute, preset_of, scene_of
@@ -91,12 +91,13 @@ def _compare(
         raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
     with progress_bar(console) as progress:
         task = progress.add_task("running", total=len(specs))
+        found = conflicts(specs, workers)
         rows: list[RunRow] = []
         noted: list[tuple[str, ...]] = []
         for record in execute_all(execute, specs, workers):
             assert record.log is not None
             results.write_log(results.log_path(out, record.spec.log), record.log)
-            rows.append(record.row)
+            rows.append(scored(record.row, found[unbraked(record.spec)]))
             noted.append(record.notes)
             progress.advance(task)
         progress.update(task, description="drawing")
@@ -104,7 +105,7 @@ def _compare(
     console.print(results.rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
-    told = (*results.told_runs(rows), *results.told_notes(noted), *told_without_conflict(specs, workers))
+    told = (*results.told_runs(rows), *results.told_notes(noted), *told_without_conflict(specs, found))
     for line in told:
         console.print(line, highlight=False)
     return rows

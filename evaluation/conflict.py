@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from evaluation.fingerprint import fingerprint
+from evaluation.results import RunRow
 from evaluation.runs import NO_AEB, RunSpec, simulation_of
 from evaluation.workers import execute_all
 from scenarios.openscenario.engine import Contact, Engine
@@ -166,14 +167,18 @@ def conflicts(
     return found
 
 
-def told_without_conflict(specs: Sequence[RunSpec], workers: int = 1) -> list[str]:
+def scored(row: RunRow, conflict: Conflict) -> RunRow:
+    """The row of a run with the points that it is worth: none where nothing is to be avoided."""
+    return replace(row, score=None) if conflict.missing else row
+
+
+def told_without_conflict(specs: Sequence[RunSpec], found: Mapping[RunSpec, Conflict]) -> list[str]:
     """A line for each scenario and speed in which nothing is to be avoided.
 
     Args:
         specs: the runs.
-        workers: processes.
+        found: what comes to pass without braking, as `conflicts` gives it.
     """
-    found = conflicts(specs, workers)
     lines: dict[str, None] = {}
     for spec in specs:
         missing = found[unbraked(spec)].missing

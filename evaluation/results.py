@@ -68,7 +68,7 @@ _CONDITIONS = ("scenario", "preset", "adversaries", "weather")
 MANY_DROPPED = 0.1
 """Users are told when more than this share of the detections of a run is dropped."""
 
-_EMPTY, _CUT_OFF = "–", "cut off"
+_EMPTY, _CUT_OFF, _NO_CONFLICT = "–", "cut off", "no conflict"
 
 
 class ResultsError(ValueError):
@@ -89,7 +89,7 @@ class RunRow:
         v_test_kmh: speed of the test.
         v_impact_kmh: speed at contact, 0 without contact.
         collided: whether the ego touched the target.
-        score: points won; None where the test gives none.
+        score: points won; None where the test gives none, and of a run that was cut off or had no conflict.
         score_max: points to be won; None where the test gives none.
         flag_time_s: time at which the emergency brake was requested.
         flag_distance_m: free distance to the target at that time.
@@ -151,7 +151,8 @@ class RunRow:
     @property
     def avoided(self) -> bool:
         """Whether the run counts as a collision avoided; see `scenarios.simulation.is_avoided`."""
-        return is_avoided(self.collided, self.end_reason, self.false_activation)
+        no_conflict = self.score is None and self.score_max is not None
+        return not no_conflict and is_avoided(self.collided, self.end_reason, self.false_activation)
 
 
 RUN_COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
@@ -492,9 +493,15 @@ def cut_off(runs: pd.DataFrame) -> pd.Series[bool]:
     return runs["end_reason"].isin(CUT_OFF)
 
 
+def without_conflict(runs: pd.DataFrame) -> pd.Series[bool]:
+    """Which runs of a test with points have none though they were not cut off: nothing was to be avoided."""
+    return runs["score"].isna() & runs["score_max"].notna() & ~cut_off(runs)
+
+
 def avoided(runs: pd.DataFrame) -> pd.Series[bool]:
     """Which runs count as a collision avoided; see `scenarios.simulation.is_avoided`."""
-    return ~runs["collided"] & ~cut_off(runs) & ~runs["false_activation"].eq(True)
+    counts = ~cut_off(runs) & ~without_conflict(runs)
+    return ~runs["collided"] & counts & ~runs["false_activation"].eq(True)
 
 
 def _shares(runs: pd.DataFrame, strategies: Sequence[str], marks: pd.Series[bool]) -> list[str]:
@@ -510,6 +517,8 @@ def _remarks(runs: pd.DataFrame, strategies: Sequence[str]) -> list[tuple[str, l
     false = can_be["false_activation"].eq(True)
     if ended.any():
         found.append(("cut off", _shares(runs, strategies, ended)))
+    if without_conflict(runs).any():
+        found.append(("no conflict", _shares(runs, strategies, without_conflict(runs))))
     if false.any():
         found.append(("false activations", _shares(can_be, strategies, false)))
     return found
@@ -559,10 +568,10 @@ def told_notes(notes: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _impact(chosen: pd.DataFrame) -> str:
-    """Mean impact speed of the runs that were not cut off."""
-    finished = chosen[~cut_off(chosen)]
+    """Mean impact speed of the runs that were not cut off and had a conflict."""
+    finished = chosen[~cut_off(chosen) & ~without_conflict(chosen)]
     if len(chosen) and finished.empty:
-        return _CUT_OFF
+        return _CUT_OFF if cut_off(chosen).all() else _NO_CONFLICT
     return _number(float(finished["v_impact_kmh"].mean()) if len(finished) else math.nan, ".2f")
 
 
@@ -619,7 +628,7 @@ def _cells(group: pd.DataFrame, strategy: str, speed: float, published: Publishe
     score = float(chosen["score"].mean()) if len(chosen) else math.nan
     texts = [_impact(chosen), _number(score, ".2f")]
     if published is not None:
-        impact = float(chosen["v_impact_kmh"][~cut_off(chosen)].mean())
+        impact = float(chosen["v_impact_kmh"][~cut_off(chosen) & ~without_conflict(chosen)].mean())
         there, _ = published.get(speed, (math.nan, None))
         texts += [_number(there, ".2f"), _number(impact - there, "+.2f")]
     return texts

@@ -242,9 +242,10 @@ def weather_of(environment: Environment) -> ScenarioWeather:
         unused.append("fog with a visual range of 0 m")
     if scale == 0.0:
         unused.append("a friction factor of 0, with which nothing would stop")
-    elif scale is not None and (scale != 1.0 or falls or wet):
+    if scale and (scale != 1.0 or falls or wet):
         friction *= scale
-        used.append(f"friction factor {scale:g}")
+        instead = f" in place of the friction of {falls or 'a wet road'}" if falls or wet else ""
+        used.append(f"friction factor {scale:g}{instead}")
     elif falls or wet:
         friction = WEATHER[falls or "wet"].friction
         used.append(f"the friction of {falls or 'a wet road'}")

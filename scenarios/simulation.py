@@ -270,6 +270,7 @@ class Simulation:
         Raises:
             PluginError: a detector or tracker of the user's own fails, or no detection has the score that the
                 tracker asks for.
+            ScenarioError: the scenario turns the ego's direction, by a speed relative to another's.
         """
         config, engine = self._preset.sensor, self.engine
         steps_per_frame = _steps(1.0 / config.rate_hz, "frame interval (1 / rate)")
@@ -401,6 +402,11 @@ class Simulation:
     def _measure(self, now: float, number: int) -> None:
         """Take one sensor frame; perception gets it after the sensor's latency."""
         self._log_truth(now)
+        if self._course(now).speed_mps < -STANDS_MPS:
+            raise ScenarioError(
+                f"{self.engine.definition.path}: '{self.engine.ego.name}' turns its direction at {now:g} s; "
+                "perception looks ahead or behind for a whole run, so make two scenarios of it"
+            )
         if self._make_strategy is None:
             return
         entities, others = self._world(), self._others

@@ -246,6 +246,8 @@ def _kind(scene: Scene, run: Run, must: str, triggers: list[Trigger], slowing: S
         return "unnecessary"
     if _cut_off(run):
         return "cut"
+    if not math.isnan(run["score_max"]) and math.isnan(run["score"]):
+        return "invalid"  # the command has found that without any brake there is no contact
     asked = must == "brake" or not math.isnan(run["score_max"]) or run["strategy"] == NO_BRAKING
     if asked and must != "nothing" and not triggers and not (slowing and slowing.cause):
         return "invalid"  # nothing has braked: without any brake there is no contact either

@@ -189,6 +189,6 @@ def test_an_unbraked_run_is_made_once_for_all_strategies_and_settings(
 def test_what_run_says_where_nothing_is_to_be_avoided(tmp_path: Path) -> None:
     never = crossing(tmp_path, {LATE: LATE.replace("$_Lead", "99999")})
     two = [never, replace(never, strategy="rectangular")]
-    assert told_without_conflict(two) == [
+    assert told_without_conflict(two, conflicts(two)) == [
         "CPNA, 40 km/h: no conflict without braking: the ego touches no road user"
     ]

@@ -469,17 +469,31 @@ def test_a_mean_leaves_out_a_run_that_was_cut_off() -> None:
     assert table.rows == (("50", "23.00", "0.00"),)
 
 
+def test_a_run_without_conflict_wins_no_points_and_is_not_avoided() -> None:
+    nothing = replace(STOPPED, score=None)
+    assert not nothing.avoided
+    table = comparison_table(
+        runs_of(nothing, replace(STOPPED, v_test_kmh=60.0, score=1.0, score_max=1.0), HIT)
+    )
+    assert table.rows == (("50", "23.00", "0.00", "no conflict", "–"), ("60", "–", "–", "0.00", "1.00"))
+    assert table.totals == (
+        ("total", "", "0.00/2", "", "1.00/1"),
+        ("no conflict", "0 of 1", "", "1 of 2", ""),
+    )
+
+
 def test_avoided_of_a_table_and_of_its_rows_agree(tmp_path: Path) -> None:
     rows = [
         STOPPED,
         HIT,
         CUT_OFF,
+        replace(STOPPED, score=None),
         replace(STOPPED, false_activation=True),
         replace(STOPPED, end_reason="passed"),
     ]
     write_runs(tmp_path, rows, {})
     assert avoided(read_runs(tmp_path)).tolist() == [row.avoided for row in rows]
-    assert [row.avoided for row in rows] == [True, False, False, False, True]
+    assert [row.avoided for row in rows] == [True, False, False, False, False, True]
 
 
 def test_a_folder_of_version_0_1_0_is_still_read(tmp_path: Path) -> None:

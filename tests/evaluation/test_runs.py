@@ -111,11 +111,12 @@ def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Pat
     preset = preset_of(spec, definition_of(spec))
     assert preset.brakes.max_decel_mps2 == pytest.approx(0.5 * PHYSICAL.brakes.max_decel_mps2)
     assert preset.sensor.range_m == WEATHER["rain"].range_m(PHYSICAL.sensor.range_m)
+    told = "rain of 25 mm/h, friction factor 0.5 in place of the friction of rain"
     assert told_environment(spec, definition_of(spec)) == [
-        "weather of the scenario: rain of 25 mm/h, friction factor 0.5",
+        f"weather of the scenario: {told}",
         "not used: the change of weather or light by event 'clears up'; those of Init hold",
     ]
-    assert "weather of the scenario: rain of 25 mm/h, friction factor 0.5" in notes([spec])
+    assert f"weather of the scenario: {told}" in notes([spec])
     # on half the friction the car that stops at 50 km/h does not
     assert execute(CPNA).row.avoided
     assert execute(spec).row.collided
@@ -126,7 +127,7 @@ def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Pat
         == preset_of(dataclasses.replace(CPNA, weather="snow"), definition_of(CPNA)).brakes
     )
     assert told_environment(snow, definition_of(snow))[0] == (
-        "not used: rain of 25 mm/h, friction factor 0.5 of the scenario; --weather snow holds"
+        f"not used: {told} of the scenario; --weather snow holds"
     )
 
 

@@ -30,6 +30,7 @@ from scenarios.openscenario.model import (
     ManeuverGroup,
     NamedAction,
     Polyline,
+    RelativeSpeed,
     ScenarioDefinition,
     SpeedAction,
     StandStillCondition,
@@ -718,6 +719,15 @@ def test_speed_adaptation_goes_below_the_speed_that_the_scenario_asks_for_and_no
 def test_what_cannot_be_carried_out_is_refused_by_name_before_the_run(action: Action, told: str) -> None:
     with pytest.raises(ScenarioError, match=told):
         Simulation(asking(action, initial=False), PHYSICAL, None)
+
+
+def test_a_speed_relative_to_another_must_not_turn_the_ego_either() -> None:
+    """The ego is to be 5 m/s slower than a car at 2 m/s: 3 m/s in reverse, where nobody looks."""
+    slower = SpeedAction("step", "time", 0.0, RelativeSpeed("other 0", -5.0, False))
+    made = definition(36.0, [car_at(130.0, 2.0)])
+    made = dataclasses.replace(made, stories=(asking(slower, initial=False).stories[-1],))
+    with pytest.raises(ScenarioError, match="'Ego' turns its direction at "):
+        Simulation(made, PHYSICAL, None).run()
 
 
 # ---- determinism -------------------------------------------------------------------------------------------
