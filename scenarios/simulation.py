@@ -500,10 +500,13 @@ class Simulation:
         assert self._state is not None
         limits = self._perception().score_limits(self._state.tracker)
         least = "" if limits is None else f" of {float(limits.start.min()):g}"
+        outside = counts.before.score
+        found = f"highest: {counts.highest:.3g}" if counts.kept else ""
+        found += (", " if found and outside else "") + (f"{outside} outside [0, 1]" if outside else "")
         detector = self._preset.detector
         raise PluginError(
             f"{detector.name if detector else 'sensor'}: none of {counts.reported} detections has the score"
-            f"{least} that the tracker needs to start a track (highest: {counts.highest:.3g}), so that "
+            f"{least} that the tracker needs to start a track ({found}), so that "
             "no object would be seen; scale the detector's scores, or give a tracker with a lower threshold "
             "(--tracker package.module:name)"
         )

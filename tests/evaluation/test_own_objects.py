@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -163,6 +164,36 @@ def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
     assert "highest: 0.25), so that no object would be seen; scale the detector's scores, or give" in line
     assert not (folder / "out" / "runs.csv").exists()
     sys.modules.pop("low_scores", None)
+
+
+PERCENT = """
+import numpy as np
+
+from scenarios.sensors import Sensor
+from smartmot import detections_from_arrays
+
+
+class Percent(Sensor):
+    def observe(self, frame, ego, boxes, category, there=None):
+        seen = super().observe(frame, ego, boxes, category, there)
+        score = np.full(len(seen), 87.0)
+        boxes = seen.boxes
+        return detections_from_arrays(
+            seen.stamp_s, boxes.center_m, boxes.size_m, boxes.yaw_rad, score, seen.category
+        )[0]
+"""
+
+
+def test_scores_in_percent_are_told_as_what_they_are(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """All are dropped before the tracker: it is said that they are no scores, not that the highest is 0."""
+    (folder / "percent.py").write_text(PERCENT)
+    command = ("run", "crossing", "--strategy", "map", "--no-pictures", "-q", "--out", "out")
+    assert call(*command, "--detector", "percent:Percent") == 2
+    [line] = capfd.readouterr().err.splitlines()
+    told = re.search(r"none of (\d+) detections .* \((\d+) outside \[0, 1\]\)", line)
+    assert told is not None
+    assert told[1] == told[2]
+    sys.modules.pop("percent", None)
 
 
 def test_what_perception_drops_is_counted_by_reason_and_said(
