@@ -129,6 +129,10 @@ class Watch(Observed):
         self._pulses = [pulse for pulse in self._pulses if pulse > latest]
         return due
 
+    def forget(self) -> None:
+        """Begin to look again after a time in which nobody did: what changed meanwhile is no edge now."""
+        self._last = None
+
     # Changes between two looks
 
     def begin(self, now: Instant) -> None:
@@ -151,7 +155,8 @@ class Watch(Observed):
             return super().next_s(after_s)
         times = [time_s + self._delay_s for time_s, _ in self._history]
         times += [time_s + self._delay_s for time_s in self._pulses]
-        return min((time_s for time_s in times if time_s > after_s), default=super().next_s(after_s))
+        times.append(super().next_s(after_s))
+        return min(time_s for time_s in times if time_s > after_s)
 
     def settle(self, now: Instant) -> None:
         """Find until when it cannot change."""

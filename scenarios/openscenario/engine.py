@@ -323,6 +323,7 @@ class Engine:
         """Carry out what follows from a change, and note what to watch from now on."""
         self.storyboard.process(self._now)
         self._now = Instant(self.time_s, self._actors)
+        self._first_contact(self._now)  # an action may have put somebody there
         self._watching = [watch for watch in self.storyboard.watches() if watch.varies]
         if self.contact is None and self.ego.exists:
             self._watching += [watch for other, watch in self._touches if other.exists]

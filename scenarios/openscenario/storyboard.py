@@ -31,6 +31,11 @@ class TriggerWatch:
         values = [[watch.look(instant) for watch in group] for group in self.groups]
         return any(all(group) for group in values)
 
+    def forget(self) -> None:
+        """Begin to look again."""
+        for watch in self.watches():
+            watch.forget()
+
     def watches(self) -> Iterator[Watch]:
         """All its conditions."""
         for group in self.groups:
@@ -114,6 +119,7 @@ class EventElement(Element):
         """Ready for another execution of the maneuver group."""
         super().reset()
         self.executions = 0
+        self.start.forget()
 
 
 class ActElement(Element):
@@ -347,6 +353,7 @@ class Storyboard:
                 event.end()
                 if event.executions < event.event.max_executions:
                     event.state = STANDBY
+                    event.start.forget()
                 changed = True
             return changed
         if event.state == COMPLETE or not event.start.look(instant):

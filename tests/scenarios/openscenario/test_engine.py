@@ -182,3 +182,17 @@ def test_steady_since_a_change(play):
 def test_refused(write):
     with pytest.raises(RunError, match="step_s: expected a positive number"):
         Engine(load(write()), step_s=0.0)
+
+
+@pytest.mark.parametrize("step_s", [0.002, 0.01, 0.1])
+@pytest.mark.parametrize("when_s", [0.0, 1.2345])
+def test_who_is_put_into_contact_touches_at_that_instant(write, when_s, step_s):
+    """Ego drives at 10 m/s from s = 10 m on; Other is put 2 m ahead of its rear axle, 0.5 m to its left."""
+    start = trigger(condition(at_time(when_s)))
+    put = event("put", teleport(lane_position(12 + 10 * when_s, offset=0.5)), start)
+    engine = Engine(load(write(act(maneuver(put)))), step_s=step_s)
+    run = engine.run()
+    assert run.contact_time_s == pytest.approx(when_s, abs=1e-8)
+    assert run.ego_speed_at_contact_kmh == pytest.approx(36.0)
+    assert run.target_speed_at_contact_kmh == 0.0
+    assert run.impact_location_percent == pytest.approx(50.0 + 100.0 * 0.5 / 2.0, abs=1e-5)

@@ -267,3 +267,21 @@ def test_a_group_executes_a_change_that_takes_time_as_often_as_it_may(write):
     run = engine_of(write, act(maneuver(event("e", faster)), count=3)).run()
     for t, v in ((2, 1.0), (3, 1.5), (6, 3.0), (9, 3.0)):
         assert at(run, "Other", t)[3] == pytest.approx(v, abs=1e-6)
+
+
+def test_what_changes_while_an_event_runs_is_no_edge_afterwards(write):
+    """Other changes its speed for 3 s from 2 s on; the condition that started it ends to hold at 3 s.
+
+    The change that is over when the event waits again, at 5 s, starts nothing.
+    """
+    brief = by_value('<VariableCondition variableRef="n" rule="equalTo" value="1"/>')
+    waits = event(
+        "waits", speed(6, "linear", "time", 3), trigger(condition(brief, edge="risingOrFalling")), count=2
+    )
+    on = event("on", set_variable("n", 1), trigger(condition(at_time(2))))
+    off = event("off", set_variable("n", 0), trigger(condition(at_time(3))))
+    engine = Engine(load(write(act(maneuver(waits)), act(maneuver(on, off, name="m2"), name="second"))))
+    engine.advance(9)
+    found = next(e for e in engine.storyboard.elements if e.kind == "event" and e.path[-1] == "waits")
+    assert found.executions == 1
+    assert found.state == "standbyState"
