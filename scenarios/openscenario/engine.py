@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.openscenario import model
+from scenarios.openscenario.actions import referred
 from scenarios.openscenario.actors import Actor, State
 from scenarios.openscenario.conditions import Observed
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.holding import touching
+from scenarios.openscenario.initial import in_order
 from scenarios.openscenario.paths import Pose
 from scenarios.openscenario.positions import Locator, references
 from scenarios.openscenario.roads import Roads, load_roads
@@ -186,7 +188,10 @@ class Engine:
 
     def _begin(self, controller: EgoController | None) -> None:
         instant = Instant(0.0, self._actors)
-        for entity, action in self.definition.init:
+        for entity, action in in_order(self.definition.init):
+            if not isinstance(action, model.SpeedAction):
+                for name in sorted(referred(action)):
+                    self._pose_now(name)  # refuses a place that is not known
             self.storyboard.execute(instant, action, () if entity is None else (entity,))
         for actor in self._actors.values():
             if not actor.placed:
