@@ -1,7 +1,7 @@
 """The order in which initial actions are carried out.
 
-They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an action that
-refers to an entity waits until that entity has its initial place and speed.
+They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an
+action that refers to an entity waits until that entity has its initial place and speed.
 """
 
 from __future__ import annotations
