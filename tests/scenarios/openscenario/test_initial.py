@@ -25,7 +25,7 @@ HALF_AS_FAST = speed(0).replace('<AbsoluteTargetSpeed value="0"/>', FACTOR)
 
 
 def test_every_order_gives_the_same_start(play):
-    """Other is at 26 m: the ego's 10 m, its front overhang 3.5, the distance 12, the own rear overhang 0.5 m."""
+    """Other is at 26 m: the ego's 10 m, its front overhang 3.5, free 12, the own rear overhang 0.5 m."""
     starts = set()
     for ego in permutations(EGO):
         own = (teleport(lane_position(60)), distance(12))
