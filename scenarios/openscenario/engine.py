@@ -33,6 +33,9 @@ STEP_S = 0.01
 TOLERANCE_S = 1e-9
 """Instants inside a step are found this exactly."""
 
+TIME_DIGITS = 12
+"""Ends of steps are rounded to so many decimals, so that 300 steps of 0.01 s end at 3 s."""
+
 FINEST_S = 1e-5
 """What holds for a shorter time than this may be overlooked."""
 
@@ -287,7 +290,7 @@ class Engine:
 
     def _advance(self, duration_s: float) -> None:
         """Move on by no more than a step."""
-        end = self.time_s + duration_s
+        end = round(self.time_s + duration_s, TIME_DIGITS)
         for _ in range(MAX_SPLITS):
             if self.over or self.time_s >= end - TOLERANCE_S:
                 break

@@ -196,3 +196,14 @@ def test_who_is_put_into_contact_touches_at_that_instant(write, when_s, step_s):
     assert run.ego_speed_at_contact_kmh == pytest.approx(36.0)
     assert run.target_speed_at_contact_kmh == 0.0
     assert run.impact_location_percent == pytest.approx(50.0 + 100.0 * 0.5 / 2.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("when_s", [0.57, 1.0, 3.0, 7.01])
+def test_what_happens_at_the_end_of_a_step_is_sampled_there(play, when_s):
+    """Steps of 0.01 s add up to the times that a file gives in decimals."""
+    start = trigger(condition(at_time(when_s)))
+    put = event("put", teleport(lane_position(250)), start)
+    _, run = play(act(maneuver(put)))
+    row = round(when_s / 0.01)
+    assert run.time_s[row] == when_s
+    assert run.x_m[row - 1 : row + 1, 1] == pytest.approx([60.0, 250.0])
