@@ -106,12 +106,13 @@ def assess(
 def _outcome(record: RunRecord, conflict: Conflict) -> dict[str, object]:
     """What a run came to, as columns for `measurements`."""
     row, touch = record.row, conflict.touch
+    impact_kmh = row.v_impact_kmh or 0.0  # one that was cut off is scored by its end reason
     unbraked_kmh = row.v_test_kmh if touch is None else abs(touch.ego_speed_kmh)
     return {
-        "v_impact_kmh": row.v_impact_kmh,
+        "v_impact_kmh": impact_kmh,
         "target_speed_at_contact_kmh": row.target_speed_at_contact_kmh,
         "warning_ttc_s": record.flag_ttc_s,
-        "speed_reduction_kmh": unbraked_kmh - (row.v_impact_kmh if row.collided else record.slowest_kmh),
+        "speed_reduction_kmh": unbraked_kmh - (impact_kmh if row.collided else record.slowest_kmh),
         "end_reason": row.end_reason,
         "false_activation": row.false_activation,
     }
@@ -178,7 +179,7 @@ def run_grid(
     written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []
     hits = [record.row for _, record in finished if record.row.collided]
     if hits:
-        console.print(_how_to_see(max(hits, key=lambda row: row.v_impact_kmh), out), soft_wrap=True)
+        console.print(_how_to_see(max(hits, key=lambda row: row.v_impact_kmh or 0.0), out), soft_wrap=True)
     for line in results.told_runs([record.row for _, record in finished]):
         console.print(line, highlight=False, soft_wrap=True)
     done_line = f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}"

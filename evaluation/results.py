@@ -87,7 +87,7 @@ class RunRow:
         adversaries: other participants, none or static.
         seed: seed of every random number in the run.
         v_test_kmh: speed of the test.
-        v_impact_kmh: speed at contact, 0 without contact.
+        v_impact_kmh: speed at contact, 0 without contact; None of a run that the time limit cut off.
         collided: whether the ego touched the target.
         score: points won; None where the test gives none, and of a run that was cut off or had no conflict.
         score_max: points to be won; None where the test gives none.
@@ -120,7 +120,7 @@ class RunRow:
     adversaries: str
     seed: int
     v_test_kmh: float
-    v_impact_kmh: float
+    v_impact_kmh: float | None
     collided: bool
     score: float | None
     score_max: float | None
@@ -304,6 +304,9 @@ def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
             raise ValueError(f"column {name!r}: a value is missing")
         if kinds[name].startswith(("float", "int")) and (column.abs() > _GREATEST).any():
             raise ValueError(f"column {name!r}: a value is beyond {_GREATEST:g}")
+    ended = runs["end_reason"].ne(EndReason.TIME_LIMIT) if "end_reason" in names else True
+    if (runs["v_impact_kmh"].isna() & ended).any():
+        raise ValueError("column 'v_impact_kmh': a value is missing of a run that was not cut off")
     for log in runs["log"].dropna():
         if not _LOG_NAME.fullmatch(log):
             raise ValueError(f"column 'log': no name of a log: {shown(log)}")

@@ -346,9 +346,13 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     return RunRecord(spec, row, outcome.flag_ttc_s, log, spent, slowest_mps * 3.6, outcome.notes)
 
 
+def impact_speed_kmh(outcome: Outcome) -> float | None:
+    """Speed at contact, 0 without; None of a run that was cut off, since what it comes to is not known."""
+    return None if outcome.end_reason is EndReason.TIME_LIMIT else outcome.impact_speed_mps * 3.6
+
+
 def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
     contact = outcome.contact
-    impact = outcome.impact_speed_mps * 3.6
     return RunRow(
         scenario=spec.scenario,
         strategy=spec.strategy,
@@ -357,7 +361,7 @@ def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
         adversaries=spec.adversaries,
         seed=spec.seed,
         v_test_kmh=spec.v_test_kmh,
-        v_impact_kmh=impact,
+        v_impact_kmh=impact_speed_kmh(outcome),
         collided=contact is not None,
         score=run_points(outcome, spec.v_test_kmh) if spec.paper_points else None,
         score_max=paper_score_max(spec.v_test_kmh) if spec.paper_points else None,

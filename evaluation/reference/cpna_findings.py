@@ -16,7 +16,11 @@ Impacts = dict[tuple[str, float], float]
 
 def impacts(rows: Sequence[RunRow], weather: str = "dry") -> Impacts:
     """Impact speeds of one weather."""
-    return {(row.strategy, row.v_test_kmh): row.v_impact_kmh for row in rows if row.weather == weather}
+    return {
+        (row.strategy, row.v_test_kmh): row.v_impact_kmh
+        for row in rows
+        if row.weather == weather and row.v_impact_kmh is not None
+    }
 
 
 def hit_speeds(found: Impacts, strategy: str) -> list[float]:

@@ -136,6 +136,10 @@ class MechanismsPart:
         spec = task.spec
         record = execute(spec, keep_log=False)
         impact = record.row.v_impact_kmh
+        if impact is None:
+            raise ResultsError(
+                f"{spec.scenario}, {spec.strategy}: cut off by the time limit; it has no impact speed"
+            )
         text = settings_text(spec.settings)
         run = MechanismRun(spec.strategy, text, spec.v_test_kmh, spec.seed, spec.phase_s, impact)
         return run, record.spent

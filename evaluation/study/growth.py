@@ -18,7 +18,7 @@ from evaluation.fingerprint import fingerprint, version
 from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
 from evaluation.results import ResultsError, Table, markdown_table, rich_table, write_bytes
-from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, preset_of
+from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, impact_speed_kmh, preset_of
 from evaluation.study.figures import FORMATS, save
 from evaluation.study.intervals import Estimate, mean_t
 from evaluation.study.journal import Journal
@@ -58,7 +58,7 @@ class GrowthRun:
         tracks_mean: per frame.
         flag_time_s: first emergency request; None without one.
         false_activation: whether it came before the pedestrian set off.
-        v_impact_kmh: speed at contact, 0 without.
+        v_impact_kmh: speed at contact, 0 without; None of a run that the time limit cut off.
     """
 
     strategy: str
@@ -67,7 +67,7 @@ class GrowthRun:
     tracks_mean: float
     flag_time_s: float | None
     false_activation: bool
-    v_impact_kmh: float
+    v_impact_kmh: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
         tracks_mean=tracks / max(spent.frames, 1),
         flag_time_s=outcome.flag_time_s,
         false_activation=outcome.false_activation is True,
-        v_impact_kmh=outcome.impact_speed_mps * 3.6,
+        v_impact_kmh=impact_speed_kmh(outcome),
     )
     return measured, spent
 
@@ -289,12 +289,13 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
         for strategy in strategies:
             mine = _cell(pairs, strategy, others)
             flag = _flag_s(mine)
+            impact = mean_t([run.v_impact_kmh for run, _ in mine if run.v_impact_kmh is not None])
             line += [
                 f"{_median_ms(mine).value:.2f}",
                 f"{_tracks(mine).value:.1f}",
                 f"{flag.value:.2f}" if flag.count else "–",
                 f"{sum(run.false_activation for run, _ in mine)}/{len(mine)}",
-                f"{np.mean([run.v_impact_kmh for run, _ in mine]):.1f}",
+                f"{impact.value:.1f}" if impact.count else "–",
             ]
         lines.append(tuple(line))
     caption = (

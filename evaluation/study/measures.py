@@ -11,7 +11,7 @@ import numpy as np
 from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
 from evaluation.results import MANY_DROPPED
-from evaluation.runs import FrameTime, frame_time, preset_of, run_points, simulation_of
+from evaluation.runs import FrameTime, frame_time, impact_speed_kmh, preset_of, run_points, simulation_of
 from evaluation.settings import settings_text
 from evaluation.study.criticality import criticality
 from evaluation.study.grid import StudyRun
@@ -31,7 +31,7 @@ class RunMeasures:
         strategy, settings, preset, weather, seed: who decided, and in which conditions.
         v_test_kmh: speed of the ego.
         collided: whether the ego touched anybody.
-        v_impact_kmh: its speed then, 0 without contact.
+        v_impact_kmh: its speed then, 0 without contact; None of a run that the time limit cut off.
         score: the paper's points, of scenes that ask for braking.
         band: colour of the impact speed by Euro NCAP 2026, of those; None where it has none for the speed.
         flag_time_s: first emergency request.
@@ -63,7 +63,7 @@ class RunMeasures:
     seed: int
     v_test_kmh: float
     collided: bool
-    v_impact_kmh: float
+    v_impact_kmh: float | None
     score: float | None
     band: str | None
     flag_time_s: float | None
@@ -143,7 +143,6 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
     before = threat.brake_threat_number[np.isfinite(threat.brake_threat_number)]
     spent = frame_time(outcome.frame_time_ms)
     frames = max(spent.frames, 1)
-    impact = outcome.impact_speed_mps * 3.6
     measures = RunMeasures(
         scene=run.scene.scene,
         variant=run.scene.variant,
@@ -155,7 +154,7 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
         seed=spec.seed,
         v_test_kmh=spec.v_test_kmh,
         collided=outcome.contact is not None,
-        v_impact_kmh=impact,
+        v_impact_kmh=impact_speed_kmh(outcome),
         score=None if nothing else run_points(outcome, spec.v_test_kmh),
         band=None if nothing else _band(outcome, spec.v_test_kmh),
         flag_time_s=outcome.flag_time_s,

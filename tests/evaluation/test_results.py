@@ -573,3 +573,15 @@ def test_notes_about_the_same_are_one_line() -> None:
         f"{first} (in 2 of 3 runs)",
         f"{other} (in 1 of 3 runs)",
     ]
+
+
+def test_a_run_cut_off_has_no_impact_speed_and_any_other_must_have_one(tmp_path):
+    ended = replace(STOPPED, v_impact_kmh=None, end_reason="time_limit", score=None)
+    write_runs(tmp_path, [HIT, ended], {})
+    # the mean over the column is that of the run that came to its end: 23 km/h
+    assert read_runs(tmp_path)["v_impact_kmh"].mean() == 23.0
+    write_runs(tmp_path, [HIT, replace(STOPPED, v_impact_kmh=None)], {})
+    with pytest.raises(
+        ResultsError, match="'v_impact_kmh': a value is missing of a run that was not cut off"
+    ):
+        read_runs(tmp_path)

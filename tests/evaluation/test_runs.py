@@ -192,6 +192,7 @@ def test_a_run_that_is_cut_off_has_no_score_and_is_not_avoided() -> None:
     spec = RunSpec("x", "cpna_paper", parameters, NO_AEB, "paper", "dry", 30.0, paper_points=True)
     row = execute(spec).row
     assert (row.end_reason, row.end_time_s) == ("time_limit", pytest.approx(60.0))
+    assert row.v_impact_kmh is None  # what it would have come to is not known
     assert (row.collided, row.avoided, row.score) == (False, False, None)
 
 
