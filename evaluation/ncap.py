@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,6 @@ from evaluation import results, runner
 from evaluation.cell_table import CELLS_CSV, cell_table, told_invalid
 from evaluation.configuration import configuration_of
 from evaluation.conflict import Conflict, conflicts, unbraked
-from evaluation.errors import ArgumentError
 from evaluation.ncap_grid import Grid, GridRun, all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.protocols.assessment import Assessment, Protocol
 from evaluation.protocols.errors import ProtocolError
@@ -153,6 +152,8 @@ def run_grid(
         grid = grid_of_shipped(protocol, name, robustness)
     paired = specs_of(grid, conditions, name)
     specs = [spec for _, spec in paired]
+    told = runner.notes(specs)
+    configuration = configuration_of(specs, out, told)  # files as they are before the first run
     finished: list[tuple[GridRun, RunRecord]] = []
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
         total = len(specs) + len(set(map(unbraked, specs)))
@@ -164,12 +165,10 @@ def run_grid(
                 results.write_log(results.log_path(out, record.spec.log), record.log)
             finished.append((run, replace(record, log=None)))
             progress.advance(task)
-    told = runner.notes(specs)
-    configuration = configuration_of(specs, out, told)
     results.write_runs(out, [record.row for _, record in finished], configuration)
     assessments = assess(protocol, finished, known)
     cells_csv = out / CELLS_CSV
-    _written(cells_csv, lambda: cells_csv.write_bytes(cell_table(assessments)))
+    results.write_bytes(cells_csv, cell_table(assessments))
     sheet = make_sheet(assessments, ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
     noted = results.told_notes([record.notes for _, record in finished])
@@ -202,7 +201,7 @@ def _left_out(grid: Grid, out: Path) -> list[Path]:
         return []
     path = out / LEFT_OUT
     lines = "".join(f"{run.reason}\n" for run in grid.strange)
-    _written(path, lambda: path.write_text(lines, encoding="utf-8"))
+    results.write_bytes(path, lines.encode())
     return [path]
 
 
@@ -236,12 +235,5 @@ def _draw(sheet: Sheet, out: Path, name: str, form: str) -> list[Path]:
 
     picture, page = out / f"matrix_{name}.{form}", out / f"matrix_{name}.html"
     save_picture(matrix_figure(sheet), picture, "--out")
-    _written(page, lambda: page.write_text(matrix_page(sheet), encoding="utf-8"))
+    results.write_bytes(page, matrix_page(sheet).encode())
     return [picture, page]
-
-
-def _written(path: Path, write: Callable[[], object]) -> None:
-    try:
-        write()
-    except OSError as error:
-        raise ArgumentError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None

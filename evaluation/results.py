@@ -211,11 +211,28 @@ def write_runs(directory: Path, rows: Sequence[RunRow], configuration: Mapping[s
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(RUN_COLUMNS)
     writer.writerows([_csv_cell(value) for value in record.values()] for record in records)
+    described = configuration_json(configuration, {"runs": records})
+    write_bytes(directory / RUNS_CSV, text.getvalue().encode())
+    write_bytes(directory / RUNS_JSON, described)
+
+
+def configuration_json(
+    configuration: Mapping[str, object], more: Mapping[str, object] | None = None
+) -> bytes:
+    """A configuration with schema and version, as JSON.
+
+    Args:
+        configuration: anything JSON can hold, and dataclasses, arrays, enumerations.
+        more: what stands beside it.
+
+    Raises:
+        ResultsError: it holds something that JSON cannot.
+    """
     content = {
         "schema": SCHEMA,
         "version": metadata.version("smartmot"),
         "configuration": configuration,
-        "runs": records,
+        **(more or {}),
     }
     try:
         described = json.dumps(
@@ -225,8 +242,7 @@ def write_runs(directory: Path, rows: Sequence[RunRow], configuration: Mapping[s
         raise ResultsError(
             f"configuration of the runs: {error}; use numbers, texts, lists and mappings"
         ) from error
-    write_bytes(directory / RUNS_CSV, text.getvalue().encode())
-    write_bytes(directory / RUNS_JSON, f"{described}\n".encode())
+    return f"{described}\n".encode()
 
 
 def read_runs(directory: Path) -> pd.DataFrame:
@@ -745,18 +761,27 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         ResultsError: it cannot be written, as on a full disk.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_bytes(content)
-            part.replace(path)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise
+        write_whole(path, content)
     except OSError as error:
         reason = error.strerror or _one_line(error)
         raise ResultsError(f"{path}: cannot be written ({reason}); choose another folder (--out)") from error
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all.
+
+    Raises:
+        OSError: it cannot be written; what was there before is as it was.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def _one_line(error: Exception) -> str:

@@ -100,7 +100,7 @@ def write_page(
     target = directory / PAGE_NAME if out is None else out
     text = render(page_content(folder, progress))
     try:
-        target.write_text(text, encoding="utf-8")
+        results.write_whole(target, text.encode())
     except OSError as error:
         reason = error.strerror or str(error)
         raise ArgumentError(f"--out: cannot write {target}: {reason}; choose another place") from None

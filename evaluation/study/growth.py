@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rich.console
 
-from evaluation.fingerprint import fingerprint, version
+from evaluation.configuration import configuration_of
+from evaluation.fingerprint import fingerprint
 from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import SMALL_PT, new_figure, set_style, set_title
-from evaluation.results import ResultsError, Table, markdown_table, rich_table, write_bytes
+from evaluation.results import (
+    ResultsError,
+    Table,
+    configuration_json,
+    markdown_table,
+    rich_table,
+    write_bytes,
+)
 from evaluation.runs import FrameTime, RunSpec, definition_of, frame_time, impact_speed_kmh, preset_of
 from evaluation.study.figures import FORMATS, save
 from evaluation.study.intervals import Estimate, mean_t
@@ -45,6 +52,8 @@ SCENARIO = "crossing"
 SPEED_KMH = 50.0
 NEAR_KERB_M, FAR_KERB_M, FAR_LANE_M = -1.75, 5.25, 3.5
 """Across the ego's lane on the shipped urban street: its kerbs and the middle of the other lane."""
+MIN_VISIBLE = 0.0
+"""All others are seen, whoever stands before them."""
 REACH_M = 65.0
 """Others are within so many metres along the road before and behind the crossing."""
 
@@ -162,7 +171,7 @@ def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
         return make_strategy(spec.strategy, preset, scene)
 
     # all are seen: what grows is the number of objects, not of those hidden behind others
-    open_view = replace(preset, sensor=replace(preset.sensor, min_visible=0.0))
+    open_view = replace(preset, sensor=replace(preset.sensor, min_visible=MIN_VISIBLE))
     outcome = Simulation(definition, open_view, maker, spec.seed).run()
     spent = frame_time(outcome.frame_time_ms)
     tracks = int(np.count_nonzero(outcome.log.table()["kind"] == "track"))
@@ -226,7 +235,7 @@ def write_growth(
         "growth.md": markdown_table(growth_table(runs, spent)).encode(),
         "growth.csv": growth_csv(runs),
         "growth_times.csv": times_csv(runs, spent),
-        "growth.json": _configuration(tasks),
+        "growth.json": _configuration(tasks, out),
     }
     try:
         for name, content in files.items():
@@ -237,21 +246,13 @@ def write_growth(
     return [*(out / name for name in files), *drawn]
 
 
-def _configuration(tasks: Sequence[GrowthTask]) -> bytes:
-    """Everything that determines the results, as JSON."""
-    spec = tasks[0].spec
-    preset = preset_of(spec, definition_of(spec))
-    values = {
-        "version": version(),
-        "scenario": SCENARIO,
-        "speed_kmh": SPEED_KMH,
-        "weather": spec.weather,
-        "strategies": list(dict.fromkeys(task.spec.strategy for task in tasks)),
-        "others": sorted({task.others for task in tasks}),
-        "seeds": sorted({task.spec.seed for task in tasks}),
-        "preset": asdict(preset),
-    }
-    return (json.dumps(values, indent=1, sort_keys=True) + "\n").encode()
+def _configuration(tasks: Sequence[GrowthTask], out: Path) -> bytes:
+    """Everything that determines the results, as JSON; a run is named once for all numbers of others."""
+    specs = list(dict.fromkeys(task.spec for task in tasks))
+    others = sorted({task.others for task in tasks})
+    return configuration_json(
+        configuration_of(specs, out, more={"others": others, "min_visible": MIN_VISIBLE})
+    )
 
 
 Timed = tuple[GrowthRun, FrameTime]

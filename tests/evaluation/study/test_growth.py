@@ -1,9 +1,20 @@
 """Growth: others who keep out of the way."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from evaluation.study.growth import COUNTS, SPEED_KMH, grow, growth_table, growth_tasks, with_others
+from evaluation.study.growth import (
+    COUNTS,
+    SPEED_KMH,
+    grow,
+    growth_table,
+    growth_tasks,
+    with_others,
+    write_growth,
+)
 from scenarios.library import shipped_scenario
 from scenarios.openscenario import Engine, load
 
@@ -26,3 +37,18 @@ def test_others_make_tracks_for_all_but_hardly_for_the_map() -> None:
     assert all(time.frames > 0 and time.median_ms > 0 for time in spent)
     table = growth_table(runs, spent)
     assert np.shape(table.rows) == (1, 11)
+
+
+def test_the_configuration_has_the_schema_of_all_commands(tmp_path: Path) -> None:
+    tasks = growth_tasks(("map",), "physical", "rain", seeds=2, counts=(0, 10))[:1]
+    runs, spent = zip(*map(grow, tasks), strict=True)
+    write_growth(tasks, runs, spent, tmp_path, ())
+    content = json.loads((tmp_path / "growth.json").read_text())
+    configuration = content["configuration"]
+    assert (content["schema"], configuration["others"], configuration["min_visible"]) == (2, [0], 0.0)
+    (spec,) = configuration["specs"]
+    # each file of the run has its hash, and its preset is there in the rain
+    assert spec["files"]
+    assert set(spec["files"]) <= set(configuration["files"])
+    assert spec["resolved_preset"] in configuration["presets"]
+    assert spec["weather"] == "rain"
