@@ -35,6 +35,9 @@ from smartmot.plugins import plugin
 SHIPPED = "smartmot:"
 """Begins the name of a file of this package."""
 
+_NO_LIMIT = "inf"
+"""An infinite setting, which JSON has no number for."""
+
 _ROOT = Path(str(scenarios.__file__)).resolve().parent
 
 
@@ -173,7 +176,7 @@ def _spec_values(spec: RunSpec, folder: Path) -> dict[str, Any]:
         "file": spec.file if shipped_scenario else _name_of(Path(spec.file), folder),
         "map_name": spec.map_name if named else _name_of(Path(str(spec.map_name)), folder),
         "parameters": {name: _parameter(value, folder) for name, value in spec.parameters},
-        "settings": dict(spec.settings),
+        "settings": {name: _NO_LIMIT if value == math.inf else value for name, value in spec.settings},
     }
 
 
@@ -258,7 +261,8 @@ def _decoded_spec(values: Mapping[str, Any], where: str, defaults: bool = False)
     for name, value in settings.items():
         if not _is_scalar(value) or isinstance(value, bool):
             raise ReadError(f"{where}.settings.{name} must be a number or a text, got {shown(value)}")
-    return replace(spec, parameters=tuple(sorted(parameters.items())), settings=tuple(settings.items()))
+    known = tuple((name, math.inf if value == _NO_LIMIT else value) for name, value in settings.items())
+    return replace(spec, parameters=tuple(sorted(parameters.items())), settings=known)
 
 
 def _path_value(value: object, folder: Path, where: str) -> float | bool | str:

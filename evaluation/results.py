@@ -320,7 +320,7 @@ def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
             raise ValueError(f"column {name!r}: a value is missing")
         if kinds[name].startswith(("float", "int")) and (column.abs() > _GREATEST).any():
             raise ValueError(f"column {name!r}: a value is beyond {_GREATEST:g}")
-    ended = runs["end_reason"].ne(EndReason.TIME_LIMIT) if "end_reason" in names else True
+    ended = ~runs["end_reason"].isin(CUT_OFF) if "end_reason" in names else True
     if (runs["v_impact_kmh"].isna() & ended).any():
         raise ValueError("column 'v_impact_kmh': a value is missing of a run that was not cut off")
     for log in runs["log"].dropna():

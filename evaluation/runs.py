@@ -348,7 +348,7 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
 
 def impact_speed_kmh(outcome: Outcome) -> float | None:
     """Speed at contact, 0 without; None of a run that was cut off, since what it comes to is not known."""
-    return None if outcome.end_reason is EndReason.TIME_LIMIT else outcome.impact_speed_mps * 3.6
+    return None if outcome.end_reason in CUT_OFF else outcome.impact_speed_mps * 3.6
 
 
 def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:

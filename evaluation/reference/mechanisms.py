@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 
 from evaluation.arguments import DEFAULT_MAP
-from evaluation.fingerprint import fingerprint, version
+from evaluation.configuration import configuration_of
+from evaluation.fingerprint import fingerprint
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.reference.part import Finished
-from evaluation.results import ResultsError, Table, markdown_table
+from evaluation.results import ResultsError, Table, configuration_json, markdown_table, write_bytes
 from evaluation.runner import CpnaSuite, load_site
 from evaluation.runs import FrameTime, RunSpec, execute
 from evaluation.settings import Settings, settings_text
@@ -159,9 +159,7 @@ class MechanismsPart:
         writer = csv.writer(lines, lineterminator="\n")
         writer.writerow(field.name for field in fields(MechanismRun))
         writer.writerows(astuple(run) for run in runs)
-        told = {
-            "version": version(),
-            "preset": asdict(PAPER),
+        more = {
             "conditions": [
                 asdict(condition) | {"settings": settings_text(condition.settings)}
                 for condition in CONDITIONS
@@ -169,17 +167,10 @@ class MechanismsPart:
             "seeds": self.seeds,
             "phases_s": sorted({run.phase_s for run in runs}),
         }
-        files = {
-            "runs.csv": lines.getvalue(),
-            "mechanisms.json": json.dumps(told, indent=1, sort_keys=True) + "\n",
-            "table.md": markdown_table(mechanism_table(runs)),
-        }
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            for name, content in files.items():
-                (folder / name).write_text(content, encoding="utf-8")
-        except OSError as error:
-            raise ResultsError(f"{folder}: cannot be written ({error.strerror})") from None
+        configuration = configuration_of([task.spec for task in tasks], folder, published=True, more=more)
+        write_bytes(folder / "runs.csv", lines.getvalue().encode())
+        write_bytes(folder / "mechanisms.json", configuration_json(configuration))
+        write_bytes(folder / "table.md", markdown_table(mechanism_table(runs)).encode())
 
 
 def mechanism_table(runs: Sequence[MechanismRun]) -> Table:

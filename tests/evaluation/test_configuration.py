@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -155,6 +156,15 @@ def test_equal_presets_stand_once_and_different_ones_apart(tmp_path: Path) -> No
     runs = read_configuration(tmp_path).runs
     assert [run.preset.sensor.phase_s for run in runs] == [0.0, 0.0, 0.02]
     assert len(json.loads((tmp_path / "runs.json").read_text())["configuration"]["presets"]) == 2
+
+
+def test_an_infinite_setting_is_read_again(tmp_path: Path) -> None:
+    values = (("Ego_speed_kmh", 50.0),)
+    spec = RunSpec("x", "crossing", values, "map", "paper", "dry", 50.0, settings=(("reach_m", math.inf),))
+    write_runs(tmp_path, [], configuration_of([spec], tmp_path))
+    (run,) = read_configuration(tmp_path).runs
+    assert run.spec.settings == (("reach_m", math.inf),)
+    assert run.preset.map_area.reach_m is None
 
 
 # ---- folders that were moved, inputs that have changed -----------------------------------------------------
