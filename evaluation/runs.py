@@ -334,7 +334,7 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
         outcome = simulation_of(spec).run()
     except (SmartMotError, ScenarioError, OpenDriveError):
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not spec.plugins:
             raise
         raise failure(" and ".join(spec.plugins), error) from error

@@ -150,7 +150,7 @@ def update_own(tracker: ObjectTracker, detections: Detections) -> Tracks:
         tracks = tracker.update(detections)
     except SmartMotError as error:
         raise PluginError(f"{name}, {when}: {error}") from error
-    except Exception as error:  # whatever a user's code may raise
+    except (Exception, SystemExit) as error:  # whatever a user's code may raise
         raise failure(f"{name}, {when}", error) from error
     if not isinstance(tracks, Tracks):
         raise PluginError(

@@ -21,6 +21,9 @@ T = TypeVar("T")
 _OURS = {Path(__file__).parents[1] / name for name in ("opendrive", "smartmot", "scenarios", "evaluation")}
 """Folders of this distribution's packages."""
 
+_NOT_THEIRS = _OURS | {Path(importlib.__file__).parent}
+"""Folders in which no code of the user's lies, although it is imported from there."""
+
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
@@ -54,7 +57,7 @@ class Plugin:
             return found(*arguments)
         except SmartMotError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise failure(self.name, error) from error
 
 
@@ -105,12 +108,15 @@ def require(made: T, method: str, name: str) -> T:
     return made
 
 
-def failure(name: str, error: Exception) -> PluginError:
+def failure(name: str, error: Exception | SystemExit) -> PluginError:
     """What to say of an error in a user's code: which, and where in that code it happened."""
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        place = f" ({error.filename}, line {error.lineno})"
+        return PluginError(f"{name}: {type(error).__name__}: {error.msg}{place}")
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<") and _OURS.isdisjoint(Path(frame.filename).parents)
+        if not frame.filename.startswith("<") and _NOT_THEIRS.isdisjoint(Path(frame.filename).parents)
     ]
     # the user's line is told rather than that of a library which it calls
     frames = [frame for frame in frames if "site-packages" not in frame.filename] or frames
@@ -129,7 +135,7 @@ def _found(name: str) -> Any:
                 f"{name}: no module {error.name!r}; it must be installed or lie in the current folder"
             ) from None
         raise failure(name, error) from error
-    except Exception as error:  # whatever a user's module does when it is imported
+    except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
         raise failure(name, error) from error
     for part in path.split("."):
         try:
@@ -157,7 +163,10 @@ def _search_current_folder(name: str, top: str) -> None:
     Raises:
         PluginError: The folder has a module of that name, and Python another.
     """
-    folder = str(Path.cwd())
+    try:
+        folder = str(Path.cwd())
+    except FileNotFoundError:  # deleted since
+        return
     if "" not in sys.path and folder not in sys.path:
         sys.path.append(folder)
     mine = PathFinder.find_spec(top, [folder])
@@ -210,5 +219,5 @@ def _digest(module_name: str) -> str:
     return digest.hexdigest()[:24]
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or "no message"

@@ -50,6 +50,8 @@ def seconds(stamp: Any, what: str) -> float:
         StampError: It is no finite number, or so great that it must be in a smaller unit.
     """
     try:
+        if isinstance(stamp, str | bytes):
+            raise TypeError("text")
         number = float(stamp)
     except (TypeError, ValueError, OverflowError):
         raise StampError(f"{what}: stamp_s: expected a number of seconds, got {stamp!r}") from None
@@ -79,7 +81,10 @@ def _finite(array: FloatArray, name: str) -> FloatArray:
 
 def _names(value: ArrayLike, n: int, noun: str) -> StrArray:
     """(n,) read-only names out of CATEGORIES."""
-    category: StrArray = np.array(value, dtype=np.str_).reshape(-1)
+    try:
+        category: StrArray = np.array(value, dtype=np.str_).reshape(-1)
+    except ValueError as error:
+        raise ShapeError(f"category: expected {n} {noun}, got {value!r}") from error
     unknown = set(category.tolist()) - _KNOWN_CATEGORIES
     if len(category) != n or unknown:
         raise ShapeError(
@@ -113,8 +118,14 @@ def frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: s
     ):
         return value
     try:
+        if dtype is not np.float64:
+            _unchanged(np.asarray(value), dtype, name)
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "c":
+            raise TypeError("complex")
         array: NDArray[Any] = np.array(value, dtype=dtype)
-    except (TypeError, ValueError) as error:
+    except ShapeError:
+        raise
+    except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(f"{name}: expected numbers in shape {shape}, got {value!r}") from error
     if array.size == 0 and array.ndim != len(shape):
         array = array.reshape([0 if n is None else n for n in shape])
@@ -125,6 +136,17 @@ def frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: s
         raise ShapeError(f"{name}: expected shape {shape}, got {array.shape}")
     array.flags.writeable = False
     return array
+
+
+def _unchanged(given: NDArray[Any], dtype: type, name: str) -> None:
+    """Refuse what would become another number or truth value: 1.5 as an identifier, NaN as a truth value."""
+    if not given.size:
+        return
+    if dtype is np.bool_:
+        if given.dtype.kind not in "biuf" or not ((given == 0) | (given == 1)).all():
+            raise ShapeError(f"{name}: expected true or false, got {given.tolist()!r}")
+    elif given.dtype.kind not in "biuf" or not ((np.trunc(given) == given) & (abs(given) < 2.0**63)).all():
+        raise ShapeError(f"{name}: expected whole numbers of 64 bits, got {given.tolist()!r}")
 
 
 def _set(target: object, name: str, value: object) -> None:
@@ -453,10 +475,17 @@ class EgoState:
 
     def __post_init__(self) -> None:
         seconds(self.stamp_s, "ego state")
-        total = self.x_m + self.y_m + self.yaw_rad + self.speed_mps + self.accel_mps2 + self.yaw_rate_radps
-        if not math.isfinite(total):
+        try:
+            total = (
+                self.x_m + self.y_m + self.yaw_rad + self.speed_mps + self.accel_mps2 + self.yaw_rate_radps
+            )
+            finite = math.isfinite(total)
+            outlined = 0.0 < self.length_m < math.inf and 0.0 < self.width_m < math.inf
+        except TypeError:
+            raise ShapeError(f"ego state: every value must be a number, got {self!r}") from None
+        if not finite:
             raise ShapeError(f"ego state: every value must be finite, got {self!r}")
-        if not (0.0 < self.length_m < math.inf and 0.0 < self.width_m < math.inf):
+        if not outlined:
             raise ShapeError(f"ego state: length and width must be positive and finite, got {self!r}")
 
 

@@ -76,12 +76,14 @@ def test_the_digest_is_that_of_the_source(folder: Path) -> None:
         ("needs_c:Thing", "No module named 'not_installed_c'"),
         ("wrong_c:Thing", "SyntaxError"),
         ("fails_c:Thing", "ZeroDivisionError: division by zero"),
+        ("leaves_c:Thing", "SystemExit: 3"),
     ],
 )
 def test_what_cannot_be_loaded_is_named_in_one_line(folder: Path, name: str, told: str) -> None:
     (folder / "thing_c.py").write_text(SOURCE)
     (folder / "needs_c.py").write_text("import not_installed_c\n")
-    (folder / "wrong_c.py").write_text("class Thing\n")
+    (folder / "wrong_c.py").write_text("\nclass Thing\n")
+    (folder / "leaves_c.py").write_text("\nraise SystemExit(3)\n")
     (folder / "fails_c.py").write_text("\n1 / 0\n")
     with pytest.raises(PluginError) as caught:
         plugin(name)
@@ -89,8 +91,9 @@ def test_what_cannot_be_loaded_is_named_in_one_line(folder: Path, name: str, tol
     assert told in message
     assert name in message
     assert "\n" not in message
-    if name.startswith("fails"):
-        assert message.endswith(f"({folder / 'fails_c.py'}, line 2)")
+    module = name.partition(":")[0]
+    if module in ("fails_c", "wrong_c", "leaves_c"):
+        assert message.endswith(f"({folder / module}.py, line 2)")
 
 
 @pytest.mark.parametrize("module", ["random", "json", "numpy", "filterpy", "smartmot", "scenarios"])
@@ -100,6 +103,18 @@ def test_a_module_whose_name_is_taken_is_refused_unread(folder: Path, module: st
     with pytest.raises(PluginError, match="rename") as caught:
         plugin(f"{module}:Thing")
     assert str(caught.value).startswith(f"{module}:Thing: {file} ")
+
+
+def test_without_a_current_folder_what_is_installed_is_loaded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone() -> Path:
+        raise FileNotFoundError(2, "No such file or directory")
+
+    monkeypatch.setattr(Path, "cwd", gone)
+    assert plugin("fractions:Fraction")(1, 2) == 0.5
+    with pytest.raises(PluginError, match="no module 'thing_g'"):
+        plugin("thing_g:Thing")
 
 
 def test_other_modules_of_the_folder_take_the_place_of_none(folder: Path) -> None:

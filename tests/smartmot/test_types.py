@@ -95,6 +95,15 @@ def test_forecast_and_threats_check_their_shapes() -> None:
         ({"confirmed": np.ones(1, dtype=bool)}, "confirmed: expected shape"),
         ({"dynamic": np.ones((2, 1), dtype=bool)}, "dynamic: expected shape"),
         ({"stamp_s": np.nan}, "expected a finite number of seconds"),
+        ({"stamp_s": "1.0"}, "expected a number of seconds, got '1.0'"),
+        ({"track_id": [1.5, 2.5]}, "track_id: expected whole numbers"),
+        ({"track_id": [np.nan, 1.0]}, "track_id: expected whole numbers"),
+        ({"track_id": [np.inf, 1.0]}, "track_id: expected whole numbers"),
+        ({"track_id": [2**70, 1]}, "track_id: expected whole numbers"),
+        ({"confirmed": [np.nan, 1.0]}, "confirmed: expected true or false"),
+        ({"dynamic": ["False", "True"]}, "dynamic: expected true or false"),
+        ({"yaw_rate_radps": np.array([1j, 0.0])}, "yaw_rate_radps: expected numbers"),
+        ({"category": [["car"], ["car", "car"]]}, "category: expected 2 categories"),
     ],
 )
 def test_tracks_reject(wrong: dict[str, Any], told: str) -> None:
@@ -114,9 +123,14 @@ def test_tracks_reject(wrong: dict[str, Any], told: str) -> None:
         ({name: value}, "length and width must be positive and finite")
         for name in ("length_m", "width_m")
         for value in (np.nan, np.inf, 0.0, -1.0)
+    ]
+    + [
+        ({name: value}, "every value must be a number")
+        for name in ("x_m", "speed_mps", "length_m")
+        for value in (None, "1.0", [1.0])
     ],
 )
-def test_an_ego_is_finite_and_has_an_outline(wrong: dict[str, float], told: str) -> None:
+def test_an_ego_is_finite_and_has_an_outline(wrong: dict[str, Any], told: str) -> None:
     with pytest.raises(ShapeError, match=told):
         replace(EgoState(0.0, 0.0, 0.0, 0.0, 0.0), **wrong)
 
