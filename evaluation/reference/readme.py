@@ -24,8 +24,13 @@ TEMPLATE = "readme.md.j2"
 VERSIONED = (
     "mechanisms/mechanisms.json", "frontier_physical/compare.json", "frontier_paper/compare.json",
     "seeds/compare.json", "ablation/compare.json", "growth/growth.json",
+    *(f"{name}/runs.json" for name in ("paper", "static", "physical", "weather")),
 )  # fmt: skip
 """Files that tell the version that made them, with a digest of the code."""
+
+
+def _made_by(stored: dict[str, Any]) -> str:
+    return str(stored.get("configuration", stored)["versions"]["smartmot"])
 
 
 def render(reports: Path) -> str:
@@ -58,7 +63,7 @@ def _values(reports: Path) -> dict[str, Any]:
     growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
     spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
     return {
-        "versions": sorted({str(read_json(reports / path)["version"]) for path in VERSIONED}),
+        "versions": sorted({_made_by(read_json(reports / path)) for path in VERSIONED}),
         "cpna": cpna,
         "scenes": scenes,
         "seeds": seeds,
