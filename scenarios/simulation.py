@@ -369,7 +369,7 @@ class Simulation:
 
     def _speed_mps(self) -> float:
         """The ego's speed now, negative in reverse."""
-        return float(self._world().speed_mps[self._own])
+        return self.engine.ego_speed_mps
 
     def _accel_mps2(self, time_s: float) -> float:
         """The ego's acceleration now, by the drive or by the scenario."""
@@ -664,10 +664,13 @@ class _Counts:
         """Count a frame."""
         detections = result.detections
         self.kept += len(detections)
-        self.before += detections.dropped
-        self.dropped += result.dropped
+        if detections.dropped is not NOTHING_DROPPED:
+            self.before += detections.dropped
+        if result.dropped is not NOTHING_DROPPED:
+            self.dropped += result.dropped
         self.trackable += result.trackable
-        self.highest = max(self.highest, float(detections.score.max(initial=0.0)))
+        if not self.trackable:  # it is told where none is
+            self.highest = max(self.highest, float(detections.score.max(initial=0.0)))
 
 
 @dataclass(frozen=True, slots=True)

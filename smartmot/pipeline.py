@@ -229,6 +229,8 @@ class Pipeline:
         """What is dropped of a frame, and how many detections can start a track."""
         limits = self.score_limits(tracker)
         dropped, trackable = limits.counts(detections) if limits is not None else (0, len(detections))
+        if not dropped:
+            return detections.dropped, trackable
         return detections.dropped + Dropped(score=dropped), trackable
 
     def _track(

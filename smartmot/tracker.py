@@ -202,12 +202,19 @@ class ScoreLimits:
 
     drop: FloatArray
     start: FloatArray
+    highest: float = field(init=False)
+    """A score as high as that is taken in every category."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "highest", max(*self.drop.tolist(), *self.start.tolist()))
 
     def counts(self, detections: Detections) -> tuple[int, int]:
         """How many detections are dropped, and how many can start a track."""
         score = detections.score
         if not len(score):
             return 0, 0
+        if min(score.tolist()) >= self.highest:
+            return 0, len(score)
         code = np.array([_CODES[name] for name in detections.category.tolist()], dtype=np.int64)
         dropped = np.count_nonzero(score < self.drop.take(code))
         return int(dropped), int(np.count_nonzero(score >= self.start.take(code)))

@@ -380,8 +380,10 @@ class Engine:
         for watch in self._open:
             if watch.changed(instant):
                 return True
-        running = self.storyboard.running
-        return bool(running) and any(part.ended(instant) for part in running)
+        for part in self.storyboard.running:  # noqa: SIM110 - asked at each step, where a generator costs twice
+            if part.ended(instant):
+                return True
+        return False
 
     def _may_flip(self, a: Instant, b: Instant) -> bool:
         """Whether something that is the same at two instants may differ between them."""
@@ -432,6 +434,11 @@ class Engine:
         self._times.append(self.time_s)
         self._samples.append([self._now.state(name) for name in self._actors])
         self._existing.append([actor.exists for actor in self._actors.values()])
+
+    @property
+    def ego_speed_mps(self) -> float:
+        """The ego's speed now along its heading, negative in reverse."""
+        return self._now.state(self.ego.name).speed_mps
 
     @property
     def entities(self) -> Entities:
