@@ -151,7 +151,9 @@ def lane_route(
     source, target, weight = source[order], target[order], weight[order]
     distinct = np.ones(len(source), dtype=np.bool_)
     distinct[1:] = (source[1:] != source[:-1]) | (target[1:] != target[:-1])
-    entries = (np.maximum(weight, _LEAST_WEIGHT_M)[distinct], (source[distinct], target[distinct]))
+    # SciPy 1.13 takes no other integers as indices
+    nodes_32 = source[distinct].astype(np.int32), target[distinct].astype(np.int32)
+    entries = (np.maximum(weight, _LEAST_WEIGHT_M)[distinct], nodes_32)
     size = len(stations.lane)
     first, last = stations.node(*start), stations.node(*goal)
     _, came_from = dijkstra(
