@@ -270,9 +270,10 @@ def read_runs(directory: Path) -> pd.DataFrame:
         _require_columns(path, header, [name for name in RUN_COLUMNS if name not in new])
         if of_old:
             dtypes[OLD_FALSE_ACTIVATION] = dtypes.pop("false_activation")
-        runs: pd.DataFrame = pd.read_csv(
-            io.StringIO(text), dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats()
-        )
+        with np.errstate(invalid="ignore"):  # an infinite whole number: pandas warns, then refuses it
+            runs: pd.DataFrame = pd.read_csv(
+                io.StringIO(text), dtype=dtypes, keep_default_na=False, na_values=[""], **exact_floats()
+            )
         _require_values(runs, [name for name in RUN_COLUMNS if name in runs])
         if of_old:
             runs = runs.rename(columns={OLD_FALSE_ACTIVATION: "false_activation"})
