@@ -96,6 +96,8 @@ def _compare(
         noted: list[tuple[str, ...]] = []
         for record in execute_all(execute, specs, workers):
             assert record.log is not None
+            if not rows:
+                discard_tables(out)
             results.write_log(results.log_path(out, record.spec.log), record.log)
             rows.append(scored(record.row, found[unbraked(record.spec)]))
             noted.append(record.notes)
@@ -109,6 +111,24 @@ def _compare(
     for line in told:
         console.print(line, highlight=False)
     return rows
+
+
+def discard_tables(out: Path) -> None:
+    """Remove the tables of earlier runs before the first log is written.
+
+    Logs have the same names in other conditions: with the old tables a folder whose command was killed would
+    be shown as runs that did not take place.
+
+    Raises:
+        ResultsError: one cannot be removed.
+    """
+    for name in (results.RUNS_CSV, results.RUNS_JSON, results.TABLE_MD):
+        try:
+            (out / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise ResultsError(
+                f"{out / name}: cannot be replaced ({error.strerror}); choose another folder (--out)"
+            ) from None
 
 
 def write_folder(
@@ -166,8 +186,9 @@ def draw_again(
         ArgumentError: it has no such run, or a picture cannot be written.
     """
     from evaluation.pictures import run_to_show, save_pictures
-    from evaluation.report.folder import read_settings
+    from evaluation.report.folder import read_run_log, read_settings, refuse_comparison
 
+    refuse_comparison(directory)
     runs = results.read_runs(directory)
     if runs["log"].isna().all():
         raise ResultsError(f"{directory}: without logs nothing can be drawn; run the evaluation again")
@@ -178,7 +199,7 @@ def draw_again(
     stored = read_configuration(directory)
     settings, notes = read_settings(directory, stored, runs[runs["log"] == name], allow_plugins)
     setting = settings.get(name)
-    logs = results.read_logs(directory, runs)
+    logs = {str(log): read_run_log(directory, str(log)) for log in runs["log"]}
     network, strategy = (setting.network, setting.strategy) if setting else (None, None)
     return save_pictures(directory, runs, logs, network, strategy, shown=name, suffix=form), notes
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from evaluation import results, runner
 from evaluation.cell_table import CELLS_CSV, cell_table, told_invalid
+from evaluation.comparison import discard_tables
 from evaluation.configuration import configuration_of
 from evaluation.conflict import Conflict, conflicts, unbraked
 from evaluation.ncap_grid import Grid, GridRun, all_cells, grid_of_files, grid_of_shipped, scenario_files
@@ -162,6 +163,8 @@ def run_grid(
         records = execute_all(partial(execute, keep_log=keep_logs), specs, workers)
         for (run, _), record in zip(paired, records, strict=True):
             if record.log is not None:
+                if not finished:
+                    discard_tables(out)
                 results.write_log(results.log_path(out, record.spec.log), record.log)
             finished.append((run, replace(record, log=None)))
             progress.advance(task)

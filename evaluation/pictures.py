@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evaluation.errors import ArgumentError
+from evaluation.results import write_whole
 from opendrive import RoadNetwork
 from scenarios.places import Site
 from scenarios.presets import named_preset
@@ -105,17 +107,30 @@ def save_map(
 
 def save_picture(figure: Figure, path: Path, where: str) -> None:
     """Write a picture without time stamps and random names, so that equal runs give equal bytes."""
-    import matplotlib as mpl
-
     ending = path.suffix.lower().removeprefix(".")
     if ending not in STAMPS:
         raise ArgumentError(f"{where}: cannot draw {path.name!r}; the ending must be .png, .svg or .pdf")
     try:
-        with mpl.rc_context({"svg.hashsalt": "smartmot"}):
-            figure.savefig(path, dpi=DPI, metadata=STAMPS[ending])
+        write_whole(path, drawn(figure, ending, dpi=DPI))
     except OSError as error:
         reason = error.strerror or str(error)
         raise ArgumentError(f"{where}: cannot write {path}: {reason}; choose another place") from None
+
+
+def drawn(figure: Figure, form: str, **options: Any) -> bytes:
+    """A picture as the content of a file, the same for equal figures.
+
+    Args:
+        figure: what to draw.
+        form: png, svg or pdf.
+        options: further ones of `Figure.savefig`.
+    """
+    import matplotlib as mpl
+
+    content = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "smartmot"}):
+        figure.savefig(content, format=form, metadata=STAMPS[form], **options)
+    return content.getvalue()
 
 
 def run_to_show(runs: pd.DataFrame) -> str:

@@ -321,6 +321,10 @@ def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
             raise ValueError(f"column {name!r}: a value is missing")
         if kinds[name].startswith(("float", "int")) and (column.abs() > _GREATEST).any():
             raise ValueError(f"column {name!r}: a value is beyond {_GREATEST:g}")
+    told = set(runs["end_reason"]) if "end_reason" in names else set()
+    unknown = told - {reason.value for reason in EndReason}
+    if unknown:
+        raise ValueError(f"column 'end_reason': unknown: {shown(min(unknown))}")
     ended = ~runs["end_reason"].isin(CUT_OFF) if "end_reason" in names else True
     if (runs["v_impact_kmh"].isna() & ended).any():
         raise ValueError("column 'v_impact_kmh': a value is missing of a run that was not cut off")

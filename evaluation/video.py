@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import shutil
 import subprocess
@@ -37,7 +38,7 @@ def ffmpeg(option: str) -> str:
 
 
 def write_mp4(path: Path, pictures: Iterable[NDArray[np.uint8]], fps: float, option: str) -> None:
-    """Write an H.264 film with ffmpeg.
+    """Write an H.264 film with ffmpeg, as a whole or not at all.
 
     Args:
         path: the file.
@@ -52,10 +53,11 @@ def write_mp4(path: Path, pictures: Iterable[NDArray[np.uint8]], fps: float, opt
     images = iter(pictures)
     first = next(images)
     height, width, _ = first.shape
+    part = path.with_name(f".{path.name}.part")
     command = [
         program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
         "-r", f"{fps:g}", "-i", "-", "-an", "-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p",
-        "-movflags", "+faststart", "-f", "mp4", str(path),
+        "-movflags", "+faststart", "-f", "mp4", str(part),
     ]  # fmt: skip
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdin is not None
@@ -67,5 +69,13 @@ def write_mp4(path: Path, pictures: Iterable[NDArray[np.uint8]], fps: float, opt
         except BrokenPipeError:
             pass  # it has given up; its last words say why
         said = process.stderr.read().decode(errors="replace").strip()
-    if process.returncode:
-        raise ArgumentError(f"{option}: cannot write {path}: {(said.splitlines() or ['ffmpeg failed'])[-1]}")
+    try:
+        if process.returncode:
+            reason = (said.splitlines() or ["ffmpeg failed"])[-1]
+            raise ArgumentError(f"{option}: cannot write {path}: {reason}")
+        part.replace(path)
+    except OSError as error:
+        raise ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)

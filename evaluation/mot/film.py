@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,19 @@ from evaluation.errors import ArgumentError
 from evaluation.mot.dataset import Objects
 from evaluation.mot.forecast_quality import Carry
 from evaluation.mot.tracking import TrackedSequence
-from evaluation.plots.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SMALL_PT, VERMILLION, WINE
+from evaluation.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SMALL_PT,
+    VERMILLION,
+    WINE,
+    plain_figure,
+)
+from evaluation.results import write_whole
 from smartmot.geometry import corners, to_frame
 from smartmot.types import FloatArray
 
@@ -75,10 +88,11 @@ def write_gif(film: Film, path: Path, done: Callable[[], None] = lambda: None) -
 
     images = pictures()
     durations = [round(1000 * step_s) for step_s in _durations_s(film).tolist()]
+    content = io.BytesIO()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         next(images).save(
-            path,
+            content,
             save_all=True,
             append_images=images,
             duration=durations,
@@ -86,6 +100,7 @@ def write_gif(film: Film, path: Path, done: Callable[[], None] = lambda: None) -
             format="GIF",
             optimize=False,
         )
+        write_whole(path, content.getvalue())
     except OSError as error:
         raise ArgumentError(f"--gif: cannot write {path}: {error.strerror or error}") from None
 
@@ -138,11 +153,8 @@ class _Scene:
     """
 
     def __init__(self, film: Film) -> None:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        self.figure = Figure(figsize=_SIZE_IN, dpi=_DPI, facecolor="white")
-        self._canvas = _unannotated(FigureCanvasAgg(self.figure))
+        self.figure = plain_figure(_SIZE_IN, _DPI)
+        self._canvas = _unannotated(self.figure.canvas)
         self._axes = self.figure.add_axes(_AXES)
         self._film = film
         sequence, tracks = film.tracked.sequence, film.tracked.tracks

@@ -18,7 +18,7 @@ from evaluation.mot.metrics import SCORE_COLUMNS, MotScore, compare, evaluate
 from evaluation.mot.nuscenes import read_nuscenes, submission_text
 from evaluation.mot.table import DETECTIONS, read_csv, tracks_text
 from evaluation.mot.tracking import TrackedSequence, track_sequence
-from evaluation.results import MANY_DROPPED
+from evaluation.results import MANY_DROPPED, write_whole
 from smartmot.own_tracker import ObjectTracker, own
 from smartmot.tracker import ScoreLimits, Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
@@ -196,7 +196,7 @@ def _file_name(sequence: str) -> str:
 def _write(path: Path, text: str) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text.encode())
     except OSError as error:
         raise ArgumentError(
             f"{path}: cannot be written ({error.strerror or error}); choose another --out"

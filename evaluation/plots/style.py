@@ -22,10 +22,21 @@ MPS_TO_KMH = 3.6
 
 def new_figure(height_in: float) -> Figure:
     """An empty figure with a canvas of its own, on which texts can be measured."""
+    return plain_figure((WIDTH_IN, height_in), dpi=200)
+
+
+def plain_figure(size_in: tuple[float, float], dpi: float) -> Figure:
+    """An empty figure whose texts are what they say: names of the user's may have dollar signs.
+
+    matplotlib takes what is between two of them for a formula, and fails where it is none. It asks for this
+    whenever a text is made, so that it is turned off for the whole process.
+    """
+    import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=200, facecolor="white")
+    mpl.rcParams["text.parse_math"] = False
+    figure = Figure(figsize=size_in, dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 

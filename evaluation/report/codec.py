@@ -15,11 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evaluation.results import ResultsError
 from smartmot.types import FloatArray
 
 PER_METRE = 100.0
 PER_RADIAN = 1000.0
 PER_SECOND = 1000.0
+
+_GREATEST_M = 1e9
+"""No outline of a run reaches further: numbers of centimetres stay whole."""
 
 _RAW_DEFLATE = -15
 """Window bits of zlib for a stream without header, as the browser's `deflate-raw` reads it."""
@@ -41,7 +45,13 @@ def restored(steps: Sequence[int], per_unit: float = 1.0) -> FloatArray:
 
 
 def ring(points_m: FloatArray, origin_m: FloatArray) -> list[int]:
-    """An outline (P, 2), map frame, as x and y in turn: centimetres from the origin, then differences."""
+    """An outline (P, 2), map frame, as x and y in turn: centimetres from the origin, then differences.
+
+    Raises:
+        ResultsError: it reaches further than any that can be shown.
+    """
+    if not (np.abs(points_m - origin_m) < _GREATEST_M).all():
+        raise ResultsError(f"an outline reaches further than {_GREATEST_M:g} m; see presets in runs.json")
     whole = np.rint((points_m - origin_m) * PER_METRE).astype(np.int64)
     steps: list[int] = np.diff(whole, axis=0, prepend=np.zeros((1, 2), dtype=np.int64)).ravel().tolist()
     return steps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
@@ -25,9 +26,10 @@ from evaluation.plots.ground import (
 from evaluation.plots.log_rows import boxes_of
 from evaluation.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
 from evaluation.plots.polygons import draw_polygons
-from evaluation.plots.style import BLACK, GREY, SMALL_PT
+from evaluation.plots.style import BLACK, GREY, SMALL_PT, plain_figure
 from evaluation.report.explain import Account
 from evaluation.report.scene import Scene
+from evaluation.results import write_whole
 from opendrive import RoadNetwork
 from smartmot.geometry import corners
 
@@ -132,12 +134,9 @@ class Film:
     _texts: dict[str, Any] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
         from matplotlib.transforms import Affine2D
 
-        self._figure = Figure(figsize=_SIZE_IN, dpi=_DPI, facecolor="white")
-        FigureCanvasAgg(self._figure)
+        self._figure = plain_figure(_SIZE_IN, _DPI)
         left, right, low, high = _VIEW
         height = (high - low) / (right - left) * _SIZE_IN[0] / _SIZE_IN[1]
         axes = self._figure.add_axes((0.0, 0.935 - height, 1.0, height))
@@ -328,11 +327,13 @@ def write_gif(path: Path, film: Film, times: FilmTimes, progress: Callable[[], N
         Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
         for image in pictures(film, times, progress)
     )
+    content = io.BytesIO()
     try:
         next(images).save(
-            path, format="GIF", save_all=True, append_images=images, duration=times.durations_ms(), loop=0,
+            content, format="GIF", save_all=True, append_images=images, duration=times.durations_ms(), loop=0,
             optimize=False,
         )  # fmt: skip
+        write_whole(path, content.getvalue())
     except OSError as error:
         raise _not_written("--gif", path, error) from None
 

@@ -27,9 +27,16 @@ from scenarios.presets import Preset
 from scenarios.simulation import Simulation
 from scenarios.strategies import STRATEGIES, make_strategy
 from smartmot.errors import PluginError, SmartMotError
-from smartmot.monitored_area import MonitoredAreaStrategy
-from smartmot.plugins import is_plugin, source_digest
+from smartmot.monitored_area import (
+    EverythingArea,
+    MapArea,
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    RectangularArea,
+)
+from smartmot.plugins import failure, is_plugin, require, source_digest
 from smartmot.route import Route
+from smartmot.types import EgoState
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,9 +90,61 @@ class RunFolder:
         """The log of one run.
 
         Raises:
-            ResultsError: it is missing or broken.
+            ResultsError: it is missing or broken, or has no ego that can be shown.
         """
-        return results.read_log(results.log_path(self.path, name))
+        return read_run_log(self.path, name)
+
+
+@dataclass(slots=True, eq=False)
+class OwnArea:
+    """A monitored area of the user's own, whose errors are told as such.
+
+    Args:
+        name: its own name if it has one, else that of the plug-in.
+        plugin: `package.module:name`.
+        own: what that made.
+    """
+
+    name: str
+    plugin: str
+    own: MonitoredAreaStrategy
+
+    @property
+    def route(self) -> Route:
+        """Its route, if it has one, along which the ego's forecast can be made."""
+        return self.own.route  # type: ignore[attr-defined, no-any-return]
+
+    def at(self, ego: EgoState) -> MonitoredArea:
+        """The monitored area around `ego`.
+
+        Raises:
+            PluginError: the user's code fails, or returns something else.
+        """
+        try:
+            area = self.own.at(ego)
+        except SmartMotError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise failure(self.plugin, error) from error
+        for method in ("relevance", "polygons"):
+            require(area, method, self.plugin)
+        return area
+
+
+def read_run_log(directory: Path, name: str) -> pd.DataFrame:
+    """The log of one run, which has an ego that can be shown.
+
+    Raises:
+        ResultsError: it is missing or broken, or has no such ego.
+    """
+    path = results.log_path(directory, name)
+    log = results.read_log(path)
+    ego = log[log["kind"] == "ego"]
+    if ego.empty:
+        raise ResultsError(f"{path}: no rows of kind 'ego', nothing to show; see docs/run-log.md")
+    if not (ego[["length_m", "width_m"]] > 0.0).to_numpy().all():
+        raise ResultsError(f"{path}: the ego's length and width must be positive; see docs/run-log.md")
+    return log
 
 
 def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
@@ -98,7 +157,7 @@ def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
     Raises:
         ResultsError: the folder, its table or its logs are missing or not understood.
     """
-    _refuse_comparison(path)
+    refuse_comparison(path)
     runs = results.read_runs(path)
     if runs.empty:
         raise ResultsError(f"{path / results.RUNS_CSV}: no runs; run at least one test into this folder")
@@ -121,7 +180,7 @@ def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
     return RunFolder(path, runs, settings, published, version, tuple(notes))
 
 
-def _refuse_comparison(path: Path) -> None:
+def refuse_comparison(path: Path) -> None:
     """A comparison has measures of many runs, and logs only in a folder within it, if asked for.
 
     Raises:
@@ -231,6 +290,8 @@ def _strategy(
         elif source_digest(name) != plugins[name]:
             return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
-        return make_strategy(name, preset, scene), note
+        made = make_strategy(name, preset, scene)
+        shipped = type(made) in (RectangularArea, MapArea, EverythingArea)
+        return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:
         return None, f"The monitored area of {name} is not drawn: {error}"

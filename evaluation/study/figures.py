@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evaluation.pictures import STAMPS
+from evaluation.pictures import drawn
 from evaluation.plots.strategies import strategy_looks
 from evaluation.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style, set_title
+from evaluation.results import write_whole
 from evaluation.settings import PARAMETERS, setting_text
 from evaluation.study.answer import Curve, curves
 from evaluation.study.grid import Point
@@ -234,12 +235,9 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
 
 def save(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
     """Write a figure in several formats, the same bytes every time; returns the files."""
-    import matplotlib as mpl
-
     written = []
-    with mpl.rc_context({"svg.hashsalt": "smartmot"}):
-        for form in formats:
-            target = path.with_suffix(f".{form}")
-            figure.savefig(target, format=form, metadata=STAMPS[form])
-            written.append(target)
+    for form in formats:
+        target = path.with_suffix(f".{form}")
+        write_whole(target, drawn(figure, form))
+        written.append(target)
     return written

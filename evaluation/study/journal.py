@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 import os
+import re
 from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
+from evaluation.decoding import decode
 from evaluation.folder_lock import release, take
-from evaluation.reading import parse_json, shown
+from evaluation.reading import ReadError, parse_json, shown
 from evaluation.results import ResultsError
 from evaluation.runs import FrameTime
 from evaluation.workers import execute_all
@@ -21,12 +24,14 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     Measures = TypeVar("Measures", bound=DataclassInstance)
+    Kept = TypeVar("Kept", bound=DataclassInstance)
 else:
-    Measures = TypeVar("Measures")
+    Measures, Kept = TypeVar("Measures"), TypeVar("Kept")
 
 Item = TypeVar("Item")
 
 RUNS = "runs.jsonl"
+_SEAL = re.compile(r', "check": "([0-9a-f]{16})"}\s*$')
 TIMES = "times.jsonl"
 """Processor times have a file of their own: they are different in every run."""
 
@@ -85,15 +90,17 @@ class Journal(Generic[Measures]):
         """Runs with these keys that are finished.
 
         Raises:
-            ResultsError: a line has other fields than this version writes.
+            ResultsError: a line has other fields than this version writes, or values of another kind.
         """
         found: dict[str, tuple[Measures, FrameTime]] = {}
         try:
             for key, values in self._lines.items():
                 if key in keys:
-                    spent = FrameTime(**self._times[key]) if key in self._times else FrameTime(0, 0.0, 0.0)
-                    found[key] = self._kind(**values), spent
-        except TypeError as error:
+                    spent = FrameTime(0, 0.0, 0.0)
+                    if key in self._times:
+                        spent = _checked(FrameTime, self._times[key], f"times of run {shown(key)}")
+                    found[key] = _checked(self._kind, values, f"run {shown(key)}"), spent
+        except ReadError as error:
             raise ResultsError(f"{self._path}: not a journal of this version ({error}); remove it") from None
         return found
 
@@ -107,7 +114,7 @@ class Journal(Generic[Measures]):
         lines = (dataclasses.asdict(spent), dataclasses.asdict(measures))
         try:
             for file, values in zip(self._files[::-1], lines, strict=True):
-                file.write(json.dumps({"key": key, **values}) + "\n")
+                file.write(_sealed(json.dumps({"key": key, **values})) + "\n")
                 file.flush()
             os.fsync(self._files[0].fileno())
         except OSError as error:
@@ -152,6 +159,40 @@ class Journal(Generic[Measures]):
         return found, before
 
 
+def _checked(kind: type[Kept], values: Mapping[str, Any], where: str) -> Kept:
+    """What a line holds, as it was written: a number that was written as a whole one stays one.
+
+    Raises:
+        ReadError: a field is missing, unknown or of another kind.
+    """
+    decode(kind, values, where)
+    return kind(**values)
+
+
+def _sealed(line: str) -> str:
+    """An object of JSON with a checksum as its last entry."""
+    return f'{line[:-1]}, "check": "{_check(line)}"}}'
+
+
+def _unsealed(line: str) -> str:
+    """The object without its checksum; lines of version 0.1.0 have none.
+
+    Raises:
+        ReadError: the line was changed.
+    """
+    sealed = _SEAL.search(line)
+    if sealed is None:
+        return line
+    bare = line[: sealed.start()] + "}"
+    if _check(bare) != sealed.group(1):
+        raise ReadError("its checksum is another")
+    return bare
+
+
+def _check(line: str) -> str:
+    return hashlib.sha256(line.encode()).hexdigest()[:16]
+
+
 def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     """Lines by key.
 
@@ -167,7 +208,7 @@ def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(lines, 1):
         try:
-            values = parse_json(line.decode())
+            values = parse_json(_unsealed(line.decode()))
             found[values.pop("key")] = values
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if number == len(lines) and b"\0" in line:  # what a file system leaves of a power cut

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from importlib import invalidate_caches
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-from evaluation import runner
+from evaluation import results, runner
 from evaluation.cli import app, main
 from evaluation.comparison import draw_again
 from evaluation.configuration import SHIPPED, configuration_of, read_configuration
 from evaluation.reference.cpna import CpnaPart
 from evaluation.report.folder import RunFolder, read_folder
+from evaluation.report.page import write_page
 from evaluation.results import ResultsError, write_runs
 from evaluation.runs import RunSpec, definition_of, preset_of
 from scenarios.library import DEFINITIONS
@@ -358,6 +361,107 @@ def test_a_tracker_of_the_users_own_is_not_loaded_by_a_report(
     assert "tracker_b" not in sys.modules
     (run,) = read_configuration(tmp_path / "o").runs
     assert run.preset.pipeline.tracker.name == "tracker_b:Mine"  # type: ignore[union-attr]
+
+
+AREA = """from smartmot import MapArea
+
+
+class Area:
+    def __init__(self, scene, preset):
+        self.area = MapArea(scene.network, scene.route, preset.map_area)
+
+    def at(self, ego):
+        {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("return self.area.at(ego)", None),  # without a name
+        ("raise ValueError('of mine')", r"area_[a-z]+_[0-9]+:Area: ValueError: of mine \(.*, line 9\)"),
+        ("raise SystemExit(0)", r"area_[a-z]+_[0-9]+:Area: SystemExit: 0 \(.*, line 9\)"),
+        ("return None", r"area_[a-z]+_[0-9]+:Area: made NoneType, which has no relevance\(\)"),
+    ],
+)
+@pytest.mark.parametrize("name", ["report", "plot", "replay"])
+def test_an_area_that_is_allowed_and_fails_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    body: str,
+    message: str | None,
+) -> None:
+    """It may depend on what is not there any more, such as a file."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = f"area_{name}_{len(body)}"
+    (tmp_path / f"{module}.py").write_text(AREA.format("return self.area.at(ego)"))
+    call("cpna", "--speeds", "30", "--strategy", f"{module}:Area", "--no-pictures", "--out", "o")
+    (tmp_path / f"{module}.py").write_text(AREA.format(body))
+    del sys.modules[module]
+    invalidate_caches()
+    edit(tmp_path / "o", lambda content: content["configuration"]["plugins"].clear())  # no hash to compare
+    (log,) = read_folder(tmp_path / "o").settings
+    words = (name, f"o/{log}", "--fps", "1") if name == "replay" else (name, "o")
+    monkeypatch.setattr(sys, "argv", ["smartmot-eval", *words, "--allow-plugins", "--quiet"])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    told = capsys.readouterr().err.strip().splitlines()
+    if message is None:
+        assert not stop.value.code
+        assert len(told) == 1  # that there is no hash
+    else:
+        assert stop.value.code == 2
+        (line,) = told
+        assert re.search(message, line)
+
+
+# ---- a folder that is written again ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [("cpna", "--speeds", "20,30"), ("ncap", "--protocol", "paper", "--logs")])
+def test_old_tables_do_not_stand_beside_new_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    """Logs of another preset have the same names; the second command ends after its first log."""
+    options = ("--strategy", "map", "--workers", "1", "--out", str(tmp_path))
+    call(*words, "--preset", "paper", *options)
+    write = results.write_log
+
+    def once(path: Path, table: Any) -> None:
+        write(path, table)
+        raise ResultsError("ended")
+
+    monkeypatch.setattr(results, "write_log", once)
+    assert CliRunner().invoke(app, [*words, "--preset", "physical", *options, "-q"]).exit_code
+    with pytest.raises(ResultsError, match=r"runs\.csv: no such file"):
+        read_folder(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda log: log[log["kind"] != "ego"], "no rows of kind 'ego'"),
+        (lambda log: log.assign(length_m=0.0), "the ego's length and width must be positive"),
+    ],
+)
+def test_a_log_without_an_ego_is_told_by_its_name(
+    own: Path, change: Callable[[Any], Any], message: str
+) -> None:
+    (path,) = (own / "logs").iterdir()
+    change(results.read_log(path)).to_parquet(path)
+    for act in (lambda: write_page(own), lambda: draw_again(own, None, "png")):
+        with pytest.raises(ResultsError, match=message) as error:
+            act()
+        assert str(error.value).startswith(f"{path}: ")
+
+
+def test_plot_of_a_comparison_says_where_its_runs_are(tmp_path: Path) -> None:
+    made_by_compare(tmp_path)
+    with pytest.raises(ResultsError, match=r": a comparison over scenes; its logged runs are in .*runs$"):
+        draw_again(tmp_path, None, "png")
 
 
 # ---- damaged configurations --------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from evaluation import plots, results, runner
 from evaluation.errors import ArgumentError
-from evaluation.pictures import save_map, save_pictures
+from evaluation.pictures import save_map, save_picture, save_pictures
 from scenarios.cpna import Site
 from scenarios.strategies import make_strategy
 from smartmot.monitored_area import MonitoredAreaStrategy
@@ -168,6 +168,31 @@ def test_a_folder_that_is_gone_is_one_clear_error(tmp_path: Path, finished: Fini
     with pytest.raises(ArgumentError, match=r"cannot write .*speed_curves\.png: No such file or directory"):
         save_pictures(tmp_path / "gone", finished.runs, finished.logs, finished.site.network, finished.area)
     assert "birdseye" not in drawn.calls
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_a_picture_is_written_as_a_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    """On a full disk matplotlib leaves half a picture, and fails by itself where it writes PDF."""
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(b"before")
+
+    def full(part: Path, content: bytes) -> int:
+        assert len(content) > 3
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(ArgumentError, match=rf"a\.{suffix}: No space left on device; choose another place"):
+        save_picture(plots.style.new_figure(1.0), path, "--png")
+    assert path.read_bytes() == b"before"
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_names_with_dollar_signs_are_no_formulas(tmp_path: Path, finished: Finished) -> None:
+    runs = finished.runs.assign(scenario=r"$\frac{$")
+    written = save_pictures(tmp_path, runs, finished.logs, finished.site.network, None, suffix="svg")
+    assert [path.stem for path in written] == ["speed_curves", "temporal_diagram", "birdseye"]
 
 
 @pytest.mark.parametrize("strategy", ["rectangular", "map", "all"])

@@ -253,6 +253,13 @@ def test_missing_folder_and_files_are_named(tmp_path: Path) -> None:
         read_log(tmp_path / "a.parquet")
 
 
+@pytest.mark.parametrize("reason", ["exploded", "STOPPED", " stopped"])
+def test_an_end_that_is_not_known_does_not_count_as_avoided(tmp_path: Path, reason: str) -> None:
+    write_runs(tmp_path, [replace(STOPPED, end_reason=reason)], {})
+    with pytest.raises(ResultsError, match=rf"runs\.csv: .* \(column 'end_reason': unknown: '{reason}'\)"):
+        read_runs(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("content", "problem"),
     [

@@ -119,6 +119,21 @@ def test_a_video_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
         write_video(film(objects, range(4)), tmp_path / "film.mp4")
 
 
+def test_a_film_is_written_as_a_whole_or_not_at_all(
+    objects: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "film.gif"
+    path.write_bytes(b"before")
+
+    def full(part: Path, content: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(ArgumentError, match=r"film\.gif: No space left on device"):
+        write_gif(film(objects, range(2)), path)
+    assert path.read_bytes() == b"before"
+
+
 def test_a_gif_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ArgumentError, match="--gif: cannot write"):

@@ -1,12 +1,15 @@
 """Numbers survive the way into the page within half a unit; what is packed means nothing in HTML."""
 
+import math
 import string
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.report.codec import deltas, pack, restored, restored_ring, ring, unpack
+from evaluation.results import ResultsError
 
 METRES = st.floats(-1e6, 1e6)
 
@@ -22,6 +25,12 @@ def test_outlines_come_back_from_any_origin(points: list[tuple[float, float]], o
     corners, start = np.array(points), np.array([origin, -origin])
     back = restored_ring(ring(corners, start), start)
     assert np.all(np.abs(back - corners) <= 0.005 + 1e-8)
+
+
+@pytest.mark.parametrize("far", [1e10, 1e30, math.nan])
+def test_an_outline_beyond_everything_is_one_clear_error(far: float) -> None:
+    with pytest.raises(ResultsError, match=r"an outline reaches further than 1e\+09 m"):
+        ring(np.array([[0.0, far]]), np.zeros(2))
 
 
 def test_what_stands_costs_nothing() -> None:
