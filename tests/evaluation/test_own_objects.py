@@ -275,6 +275,7 @@ def test_trackers_are_compared_on_the_same_scenes(folder: Path) -> None:
 
 def test_recorded_detections_are_tracked_and_scored_with_it(folder: Path) -> None:
     """A car at 10 m/s, which the tracker that never has a track misses in all ten frames."""
+    pytest.importorskip("trackeval", reason="trackeval is not installed (extra mot)")
     row = "{t},{id}car,{x},2.0,4.5,1.8,0.0,{score}\n"
     for name, header, own, score in (("detections", "", "", "0.9"), ("labels", "track_id,", "7,", "1.0")):
         lines = [row.format(t=k / 10, x=float(k), id=own, score=score) for k in range(10)]
