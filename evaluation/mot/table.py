@@ -205,6 +205,8 @@ def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
         raise DatasetError(
             f"{table.path}: poses from {time[0]:g} to {time[-1]:g} s do not cover the detections"
         )
+    for name in ("x_m", "y_m", "yaw_rad"):
+        table.require(np.isfinite(table[name]), name, "must be finite")
     yaw = np.interp(stamp_s, time, np.unwrap(table["yaw_rad"]))
     pose = np.tile(np.eye(4), (len(stamp_s), 1, 1))
     pose[:, 0, 0] = pose[:, 1, 1] = np.cos(yaw)

@@ -125,6 +125,15 @@ def test_mistakes_in_a_users_classes(tmp_path: Path, classes: str, message: str)
         read_csv(write(tmp_path, HEADER + row("s", 0.0, 1.0), classes=classes))
 
 
+@pytest.mark.parametrize(
+    ("column", "pose"), [("x_m", "inf,2,0"), ("y_m", "10,nan,0"), ("yaw_rad", "10,2,-inf")]
+)
+def test_a_pose_that_is_not_finite_is_refused(tmp_path: Path, column: str, pose: str) -> None:
+    ego = f"sequence,stamp_s,x_m,y_m,yaw_rad\ns,0.0,0,0,0\ns,1.0,{pose}\n"
+    with pytest.raises(DatasetError, match=f"ego.csv:3: field '{column}' must be finite"):
+        read_csv(write(tmp_path, HEADER + row("s", 0.0, 1.0), ego=ego))
+
+
 def test_poses_that_do_not_cover_the_data(tmp_path: Path) -> None:
     ego = "sequence,stamp_s,x_m,y_m,yaw_rad\ns,0.0,0,0,0\ns,1.0,10,2,0\n"
     with pytest.raises(DatasetError, match=r"ego.csv: poses from 0 to 1 s do not cover"):
