@@ -48,14 +48,15 @@ class Stages:
 
 def suite() -> Any:
     """The default of `smartmot-eval cpna`."""
-    from evaluation.runner import CpnaSuite
+    from evaluation.runs.plan import CpnaSuite
 
     return CpnaSuite((10, 20, 30, 40, 50, 60), ("rectangular", "map"), "paper", ("dry",), "urban_street")
 
 
 def computing(directory: Path) -> tuple[float, float]:
     """Seconds for loading and running, and simulated seconds."""
-    from evaluation import results, runner
+    from evaluation.results import rows as results
+    from evaluation.runs import plan as runner
 
     start = time.perf_counter()
     job = suite()
@@ -89,12 +90,16 @@ def peer(simulated_s: float) -> float:
 
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
-    from evaluation import results, runner, runs
-    from scenarios.openscenario.engine import Engine
-    from scenarios.recording import RunLog
-    from scenarios.sensors import Sensor
-    from scenarios.simulation import Simulation
-    from smartmot import monitored_area, pipeline, tracker
+    from evaluation.results import rows as results
+    from evaluation.runs import execute as runs
+    from evaluation.runs import plan as runner
+    from scenarios.openscenario.running.engine import Engine
+    from scenarios.sensors.sensor import Sensor
+    from scenarios.simulation.log import RunLog
+    from scenarios.simulation.simulation import Simulation
+    from smartmot import pipeline
+    from smartmot.area import monitored_area
+    from smartmot.tracking import tracker
 
     stages = Stages()
     stages.wrap(runner, "load_site", "map and place")

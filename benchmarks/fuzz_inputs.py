@@ -32,9 +32,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluation.cli import main
-from evaluation.configuration import configuration_of, read_configuration
-from evaluation.results import LOG_COLUMNS, read_log, write_log, write_runs
+from evaluation.cli.command import main
+from evaluation.results.rows import LOG_COLUMNS, read_log, write_log, write_runs
+from evaluation.runs.configuration import configuration_of, read_configuration
 
 FIELD = Path(__file__).parents[1] / "tests" / "data" / "field" / "runs" / "good"
 LOG = "cpna_paper_map_dry_none_50kmh_seed0"

@@ -34,11 +34,11 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.mot.camera import from_camera, to_camera
-from evaluation.mot.dataset import Dataset, Objects, Sequence
-from evaluation.mot.metrics import MotScore, compare, evaluate
-from evaluation.mot.run import read_dataset, track_dataset
-from evaluation.mot.tracking import TrackedSequence
+from evaluation.metrics.mot import MotScore, compare, evaluate
+from evaluation.studies.mot.run import read_dataset, track_dataset
+from evaluation.studies.mot.tracking import TrackedSequence
+from scenarios.recorded.camera import from_camera, to_camera
+from scenarios.recorded.dataset import Dataset, Objects, Sequence
 from smartmot import PerCategory, TrackerConfig, tracker_config
 from smartmot.types import CATEGORIES, FloatArray
 

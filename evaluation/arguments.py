@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
+from scenarios.settings import OF_PRESET, PARAMETERS, Setting, Settings
 
 DEFAULT_MAP = "urban_street"
 """Shipped map that a test takes place on unless the user names another."""
@@ -137,3 +138,68 @@ def writable_folder(path: Path) -> Path:
         reason = error.strerror or str(error)
         raise ArgumentError(f"--out: cannot write to folder {path}: {reason}; choose another one") from None
     return path
+
+
+MAX_VALUES = 100
+"""Of one parameter of `--vary`."""
+
+
+def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
+    """`NAME=VALUES` each: names, numbers joined by commas, or ranges `0..4:0.5`.
+
+    Raises:
+        ArgumentError: not of that form, an unknown parameter or name, or a parameter twice.
+    """
+    found: dict[str, tuple[Setting, ...]] = {}
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if name not in PARAMETERS or not equals:
+            raise ArgumentError(
+                f"--vary: expected NAME=VALUES with one of {', '.join(PARAMETERS)}; got {text!r}"
+            )
+        if name in found:
+            raise ArgumentError(f"--vary: {name} is given twice; give all its values at once")
+        choices = PARAMETERS[name].choices
+        parts = [part.strip() for part in values.split(",")]
+        if choices:
+            for part in parts:
+                parse_name(part, choices, f"--vary {name}", own=PARAMETERS[name].own)
+            found[name] = tuple(dict.fromkeys(parts))
+        else:
+            numbers = [number for part in parts for number in _numbers(name, part)]
+            found[name] = tuple(dict.fromkeys(numbers))
+    return found
+
+
+def parse_plugged(tracker: str, detector: str) -> Settings:
+    """The options `--tracker` and `--detector` as settings; what the preset has anyway is none.
+
+    Raises:
+        ArgumentError: an unknown name.
+    """
+    typed = {"tracker": tracker, "detector": detector}
+    chosen = {
+        name: parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
+        for name, text in typed.items()
+    }
+    return tuple((name, value) for name, value in chosen.items() if value != OF_PRESET)
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    """A number, or a range LOW..HIGH:STEP."""
+    form = f"--vary {name}: cannot read {text!r}; use 1.8, 0,1,2 or 0..4:0.5"
+    match = re.fullmatch(r"(.+?)(?:\.\.(.+?):(.+))?", text)
+    try:
+        low, high, step = (None if g is None else float(g) for g in match.groups()) if match else (None,) * 3
+    except ValueError:
+        raise ArgumentError(form) from None
+    if low is None or not math.isfinite(low):
+        raise ArgumentError(form)
+    if high is None or step is None:
+        return [low]
+    if not (math.isfinite(high) and math.isfinite(step) and step > 0 and high >= low):
+        raise ArgumentError(form)
+    count = math.floor((high - low) / step + 1e-9) + 1
+    if count > MAX_VALUES:
+        raise ArgumentError(f"--vary {name}: {text!r} gives {count} values; use at most {MAX_VALUES}")
+    return [round(low + k * step, 9) for k in range(count)]

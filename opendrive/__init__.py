@@ -11,7 +11,6 @@ import _smartmot
 
 _smartmot.check(__name__)
 
-from opendrive.border_sampling import SampledBorders
 from opendrive.errors import (
     LaneNotFoundError,
     MapContentError,
@@ -24,15 +23,16 @@ from opendrive.errors import (
     WarningKind,
 )
 from opendrive.geo import GeoReferenceError
-from opendrive.lane_index import LaneHits, NearestLanes
-from opendrive.lanes import LaneKey, LaneTable
+from opendrive.lanes.table import LaneKey, LaneTable
+from opendrive.lanes.travel import LanePlaces, LaneRoute
 from opendrive.loading import load_map
 from opendrive.network import RoadNetwork
-from opendrive.objects import Crosswalk, RoadSignal
-from opendrive.reader import read_map
-from opendrive.road_geometry import RoadGeometry, SurfaceAttitudes, SurfacePoints
-from opendrive.travel import LanePlaces, LaneRoute
-from opendrive.writer import write_map
+from opendrive.roads.borders import SampledBorders
+from opendrive.roads.geometry import RoadGeometry, SurfaceAttitudes, SurfacePoints
+from opendrive.roads.lane_index import LaneHits, NearestLanes
+from opendrive.roads.objects import Crosswalk, RoadSignal
+from opendrive.xml.reader import read_map
+from opendrive.xml.writer import write_map
 
 __all__ = [
     "Crosswalk",

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from opendrive.arrays import FloatArray, wrapped
-from opendrive.curves import CUBIC, CurveTable
 from opendrive.errors import MapContentError, MapWarning, WarningKind
+from opendrive.geometry.curves import CUBIC, CurveTable
 from opendrive.model import Road
-from opendrive.road_geometry import NetworkGeometry
+from opendrive.roads.geometry import NetworkGeometry
 
 GAP_M = 0.05
 """Two pieces of a reference line that are further apart are reported."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from opendrive.checks import refuse_warnings
 from opendrive.errors import MapContentError
 from opendrive.network import RoadNetwork
-from opendrive.reader import read_map
+from opendrive.xml.reader import read_map
 
 
 def load_map(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:

@@ -10,26 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from opendrive.arrays import FloatArray, IntArray, finite, points_xy, wrapped
-from opendrive.border_sampling import SampledBorders, lane_polygons, sample_borders
 from opendrive.checks import curve_warnings, refuse_impossible_lanes
 from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
 from opendrive.export import lane_table, to_geojson
 from opendrive.geo import GeoReference
-from opendrive.lane_graph import LaneGraph, Side, crossing_ranges, may_cross, neighbour_key
-from opendrive.lane_index import LaneHits, LaneIndex, NearestLanes
-from opendrive.lanes import LaneKey, LaneTable
-from opendrive.model import MapModel, Signal
-from opendrive.objects import Crosswalk, RoadSignal, crosswalks_on, signals_on
-from opendrive.road_geometry import (
-    S_TOLERANCE_M,
-    NetworkGeometry,
-    RoadGeometry,
-    SurfaceAttitudes,
-    SurfacePoints,
-    within,
-)
-from opendrive.road_records import RoadRecords
-from opendrive.travel import (
+from opendrive.lanes.graph import LaneGraph, Side, crossing_ranges, may_cross, neighbour_key
+from opendrive.lanes.table import LaneKey, LaneTable
+from opendrive.lanes.travel import (
     LANE_CHANGE_COST_M,
     ROUTE_LANE_TYPES,
     LanePlaces,
@@ -37,6 +24,19 @@ from opendrive.travel import (
     lane_route,
     travelled,
 )
+from opendrive.model import MapModel, Signal
+from opendrive.roads.borders import SampledBorders, lane_polygons, sample_borders
+from opendrive.roads.geometry import (
+    S_TOLERANCE_M,
+    NetworkGeometry,
+    RoadGeometry,
+    SurfaceAttitudes,
+    SurfacePoints,
+    within,
+)
+from opendrive.roads.lane_index import LaneHits, LaneIndex, NearestLanes
+from opendrive.roads.objects import Crosswalk, RoadSignal, crosswalks_on, signals_on
+from opendrive.xml.road_records import RoadRecords
 
 _BOUNDS_TOLERANCE_M = 5e-3
 

@@ -14,7 +14,7 @@ from highway_env.road.road import RoadNetwork as HighwayNetwork
 from scipy.interpolate import PPoly
 
 from opendrive import RoadNetwork
-from opendrive.travel import ROUTE_LANE_TYPES
+from opendrive.lanes.travel import ROUTE_LANE_TYPES
 
 LaneName = tuple[str, str, int]
 

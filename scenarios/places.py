@@ -8,9 +8,9 @@ import numpy as np
 
 from opendrive import RoadNetwork
 from scenarios.errors import ScenarioError
-from scenarios.openscenario.paths import Pose
-from smartmot.route import Route, route_ahead
-from smartmot.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
+from scenarios.openscenario.motion.paths import Pose
+from smartmot.maps.route import Route, route_ahead
+from smartmot.maps.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
 
 STRAIGHT_M = 0.05
 """A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import Environment
-from scenarios.sensors import SensorConfig
-from smartmot.monitored_area import MapAreaConfig, RectangularConfig
+from scenarios.sensors.sensor import SensorConfig
+from smartmot.area.monitored_area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin
 
@@ -27,7 +27,7 @@ class Preset:
         pipeline: settings of tracking, forecast and decision.
         ego_length_m, ego_width_m: outline of the ego.
         detector: makes a detector of the user's own from a `SensorConfig` and a seed, in place of
-            `scenarios.sensors.Sensor`.
+            `scenarios.sensors.sensor.Sensor`.
     """
 
     name: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 from scenarios.errors import ScenarioError
 from scenarios.places import Scene
 from scenarios.presets import Preset
-from smartmot.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
+from smartmot.area.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
 from smartmot.plugins import is_plugin, plugin, require
 
 STRATEGIES = ("rectangular", "map", "all")

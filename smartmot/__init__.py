@@ -7,14 +7,7 @@ import _smartmot
 
 _smartmot.check(__name__)  # before `opendrive` is imported, which may be another
 
-from smartmot.association import AssociationConfig
-from smartmot.detection_input import detections_from_arrays, to_map
-from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError
-from smartmot.forecast import ForecastConfig, forecast_tracks
-from smartmot.geometry import bev_iou
-from smartmot.kalman import BevFilterConfig
-from smartmot.lifecycle import LifecycleConfig
-from smartmot.monitored_area import (
+from smartmot.area.monitored_area import (
     EverythingArea,
     MapArea,
     MapAreaConfig,
@@ -23,19 +16,26 @@ from smartmot.monitored_area import (
     RectangularArea,
     RectangularConfig,
 )
-from smartmot.motion_models import (
+from smartmot.detection_input import detections_from_arrays, to_map
+from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError
+from smartmot.filters.kalman import BevFilterConfig
+from smartmot.filters.motion_models import (
     ConstantAcceleration,
     ConstantTurnRate,
     ConstantVelocity,
     PerCategory,
 )
-from smartmot.own_tracker import ObjectTracker, tracks_from_arrays
+from smartmot.forecast import ForecastConfig, forecast_tracks
+from smartmot.geometry import bev_iou
+from smartmot.maps.regulatory import RegulatoryElement, regulatory_elements
+from smartmot.maps.route import Route, route_ahead, route_from_lanes
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
-from smartmot.regulatory import RegulatoryElement, regulatory_elements
-from smartmot.route import Route, route_ahead, route_from_lanes
-from smartmot.tracker import ReportConfig, Tracker, TrackerConfig
-from smartmot.tracker_configs import TRACKER_CONFIGS, forecast_config, tracker_config
-from smartmot.tracker_state import TrackerState
+from smartmot.tracking.association import AssociationConfig
+from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config, tracker_config
+from smartmot.tracking.lifecycle import LifecycleConfig
+from smartmot.tracking.own import ObjectTracker, tracks_from_arrays
+from smartmot.tracking.state import TrackerState
+from smartmot.tracking.tracker import ReportConfig, Tracker, TrackerConfig
 from smartmot.types import Boxes, Detections, Dropped, EgoState, Forecast, Threats, Tracks
 
 __all__ = [

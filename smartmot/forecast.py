@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.errors import ConfigError
-from smartmot.motion_models import ctrv_positions
-from smartmot.route import Route
+from smartmot.filters.motion_models import ctrv_positions
+from smartmot.maps.route import Route
 from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
 
 EGO_FORECASTS = ("ctrv", "route")

@@ -8,9 +8,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from smartmot.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
-from smartmot.braking import BrakingDistance, horizon_s
-from smartmot.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
+from smartmot.area.monitored_area import (
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    ego_extent,
+    is_vulnerable,
+    overhang_m,
+)
+from smartmot.decision.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
+from smartmot.decision.braking import BrakingDistance, horizon_s
+from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import (
     ForecastConfig,
@@ -19,16 +26,9 @@ from smartmot.forecast import (
     forecast_times,
     forecast_tracks,
 )
-from smartmot.monitored_area import (
-    MonitoredArea,
-    MonitoredAreaStrategy,
-    ego_extent,
-    is_vulnerable,
-    overhang_m,
-)
-from smartmot.own_tracker import ObjectTracker, limits_of_own, own, update_own
-from smartmot.route import Route
-from smartmot.tracker import ScoreLimits, Tracker, TrackerConfig, TrackerState
+from smartmot.maps.route import Route
+from smartmot.tracking.own import ObjectTracker, limits_of_own, own, update_own
+from smartmot.tracking.tracker import ScoreLimits, Tracker, TrackerConfig, TrackerState
 from smartmot.types import (
     BoolArray,
     Boxes,
@@ -51,7 +51,7 @@ class PipelineConfig:
     """Settings of perception and decision.
 
     Args:
-        tracker: settings of the tracker, or what makes one of your own (`smartmot.own_tracker`).
+        tracker: settings of the tracker, or what makes one of your own (`smartmot.tracking.own`).
         forecast, aeb, braking_distance: settings of the other parts.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).

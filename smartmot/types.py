@@ -329,7 +329,7 @@ class Tracks:
         boxes: M filtered boxes.
         category: (M,) names out of CATEGORIES.
         score: (M,) score of the last matched detection, in [0, 1].
-        mean: (M, D) filter state (see `smartmot.kalman`).
+        mean: (M, D) filter state (see `smartmot.filters.kalman`).
         covariance: (M, D, D) its covariance.
         velocity_mps: (M, 2) velocity over ground, map frame.
         yaw_rate_radps: (M,) turn rate.

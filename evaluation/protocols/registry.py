@@ -7,7 +7,7 @@ from collections.abc import Callable
 from evaluation.protocols.assessment import Protocol
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
-from evaluation.protocols.euroncap_2026 import EuroNcap2026
+from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.unece_r152 import R152
 

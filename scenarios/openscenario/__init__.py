@@ -5,8 +5,6 @@ run = Engine(definition).run()
 """
 
 from scenarios.openscenario.control import BrakeAt, EgoController, Motion
-from scenarios.openscenario.distributions import Variation, expand
-from scenarios.openscenario.engine import Contact, Engine, Entities, Run
 from scenarios.openscenario.errors import (
     CatalogError,
     ContentError,
@@ -18,7 +16,9 @@ from scenarios.openscenario.errors import (
     UnsupportedError,
 )
 from scenarios.openscenario.model import ScenarioDefinition
-from scenarios.openscenario.reader import load
+from scenarios.openscenario.reading.distributions import Variation, expand
+from scenarios.openscenario.reading.reader import load
+from scenarios.openscenario.running.engine import Contact, Engine, Entities, Run
 
 __all__ = [
     "BrakeAt",

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from scenarios.openscenario.paths import Path, Pose
+from scenarios.openscenario.motion.paths import Path, Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Maps of the scenes: left bends of several radii, a street with cycle lanes, one with two lanes each way.
 
-They are made like the shipped maps (`scenarios.map_builder`). ``python -m scenarios.scenes.scene_maps``
-writes all of them again, byte by byte the same.
+They are made like the shipped maps (`scenarios.catalogue.map_builder`). ``python -m
+scenarios.scenes.scene_maps`` writes all of them again, byte by byte the same.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import pi
 from pathlib import Path
 
-from scenarios.map_builder import DRIVING, PARKING, SIDEWALK, Lane, Lanes, Piece, street_map
+from scenarios.catalogue.map_builder import DRIVING, PARKING, SIDEWALK, Lane, Lanes, Piece, street_map
 
 MAPS = Path(__file__).parent / "maps"
 

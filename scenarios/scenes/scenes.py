@@ -16,10 +16,10 @@ from typing import Literal
 from opendrive import RoadNetwork
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.roads import load_roads
+from scenarios.openscenario.motion.roads import load_roads
 from scenarios.places import Place, kerb_m, lane_at, near_side
 from scenarios.scenes.scene_maps import STRAIGHT_M, bend_length_m
-from smartmot.route import route_ahead, route_from_lanes
+from smartmot.maps.route import route_ahead, route_from_lanes
 
 SCENES = Path(__file__).parent
 OUTER_MAPS = SCENES.parents[2] / "shared" / "opendrive" / "maps"

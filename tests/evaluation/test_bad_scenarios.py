@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from evaluation import cli
-from scenarios.library import DEFINITIONS
+from evaluation.cli import command as cli
+from scenarios.catalogue.library import DEFINITIONS
 
 CROSSING, CPNA = "crossing.xosc", "cpna.xosc"
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cli import main
-from scenarios.map_builder import SHIPPED_MAPS, shipped_map
+from evaluation.cli.command import main
+from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
 
 
 def call(*arguments: object) -> int:

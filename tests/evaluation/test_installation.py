@@ -175,7 +175,7 @@ def test_a_script_beside_a_package_of_ours_name_is_told(installed: Installed, tm
         last = run.stderr.splitlines()[-1]
         assert last.startswith(f"ImportError: scenarios.presets cannot be imported: {theirs} has the name of")
         assert str(installed.site / "scenarios" / "__init__.py") in last
-    (tmp_path / "script.py").write_text("import evaluation.results\n")
+    (tmp_path / "script.py").write_text("import evaluation.results.rows\n")
     run = installed.run(tmp_path, "script.py")
     assert f"ImportError: evaluation cannot be imported: {theirs} has the name of" in run.stderr
     # what does not need it works: the user's own package is nobody's business

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cli import main
+from evaluation.cli.command import main
 
 SOURCE = '''
 import dataclasses
 
 import numpy as np
 import smartmot
-from scenarios.sensors import Sensor
+from scenarios.sensors.sensor import Sensor
 
 
 class Nobody:
@@ -169,7 +169,7 @@ def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
 PERCENT = """
 import numpy as np
 
-from scenarios.sensors import Sensor
+from scenarios.sensors.sensor import Sensor
 from smartmot import detections_from_arrays
 
 
@@ -294,9 +294,9 @@ def test_recorded_detections_are_tracked_and_scored_with_it(folder: Path) -> Non
 
 def test_a_changed_source_makes_another_run(folder: Path) -> None:
     """A comparison that goes on where it was must not take the results of a tracker that was rewritten."""
-    from evaluation import fingerprint as fingerprint_module
-    from evaluation.fingerprint import fingerprint
-    from evaluation.runs import RunSpec
+    from evaluation.runs import fingerprint as fingerprint_module
+    from evaluation.runs.fingerprint import fingerprint
+    from scenarios.spec import RunSpec
     from smartmot import plugins
 
     def key(module: str, strategy: str, settings: tuple[tuple[str, str], ...]) -> str:

@@ -31,7 +31,7 @@ from opendrive.model import (
     Structure,
     Track,
 )
-from tests.opendrive.test_writer import assert_equal
+from tests.opendrive.xml.test_writer import assert_equal
 
 
 @pytest.fixture

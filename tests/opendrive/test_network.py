@@ -330,7 +330,7 @@ def test_reversed_lanes_run_the_other_way(load, text):
 
 def test_lanes_with_too_many_records_are_refused(load, text, monkeypatch):
     """Each record of one lane cuts all lanes of its section: their product bounds time and memory."""
-    monkeypatch.setattr("opendrive.lane_borders.MAX_ROWS", 5)
+    monkeypatch.setattr("opendrive.geometry.borders.MAX_ROWS", 5)
     width = "".join(text.record("width", 3.0, s=10.0 * k) for k in range(3))
     sections = text.section(left=text.lane(1, width), right=text.lane(-1, width))
     with pytest.raises(MapContentError, match="6 border curves, expected at most 5"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from opendrive import MapContentError, MapReadError, WarningKind, load_map, read_map
-from opendrive.xml_document import MAX_TAGS
+from opendrive.xml.document import MAX_TAGS
 
 BILLION = """<?xml version="1.0"?><!DOCTYPE OpenDRIVE [<!ENTITY a "aaaaaaaaaa">
 <!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.errors import ScenarioError
-from scenarios.library import (
+from scenarios.catalogue.library import (
     DEFINITIONS,
     SHIPPED_SCENARIOS,
     describe,
@@ -16,9 +15,10 @@ from scenarios.library import (
     scenario_path,
     shipped_scenario,
 )
-from scenarios.openscenario.distributions import Variation, expand
-from scenarios.openscenario.engine import Engine, Run
-from scenarios.openscenario.reader import load
+from scenarios.errors import ScenarioError
+from scenarios.openscenario.reading.distributions import Variation, expand
+from scenarios.openscenario.reading.reader import load
+from scenarios.openscenario.running.engine import Engine, Run
 
 KMH = 1 / 3.6
 LEAD_S = 2.0

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from opendrive import RoadNetwork, load_map
-from scenarios.cpna import LEAD_S, CpnaTest, build
+from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build
+from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
 from scenarios.errors import ScenarioError
-from scenarios.map_builder import SHIPPED_MAPS, shipped_map
-from scenarios.openscenario.paths import Pose
+from scenarios.openscenario.motion.paths import Pose
 from scenarios.places import (
     RUN_OUT_M,
     STRAIGHT_M,

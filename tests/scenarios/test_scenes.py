@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from opendrive import load_map
+from scenarios.catalogue.library import scenario_path
 from scenarios.errors import ScenarioError
-from scenarios.library import scenario_path
 from scenarios.openscenario import Engine, load
 from scenarios.places import Place
 from scenarios.scenes.scene_maps import MAPS, SPIRAL_M, STRAIGHT_M, bend_length_m, build_maps
 from scenarios.scenes.scenes import OUTER_MAPS, SceneRun, Street, all_scenes, choose_scenes, place_values
-from scenarios.scenes.traffic_scenes import TRAFFIC, TrafficScene, build_scene
+from scenarios.scenes.traffic import TRAFFIC, TrafficScene, build_scene
 
 SHORT = choose_scenes()
 REST = [run for run in all_scenes() if not run.default]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ShapeError
-from smartmot.tracker import Tracker
+from smartmot.tracking.tracker import Tracker
 from smartmot.types import Boxes, Detections, Dropped
 
 GOOD: dict[str, Any] = {

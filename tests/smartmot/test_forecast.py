@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from opendrive import load_map
-from scenarios.map_builder import shipped_map
+from scenarios.catalogue.map_builder import shipped_map
 from smartmot.errors import ConfigError
 from smartmot.forecast import (
     ForecastConfig,
@@ -14,7 +14,7 @@ from smartmot.forecast import (
     forecast_times,
     forecast_tracks,
 )
-from smartmot.route import route_ahead
+from smartmot.maps.route import route_ahead
 from smartmot.types import Boxes, EgoState, FloatArray, Tracks
 
 TIMES = forecast_times(3.0, 0.1)

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from opendrive import load_map
-from smartmot.braking import BrakingDistance
-from smartmot.detection_input import detections_from_arrays
-from smartmot.errors import ConfigError, TimeOrderError
-from smartmot.forecast import ForecastConfig
-from smartmot.lifecycle import LifecycleConfig
-from smartmot.monitored_area import (
+from smartmot.area.monitored_area import (
     EverythingArea,
     MapArea,
     MapAreaConfig,
     RectangularArea,
     RectangularConfig,
 )
+from smartmot.decision.braking import BrakingDistance
+from smartmot.detection_input import detections_from_arrays
+from smartmot.errors import ConfigError, TimeOrderError
+from smartmot.forecast import ForecastConfig
+from smartmot.maps.route import route_ahead
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
-from smartmot.route import route_ahead
-from smartmot.tracker import TrackerConfig
+from smartmot.tracking.lifecycle import LifecycleConfig
+from smartmot.tracking.tracker import TrackerConfig
 from smartmot.types import Boxes, Detections, Dropped, EgoState
 
 MAPS = Path(__file__).parents[2] / "scenarios" / "maps"

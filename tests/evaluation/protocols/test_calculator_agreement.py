@@ -13,18 +13,18 @@ from typing import Any
 
 import pytest
 
-from evaluation.ncap import assess, specs_of
-from evaluation.ncap_grid import grid_of_shipped
 from evaluation.protocols.bands import Colour, impact_bands, impact_colour, round_half_up, within_tolerance
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.euroncap_2026 import EuroNcap2026
-from evaluation.protocols.euroncap_2026_grid import Criterion, ScoredBlock, blocks
+from evaluation.protocols.euroncap_2026.grid import Criterion, ScoredBlock, blocks
+from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
+from evaluation.protocols.euroncap_2026.verification import Source, share_kept, verify_impact
 from evaluation.protocols.grid import Cell, Function, Layer, Measurement
 from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import CONDITIONS, LAYERS
-from evaluation.protocols.verification import Source, share_kept, verify_impact
-from evaluation.runner import Conditions
-from evaluation.runs import execute
+from evaluation.runs.execute import execute
+from evaluation.runs.plan import Conditions
+from evaluation.studies.ncap.grid import grid_of_shipped
+from evaluation.studies.ncap.run import assess, specs_of
 
 pytest.importorskip("euroncap_rating_2026", reason="the calculator is a development dependency")
 

@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
-from evaluation.protocols.euroncap_2026 import EuroNcap2026
+from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.protocols.grid import Cell, Function, Layer, Lighting
 
 FILES = Path(__file__).resolve().parents[4] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"

@@ -10,17 +10,17 @@ import pytest
 from lxml import html
 from rich.console import Console
 
-from evaluation.plots.strategies import strategy_colour
 from evaluation.protocols import marks
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.euroncap_2026 import EuroNcap2026
+from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.protocols.grid import Cell, Lighting, Measurement
 from evaluation.protocols.marks import MARKS, Mark
-from evaluation.protocols.matrix import matrix_view
-from evaluation.protocols.matrix_html import matrix_page
-from evaluation.protocols.matrix_png import matrix_figure
 from evaluation.protocols.registry import PROTOCOLS, named_protocol
 from evaluation.protocols.sheet import Sheet, make_sheet
+from evaluation.views.matrix.html import matrix_page
+from evaluation.views.matrix.matrix import matrix_view
+from evaluation.views.matrix.png import matrix_figure
+from evaluation.views.plots.strategies import strategy_colour
 
 PROTOCOL = EuroNcap2026()
 EVERY_MARK = [*MARKS.values(), *(value for value in vars(marks).values() if isinstance(value, Mark))]

@@ -7,7 +7,7 @@ import pytest
 
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
-from evaluation.protocols.euroncap_2026 import EuroNcap2026
+from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.protocols.grid import Cell, Function, Layer, Lighting, Measurement
 from evaluation.protocols.registry import PROTOCOLS, named_protocol
 from evaluation.protocols.table import measurements

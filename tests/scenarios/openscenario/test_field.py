@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.library import shipped_scenario
+from scenarios.catalogue.library import shipped_scenario
 from scenarios.openscenario import Engine, load
 from scenarios.openscenario.model import EntityDefinition, SpeedAction, TeleportAction, WorldPosition
 from tests.scenarios.openscenario.conftest import at

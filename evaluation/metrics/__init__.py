@@ -1,0 +1,1 @@
+"""Numbers from runs and recordings: tracking metrics, criticality, intervals."""

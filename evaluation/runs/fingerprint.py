@@ -1,0 +1,117 @@
+"""What a finished run is known by: a hash of everything that determines it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import evaluation
+import opendrive
+import scenarios
+import smartmot
+from scenarios.catalogue.library import scenario_path
+from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.errors import ScenarioError
+from scenarios.openscenario.reading.reader import load
+from scenarios.presets import named_preset
+from scenarios.settings import Settings, preset_with
+from scenarios.spec import NCAP_MAP, RunSpec
+from smartmot.plugins import is_plugin, plugin
+
+OF_EVALUATION = (
+    "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/rows.py",
+    "runs/execute.py", "studies/compare/measures.py", "studies/growth.py",
+)  # fmt: skip
+"""Modules of this package that what is kept of a run depends on."""
+
+LIBRARIES = (
+    "filterpy", "highway-env", "lxml", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "shapely",
+)  # fmt: skip
+"""Distributions whose versions are told with the results."""
+
+
+@cache
+def version() -> str:
+    """Version of the distribution with a digest of the code that runs depend on."""
+    digest = hashlib.sha256()
+    for package in (opendrive, smartmot, scenarios):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(path.read_bytes())
+    root = Path(str(evaluation.__file__)).parent
+    for name in OF_EVALUATION:
+        digest.update((root / name).read_bytes())
+    return f"{metadata.version('smartmot')}+{digest.hexdigest()[:12]}"
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of the libraries that runs depend on."""
+    return {name: metadata.version(name) for name in LIBRARIES}
+
+
+def fingerprint(spec: RunSpec, *more: object) -> str:
+    """Hash of a run's values, its files, its preset with its settings, the code, and whatever else is told.
+
+    A setting that says what the preset has anyway makes no other run. The files are all that reading the
+    scenario touches (itself, its catalogs, its map) and the map of perception; where they lie is no matter.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the scenario cannot be read.
+        ScenarioError: a file cannot be read.
+    """
+    parameters = dict(spec.parameters)
+    path = scenario_path(spec.file)
+    files = [file_digest(file) for file in load(path, parameters).files]
+    # without a name perception uses the scenario's map, or this one in its place
+    files.append(file_digest(map_file(spec.map_name or NCAP_MAP)))
+    parameters.pop("Map", None)
+    told_map = None if spec.map_name is None else Path(spec.map_name).name
+    values = asdict(replace(spec, file=path.name, parameters=(), settings=(), map_name=told_map))
+    told = [values, parameters, _preset_text(spec.preset, spec.settings), files, version(), *more]
+    if is_plugin(spec.strategy):
+        told.append(plugin(spec.strategy).digest)
+    return digest_of(told)
+
+
+def map_file(name: str) -> Path:
+    """File of a shipped map by its name, or of any map."""
+    return shipped_map(name) if name in SHIPPED_MAPS else Path(name)
+
+
+def digest_of(values: object) -> str:
+    """Hash of anything that JSON can hold."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal digits; an unchanged file is read once.
+
+    Raises:
+        ScenarioError: it cannot be read.
+    """
+    try:
+        stat = path.stat()
+        return _digest(path, stat.st_mtime_ns, stat.st_size)
+    except OSError as error:
+        raise ScenarioError(f"{path}: {error.strerror}") from None
+
+
+def file_digests(paths: Iterable[Path]) -> dict[Path, str]:
+    """Digests of files by their resolved paths; see `file_digest`."""
+    return {path: file_digest(path) for path in dict.fromkeys(path.resolve() for path in paths)}
+
+
+@cache
+def _preset_text(name: str, settings: Settings) -> str:
+    return json.dumps(asdict(preset_with(named_preset(name), settings)), sort_keys=True)
+
+
+@cache
+def _digest(path: Path, mtime_ns: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

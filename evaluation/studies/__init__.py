@@ -1,0 +1,1 @@
+"""Studies: each is a list of runs, a job and its tables."""

@@ -1,0 +1,260 @@
+"""Differences between strategies, run by run: both sides meet the same scenes, variants and noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from evaluation.metrics.intervals import Estimate, clustered_difference, clustered_mean, sign_test
+from evaluation.results.rows import Table
+from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.measures import RunMeasures, impact_kmh
+from evaluation.studies.compare.table import to_csv
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """What of a run is compared.
+
+    Args:
+        text: in words.
+        must: kind of scenes in which it is measured; empty: all.
+        value: of a run; None where it has none, and a pair without both is left out.
+        more_is_better: whether more of it is better.
+        unit: of its values; empty: outcomes, whose differences are -1, 0 and 1.
+        digits: that are printed; a difference that rounds to 0 is none.
+    """
+
+    text: str
+    must: str
+    value: Callable[[RunMeasures], float | None]
+    more_is_better: bool = False
+    unit: str = ""
+    digits: int = 0
+
+
+COMPARED: Mapping[str, Compared] = {
+    "avoided": Compared("collisions avoided", "brake", lambda run: run.avoided, True),
+    "v_impact_kmh": Compared("mean impact", "brake", impact_kmh, False, "km/h", 1),
+    "flag_time_s": Compared(
+        "time of the flag",
+        "brake",
+        lambda run: None if run.false_activation else run.flag_time_s,
+        False,
+        "s",
+        2,
+    ),
+    "false_activations": Compared("false activations", "nothing", lambda run: run.false_activation),
+    "early_activations": Compared("early activations", "brake", lambda run: run.false_activation),
+    "needless_stops": Compared("unnecessary stops", "nothing", lambda run: run.needless_stop),
+    "speed_loss_kmh": Compared("speed loss", "nothing", lambda run: run.speed_loss_kmh, False, "km/h", 1),
+    "delay_s": Compared("mean delay", "nothing", lambda run: run.delay_s, False, "s", 2),
+    "tracks": Compared("tracks per frame", "", lambda run: run.tracks_mean, False, "tracks", 1),
+}
+"""By the names of the columns of the summaries; the time of a flag has a meaning in one and the same run."""
+
+SHOWN = ("avoided", "v_impact_kmh", "false_activations", "needless_stops", "delay_s")
+"""Those that are shown as text."""
+
+Pair = tuple[Point, Point]
+"""A point, and the one that it is compared with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One measure of a point less that of another in the same runs.
+
+    Args:
+        weather: of the runs.
+        point, against: what is compared.
+        measure: name of what is measured.
+        estimate: mean difference, with an interval over the scenes; the count is that of pairs of runs.
+        better, worse, equal: variants in which the point is so, on the mean of their seeds.
+        scenes_better, scenes_worse: the same of scenes, on the mean of their runs.
+        p_value: of the sign test over these scenes.
+    """
+
+    weather: str
+    point: Point
+    against: Point
+    measure: str
+    estimate: Estimate
+    better: int
+    worse: int
+    equal: int
+    scenes_better: int
+    scenes_worse: int
+    p_value: float
+
+
+def pairs_with(points: Sequence[Point], usual: Sequence[Point]) -> list[Pair]:
+    """Every point against every usual one; of two usual ones the later against the earlier."""
+    rank = {point: k for k, point in enumerate(usual)}
+    return [
+        (point, other)
+        for point in points
+        for other in usual
+        if point != other and rank.get(point, math.inf) > rank[other]
+    ]
+
+
+def pairs_with_bases(points: Sequence[Point]) -> list[Pair]:
+    """Every point with a changed choice against its strategy as the preset has it."""
+    return [(point, base) for point in points for base in [Point(point.strategy)] if point.settings]
+
+
+def differences(runs: Sequence[RunMeasures], pairs: Sequence[Pair]) -> list[Difference]:
+    """Differences by weather, pair and measure; without measures of which there is no pair of runs."""
+    by_point: dict[tuple[str, str, str], dict[tuple[str, str, int], RunMeasures]] = {}
+    for run in runs:
+        group = by_point.setdefault((run.weather, run.strategy, run.settings), {})
+        group[run.scene, run.variant, run.seed] = run
+    found = []
+    for weather in dict.fromkeys(run.weather for run in runs):
+        for point, other in pairs:
+            first, second = (by_point[weather, p.strategy, p.text] for p in (point, other))
+            both = [(run, second[key]) for key, run in first.items() if key in second]
+            for name in COMPARED:
+                difference = _difference(weather, point, other, name, both)
+                if difference.estimate.count:
+                    found.append(difference)
+    return found
+
+
+def _difference(
+    weather: str, point: Point, other: Point, name: str, both: Iterable[tuple[RunMeasures, RunMeasures]]
+) -> Difference:
+    compared = COMPARED[name]
+    changes: list[float] = []
+    scenes: list[str] = []
+    variants: list[tuple[str, str]] = []
+    for one, two in both:
+        a, b = compared.value(one), compared.value(two)
+        if one.must == (compared.must or one.must) and a is not None and b is not None:
+            changes.append(a - b)
+            scenes.append(one.scene)
+            variants.append((one.scene, one.variant))
+    better, worse, equal = _signs(changes, variants, compared)
+    scenes_better, scenes_worse, _ = _signs(changes, scenes, compared)
+    if not compared.unit:
+        estimate = clustered_difference(changes, scenes)
+    else:
+        estimate = clustered_mean(changes, scenes)
+        if not any(changes):  # nothing differs: how much it may elsewhere is unknown
+            estimate = replace(estimate, low=math.nan, high=math.nan)
+    p_value = sign_test(scenes_better, scenes_worse)
+    return Difference(
+        weather, point, other, name, estimate, better, worse, equal, scenes_better, scenes_worse, p_value
+    )
+
+
+def _signs(changes: Sequence[float], groups: Sequence[object], compared: Compared) -> tuple[int, int, int]:
+    """In how many groups the mean change is for the better, for the worse, and none."""
+    by_group: dict[object, list[float]] = {}
+    for change, group in zip(changes, groups, strict=True):
+        by_group.setdefault(group, []).append(change)
+    means = [sum(values) / len(values) for values in by_group.values()]
+    if compared.unit:
+        means = [round(mean, compared.digits) for mean in means]
+    more, less = sum(mean > 0 for mean in means), sum(mean < 0 for mean in means)
+    better, worse = (more, less) if compared.more_is_better else (less, more)
+    return better, worse, len(means) - more - less
+
+
+_COLUMNS = (
+    "weather", "strategy", "settings", "against", "against_settings", "measure", "difference",
+    "difference_low", "difference_high", "difference_count", "better", "worse", "equal", "scenes_better",
+    "scenes_worse", "p_value",
+)  # fmt: skip
+
+
+def differences_csv(found: Sequence[Difference]) -> bytes:
+    """One line per difference."""
+    rows: list[dict[str, object]] = []
+    for one in found:
+        point, other, e = one.point, one.against, one.estimate
+        values = (
+            one.weather, point.strategy, point.text, other.strategy, other.text, one.measure, e.value,
+            e.low, e.high, e.count, one.better, one.worse, one.equal, one.scenes_better,
+            one.scenes_worse, one.p_value,
+        )  # fmt: skip
+        rows.append(dict(zip(_COLUMNS, values, strict=True)))
+    return to_csv(rows, _COLUMNS)
+
+
+def difference_table(found: Sequence[Difference]) -> Table:
+    """A line per pair and weather, if anything that is shown differs in any variant."""
+    weathers = len({one.weather for one in found}) > 1
+    lines: dict[tuple[str, Point, Point], dict[str, Difference]] = {}
+    for one in found:
+        if one.measure in SHOWN:
+            lines.setdefault((one.weather, one.point, one.against), {})[one.measure] = one
+    header = (
+        *(("weather",) if weathers else ()), "strategy", "against",
+        *(f"{COMPARED[name].text} ({_unit(name)})" for name in SHOWN),
+    )  # fmt: skip
+    rows = [
+        (
+            *((weather,) if weathers else ()),
+            point_name(point),
+            point_name(other),
+            *(_cell(cells[name]) if name in cells else "–" for name in SHOWN),
+        )
+        for (weather, point, other), cells in lines.items()
+        if any(one.better or one.worse for one in cells.values())
+    ]
+    caption = (
+        "Run by run on the same scenes and noise: difference, interval (95 %) over the scenes, scenes in "
+        "which the first is better and worse, and p-value of the exact sign test over them. Pairs without "
+        "any difference are left out. All measures: `differences.csv`."
+    )
+    return Table(header, tuple(rows), (), caption)
+
+
+def point_name(point: Point) -> str:
+    """Strategy and settings."""
+    return f"{point.strategy} {point.text}".strip()
+
+
+def told_differences(found: Sequence[Difference], name: Callable[[Point], str] = point_name) -> str:
+    """Which measures differ by more than another choice of scenes would explain, in one sentence.
+
+    Args:
+        found: differences.
+        name: of a point.
+    """
+    together = "Run by run on the same scenes and noise"
+    shown = [one for one in found if one.measure in SHOWN and (one.better or one.worse)]
+    if not shown:
+        return f"{together}, the strategies do not differ."
+    clear = [one for one in shown if one.estimate.low > 0.0 or one.estimate.high < 0.0]
+    weathers = len({one.weather for one in found}) > 1
+    groups: dict[str, list[str]] = {}
+    for one in clear:
+        where = f" ({one.weather})" if weathers else ""
+        text = f"{COMPARED[one.measure].text} {_interval(one)} {_unit(one.measure)}"
+        groups.setdefault(f"{name(one.point)} against {name(one.against)}{where}", []).append(text)
+    texts = "; ".join(f"{pair}: {', '.join(group)}" for pair, group in groups.items())
+    count = f"{len(clear) or 'none'} of {len(shown)} differences have an interval over the scenes without 0"
+    open_ = f"; which side is better{' in the others' if clear else ''}, these scenes do not decide"
+    return f"{together}, {count}{f' ({texts})' if texts else ''}{open_ if len(clear) < len(shown) else ''}."
+
+
+def _unit(name: str) -> str:
+    return COMPARED[name].unit or "points"
+
+
+def _cell(one: Difference) -> str:
+    return f"{_interval(one)}, {one.scenes_better}:{one.scenes_worse}, p {one.p_value:.2g}"
+
+
+def _interval(one: Difference) -> str:
+    """`+7 [-3, +17]`; outcomes in percentage points."""
+    compared, estimate = COMPARED[one.measure], one.estimate
+    scale = 1.0 if compared.unit else 100.0
+    value, low, high = (
+        f"{round(scale * number, compared.digits) + 0.0:+.{compared.digits}f}"
+        for number in (estimate.value, estimate.low, estimate.high)
+    )
+    return value if math.isnan(estimate.low) else f"{value} [{low}, {high}]"

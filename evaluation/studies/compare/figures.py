@@ -1,0 +1,243 @@
+"""Figures of the comparison."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evaluation.metrics.intervals import Estimate
+from evaluation.results.rows import write_whole
+from evaluation.studies.compare.answer import Curve, curves
+from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.labels import Mark, write_values
+from evaluation.studies.compare.table import Summary
+from evaluation.views.pictures import drawn
+from evaluation.views.plots.strategies import strategy_looks
+from evaluation.views.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style, set_title
+from scenarios.settings import PARAMETERS, setting_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "svg")
+
+
+def _curve_looks(found: Sequence[Curve]) -> list[tuple[str, str, int]]:
+    """Colour and marker of each curve's strategy, and which of its strategy's curves it is."""
+    look = strategy_looks(curve.strategy for curve in found)
+    seen = [curve.strategy for curve in found]
+    return [(*look[name], seen[:k].count(name)) for k, name in enumerate(seen)]
+
+
+def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Figure:
+    """Collisions avoided against unnecessary stops: a curve per strategy, the width of its area along it.
+
+    Left, false activations; right, standstills by speed adaptation count as well.
+    Better is up and to the left. The paper's own widths are ringed.
+
+    Args:
+        rows: summaries of one weather, with scenes of both kinds.
+        points: that they are of.
+        title: what was run.
+    """
+    found = curves(rows, points)
+    look = _curve_looks(found)
+    lines_below = _LEGEND_IN * max(0, math.ceil(len(found) / 2) - 2)
+    height = _HEIGHT_IN + lines_below
+    figure = new_figure(height)
+    figure.set_size_inches(_WIDTH_IN, height)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 1.0 - 0.13 * _HEIGHT_IN / height
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
+    drawn: list[list[list[Mark]]] = []
+    for axes, name, label, heading in (
+        (
+            panels[0],
+            "false_activations",
+            "false activations (% of nothing scenes)",
+            "False activations",
+        ),
+        (
+            panels[1],
+            "needless_stops",
+            "activations or standstills (% of nothing scenes)",
+            "Unnecessary stops",
+        ),
+    ):
+        set_style(axes)
+        set_title(axes, heading, room=40)
+        axes.set_xlabel(label, fontsize=SMALL_PT)
+        # curves that fall on one another stay visible: the lower one is larger and thicker
+        drawn.append(
+            [_curve(axes, curve, name, look[k], _hiding(found, k, name)) for k, curve in enumerate(found)]
+        )
+    panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
+    most = max(mark.x for lines in drawn for line in lines for mark in line)
+    widest = min(max(most * 1.12, 30.0), 106.0)
+    panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
+    panels[0].set_xticks([tick for tick in panels[0].get_xticks() if 0.0 <= tick <= widest])
+    panels[0].set_ylim(-2.0, 109.0)
+    panels[0].set_yticks(range(0, 101, 20))
+    for axes, lines in zip(panels, drawn, strict=True):
+        write_values(figure, axes, lines, SMALL_PT - 1)
+    figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend = figure.legend(
+        handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
+        bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
+    )  # fmt: skip
+    for line in legend.get_lines():
+        line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
+    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in found if curve.parameter}
+    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
+    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
+    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
+    figure.text(
+        0.5, 0.015 * _HEIGHT_IN / height,
+        f"{numbers}"
+        f"Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better.",
+        ha="center", va="bottom", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+_WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
+"""Across both columns of a paper."""
+_LEGEND_IN = 0.165
+"""Height of a line of the legend."""
+_LINES: tuple[LineStyle, ...] = ("-", "--", ":")
+_MARKER_PT, _LINE_PT, _WIDER_PT = 4.5, 1.3, 3.0
+"""Size of markers, width of lines, and how much both grow for each curve that would hide a curve."""
+_SAME = 0.005
+"""Shares nearer than this fall on one another."""
+PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
+"""Width of each strategy's area in the paper and in its authors' code, metres."""
+_NAMES = {
+    "rectangular": "rectangle (baseline)",
+    "map": "map",
+    "all": "no area (control)",
+    "ego_forecast=ctrv": "ego expected to keep its turn rate",
+    "ego_forecast=route": "ego expected along its route",
+}
+
+
+def _name(curve: Curve) -> str:
+    """The curve in words, as far as there are any."""
+    settings = (setting_text(name, value) for name, value in curve.rest)
+    return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
+
+
+def _hiding(found: Sequence[Curve], k: int, name: str) -> int:
+    """How many of the curves drawn after one lie on all of its points."""
+
+    def points(curve: Curve) -> list[tuple[float, float]]:
+        return [(getattr(row, name).value, row.avoided.value) for row in curve.rows]
+
+    def lie_on(above: Curve) -> bool:
+        there = points(above)
+        return all(
+            any(abs(x - u) < _SAME and abs(y - v) < _SAME for u, v in there) for x, y in points(found[k])
+        )
+
+    return sum(map(lie_on, found[k + 1 :]))
+
+
+def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int) -> list[Mark]:
+    """Draw a curve; the first of a strategy is solid and filled, others are dashed and open.
+
+    Args:
+        axes: where to draw.
+        curve: points.
+        name: what its x axis shows.
+        look: colour, marker, and which of its strategy's curves it is.
+        hiding: how many curves would hide it.
+    """
+    colour, marker, style = look
+    size_pt = _MARKER_PT + _WIDER_PT * hiding
+    rates: list[Estimate] = [getattr(row, name) for row in curve.rows]
+    avoided = [row.avoided for row in curve.rows]
+    x, y = [100 * rate.value for rate in rates], [100 * rate.value for rate in avoided]
+    axes.errorbar(
+        x, y,
+        xerr=[[100 * (r.value - r.low) for r in rates], [100 * (r.high - r.value) for r in rates]],
+        yerr=[[100 * (r.value - r.low) for r in avoided], [100 * (r.high - r.value) for r in avoided]],
+        fmt="none", ecolor=colour, elinewidth=0.6, alpha=0.22, zorder=2,
+    )  # fmt: skip
+    axes.plot(
+        x, y,
+        color=colour, linestyle=_LINES[style % len(_LINES)], label=_name(curve), zorder=3,
+        linewidth=_LINE_PT + size_pt - _MARKER_PT, marker=marker, markersize=size_pt,
+        markerfacecolor="white" if style else colour,
+    )  # fmt: skip
+    ringed = [k for k, value in enumerate(curve.values) if value == PAPER_WIDTHS.get(curve.strategy)]
+    axes.plot(
+        [x[k] for k in ringed], [y[k] for k in ringed],
+        linestyle="none", marker="o", markersize=size_pt + 5.0, zorder=4,
+        markerfacecolor="none", markeredgecolor=colour, markeredgewidth=0.8,
+    )  # fmt: skip
+    values = [f"{value:g}" for value in curve.values] or [""] * len(x)
+    return [Mark(*mark, colour) for mark in zip(x, y, values, strict=True)]
+
+
+def ablation(rows: Sequence[Summary], title: str) -> Figure:
+    """Change of collisions avoided and of false activations by one changed choice; a line per choice."""
+    base = {row.strategy: row for row in rows if not row.settings}
+    changed = [row for row in rows if row.settings and row.strategy in base]
+    look = strategy_looks(row.strategy for row in changed)
+    figure = new_figure(1.3 + 0.17 * len(changed))
+    panels = figure.subplots(1, 2, sharey=True)
+    figure.subplots_adjust(left=0.37, right=0.98, bottom=0.75 / figure.get_figheight(), wspace=0.12)
+    figure.subplots_adjust(top=1 - 0.55 / figure.get_figheight())
+    height = list(range(len(changed)))[::-1]
+    for axes, name, label in zip(
+        panels,
+        ("avoided", "false_activations"),
+        ("collisions avoided", "false activations"),
+        strict=True,
+    ):
+        set_style(axes)
+        axes.axvline(0.0, color=GREY, linewidth=0.8)
+        for row, y in zip(changed, height, strict=True):
+            change = 100 * (getattr(row, name).value - getattr(base[row.strategy], name).value)
+            colour, marker = look[row.strategy]
+            axes.plot([0.0, change], [y, y], color=colour, linewidth=1.0)
+            axes.plot(change, y, color=colour, marker=marker, markersize=4.0)
+        set_title(axes, label, room=34)
+        axes.set_xlabel("change, percentage points", fontsize=SMALL_PT)
+        axes.margins(x=0.15)
+        axes.set_ylim(-0.7, len(changed) - 0.3)
+        for y, (row, above) in zip(height[1:], zip(changed[1:], changed, strict=False), strict=True):
+            if row.strategy != above.strategy:
+                axes.axhline(y + 0.5, color=GREY, linewidth=0.5, linestyle=":")
+    panels[0].set_yticks(
+        height, [f"{row.strategy}, {row.settings}" for row in changed], fontsize=SMALL_PT - 1
+    )
+    figure.suptitle(title, fontsize=FONT_PT, y=1 - 0.12 / figure.get_figheight())
+    usual = ", ".join(
+        f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_activations.value:.0f}"
+        for name, row in base.items()
+    )
+    one = [
+        f"{100 / rate.count:.1f}" for rate in (changed[0].avoided, changed[0].false_activations) if rate.count
+    ] if changed else []  # fmt: skip
+    figure.text(
+        0.5, 0.05 / figure.get_figheight(),
+        f"Against the preset as it is, collisions avoided and false activations (%): {usual}.\n"
+        f"The same runs on both sides; one run more or less is {' or '.join(one)} points.",
+        ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+def save(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write a figure in several formats, the same bytes every time; returns the files."""
+    written = []
+    for form in formats:
+        target = path.with_suffix(f".{form}")
+        write_whole(target, drawn(figure, form))
+        written.append(target)
+    return written

@@ -1,0 +1,136 @@
+"""Which runs a comparison consists of."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from evaluation.runs.fingerprint import fingerprint
+from scenarios.presets import named_preset, named_weather
+from scenarios.scenes.scenes import SceneRun
+from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
+from scenarios.spec import RunSpec
+
+PHASES = 5
+"""Frames come every 50 ms; seeds shift them by 0 to 40 ms, so that a seed has noise and phase of its own."""
+PHASE_STEP_S = 0.01
+
+FRONTIER: Mapping[str, tuple[Setting, ...]] = {
+    "margin_m": (0.0, 0.5, 1.8, 4.0),
+    "half_width_m": (0.9, 2.6, 4.0),
+    "ego_forecast": ("ctrv", "route"),
+}
+"""What is varied unless the user says otherwise: the width of each strategy's area (1.8 m is the paper's
+margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the map tells where the ego will go."""
+
+ABLATION: Mapping[str, tuple[Setting, ...]] = {
+    "filter": ("none", "detections", "tracks", "both"),
+    "motion": ("cv", "ctrv"),
+    "ego_forecast": ("ctrv", "route"),
+    "margin_m": (0.0, 1.0, 1.8, 3.0),
+    "iou_threshold": (0.001, 0.01, 0.1),
+    "horizon_s": (2.0, 3.0, 5.0),
+}
+"""The paper's choices, one of them changed at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A strategy with settings: one row of the table, one point of the figure.
+
+    Args:
+        strategy: monitored area.
+        settings: parameters that depart from the preset, or were asked for.
+    """
+
+    strategy: str
+    settings: Settings = ()
+
+    @property
+    def text(self) -> str:
+        """The settings as they are typed."""
+        return settings_text(self.settings)
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRun:
+    """One run of a comparison.
+
+    Args:
+        scene: what happens.
+        spec: the run.
+    """
+
+    scene: SceneRun
+    spec: RunSpec
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec, self.scene.must)
+
+
+def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) -> tuple[Point, ...]:
+    """Every strategy with every combination of the varied parameters that mean anything for it."""
+    points: list[Point] = []
+    for strategy in strategies:
+        mine = [name for name in vary if PARAMETERS[name].changes(strategy)]
+        combinations = itertools.product(*(vary[name] for name in mine))
+        points += [Point(strategy, tuple(zip(mine, values, strict=True))) for values in combinations]
+    return tuple(points)
+
+
+def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]:
+    """Every strategy as the preset has it, and with one of the paper's choices changed."""
+    points: list[Point] = []
+    for strategy in strategies:
+        points.append(Point(strategy))
+        for name, values in ABLATION.items():
+            parameter = PARAMETERS[name]
+            if parameter.changes(strategy):
+                usual = parameter.of(named_preset(preset))
+                points += [Point(strategy, ((name, value),)) for value in values if value != usual]
+    return tuple(points)
+
+
+def study_runs(
+    points: Sequence[Point],
+    scenes: Sequence[SceneRun],
+    preset: str,
+    weather: Sequence[str],
+    seeds: int,
+) -> list[StudyRun]:
+    """The runs: by weather, point, scene and seed. Every point meets the same scenes and the same noise.
+
+    Raises:
+        ScenarioError: an unknown preset or weather.
+        smartmot.errors.ConfigError: a setting is out of range.
+    """
+    for point in points:  # checked here, before the first run starts
+        preset_with(named_preset(preset), point.settings)
+    for name in weather:
+        named_weather(name)
+    return [
+        StudyRun(
+            scene,
+            RunSpec(
+                scenario=scene.name,
+                file=scene.file,
+                parameters=scene.parameters,
+                strategy=point.strategy,
+                preset=preset,
+                weather=name,
+                v_test_kmh=scene.speed_kmh,
+                seed=seed,
+                phase_s=round(PHASE_STEP_S * (seed % PHASES), 3),
+                paper_points=scene.must == "brake",
+                must=scene.must,
+                settings=point.settings,
+            ),
+        )
+        for name in weather
+        for point in points
+        for scene in scenes
+        for seed in range(seeds)
+    ]

@@ -1,0 +1,354 @@
+"""What a comparison came to: per strategy and settings, and per scene."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from evaluation.metrics.intervals import Estimate, clustered_mean, clustered_rate, mean_t
+from evaluation.protocols.bands import WEIGHT, Colour
+from evaluation.protocols.paper import paper_score_max
+from evaluation.results.rows import Table
+from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.measures import RunMeasures, impact_kmh
+
+INTERVALS = (
+    "Intervals (95 %) are over the scenes: runs of one scene are alike, whatever variant and seed, so that "
+    "scenes and not runs are the sample. Points: of the paper's score. Bands: share of the points that Euro "
+    "NCAP 2026 gives for such impact speeds."
+)
+
+SHARES = (
+    "avoided", "score_share", "band_share", "false_activations", "early_activations", "cut_off",
+    "needless_stops",
+)  # fmt: skip
+"""Measures between 0 and 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A strategy with settings in one weather, over all scenes and seeds.
+
+    Args:
+        strategy, settings, weather: who and where.
+        avoided: share of collisions avoided, of the runs where the ego must brake; one in which it braked
+            before the target had set off avoided none.
+        v_impact_kmh: mean impact speed of those, 0 for a collision avoided.
+        score_share: the paper's points of those over what could be won.
+        band_share: mean share of a cell's points that Euro NCAP 2026 gives for the impact speed of those.
+        flag_ttc_s: mean time to collision at the flag, of those with a flag on a collision course and not
+            before the target had set off.
+        flag_distance_m: mean distance to the target at the flag, of those with a flag that is not too early.
+        false_activations: share of runs with an emergency request, of those where nothing should happen.
+        false_activations_per_km: the same by distance driven.
+        early_activations: share of runs with a request before the target had set off, of those where the ego
+            must brake for one that stands at first and sets off.
+        cut_off: share of all runs that the time limit ended; they are in no other measure.
+        needless_stops: share with an emergency request or a standstill.
+        speed_loss_kmh, delay_s: means where nothing should happen.
+        tracks: mean number of tracks over all runs.
+        over_seeds: by name of a measure, the mean of its values in each seed with an interval over the seeds.
+    """
+
+    strategy: str
+    settings: str
+    weather: str
+    avoided: Estimate
+    v_impact_kmh: Estimate
+    score_share: float
+    band_share: Estimate
+    flag_ttc_s: Estimate
+    flag_distance_m: Estimate
+    false_activations: Estimate
+    false_activations_per_km: float
+    early_activations: Estimate
+    cut_off: Estimate
+    needless_stops: Estimate
+    speed_loss_kmh: Estimate
+    delay_s: Estimate
+    tracks: Estimate
+    over_seeds: Mapping[str, Estimate] = field(default_factory=dict)
+
+
+MEASURES = tuple(entry.name for entry in dataclasses.fields(Summary) if entry.type in ("Estimate", "float"))
+"""Names of what a summary measures."""
+
+
+def summarise(runs: Sequence[RunMeasures]) -> Summary:
+    """Summary of the runs of one strategy, settings and weather.
+
+    Raises:
+        ValueError: there are none.
+    """
+    if not runs:
+        raise ValueError("summarise: no runs")
+    seeds: dict[int, list[RunMeasures]] = {}
+    for run in runs:
+        seeds.setdefault(run.seed, []).append(run)
+    together = _over_scenes(runs)
+    single = [_over_scenes(group) for group in seeds.values()] if len(seeds) > 1 else [together]
+    return replace(together, over_seeds={name: _over_seeds(single, name) for name in MEASURES})
+
+
+def _over_seeds(single: Sequence[Summary], name: str) -> Estimate:
+    """Mean of a measure's values in each seed with Student's interval; of one seed without (NaN)."""
+    mean = mean_t([_value(getattr(row, name)) for row in single])
+    if name not in SHARES:
+        return mean
+    low, high = np.clip((mean.low, mean.high), 0.0, 1.0)
+    return replace(mean, low=float(low), high=float(high))
+
+
+def _value(measured: Estimate | float) -> float:
+    return measured.value if isinstance(measured, Estimate) else measured
+
+
+def _over_scenes(runs: Sequence[RunMeasures]) -> Summary:
+    """All measures, with intervals over the scenes where there are any."""
+    finished = [run for run in runs if not run.cut_off]
+    brake = [run for run in finished if run.must == "brake"]
+    nothing = [run for run in finished if run.must == "nothing"]
+    km = sum(run.distance_m for run in nothing) / 1000
+    activations = sum(run.false_activation is True for run in nothing)
+    most = sum(paper_score_max(run.v_test_kmh) or 0.0 for run in brake)
+    return Summary(
+        strategy=runs[0].strategy,
+        settings=runs[0].settings,
+        weather=runs[0].weather,
+        avoided=_rate_of(brake, lambda run: run.avoided),
+        v_impact_kmh=_mean_of(brake, impact_kmh),
+        score_share=sum(run.score or 0.0 for run in brake) / most if most else math.nan,
+        band_share=_mean_of(brake, lambda run: WEIGHT[Colour(run.band)] if run.band else None),
+        flag_ttc_s=_mean_of(brake, lambda run: None if run.false_activation else run.flag_ttc_s),
+        flag_distance_m=_mean_of(brake, lambda run: None if run.false_activation else run.flag_distance_m),
+        false_activations=_rate_of(nothing, lambda run: run.false_activation is True),
+        false_activations_per_km=activations / km if km else math.nan,
+        early_activations=_rate_of(
+            [run for run in brake if run.false_activation is not None],
+            lambda run: run.false_activation is True,
+        ),
+        cut_off=_rate_of(runs, lambda run: run.cut_off),
+        needless_stops=_rate_of(nothing, lambda run: run.needless_stop),
+        speed_loss_kmh=_mean_of(nothing, lambda run: run.speed_loss_kmh),
+        delay_s=_mean_of(nothing, lambda run: run.delay_s),
+        tracks=_mean_of(finished, lambda run: run.tracks_mean),
+    )
+
+
+def _rate_of(runs: Sequence[RunMeasures], is_so: Callable[[RunMeasures], bool]) -> Estimate:
+    """Share of runs, with the scenes as clusters."""
+    return clustered_rate([is_so(run) for run in runs], [run.scene for run in runs])
+
+
+def _mean_of(runs: Sequence[RunMeasures], value: Callable[[RunMeasures], float | None]) -> Estimate:
+    """Mean over the runs that have a value, with the scenes as clusters."""
+    found = [(number, run.scene) for run in runs if (number := value(run)) is not None]
+    return clustered_mean([number for number, _ in found], [scene for _, scene in found])
+
+
+def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
+    """A summary per weather, strategy and settings, in the order of the runs."""
+    groups: dict[tuple[str, str, str], list[RunMeasures]] = {}
+    for run in runs:
+        groups.setdefault((run.weather, run.strategy, run.settings), []).append(run)
+    return [summarise(group) for group in groups.values()]
+
+
+def summary_table(rows: Sequence[Summary]) -> Table:
+    """The summaries as text."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()),
+        "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "bands (%)",
+        "TTC at flag (s)", "distance at flag (m)", "early activations (%)", "false activations (%)", "per km",
+        "unnecessary stops (%)", "speed loss (km/h)", "delay (s)", "tracks", "cut off (%)",
+    )  # fmt: skip
+    lines = [
+        (
+            *((row.weather,) if weathers else ()),
+            row.strategy,
+            row.settings or "as the preset has it",
+            _rate(row.avoided),
+            _mean(row.v_impact_kmh, 1),
+            _plain(100 * row.score_share, 0),
+            _plain(100 * row.band_share.value, 0),
+            _mean(row.flag_ttc_s, 2),
+            _mean(row.flag_distance_m, 1),
+            _rate(row.early_activations),
+            _rate(row.false_activations),
+            _plain(row.false_activations_per_km, 2),
+            _rate(row.needless_stops),
+            _mean(row.speed_loss_kmh, 1),
+            _mean(row.delay_s, 2),
+            _mean(row.tracks, 1),
+            _rate(row.cut_off),
+        )
+        for row in rows
+    ]
+    return Table(header, tuple(lines), (), f"{_counts(rows)} {INTERVALS}")
+
+
+def short_table(rows: Sequence[Summary]) -> Table:
+    """The columns of the summaries that decide, for a terminal."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()), "strategy", "settings", "avoided", "impact (km/h)",
+        "early activations", "false activations", "unnecessary stops", "delay (s)",
+    )  # fmt: skip
+    lines = [
+        (
+            *((row.weather,) if weathers else ()),
+            row.strategy,
+            row.settings or "-",
+            f"{_plain(100 * row.avoided.value, 0)} %",
+            _plain(row.v_impact_kmh.value, 1),
+            *(
+                "–" if math.isnan(rate.value) else f"{_plain(100 * rate.value, 0)} %"
+                for rate in (row.early_activations, row.false_activations, row.needless_stops)
+            ),
+            _plain(row.delay_s.value, 2),
+        )
+        for row in rows
+    ]
+    return Table(header, tuple(lines), (), _counts(rows))
+
+
+def seed_table(rows: Sequence[Summary]) -> Table:
+    """The measures that decide, with intervals over the seeds."""
+    weathers = len({row.weather for row in rows}) > 1
+    header = (
+        *(("weather",) if weathers else ()), "strategy", "settings", "avoided (%)", "impact (km/h)",
+        "early activations (%)", "false activations (%)", "unnecessary stops (%)", "delay (s)",
+    )  # fmt: skip
+    lines = []
+    for row in rows:
+        over = row.over_seeds
+        lines.append(
+            (
+                *((row.weather,) if weathers else ()),
+                row.strategy,
+                row.settings or "as the preset has it",
+                _rate(over["avoided"]),
+                _mean(over["v_impact_kmh"], 1),
+                _rate(over["early_activations"]),
+                _rate(over["false_activations"]),
+                _rate(over["needless_stops"]),
+                _mean(over["delay_s"], 2),
+            )
+        )
+    caption = (
+        "Each seed has noise and frame phase of its own, and gives one value over all scenes; Student's "
+        "interval (95 %) of these values. All measures: columns `..._seed_low` and `..._seed_high` of "
+        "`table.csv`."
+    )
+    return Table(header, tuple(lines), (), caption)
+
+
+def _counts(rows: Sequence[Summary]) -> str:
+    """Runs in each kind of rate; every line of a comparison meets the same."""
+    brake, early, nothing = (
+        max(rate.count for rate in rates)
+        for rates in zip(
+            *((row.avoided, row.early_activations, row.false_activations) for row in rows), strict=True
+        )
+    )
+    text = (
+        f"Per line {brake} runs where the ego must brake, in {early} of them for a target that sets off "
+        f"(early: braked before that), and {nothing} where nothing should happen."
+    )
+    ended = [round(row.cut_off.value * row.cut_off.count) for row in rows]
+    return text + (
+        f" {sum(ended)} runs were cut off, and are in no rate of their line." if any(ended) else ""
+    )
+
+
+def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
+    """Collisions avoided and false activations per scene, of chosen strategies and settings."""
+    chosen = [(point.strategy, point.text) for point in points]
+    scenes: dict[tuple[str, str], dict[tuple[str, str], list[RunMeasures]]] = {}
+    for run in runs:
+        who = (run.strategy, run.settings)
+        if who in chosen:
+            scenes.setdefault((run.must, run.scene), {}).setdefault(who, []).append(run)
+    header = ("must", "scene", *(f"{strategy} {settings}".strip() for strategy, settings in chosen))
+    lines = []
+    for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake"):
+        cells = []
+        for who in chosen:
+            mine = [run for run in group.get(who, []) if not run.cut_off]
+            if must == "brake":
+                early = sum(run.false_activation is True for run in mine)
+                cells.append(
+                    f"{sum(run.avoided for run in mine)}/{len(mine)} avoided"
+                    + (f", {early} early" if early else "")
+                )
+            else:
+                stops = sum(run.false_activation is True for run in mine)
+                still = sum(run.needless_stop for run in mine)
+                other = f" +{still - stops} standstill" if still > stops else ""
+                cells.append(f"{stops}/{len(mine)} false activations{other}")
+        lines.append((must, scene, *cells))
+    return Table(header, tuple(lines))
+
+
+def runs_csv(runs: Sequence[RunMeasures]) -> bytes:
+    """One line per run, all its measures; what does not exist is empty."""
+    return to_csv([dataclasses.asdict(run) for run in runs])
+
+
+def summary_csv(rows: Sequence[Summary]) -> bytes:
+    """One line per summary; a measure is up to six columns: value, ends of both intervals, and count."""
+    flat = []
+    for row in rows:
+        values: dict[str, object] = {name: getattr(row, name) for name in ("strategy", "settings", "weather")}
+        for name in MEASURES:
+            value, over = getattr(row, name), row.over_seeds[name]
+            values[name] = _value(value)
+            if isinstance(value, Estimate):
+                values |= {f"{name}_low": value.low, f"{name}_high": value.high, f"{name}_count": value.count}
+            values |= {f"{name}_seed_low": over.low, f"{name}_seed_high": over.high}
+        flat.append(values)
+    return to_csv(flat)
+
+
+def to_csv(rows: Sequence[dict[str, object]], header: Sequence[str] = ()) -> bytes:
+    """A table of values by column, with a header although there are no rows; what does not exist is empty."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, header or (list(rows[0]) if rows else []), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: _cell(value) for name, value in row.items()})
+    return text.getvalue().encode()
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _rate(rate: Estimate) -> str:
+    if math.isnan(rate.value):
+        return "–"
+    return f"{100 * rate.value:.0f} [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
+
+
+def _mean(mean: Estimate, digits: int) -> str:
+    if math.isnan(mean.value):
+        return "–"
+    half = "" if math.isnan(mean.low) else f" ±{mean.high - mean.value:.{digits}f}"
+    return f"{_plain(mean.value, digits)}{half}"
+
+
+def _plain(value: float, digits: int) -> str:
+    if math.isnan(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}"

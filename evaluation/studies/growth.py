@@ -1,0 +1,380 @@
+"""Growth: what more participants around the ego cost each strategy, in time per frame and at the flag."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rich.console
+
+from evaluation.metrics.intervals import Estimate, mean_t
+from evaluation.progress import progress_bar
+from evaluation.results.rows import (
+    ResultsError,
+    Table,
+    configuration_json,
+    markdown_table,
+    rich_table,
+    write_bytes,
+)
+from evaluation.runs.configuration import configuration_of
+from evaluation.runs.execute import FrameTime, frame_time, impact_speed_kmh
+from evaluation.runs.fingerprint import fingerprint
+from evaluation.runs.journal import Journal
+from evaluation.studies.compare.figures import FORMATS, save
+from evaluation.views.plots.strategies import strategy_looks
+from evaluation.views.plots.style import SMALL_PT, new_figure, set_style, set_title
+from scenarios.catalogue.bystanders import ADULT_LENGTH_M, ADULT_WIDTH_M, CAR_LENGTH_M, CAR_WIDTH_M
+from scenarios.openscenario.model import (
+    Action,
+    EntityDefinition,
+    ScenarioDefinition,
+    SpeedAction,
+    TeleportAction,
+    WorldPosition,
+)
+from scenarios.places import Scene
+from scenarios.simulation.simulation import Simulation
+from scenarios.spec import RunSpec, definition_of, preset_of
+from scenarios.strategies import make_strategy
+from smartmot.area.monitored_area import MonitoredAreaStrategy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COUNTS = (0, 25, 50, 100, 150, 200)
+SCENARIO = "crossing"
+SPEED_KMH = 50.0
+NEAR_KERB_M, FAR_KERB_M, FAR_LANE_M = -1.75, 5.25, 3.5
+"""Across the ego's lane on the shipped urban street: its kerbs and the middle of the other lane."""
+MIN_VISIBLE = 0.0
+"""All others are seen, whoever stands before them."""
+REACH_M = 65.0
+"""Others are within so many metres along the road before and behind the crossing."""
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthRun:
+    """What one run among others came to.
+
+    Args:
+        strategy, others, seed: who, among how many.
+        tracks_mean: per frame.
+        flag_time_s: first emergency request; None without one.
+        false_activation: whether it came before the pedestrian set off.
+        v_impact_kmh: speed at contact, 0 without; None of a run that the time limit cut off.
+    """
+
+    strategy: str
+    others: int
+    seed: int
+    tracks_mean: float
+    flag_time_s: float | None
+    false_activation: bool
+    v_impact_kmh: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthTask:
+    """One run to be made: a crossing, and how many others there are."""
+
+    spec: RunSpec
+    others: int
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec, "growth", self.others)
+
+
+def growth_tasks(
+    strategies: Sequence[str], preset: str, weather: str, seeds: int, counts: Sequence[int] = COUNTS
+) -> list[GrowthTask]:
+    """Every strategy among every number of others; strategies take turns.
+
+    What else the machine does then strikes all of them.
+    """
+    return [
+        GrowthTask(
+            RunSpec(
+                scenario=SCENARIO,
+                file=SCENARIO,
+                parameters=(("Ego_speed_kmh", SPEED_KMH),),
+                strategy=strategy,
+                preset=preset,
+                weather=weather,
+                v_test_kmh=SPEED_KMH,
+                seed=seed,
+            ),
+            others,
+        )
+        for seed in range(seeds)
+        for others in counts
+        for strategy in strategies
+    ]
+
+
+def with_others(definition: ScenarioDefinition, count: int, seed: int) -> ScenarioDefinition:
+    """A crossing with others who keep out of the ego's way.
+
+    Of ten, nine are people on the sidewalks, at least 0.5 m from the kerb, five of them standing and four
+    walking along it; one is a car that comes towards the ego in its own lane, one car behind the other.
+
+    Args:
+        definition: that has the parameters Line_x, Line_y and Line_yaw 0.
+        count: how many.
+        seed: of their places.
+    """
+    rng = np.random.default_rng((seed, 7))
+    x0, y0 = (float(definition.parameters[name]) for name in ("Line_x", "Line_y"))
+    entities: list[EntityDefinition] = []
+    init: list[tuple[str | None, Action]] = []
+
+    def put(
+        category: str, x_m: float, y_m: float, yaw: float, size: tuple[float, float], speed: float
+    ) -> None:
+        name = f"other {len(entities) + 1}"
+        entities.append(EntityDefinition(name, category, category, *size, 1.6, 0.0, 0.0))
+        init.append((name, TeleportAction(WorldPosition(x0 + x_m, y0 + y_m, yaw))))
+        if speed:
+            init.append((name, SpeedAction("step", "time", 0.0, speed)))
+
+    cars = 0
+    for k in range(count):
+        if k % 10 == 9:
+            # one after the other, 9 m apart from 30 m behind the line on
+            put("car", -30.0 + 9.0 * cars, FAR_LANE_M, np.pi, (CAR_LENGTH_M, CAR_WIDTH_M), SPEED_KMH / 3.6)
+            cars += 1
+            continue
+        side = -1 if rng.random() < 0.5 else 1
+        kerb = NEAR_KERB_M if side < 0 else FAR_KERB_M
+        along, beyond = rng.uniform(-REACH_M, REACH_M), rng.uniform(0.5, 2.3)
+        walks = k % 10 >= 5
+        yaw = (0.0 if rng.random() < 0.5 else np.pi) if walks else -side * np.pi / 2
+        speed = 5 / 3.6 if walks else 0.0
+        put("pedestrian", along, kerb + side * beyond, yaw, (ADULT_LENGTH_M, ADULT_WIDTH_M), speed)
+    return replace(definition, entities=(*definition.entities, *entities), init=(*definition.init, *init))
+
+
+def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
+    """Carry out one run."""
+    spec, others = task.spec, task.others
+    definition = with_others(definition_of(spec), others, spec.seed)
+    preset = preset_of(spec, definition)
+
+    def maker(scene: Scene) -> MonitoredAreaStrategy:
+        return make_strategy(spec.strategy, preset, scene)
+
+    # all are seen: what grows is the number of objects, not of those hidden behind others
+    open_view = replace(preset, sensor=replace(preset.sensor, min_visible=MIN_VISIBLE))
+    outcome = Simulation(definition, open_view, maker, spec.seed).run()
+    spent = frame_time(outcome.frame_time_ms)
+    tracks = int(np.count_nonzero(outcome.log.table()["kind"] == "track"))
+    measured = GrowthRun(
+        strategy=spec.strategy,
+        others=others,
+        seed=spec.seed,
+        tracks_mean=tracks / max(spent.frames, 1),
+        flag_time_s=outcome.flag_time_s,
+        false_activation=outcome.false_activation is True,
+        v_impact_kmh=impact_speed_kmh(outcome),
+    )
+    return measured, spent
+
+
+def compare_growth(
+    strategies: Sequence[str],
+    preset: str,
+    weather: str,
+    seeds: int,
+    workers: int,
+    out: Path,
+    quiet: bool,
+    formats: Sequence[str] = FORMATS,
+) -> list[GrowthRun]:
+    """Run every strategy among more and more others, or go on with it; write table and figure.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    console = rich.console.Console(quiet=quiet)
+    tasks = growth_tasks(strategies, preset, weather, seeds)
+    with Journal(out, GrowthRun, "growth_") as journal, progress_bar(console) as progress:
+        bar = progress.add_task("growing", total=len(tasks))
+        found, before = journal.carry_out(
+            grow, {task.key: task for task in tasks}, workers, lambda count: progress.advance(bar, count)
+        )
+    runs, spent = zip(*(found[task.key] for task in tasks), strict=True)
+    written = write_growth(tasks, runs, spent, out, formats)
+    console.print(
+        rich_table(growth_table(runs, spent), f"{SCENARIO} at {SPEED_KMH:g} km/h, preset {preset}, {weather}")
+    )
+    done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
+    console.print(f"{done}; in {out}: {', '.join(path.name for path in written)}", highlight=False)
+    return list(runs)
+
+
+def write_growth(
+    tasks: Sequence[GrowthTask],
+    runs: Sequence[GrowthRun],
+    spent: Sequence[FrameTime],
+    out: Path,
+    formats: Sequence[str] = FORMATS,
+) -> list[Path]:
+    """Write table, figure and settings; all that holds times is different in every run.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    files = {
+        "growth.md": markdown_table(growth_table(runs, spent)).encode(),
+        "growth.csv": growth_csv(runs),
+        "growth_times.csv": times_csv(runs, spent),
+        "growth.json": _configuration(tasks, out),
+    }
+    try:
+        for name, content in files.items():
+            write_bytes(out / name, content)
+        drawn = save(growth_figure(runs, spent), out / "growth", formats)
+    except OSError as error:
+        raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
+    return [*(out / name for name in files), *drawn]
+
+
+def _configuration(tasks: Sequence[GrowthTask], out: Path) -> bytes:
+    """Everything that determines the results, as JSON; a run is named once for all numbers of others."""
+    specs = list(dict.fromkeys(task.spec for task in tasks))
+    others = sorted({task.others for task in tasks})
+    return configuration_json(
+        configuration_of(specs, out, more={"others": others, "min_visible": MIN_VISIBLE})
+    )
+
+
+Timed = tuple[GrowthRun, FrameTime]
+
+
+def _cell(pairs: Sequence[Timed], strategy: str, others: int) -> list[Timed]:
+    return [pair for pair in pairs if (pair[0].strategy, pair[0].others) == (strategy, others)]
+
+
+def _median_ms(pairs: Sequence[Timed]) -> Estimate:
+    return mean_t([spent.median_ms for _, spent in pairs])
+
+
+def _tracks(pairs: Sequence[Timed]) -> Estimate:
+    return mean_t([run.tracks_mean for run, _ in pairs])
+
+
+def _flag_s(pairs: Sequence[Timed]) -> Estimate:
+    """Over the runs whose flag is for the pedestrian."""
+    return mean_t(
+        [run.flag_time_s for run, _ in pairs if run.flag_time_s is not None and not run.false_activation]
+    )
+
+
+def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table:
+    """A line per number of others, columns per strategy."""
+    pairs = list(zip(runs, spent, strict=True))
+    strategies = list(dict.fromkeys(run.strategy for run in runs))
+    header = ["others"]
+    for strategy in strategies:
+        header += [f"{strategy} ms/frame", "tracks", "flag (s)", "false", "v_impact (km/h)"]
+    lines = []
+    for others in dict.fromkeys(run.others for run in runs):
+        line = [str(others)]
+        for strategy in strategies:
+            mine = _cell(pairs, strategy, others)
+            flag = _flag_s(mine)
+            impact = mean_t([run.v_impact_kmh for run, _ in mine if run.v_impact_kmh is not None])
+            line += [
+                f"{_median_ms(mine).value:.2f}",
+                f"{_tracks(mine).value:.1f}",
+                f"{flag.value:.2f}" if flag.count else "–",
+                f"{sum(run.false_activation for run, _ in mine)}/{len(mine)}",
+                f"{impact.value:.1f}" if impact.count else "–",
+            ]
+        lines.append(tuple(line))
+    caption = (
+        "Median processor time of perception and decision per frame, mean over the seeds; flags for the "
+        "pedestrian, and flags before the pedestrian sets off (false)."
+    )
+    return Table(tuple(header), tuple(lines), (), caption)
+
+
+def growth_csv(runs: Sequence[GrowthRun]) -> bytes:
+    """One line per run, without times."""
+    names = ("strategy", "others", "seed", "tracks_mean", "flag_time_s", "false_activation", "v_impact_kmh")
+    return _csv(names, [[getattr(run, name) for name in names] for run in runs])
+
+
+def times_csv(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bytes:
+    """Processor times, which are different in every run."""
+    names = ("strategy", "others", "seed", "frames", "median_ms", "p95_ms")
+    rows = [
+        [run.strategy, run.others, run.seed, time.frames, time.median_ms, time.p95_ms]
+        for run, time in zip(runs, spent, strict=True)
+    ]
+    return _csv(names, rows)
+
+
+def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([["" if value is None else value for value in row] for row in rows])
+    return text.getvalue().encode()
+
+
+_LEGEND_CHARACTERS, _LEGEND_LINE_IN = 40, 0.165
+"""Characters of all strategies' names that three columns have room for, and the height of a line."""
+
+
+def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figure:
+    """Time per frame, tracks and time of the flag over the number of others, a curve per strategy."""
+    pairs = list(zip(runs, spent, strict=True))
+    looks = strategy_looks(run.strategy for run in runs)
+    columns = 3 if sum(map(len, looks)) < _LEGEND_CHARACTERS else 2
+    more_in = _LEGEND_LINE_IN * (math.ceil(len(looks) / columns) - 1)
+    height_in = 2.7 + more_in
+    figure = new_figure(height_in)
+    panels = figure.subplots(1, 3)
+    bottom, top = (1.0 + more_in) / height_in, 1.0 - 0.27 / height_in
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=bottom, top=top, wspace=0.33)
+    counts = list(dict.fromkeys(run.others for run in runs))
+    summaries: tuple[tuple[str, Callable[[Sequence[Timed]], Estimate]], ...] = (
+        ("time per frame (ms)", _median_ms),
+        ("tracks per frame", _tracks),
+        ("first request (s)", _flag_s),
+    )
+    for axes, (title, summary) in zip(panels, summaries, strict=True):
+        set_style(axes)
+        set_title(axes, title, room=26)
+        axes.set_xlabel("other participants", fontsize=SMALL_PT)
+        for rank, (strategy, (colour, marker)) in enumerate(looks.items()):
+            axes.plot(
+                counts,
+                [summary(_cell(pairs, strategy, others)).value for others in counts],
+                color=colour,
+                marker=marker,
+                markersize=max(5.5 - 1.2 * rank, 1.5),  # those that fall on one another stay visible
+                linewidth=1.2,
+                label=strategy if axes is panels[0] else None,
+            )
+    panels[0].set_ylim(bottom=0.0)
+    figure.legend(
+        loc="lower center", ncols=columns, fontsize=SMALL_PT, frameon=False,
+        bbox_to_anchor=(0.5, 0.27 / height_in),
+    )  # fmt: skip
+    figure.text(
+        0.5, 0.04 / height_in,
+        f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds.\n"
+        "No point: no emergency request for the pedestrian.",
+        ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
+    )  # fmt: skip
+    return figure

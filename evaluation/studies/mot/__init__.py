@@ -1,0 +1,1 @@
+"""Tracking on recorded data, scored against labels. See docs/mot.md."""

@@ -1,0 +1,146 @@
+"""The tracker over a recorded sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.dataset import Objects, Sequence
+from smartmot.errors import SmartMotError
+from smartmot.tracking.own import ObjectTracker, update_own
+from smartmot.tracking.tracker import Tracker, box_filter
+from smartmot.types import BoolArray, FloatArray, IntArray, Tracks
+
+_ACCELERATION = ("ax_mps2", "ay_mps2")
+_FAR_M = 1e6
+"""Added to the distance of a detection of another category: taken only where there is no other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedSequence:
+    """What the tracker made of a sequence.
+
+    Args:
+        sequence: The recording.
+        tracks: K confirmed tracks, frame after frame; identities are unique in the sequence.
+        yaw_rate_radps: (K,) turn rates.
+        acceleration_mps2: (K, 2) acceleration, world frame; zero where the motion model has none.
+        coasted_s: (K,) time since the last detection.
+    """
+
+    sequence: Sequence
+    tracks: Objects
+    yaw_rate_radps: FloatArray
+    acceleration_mps2: FloatArray
+    coasted_s: FloatArray
+
+
+def track_sequence(
+    sequence: Sequence,
+    tracker: Tracker | ObjectTracker,
+    done: Callable[[], None] = lambda: None,
+) -> TrackedSequence:
+    """Run a tracker over all frames and keep what it confirmed.
+
+    The tracker estimates boxes on the ground. A track's height and underside are those of the detection
+    nearest to it, and stay while it coasts.
+
+    Args:
+        sequence: The recording.
+        tracker: A tracker that has seen nothing yet.
+        done: Called after every frame.
+
+    Raises:
+        DatasetError: The tracker refuses a frame, for example one that is not newer than the one before; or
+            one of the user's own fails.
+    """
+    reported: list[Tracks] = []
+    update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
+    for k, detections in enumerate(sequence.frames()):
+        try:
+            reported.append(update(detections))
+        except SmartMotError as error:
+            raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
+        done()
+    if not reported:
+        return TrackedSequence(sequence, Objects.empty(), np.zeros(0), np.zeros((0, 2)), np.zeros(0))
+    frame = np.repeat(np.arange(len(reported)), [len(t) for t in reported])
+
+    def column(name: str) -> FloatArray:
+        return np.concatenate([getattr(t, name) for t in reported])
+
+    tracks = Objects.of(
+        frame,
+        np.concatenate([t.boxes.center_m for t in reported]),
+        size_m=np.concatenate([t.boxes.size_m for t in reported]),
+        yaw_rad=np.concatenate([t.boxes.yaw_rad for t in reported]),
+        object_id=column("track_id"),
+        category=column("category"),
+        score=column("score"),
+        velocity_mps=column("velocity_mps"),
+    )
+    coasted_s = column("coasted_s")
+    tracks = _with_heights(tracks, coasted_s <= 0.0, sequence.detections, len(sequence))
+    confirmed = column("confirmed").astype(np.bool_)
+    return TrackedSequence(
+        sequence=sequence,
+        tracks=tracks[confirmed],
+        yaw_rate_radps=column("yaw_rate_radps")[confirmed],
+        acceleration_mps2=_accelerations(tracker, column("mean"))[confirmed],
+        coasted_s=coasted_s[confirmed],
+    )
+
+
+def _accelerations(tracker: Tracker | ObjectTracker, mean: FloatArray) -> FloatArray:
+    """(K, 2) accelerations in the filter's states, zero where its model has none."""
+    if not isinstance(tracker, Tracker):
+        return np.zeros((len(mean), 2))
+    names = box_filter(tracker.config.motion, tracker.config.filter).names
+    if _ACCELERATION[0] not in names:
+        return np.zeros((len(mean), 2))
+    return mean[:, [names.index(name) for name in _ACCELERATION]]
+
+
+def _with_heights(tracks: Objects, matched: BoolArray, detections: Objects, frame_count: int) -> Objects:
+    """Tracks with the vertical extent of the detections that they follow, and the class name of the first."""
+    nearest = _nearest(tracks, detections, frame_count)
+    seen = matched & (nearest >= 0)
+    # rows track by track: a coasting one keeps what its last matched row had
+    order = np.lexsort((tracks.frame, tracks.object_id))
+    place = np.arange(len(order))
+    last = np.empty_like(order)
+    last[order] = order[np.maximum.accumulate(np.where(seen[order], place, 0))]
+    ids = tracks.object_id[order]
+    new = np.concatenate((np.ones(1, dtype=np.bool_), ids[1:] != ids[:-1]))[: len(ids)]
+    first = np.empty_like(order)
+    first[order] = order[np.maximum.accumulate(np.where(new, place, 0))]
+    if not len(detections):
+        return tracks
+    return replace(
+        tracks,
+        bottom_m=detections.bottom_m[nearest[last]],
+        height_m=detections.height_m[nearest[last]],
+        kind=detections.kind[nearest[first]],
+    )
+
+
+def _nearest(tracks: Objects, detections: Objects, frame_count: int) -> IntArray:
+    """(K,) row of the detection nearest to each track in its frame, -1 in a frame without detections."""
+    found = np.full(len(tracks), -1, dtype=np.int64)
+    track_start, start = (
+        tracks.frame_starts(frame_count).tolist(),
+        detections.frame_starts(frame_count).tolist(),
+    )
+    for k in range(frame_count):
+        own, others = slice(track_start[k], track_start[k + 1]), slice(start[k], start[k + 1])
+        if own.start == own.stop or others.start == others.stop:
+            continue
+        offset = tracks.center_m[own, None] - detections.center_m[None, others]
+        distance = np.einsum("ijk,ijk->ij", offset, offset)
+        distance[tracks.category[own, None] != detections.category[None, others]] += _FAR_M**2
+        found[own] = others.start + distance.argmin(axis=1)
+    return found

@@ -1,0 +1,205 @@
+"""Which condition makes which published number: the paper's test with one condition changed at a time."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, dataclass, fields, replace
+from pathlib import Path
+
+from evaluation.arguments import DEFAULT_MAP
+from evaluation.protocols.paper import PUBLISHED
+from evaluation.results.rows import ResultsError, Table, configuration_json, markdown_table, write_bytes
+from evaluation.runs.configuration import configuration_of
+from evaluation.runs.execute import FrameTime, execute
+from evaluation.runs.fingerprint import fingerprint
+from evaluation.runs.plan import CpnaSuite, load_site
+from evaluation.studies.compare.grid import PHASE_STEP_S, PHASES
+from evaluation.studies.reference.part import Finished
+from scenarios.presets import PAPER
+from scenarios.settings import Settings, settings_text
+from scenarios.spec import RunSpec
+
+REACH_M = 22.2
+"""Front limit of the authors' detections, as in the preset `paper`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition and the speeds at which it is tried.
+
+    Args:
+        text: what it is.
+        strategy: monitored area.
+        settings: what departs from the preset `paper`.
+        speeds_kmh: test speeds.
+    """
+
+    text: str
+    strategy: str
+    settings: Settings
+    speeds_kmh: tuple[float, ...]
+
+
+CONDITIONS = (
+    Condition("as in preset paper", "rectangular", (), (40.0, 50.0, 60.0)),
+    Condition("as in preset paper", "map", (), (60.0, 70.0, 80.0)),
+    Condition(
+        "rectangle 12..30 m, the authors' clamps",
+        "rectangular",
+        (("length_m", 30.0),),
+        (40.0, 50.0, 60.0, 70.0, 80.0),
+    ),
+    Condition(
+        "map, 22.2 m limits the sensor, not the count",
+        "map",
+        (("range_m", REACH_M), ("reach_m", math.inf)),
+        (60.0, 70.0, 80.0),
+    ),
+    Condition("map, no limit on the reach", "map", (("reach_m", math.inf),), (60.0, 70.0, 80.0)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismRun:
+    """What one run came to; a line of the table.
+
+    Args:
+        strategy, settings, v_test_kmh, seed, phase_s: what was run.
+        v_impact_kmh: speed at contact, 0 without.
+    """
+
+    strategy: str
+    settings: str
+    v_test_kmh: float
+    seed: int
+    phase_s: float
+    v_impact_kmh: float
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismTask:
+    """One run to be made, and the condition that it belongs to."""
+
+    condition: Condition
+    spec: RunSpec
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec)
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismsPart:
+    """The paper's test under the conditions, over frame phases and noise seeds.
+
+    Args:
+        name: of the folder.
+        seeds: repetitions; seed k has the k-th frame phase, and noise of its own.
+    """
+
+    name: str
+    seeds: int
+    journal = "mechanisms_"
+    table = "runs.csv"
+    kind = MechanismRun
+
+    def tasks(self, folder: Path) -> list[MechanismTask]:
+        """The runs, by condition, speed and seed."""
+        fastest = max(speed for condition in CONDITIONS for speed in condition.speeds_kmh)
+        suite = CpnaSuite((fastest,), ("map",), PAPER.name, ("dry",), DEFAULT_MAP)
+        site = load_site(suite)
+        made = []
+        for condition in CONDITIONS:
+            for speed in condition.speeds_kmh:
+                here = replace(suite, speeds_kmh=(speed,), strategies=(condition.strategy,))
+                (spec,) = here.specs(site)
+                made += [
+                    MechanismTask(
+                        condition,
+                        replace(
+                            spec,
+                            settings=condition.settings,
+                            seed=seed,
+                            phase_s=round(PHASE_STEP_S * (seed % PHASES), 3),
+                        ),
+                    )
+                    for seed in range(self.seeds)
+                ]
+        return made
+
+    @staticmethod
+    def job(task: MechanismTask) -> tuple[MechanismRun, FrameTime]:
+        """Carry out one of them."""
+        spec = task.spec
+        record = execute(spec, keep_log=False)
+        impact = record.row.v_impact_kmh
+        if impact is None:
+            raise ResultsError(
+                f"{spec.scenario}, {spec.strategy}: cut off by the time limit; it has no impact speed"
+            )
+        text = settings_text(spec.settings)
+        run = MechanismRun(spec.strategy, text, spec.v_test_kmh, spec.seed, spec.phase_s, impact)
+        return run, record.spent
+
+    def is_quick(self, task: MechanismTask) -> bool:
+        """All of them."""
+        return True
+
+    def is_whole(self, task: MechanismTask) -> bool:
+        """Nothing is written beside the journal."""
+        return True
+
+    def write(self, folder: Path, tasks: Sequence[MechanismTask], found: Finished) -> None:
+        """Write runs, table and conditions."""
+        runs: list[MechanismRun] = [found[task.key][0] for task in tasks]
+        lines = io.StringIO()
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(field.name for field in fields(MechanismRun))
+        writer.writerows(astuple(run) for run in runs)
+        more = {
+            "conditions": [
+                asdict(condition) | {"settings": settings_text(condition.settings)}
+                for condition in CONDITIONS
+            ],
+            "seeds": self.seeds,
+            "phases_s": sorted({run.phase_s for run in runs}),
+        }
+        configuration = configuration_of([task.spec for task in tasks], folder, published=True, more=more)
+        write_bytes(folder / "runs.csv", lines.getvalue().encode())
+        write_bytes(folder / "mechanisms.json", configuration_json(configuration))
+        write_bytes(folder / "table.md", markdown_table(mechanism_table(runs)).encode())
+
+
+def mechanism_table(runs: Sequence[MechanismRun]) -> Table:
+    """Impact speeds per condition and test speed: in phase, the spread, and what the paper printed."""
+    header = (
+        "condition", "strategy", "v_test (km/h)", "in phase (km/h)", "least", "greatest", "published (km/h)",
+    )  # fmt: skip
+    lines = []
+    for condition in CONDITIONS:
+        for speed in condition.speeds_kmh:
+            same = (condition.strategy, settings_text(condition.settings), speed)
+            found = [run for run in runs if (run.strategy, run.settings, run.v_test_kmh) == same]
+            impacts = [run.v_impact_kmh for run in found]
+            published = PUBLISHED[condition.strategy].get(speed)
+            lines.append(
+                (
+                    condition.text,
+                    condition.strategy,
+                    f"{speed:g}",
+                    f"{impacts[0]:.2f}",
+                    f"{min(impacts):.2f}",
+                    f"{max(impacts):.2f}",
+                    f"{published[0]:.2f}" if published else "–",
+                )
+            )
+    seeds = len({run.seed for run in runs})
+    caption = (
+        f"Impact speeds. In phase: a frame falls on the pedestrian's start. Least and greatest: over {seeds} "
+        "seeds, each with its own sensor noise and with frames 10 ms later than the one before."
+    )
+    return Table(header, tuple(lines), (), caption)

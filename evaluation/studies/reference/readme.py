@@ -1,0 +1,92 @@
+"""The page of the reference results: hand-written prose around what their tables say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from evaluation.protocols.paper import PUBLISHED
+from evaluation.results.rows import RunRow, Table, comparison_table, markdown_table, read_runs
+from evaluation.runs.execute import FrameTime
+from evaluation.studies.compare.measures import RunMeasures
+from evaluation.studies.growth import GrowthRun, growth_table
+from evaluation.studies.reference import cpna_findings as cpna
+from evaluation.studies.reference import scene_findings as scenes
+from evaluation.studies.reference import seed_findings as seeds
+from evaluation.studies.reference.kept import read_json, read_records
+from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
+from evaluation.studies.reference.words import listed
+
+README = "README.md"
+TEMPLATE = "readme.md.j2"
+VERSIONED = (
+    "mechanisms/mechanisms.json", "frontier_physical/compare.json", "frontier_paper/compare.json",
+    "seeds/compare.json", "ablation/compare.json", "growth/growth.json",
+    *(f"{name}/runs.json" for name in ("paper", "static", "physical", "weather")),
+)  # fmt: skip
+"""Files that tell the version that made them, with a digest of the code."""
+
+
+def _made_by(stored: dict[str, Any]) -> str:
+    return str(stored.get("configuration", stored)["versions"]["smartmot"])
+
+
+def render(reports: Path) -> str:
+    """The page, from the tables in a folder of reference results and from nothing else.
+
+    Raises:
+        ResultsError: a table is missing or of another version.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    )
+    environment.filters |= {"listed": listed, "points": _points, "table": _table}
+    template = environment.from_string(files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8"))
+    return template.render(_values(reports))
+
+
+def _values(reports: Path) -> dict[str, Any]:
+    """What the template tells."""
+    rows = {
+        name: read_records(reports / name / "runs.csv", RunRow)
+        for name in ("paper", "static", "physical", "weather")
+    }
+    mechanisms = read_records(reports / "mechanisms" / "runs.csv", MechanismRun)
+    measures = {
+        name: read_records(reports / name / "runs.csv", RunMeasures)
+        for name in ("frontier_physical", "frontier_paper", "seeds", "ablation")
+    }
+    growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
+    spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
+    return {
+        "versions": sorted({_made_by(read_json(reports / path)) for path in VERSIONED}),
+        "cpna": cpna,
+        "scenes": scenes,
+        "seeds": seeds,
+        "rows": rows,
+        "measures": measures,
+        "mechanisms": mechanisms,
+        "table_one": comparison_table(read_runs(reports / "paper"), PUBLISHED),
+        "physical_table": comparison_table(read_runs(reports / "physical")),
+        "mechanism_table": mechanism_table(mechanisms),
+        "growth": growth,
+        "spent": spent,
+        "growth_table": growth_table(growth, spent),
+        "contradictions": [
+            *cpna.contradictions(rows["paper"], rows["static"], mechanisms, rows["physical"]),
+            *scenes.contradictions(measures["frontier_paper"], growth, spent),
+        ],
+    }
+
+
+def _points(lines: Sequence[str]) -> str:
+    """Sentences as a list."""
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _table(table: Table) -> str:
+    return markdown_table(table).rstrip("\n")

@@ -1,0 +1,219 @@
+"""Runs with a progress bar, their files, their table, their pictures: what `cpna`, `run` and `plot` share."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import rich.console
+
+from evaluation.progress import progress_bar
+from evaluation.protocols.paper import PUBLISHED
+from evaluation.results import rows as results
+from evaluation.results.rows import Published, ResultsError, RunRow, Table
+from evaluation.runs import plan as runner
+from evaluation.runs.configuration import configuration_of, read_configuration
+from evaluation.runs.conflict import conflicts, scored, told_without_conflict, unbraked
+from evaluation.runs.execute import execute
+from evaluation.runs.workers import execute_all
+from scenarios.settings import settings_text
+from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, scene_of
+from scenarios.strategies import make_strategy
+from smartmot.maps.route import RouteError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def compare_cpna(
+    suite: runner.CpnaSuite, out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
+) -> None:
+    """Run a CPNA comparison.
+
+    Args:
+        suite: what to run.
+        out: folder for everything.
+        pictures: their format; None: no pictures.
+        workers: processes.
+        quiet: print nothing.
+    """
+    site = runner.load_site(suite)
+    specs = suite.specs(site)
+    _compare(
+        specs,
+        runner.suite_configuration(suite, site, out),
+        out,
+        pictures,
+        workers,
+        rich.console.Console(quiet=quiet),
+        title=_title(specs),
+        published=PUBLISHED if runner.is_published(suite) else None,
+    )
+
+
+def compare_files(
+    specs: Sequence[RunSpec], out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
+) -> None:
+    """Run scenario files; see `compare_cpna`."""
+    console = rich.console.Console(quiet=quiet)
+    notes = runner.notes(specs)
+    configuration = configuration_of(specs, out, notes)
+    rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
+    silent = sum(row.avoided and row.flag_time_s is None for row in rows)
+    if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
+        notes.append(
+            f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or the way "
+            "was free; --hold-speed drives as Euro NCAP does, without ACC"
+        )
+    for line in notes:
+        console.print(line, highlight=False)
+
+
+def _title(specs: Sequence[RunSpec]) -> str:
+    """What runs of one preset and one group of settings have in common."""
+    names = list(dict.fromkeys(spec.scenario for spec in specs))
+    scenario = names[0] if len(names) == 1 else f"{len(names)} scenarios"
+    return ", ".join(filter(None, (scenario, f"preset {specs[0].preset}", settings_text(specs[0].settings))))
+
+
+def _compare(
+    specs: Sequence[RunSpec],
+    configuration: Mapping[str, object],
+    out: Path,
+    pictures: str | None,
+    workers: int,
+    console: rich.console.Console,
+    title: str,
+    published: Mapping[str, Published] | None = None,
+) -> list[RunRow]:
+    """Run, write, show; the rows of the table of runs."""
+    if len({spec.log for spec in specs}) < len(specs):
+        raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
+    with progress_bar(console) as progress:
+        task = progress.add_task("running", total=len(specs))
+        found = conflicts(specs, workers)
+        rows: list[RunRow] = []
+        noted: list[tuple[str, ...]] = []
+        for record in execute_all(execute, specs, workers):
+            assert record.log is not None
+            if not rows:
+                discard_tables(out)
+            results.write_log(results.log_path(out, record.spec.log), record.log)
+            rows.append(scored(record.row, found[unbraked(record.spec)]))
+            noted.append(record.notes)
+            progress.advance(task)
+        progress.update(task, description="drawing")
+        table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
+    console.print(results.rich_table(table, title))
+    also = ", pictures" if drawn else ""
+    console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
+    told = (*results.told_runs(rows), *results.told_notes(noted), *told_without_conflict(specs, found))
+    for line in told:
+        console.print(line, highlight=False)
+    return rows
+
+
+def discard_tables(out: Path) -> None:
+    """Remove the tables of earlier runs before the first log is written.
+
+    Logs have the same names in other conditions: with the old tables a folder whose command was killed would
+    be shown as runs that did not take place.
+
+    Raises:
+        ResultsError: one cannot be removed.
+    """
+    for name in (results.RUNS_CSV, results.RUNS_JSON, results.TABLE_MD):
+        try:
+            (out / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise ResultsError(
+                f"{out / name}: cannot be replaced ({error.strerror}); choose another folder (--out)"
+            ) from None
+
+
+def write_folder(
+    out: Path,
+    specs: Sequence[RunSpec],
+    rows: Sequence[RunRow],
+    configuration: Mapping[str, object],
+    pictures: str | None,
+    published: Mapping[str, Published] | None = None,
+) -> tuple[Table, list[Path]]:
+    """Write tables and pictures of finished runs whose logs lie in the folder.
+
+    Args:
+        out: the folder.
+        specs: what was run.
+        rows: what it came to, in the same order.
+        configuration: everything that determines the runs.
+        pictures: their format; None: no pictures.
+        published: values to show beside.
+
+    Returns:
+        The comparison and the pictures.
+
+    Raises:
+        ResultsError: the folder cannot be written.
+    """
+    results.write_runs(out, rows, configuration)
+    runs = results.read_runs(out)
+    drawn: list[Path] = []
+    if pictures is not None:
+        with contextlib.suppress(RouteError):  # a car that drives on no lane, as in reverse: no place to draw
+            drawn = _draw(out, runs, specs, pictures)
+    scored = bool(runs["score"].notna().any())
+    table = results.comparison_table(runs, published) if scored else results.impact_table(runs)
+    results.write_table(out, table)
+    return table, drawn
+
+
+def draw_again(
+    directory: Path, shown: str | None, form: str, allow_plugins: bool = False
+) -> tuple[list[Path], list[str]]:
+    """Draw the pictures of a folder of results, with the conditions that it has stored.
+
+    Args:
+        directory: the folder.
+        shown: log of the run in the temporal diagram and from above; None: see `pictures.run_to_show`.
+        form: png, svg or pdf.
+        allow_plugins: whether code of the user's own may make the monitored area again.
+
+    Returns:
+        Files written, and what the reader has to know about what is missing, one line each.
+
+    Raises:
+        ResultsError: the folder cannot be read.
+        ArgumentError: it has no such run, or a picture cannot be written.
+    """
+    from evaluation.views.page.folder import read_run_log, read_settings, refuse_comparison
+    from evaluation.views.pictures import run_to_show, save_pictures
+
+    refuse_comparison(directory)
+    runs = results.read_runs(directory)
+    if runs["log"].isna().all():
+        raise ResultsError(f"{directory}: without logs nothing can be drawn; run the evaluation again")
+    runs = runs[runs["log"].notna()]
+    name = shown or run_to_show(runs)
+    if name not in set(runs["log"]):
+        raise ResultsError(f"--run: no run {name!r}; the folder has: {', '.join(runs['log'])}")
+    stored = read_configuration(directory)
+    settings, notes = read_settings(directory, stored, runs[runs["log"] == name], allow_plugins)
+    setting = settings.get(name)
+    logs = {str(log): read_run_log(directory, str(log)) for log in runs["log"]}
+    network, strategy = (setting.network, setting.strategy) if setting else (None, None)
+    return save_pictures(directory, runs, logs, network, strategy, shown=name, suffix=form), notes
+
+
+def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: str) -> list[Path]:
+    from evaluation.views.pictures import run_to_show, save_pictures
+
+    name = run_to_show(runs)
+    spec = next(spec for spec in specs if spec.log == name)
+    scene = scene_of(spec)
+    strategy = None
+    if spec.strategy != NO_AEB:  # else nobody perceives
+        strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), scene)
+    logs = results.read_logs(directory, runs)
+    return save_pictures(directory, runs, logs, scene.network, strategy, shown=name, suffix=form)

@@ -1,0 +1,1 @@
+"""What people look at: plots, films, the page of results, matrices of scores."""

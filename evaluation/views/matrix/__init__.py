@@ -1,0 +1,1 @@
+"""Matrices of scored cells as text, picture and HTML."""

@@ -1,0 +1,228 @@
+"""Matrices as a picture."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+from evaluation.protocols.grid import Block, Layer
+from evaluation.protocols.marks import DARK, Mark
+from evaluation.protocols.sheet import Sheet, gate_line, total_line
+from evaluation.views.plots.strategies import strategy_looks
+from evaluation.views.plots.style import FONT_PT, SMALL_PT, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from evaluation.protocols.assessment import BlockScore
+
+_CELL_W_IN, _CELL_H_IN = 0.52, 0.3
+_GAP_IN, _HEAD_IN, _FOOT_IN = 0.3, 0.62, 0.14
+_MARGIN_IN, _TITLE_IN, _STRATEGY_IN, _LINE_IN = 0.15, 0.4, 0.34, 0.16
+_WIDEST_IN, _NARROWEST_IN = 14.0, 5.0
+_BAR_IN = 0.06
+_CHARACTER_IN, _BOLD_IN = 0.062, 0.085  # mean width of a small character, and of a bold one of usual size
+
+
+def matrix_figure(sheet: Sheet) -> Figure:
+    """Draw the matrices, one strategy below the other.
+
+    A cell shows its number and its letter on its colour; extended cells have a dashed frame.
+    """
+    lines = {name: _flow(scores) for name, scores in sheet.panels.items()}
+    width = max(
+        _NARROWEST_IN,
+        *(sum(map(_panel_width, line)) + _MARGIN_IN for all_ in lines.values() for line in all_),
+    )
+    foot = _foot(sheet, width)
+    heights = {name: [max(map(_panel_height, line)) for line in all_] for name, all_ in lines.items()}
+    notes = {name: _headline(sheet, name, width) for name in lines}
+    total = (
+        _TITLE_IN
+        + sum(sum(h) + _STRATEGY_IN + _LINE_IN * (len(notes[name]) - 1) for name, h in heights.items())
+        + _LINE_IN * (len(foot) + len(_legend_lines(sheet, width)))
+        + 4 * _MARGIN_IN
+    )
+    figure = new_figure(total)
+    figure.set_size_inches(width, total)
+    page = figure.add_axes((0, 0, 1, 1))
+    page.set_xlim(0, width)
+    page.set_ylim(total, 0)  # y runs down the page, in inches
+    page.axis("off")
+    y = _MARGIN_IN
+    page.text(_MARGIN_IN, y, sheet.title, fontsize=FONT_PT + 2, fontweight="bold", va="top", color=DARK)
+    page.text(
+        width - _MARGIN_IN, y + 0.03, sheet.protocol, fontsize=SMALL_PT, va="top", ha="right", color=DARK
+    )
+    y += _TITLE_IN
+    looks = strategy_looks(lines)
+    for name, rows in lines.items():
+        # the strategy's colour, a bar above its part
+        page.plot([_MARGIN_IN, width - _MARGIN_IN], [y - _BAR_IN] * 2, color=looks[name][0], linewidth=2.5)
+        for index, text in enumerate(notes[name]):
+            size, weight = (FONT_PT, "bold") if index == 0 else (SMALL_PT, "normal")
+            page.text(
+                _MARGIN_IN,
+                y + _LINE_IN * index,
+                text,
+                fontsize=size,
+                fontweight=weight,
+                va="top",
+                color=DARK,
+            )
+        y += _STRATEGY_IN + _LINE_IN * (len(notes[name]) - 1)
+        for line, height in zip(rows, heights[name], strict=True):
+            x = _MARGIN_IN
+            for score in line:
+                _draw(page, score, x, y)
+                x += _panel_width(score)
+            y += height
+    y += _MARGIN_IN
+    for marks in _legend_lines(sheet, width):
+        _draw_legend(page, marks, y, extended=sheet.extended and marks[-1] == sheet.marks[-1])
+        y += _LINE_IN * 1.4
+    for text in foot:
+        page.text(_MARGIN_IN, y, text, fontsize=SMALL_PT, va="top", color=DARK)
+        y += _LINE_IN
+    return figure
+
+
+def _flow(scores: tuple[BlockScore, ...]) -> list[list[BlockScore]]:
+    """Matrices in lines that are not too wide."""
+    lines: list[list[BlockScore]] = [[]]
+    used = 0.0
+    for score in scores:
+        width = _panel_width(score)
+        if lines[-1] and used + width > _WIDEST_IN:
+            lines.append([])
+            used = 0.0
+        lines[-1].append(score)
+        used += width
+    return lines
+
+
+def _panel_width(score: BlockScore) -> float:
+    cells = _label_width(score.block) + len(score.block.columns) * _CELL_W_IN
+    widths = [len(text) * _CHARACTER_IN for text in _points(score)]
+    # the column header stands in the middle of the columns and may be wider than they are
+    head = _label_width(score.block) + len(score.block.column_header) * _CHARACTER_IN
+    return max(cells, head, len(score.block.name) * _BOLD_IN, *widths) + _GAP_IN
+
+
+def _label_width(block: Block) -> float:
+    longest = max(len(text) for text in (block.row_header, *(row.label for row in block.rows)))
+    return longest * _CHARACTER_IN + 0.1
+
+
+def _panel_height(score: BlockScore) -> float:
+    return _HEAD_IN + len(score.block.rows) * _CELL_H_IN + len(score.totals) * _LINE_IN + _FOOT_IN
+
+
+def _points(score: BlockScore) -> list[str]:
+    """Totals of a matrix, one line each."""
+    return [total_line((total,)) for total in score.totals]
+
+
+def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    block = score.block
+    left, top = x + _label_width(block), y + _HEAD_IN
+    middle = left + len(block.columns) * _CELL_W_IN / 2
+    page.text(x, y, block.name, fontsize=FONT_PT, fontweight="bold", va="top", color=DARK)
+    page.text(middle, y + 0.3, block.column_header, fontsize=SMALL_PT, ha="center", va="center", color=DARK)
+    page.text(
+        left - 0.08, top - 0.1, block.row_header, fontsize=SMALL_PT, ha="right", va="center", color=DARK
+    )
+    for j, name in enumerate(block.columns):
+        page.text(
+            left + (j + 0.5) * _CELL_W_IN,
+            top - 0.1,
+            name,
+            fontsize=SMALL_PT,
+            ha="center",
+            va="center",
+            color=DARK,
+        )
+    for i, row in enumerate(block.rows):
+        middle_y = top + (i + 0.5) * _CELL_H_IN
+        page.text(left - 0.08, middle_y, row.label, fontsize=SMALL_PT, ha="right", va="center", color=DARK)
+        for j, cell in enumerate(row.cells):
+            if cell is None:
+                continue
+            outcome = score.scores[cell]
+            extended = cell.layer is Layer.EXTENDED
+            x0, y0 = left + j * _CELL_W_IN + 0.02, top + i * _CELL_H_IN + 0.02
+            page.add_patch(
+                Rectangle(
+                    (x0, y0),
+                    _CELL_W_IN - 0.04,
+                    _CELL_H_IN - 0.04,
+                    facecolor=outcome.mark.fill,
+                    edgecolor=DARK,
+                    linewidth=0.8,
+                    linestyle=(0, (2, 2)) if extended else "-",
+                )
+            )
+            page.text(
+                left + (j + 0.5) * _CELL_W_IN,
+                middle_y,
+                f"{outcome.text} {outcome.mark.letter}".strip(),
+                fontsize=SMALL_PT,
+                ha="center",
+                va="center",
+                color=outcome.mark.ink,
+            )
+    below = top + len(block.rows) * _CELL_H_IN + 0.06
+    for i, text in enumerate(_points(score)):
+        page.text(x, below + i * _LINE_IN, text, fontsize=SMALL_PT, va="top", color=DARK)
+
+
+def _legend_lines(sheet: Sheet, width: float) -> list[list[Mark]]:
+    lines: list[list[Mark]] = [[]]
+    used = 0.0
+    for mark in sheet.marks:
+        need = 0.45 + len(mark.name) * _CHARACTER_IN
+        if lines[-1] and used + need > width - 1.6:
+            lines.append([])
+            used = 0.0
+        lines[-1].append(mark)
+        used += need
+    return lines
+
+
+def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> None:
+    from matplotlib.patches import Rectangle
+
+    x = _MARGIN_IN
+    for mark in marks:
+        page.add_patch(Rectangle((x, y), 0.2, 0.15, facecolor=mark.fill, edgecolor=DARK, linewidth=0.5))
+        page.text(
+            x + 0.1, y + 0.075, mark.letter, fontsize=SMALL_PT - 1, ha="center", va="center", color=mark.ink
+        )
+        page.text(x + 0.26, y + 0.075, mark.name, fontsize=SMALL_PT, va="center", color=DARK)
+        x += 0.45 + len(mark.name) * _CHARACTER_IN
+    if extended:
+        page.add_patch(
+            Rectangle(
+                (x, y), 0.2, 0.15, facecolor="white", edgecolor=DARK, linewidth=0.8, linestyle=(0, (2, 2))
+            )
+        )
+        page.text(x + 0.26, y + 0.075, "extended range", fontsize=SMALL_PT, va="center", color=DARK)
+
+
+def _headline(sheet: Sheet, name: str, width: float) -> list[str]:
+    """Strategy with its first total, then the others and what requirement failed."""
+    totals = sheet.totals[name]
+    first = f"{name}: {total_line(totals[:1])}" if totals else name
+    return [first, *_wrapped(total_line(totals[1:]), gate_line(sheet.gates[name]), width=width)]
+
+
+def _foot(sheet: Sheet, width: float) -> list[str]:
+    return _wrapped(f"Cells: {sheet.unit}.", *sheet.notes, width=width)
+
+
+def _wrapped(*texts: str, width: float) -> list[str]:
+    characters = int((width - 2 * _MARGIN_IN) / _CHARACTER_IN)
+    return [line for text in texts if text for line in textwrap.wrap(text, characters)]

@@ -1,0 +1,377 @@
+"""A run as a film for slides: the scene from above, moving with the ego, with what happens in words."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.errors import ArgumentError
+from evaluation.results.rows import write_whole
+from evaluation.views import video
+from evaluation.views.page.explain import Account
+from evaluation.views.page.scene import Scene
+from evaluation.views.plots.ground import (
+    AREA_COLOURS,
+    LANE_COLOURS,
+    area_paths,
+    area_style,
+    draw_map,
+    lane_outlines,
+)
+from evaluation.views.plots.log_rows import boxes_of
+from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.views.plots.polygons import draw_polygons
+from evaluation.views.plots.style import BLACK, GREY, SMALL_PT, plain_figure
+from opendrive import RoadNetwork
+from smartmot.geometry import corners
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PathCollection, PolyCollection
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+    from matplotlib.transforms import Affine2D
+    from PIL import Image as Pillow
+
+Image = NDArray[np.uint8]
+"""(H, W, 3) colours of a picture."""
+
+HOLD_S = 1.5
+"""The last picture stays this long, so that the outcome can be read."""
+
+_SIZE_IN, _DPI = (6.4, 4.8), 150
+"""960 x 720 pixels: fills half a slide and suits video codecs, which want even numbers."""
+_VIEW = (-10.0, 40.0, -12.5, 12.5)
+"""Left, right, low and high of the view in the ego's frame, metres."""
+_COLOURS = 96
+"""Size of the one palette of a GIF: flat fills and smoothed edges need no more."""
+_TEXT_WIDTH = 0.97
+"""Of a picture's width, for one line of text."""
+_STATUS_GAP = 0.02
+"""Of a picture's width, between speed and what perception holds."""
+_STORY_TOP, _STORY_GAP = 0.06, 0.01
+"""Of a picture's height: where the story begins below the view, and what stays free above the legend."""
+_LEGEND_COLUMNS = 6
+_SMALLEST_PT, _STEP_PT = 5.5, 0.5
+"""Texts that are too long become smaller, to this size."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmTimes:
+    """Which frames of a run a film shows.
+
+    Args:
+        frame: (N,) frame of the run for each picture.
+        fps: pictures per second.
+    """
+
+    frame: NDArray[np.int64]
+    fps: float
+
+    def durations_ms(self) -> list[int]:
+        """How long each picture of a GIF stays, in hundredths of a second that add up; the last is held."""
+        edges = np.rint(np.arange(len(self.frame) + 1) * 100.0 / self.fps).astype(np.int64) * 10
+        stay: list[int] = np.diff(edges).tolist()
+        stay[-1] = round(HOLD_S * 1000)
+        return stay
+
+
+def film_times(scene: Scene, fps: float, speed: float) -> FilmTimes:
+    """Choose the frames of a film.
+
+    Args:
+        scene: the run.
+        fps: pictures per second, 1 to 50 (a GIF's clock counts hundredths of a second).
+        speed: 1 for real time, 0.5 for half of it.
+
+    Raises:
+        ArgumentError: a number is out of range.
+    """
+    if not 1 <= fps <= 50:
+        raise ArgumentError(f"--fps: must lie in 1..50, got {fps:g}")
+    if not 0.05 <= speed <= 20:
+        raise ArgumentError(f"--speed: must lie in 0.05..20, got {speed:g}")
+    start, end = float(scene.time_s[0]), float(scene.time_s[-1])
+    times = start + np.arange(int(np.floor((end - start) * fps / speed + 1e-6)) + 1) * speed / fps
+    frames = [scene.frame_at(float(time)) for time in times]
+    if frames[-1] != len(scene) - 1:
+        frames.append(len(scene) - 1)
+    return FilmTimes(np.array(frames, dtype=np.int64), fps)
+
+
+@dataclass(slots=True, eq=False)
+class Film:
+    """Draws frames of one run onto one figure whose artists are moved, not made again.
+
+    Args:
+        scene: the run.
+        account: what happens, in words.
+        network: the map; None: without lanes.
+        title: heading.
+        colour: of the strategy, a bar above the heading; empty: none.
+    """
+
+    scene: Scene
+    account: Account
+    network: RoadNetwork | None
+    title: str
+    colour: str = ""
+    _figure: Figure = field(init=False)
+    _legend_top: float = field(init=False, default=0.0)
+    _axes: Axes = field(init=False)
+    _ego_map: Affine2D = field(init=False)
+    _areas: dict[str, PathCollection] = field(init=False, default_factory=dict)
+    _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
+    _texts: dict[str, Any] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from matplotlib.transforms import Affine2D
+
+        self._figure = plain_figure(_SIZE_IN, _DPI)
+        left, right, low, high = _VIEW
+        height = (high - low) / (right - left) * _SIZE_IN[0] / _SIZE_IN[1]
+        axes = self._figure.add_axes((0.0, 0.935 - height, 1.0, height))
+        axes.set_xlim(left, right)
+        axes.set_ylim(low, high)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[["left", "right"]].set_visible(False)
+        self._axes, self._ego_map = axes, Affine2D()
+        self._add_ground()
+        self._add_layers()
+        self._add_texts(0.935 - height)
+
+    def picture(self, frame: int) -> Image:
+        """The picture of one frame."""
+        self._move_to(frame)
+        canvas: Any = self._figure.canvas
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[:, :, :3].copy()
+
+    def _add_ground(self) -> None:
+        """Lanes and the way of the ego, in the map frame: the transform alone moves them."""
+        transform = self._ego_map + self._axes.transData
+        way = self.scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        if self.network is not None and len(lane_outlines(self.network)):
+            margin = max(abs(v) for v in _VIEW)
+            view = (*(way.min(axis=0) - margin), *(way.max(axis=0) + margin))
+            draw_map(self._axes, self.network, (0.0, 0.0, 0.0), tuple(map(float, view)))  # type: ignore[arg-type]
+            for collection in self._axes.collections:
+                collection.set_transform(transform)
+        self._axes.plot(way[:, 0], way[:, 1], color="#555555", linewidth=0.8, dashes=(6, 4), zorder=2.5,
+                        transform=transform)  # fmt: skip
+        x = _VIEW[0] + 1.0
+        self._axes.plot([x, x + 10.0], [_VIEW[2] + 0.8] * 2, color=BLACK, linewidth=1.5, zorder=9)
+        self._axes.text(x, _VIEW[2] + 1.1, "10 m", fontsize=SMALL_PT, zorder=9)
+
+    def _add_layers(self) -> None:
+        from matplotlib.collections import PathCollection
+
+        for role in AREA_COLOURS:
+            area = PathCollection([], gid=f"monitored: {role}", zorder=2.0, **area_style(role))
+            area.set_transform(self._ego_map + self._axes.transData)
+            self._axes.add_collection(area, autolim=False)
+            self._areas[role] = area
+        for label, (face, edge) in DETECTION_COLOURS.items():
+            self._layer(f"detection {label}", face=face, edge=edge, zorder=4.0)
+        for state, colour in TRACK_COLOURS.items():
+            self._layer(f"forecast {state}", face="none", edge=(colour, 0.5), width=0.7, zorder=3.0)
+            self._layer(f"track {state}", face="none", edge=colour, width=1.8, zorder=5.0)
+        self._layer("ego forecast", face="none", edge=(EGO_COLOUR, 0.45), width=0.7, zorder=3.0)
+        self._layer("ground truth", face="none", edge=BLACK, line=":", width=0.8, zorder=5.5)
+        self._layer("ego", face=EGO_COLOUR, edge=BLACK, zorder=6.0)
+        (self._texts["ring"],) = self._axes.plot([], [], "o", markersize=17, markerfacecolor="none",
+            markeredgewidth=2, color=TRACK_COLOURS["threat"], zorder=5.6,
+            transform=self._ego_map + self._axes.transData)  # fmt: skip
+
+    def _layer(self, name: str, **style: Any) -> None:
+        draw_polygons(self._axes, [], name, **style)
+        collection: Any = self._axes.collections[-1]
+        collection.set_transform(self._ego_map + self._axes.transData)
+        self._layers[name] = collection
+
+    def _add_texts(self, below: float) -> None:
+        from matplotlib.patches import Patch, Rectangle
+
+        if self.colour:
+            self._figure.add_artist(Rectangle((0.01, 0.99), 0.98, 0.01, color=self.colour))
+        write = self._figure.text
+        size = 10.0
+        title = write(0.5, 0.963, self.title, ha="center", va="center", fontsize=size, weight="bold")
+        while self._share(title)[0] > _TEXT_WIDTH and size > _SMALLEST_PT:
+            size -= _STEP_PT
+            title.set_fontsize(size)
+        self._texts["speed"] = write(0.015, below - 0.015, "", va="top", fontsize=SMALL_PT + 1, weight="bold")
+        self._texts["seen"] = write(0.985, below - 0.015, "", va="top", ha="right", fontsize=SMALL_PT)
+        self._texts["story"] = write(0.015, below - _STORY_TOP, "", va="top", fontsize=SMALL_PT)
+        shown = {role for frame in range(len(self.scene)) for role, _ in self.scene.areas(frame)}
+        types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
+        handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
+                   for t, c in LANE_COLOURS.items() if t in types & {"driving", "sidewalk"}]  # fmt: skip
+        handles += [Patch(label=f"monitored: {role.replace('_', ' ')}", **area_style(role))
+                    for role in AREA_COLOURS if role in shown]  # fmt: skip
+        handles += [Patch(facecolor=face, edgecolor=edge, label=f"detection {label}")
+                    for label, (face, edge) in DETECTION_COLOURS.items()]  # fmt: skip
+        handles += [Patch(facecolor="none", edgecolor=colour, label=f"track, {state}")
+                    for state, colour in TRACK_COLOURS.items()]  # fmt: skip
+        handles.append(Patch(facecolor="none", edgecolor=GREY, label="forecast"))
+        self._add_legend(handles)
+
+    def _add_legend(self, handles: Sequence[Patch]) -> None:
+        """Legend at the foot, in as many columns as fit; the story keeps above it."""
+        canvas: Any = self._figure.canvas
+        for columns in range(_LEGEND_COLUMNS, 0, -1):
+            legend = self._figure.legend(
+                handles=handles, loc="lower center", ncols=columns, fontsize=6.5, frameon=False,
+                columnspacing=1.2, handlelength=1.4, borderaxespad=0.2,
+            )  # fmt: skip
+            box = legend.get_window_extent(canvas.get_renderer())
+            if box.width <= _TEXT_WIDTH * self._figure.bbox.width or columns == 1:
+                break
+            legend.remove()
+        self._legend_top = box.y1 / self._figure.bbox.height
+
+    def _move_to(self, frame: int) -> None:
+        """Put every artist where it belongs in a frame."""
+        scene = self.scene
+        ego = scene.ego_state(frame)
+        self._ego_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
+        paths = area_paths(scene.areas(frame))
+        for role, area in self._areas.items():
+            area.set_paths([paths[role]] if role in paths else [])
+        detections, tracks = scene.rows("detection", frame), scene.rows("track", frame)
+        forecasts = scene.rows("forecast", frame)
+        for label in DETECTION_COLOURS:
+            self._show(f"detection {label}", detections[detections["label"] == label])
+        for state in TRACK_COLOURS:
+            own = tracks[tracks["label"] == state]
+            self._show(f"track {state}", own)
+            self._show(f"forecast {state}", forecasts[forecasts["id"].isin(own["id"])])
+        self._show("ego forecast", scene.rows("ego_forecast", frame))
+        self._show("ground truth", scene.rows("actor", frame))
+        self._show("ego", scene.ego.iloc[[frame]])
+        threats = tracks[tracks["label"] == "threat"]
+        self._texts["ring"].set_data(threats["x_m"].to_numpy(), threats["y_m"].to_numpy())
+        speed, _, seen = self.account.status[frame].partition(" · ")
+        self._texts["speed"].set_text(f"t = {ego.stamp_s:.2f} s, {speed}")
+        self._texts["seen"].set_text(seen)
+        self._fit_status()
+        self._tell(self.account.story[frame])
+
+    def _fit_status(self) -> None:
+        """Write speed and perception side by side, as large as they fit on their line."""
+        texts = self._texts["speed"], self._texts["seen"]
+        for smaller in np.arange(0.0, SMALL_PT, _STEP_PT).tolist():
+            for text, size in zip(texts, (SMALL_PT + 1, SMALL_PT), strict=True):
+                text.set_fontsize(size - smaller)
+            if sum(self._share(text)[0] for text in texts) <= _TEXT_WIDTH - _STATUS_GAP:
+                return
+
+    def _tell(self, text: str) -> None:
+        """Write the story below the view, as large as it fits between the view and the legend."""
+        story = self._texts["story"]
+        room = float(story.get_position()[1]) - self._legend_top - _STORY_GAP
+        size = SMALL_PT
+        while True:
+            story.set_fontsize(size)
+            story.set_text(text)
+            columns = max(int(len(text) * _TEXT_WIDTH / max(self._share(story)[0], _TEXT_WIDTH)), 20)
+            story.set_text(textwrap.fill(text, columns))
+            while self._share(story)[0] > _TEXT_WIDTH:
+                columns -= 2
+                story.set_text(textwrap.fill(text, columns))
+            if self._share(story)[1] <= room or size <= _SMALLEST_PT:
+                return
+            size -= _STEP_PT
+
+    def _share(self, text: Any) -> tuple[float, float]:
+        """Width and height of a text as shares of the picture's."""
+        canvas: Any = self._figure.canvas
+        box = text.get_window_extent(canvas.get_renderer())
+        return box.width / self._figure.bbox.width, box.height / self._figure.bbox.height
+
+    def _show(self, name: str, rows: pd.DataFrame) -> None:
+        self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])
+
+
+def pictures(film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> Iterator[Image]:
+    """The pictures of a film; a frame that stays is drawn once."""
+    shown, image = -1, np.zeros((0, 0, 3), dtype=np.uint8)
+    for frame in times.frame.tolist():
+        if frame != shown:
+            shown, image = frame, film.picture(frame)
+        progress()
+        yield image
+
+
+def write_gif(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
+    """Write an animated GIF with one palette, that of the first, the middle and the last picture.
+
+    Raises:
+        ArgumentError: the file cannot be written.
+    """
+    from PIL import Image as Pillow
+
+    key_frames = [film.picture(int(times.frame[k])) for k in (0, len(times.frame) // 2, -1)]
+    palette = _palette(key_frames)
+    images = (
+        Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
+        for image in pictures(film, times, progress)
+    )
+    content = io.BytesIO()
+    try:
+        next(images).save(
+            content, format="GIF", save_all=True, append_images=images, duration=times.durations_ms(), loop=0,
+            optimize=False,
+        )  # fmt: skip
+        write_whole(path, content.getvalue())
+    except OSError as error:
+        raise _not_written("--gif", path, error) from None
+
+
+def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
+    """One palette for a film: the colours with a meaning as they are, then what else the pictures hold."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image as Pillow
+
+    named = {*AREA_COLOURS.values(), *TRACK_COLOURS.values(), *LANE_COLOURS.values(), EGO_COLOUR, "white"}
+    colours = [np.array(to_rgb(name)) for name in sorted(named)]
+    # forecasts are half transparent, mostly on the road
+    colours += [(np.array(to_rgb(c)) + to_rgb(LANE_COLOURS["driving"])) / 2 for c in TRACK_COLOURS.values()]
+    fixed = np.rint(np.array(colours) * 255).astype(np.uint8)
+    found = Pillow.fromarray(np.concatenate(key_frames)).quantize(_COLOURS).getpalette() or []
+    palette = Pillow.new("P", (1, 1))
+    palette.putpalette([*fixed.ravel().tolist(), *found[: 3 * _COLOURS]])
+    return palette
+
+
+def write_mp4(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
+    """Write an H.264 film with ffmpeg.
+
+    Raises:
+        ArgumentError: there is no ffmpeg, or the file cannot be written.
+    """
+    held = _held(pictures(film, times, progress), round(HOLD_S * times.fps))
+    video.write_mp4(path, held, times.fps, "--mp4")
+
+
+def _held(images: Iterator[Image], times: int) -> Iterator[Image]:
+    """Pictures, the last of them repeated."""
+    image: Image | None = None
+    for image in images:
+        yield image
+    if image is not None:
+        yield from itertools.repeat(image, times)
+
+
+def _not_written(option: str, path: Path, error: OSError) -> ArgumentError:
+    return ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}; choose another place")

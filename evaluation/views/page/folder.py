@@ -1,0 +1,297 @@
+"""A folder of runs, and what its configuration says about map, route and monitored areas."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evaluation.results import rows as results
+from evaluation.results.rows import ResultsError
+from evaluation.runs.configuration import (
+    Stored,
+    StoredRun,
+    changed_file,
+    files_of,
+    in_light_of_run,
+    read_configuration,
+)
+from opendrive import OpenDriveError, RoadNetwork
+from scenarios.errors import ScenarioError
+from scenarios.openscenario.model import ScenarioDefinition
+from scenarios.places import Scene
+from scenarios.presets import Preset
+from scenarios.simulation.simulation import Simulation
+from scenarios.spec import RunSpec, definition_of, load_named_map, perception_map
+from scenarios.strategies import STRATEGIES, make_strategy
+from smartmot.area.monitored_area import (
+    EverythingArea,
+    MapArea,
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    RectangularArea,
+)
+from smartmot.errors import PluginError, SmartMotError
+from smartmot.maps.route import Route
+from smartmot.plugins import failure, is_plugin, require, source_digest
+from smartmot.types import EgoState
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Run = Mapping[Hashable, Any]
+"""A row of `runs.csv`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """Where a run took place and how it was set up.
+
+    Args:
+        map_name: file or shipped map.
+        network: map of perception.
+        route: the ego's way on it.
+        preset: conditions, with areas, brakes and decision as `runs.json` has them.
+        strategy: what made the monitored area; None for one that this program does not know by name.
+        must: what the ego must do, brake or nothing, where that is known.
+    """
+
+    map_name: str
+    network: RoadNetwork
+    route: Route
+    preset: Preset
+    strategy: MonitoredAreaStrategy | None
+    must: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFolder:
+    """A folder of results.
+
+    Args:
+        path: the folder.
+        runs: its table of runs.
+        settings: by name of the log; empty where map and areas cannot be had again.
+        published: whether the paper printed results for these conditions.
+        version: of the program that made them, if known.
+        notes: what the reader has to know about what is missing, one line each.
+    """
+
+    path: Path
+    runs: pd.DataFrame
+    settings: Mapping[str, Setting]
+    published: bool
+    version: str
+    notes: tuple[str, ...]
+
+    def log(self, name: str) -> pd.DataFrame:
+        """The log of one run.
+
+        Raises:
+            ResultsError: it is missing or broken, or has no ego that can be shown.
+        """
+        return read_run_log(self.path, name)
+
+
+@dataclass(slots=True, eq=False)
+class OwnArea:
+    """A monitored area of the user's own, whose errors are told as such.
+
+    Args:
+        name: its own name if it has one, else that of the plug-in.
+        plugin: `package.module:name`.
+        own: what that made.
+    """
+
+    name: str
+    plugin: str
+    own: MonitoredAreaStrategy
+
+    @property
+    def route(self) -> Route:
+        """Its route, if it has one, along which the ego's forecast can be made."""
+        return self.own.route  # type: ignore[attr-defined, no-any-return]
+
+    def at(self, ego: EgoState) -> MonitoredArea:
+        """The monitored area around `ego`.
+
+        Raises:
+            PluginError: the user's code fails, or returns something else.
+        """
+        try:
+            area = self.own.at(ego)
+        except SmartMotError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise failure(self.plugin, error) from error
+        for method in ("relevance", "polygons"):
+            require(area, method, self.plugin)
+        return area
+
+
+def read_run_log(directory: Path, name: str) -> pd.DataFrame:
+    """The log of one run, which has an ego that can be shown.
+
+    Raises:
+        ResultsError: it is missing or broken, or has no such ego.
+    """
+    path = results.log_path(directory, name)
+    log = results.read_log(path)
+    ego = log[log["kind"] == "ego"]
+    if ego.empty:
+        raise ResultsError(f"{path}: no rows of kind 'ego', nothing to show; see docs/run-log.md")
+    if not (ego[["length_m", "width_m"]] > 0.0).to_numpy().all():
+        raise ResultsError(f"{path}: the ego's length and width must be positive; see docs/run-log.md")
+    return log
+
+
+def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
+    """Read a folder of results; logs are read when asked for.
+
+    Args:
+        path: the folder.
+        allow_plugins: whether code of the user's own may make monitored areas again.
+
+    Raises:
+        ResultsError: the folder, its table or its logs are missing or not understood.
+    """
+    refuse_comparison(path)
+    runs = results.read_runs(path)
+    if runs.empty:
+        raise ResultsError(f"{path / results.RUNS_CSV}: no runs; run at least one test into this folder")
+    missing = [n for n in runs["log"].dropna() if not results.log_path(path, str(n)).is_file()]
+    if missing or runs["log"].isna().all():
+        some = f"{len(missing)} of {len(runs)} logs, first {missing[0]}" if missing else "all logs"
+        raise ResultsError(f"{path}: without {some}, nothing can be replayed; run the evaluation again")
+    notes = []
+    if runs["log"].isna().any():
+        notes.append(f"{int(runs['log'].isna().sum())} runs have no log and cannot be replayed.")
+    settings: dict[str, Setting] = {}
+    published, version = False, ""
+    try:
+        stored = read_configuration(path)
+        published, version = stored.published, stored.version
+        settings, told = read_settings(path, stored, runs, allow_plugins)
+        notes += told
+    except (ResultsError, OpenDriveError, ScenarioError, SmartMotError) as error:
+        notes.append(f"Lanes and monitored areas are not drawn: {error}")
+    return RunFolder(path, runs, settings, published, version, tuple(notes))
+
+
+def refuse_comparison(path: Path) -> None:
+    """A comparison has measures of many runs, and logs only in a folder within it, if asked for.
+
+    Raises:
+        ResultsError: the folder is one.
+    """
+    if not (path / "compare.json").is_file():
+        return
+    inside = path / "runs"
+    if (inside / results.RUNS_CSV).is_file():
+        raise ResultsError(f"{path}: a comparison over scenes; its logged runs are in {inside}")
+    raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
+
+
+def read_settings(
+    path: Path, stored: Stored, runs: pd.DataFrame, allow_plugins: bool = False
+) -> tuple[dict[str, Setting], list[str]]:
+    """Map, route and conditions of runs of a folder, by the names of their logs, from `runs.json`.
+
+    A run whose files are missing or have changed has none, nor has one whose map cannot be read.
+
+    Args:
+        path: the folder.
+        stored: its configuration.
+        runs: rows of its table.
+        allow_plugins: whether code of the user's own may make monitored areas again.
+
+    Returns:
+        The settings, and why others are missing, one line each.
+
+    """
+    named = set(runs["log"].dropna())
+    scenes: dict[object, Scene] = {}
+    settings: dict[str, Setting] = {}
+    missing: Counter[str] = Counter()
+    notes: dict[str, None] = {}
+    for run in stored.runs:
+        if run.spec.log not in named:
+            continue
+        try:
+            setting, note = _setting(run, stored.plugins, scenes, allow_plugins)
+        except (ResultsError, OpenDriveError, ScenarioError, SmartMotError, OSError, RecursionError) as error:
+            missing[" ".join(str(error).split())] += 1
+            continue
+        settings[run.spec.log] = setting
+        notes |= {note: None} if note else {}
+    lost = len(named - {run.spec.log for run in stored.runs})
+    if lost:
+        missing[f"{path / results.RUNS_JSON} does not have them; run the test again"] = lost
+    told = [
+        f"Lanes and monitored areas are not drawn{_share(count, len(named))}: {reason}"
+        for reason, count in missing.items()
+    ]
+    if settings and any(run.files is None for run in stored.runs):
+        told.append("Made by version 0.1.0, which wrote no hashes: scenario and map may have changed since.")
+    return settings, [*told, *notes]
+
+
+def _share(count: int, whole: int) -> str:
+    return "" if count == whole else f" for {count} of {whole} runs"
+
+
+def _setting(
+    run: StoredRun, plugins: Mapping[str, str], scenes: dict[object, Scene], allow_plugins: bool
+) -> tuple[Setting, str]:
+    """Where a run took place, and what is to be said of its monitored area."""
+    spec = run.spec
+    changed = changed_file(run)
+    if changed is not None:
+        raise ResultsError(changed)
+    definition = definition_of(spec)
+    more = {file.resolve() for file in files_of(spec, definition)} - set(run.files or ())
+    if run.files is not None and more:
+        raise ResultsError(f"{min(more)} was not there when the run took place")
+    preset = in_light_of_run(run, definition)
+    # the place does not depend on what perceives there
+    place = (spec.file, spec.parameters, spec.map_name, spec.adversaries)
+    scene = scenes.get(place)
+    if scene is None:
+        scene = scenes[place] = _scene(spec, definition, preset)
+    strategy, note = _strategy(spec.strategy, preset, scene, plugins, allow_plugins)
+    name = spec.map_name or scene.network.name or str(dict(spec.parameters).get("Map", ""))
+    return Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must), note
+
+
+def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> Scene:
+    """Map and route of a run; nothing of the user's own is made."""
+    name = perception_map(definition, spec.map_name)
+    network = load_named_map(name) if name else None
+    return Simulation(definition, replace(preset, detector=None), None, network=network).scene()
+
+
+def _strategy(
+    name: str, preset: Preset, scene: Scene, plugins: Mapping[str, str], allow_plugins: bool
+) -> tuple[MonitoredAreaStrategy | None, str]:
+    """What made the monitored area, and what is to be said of it."""
+    if name not in STRATEGIES and not is_plugin(name):
+        return None, ""
+    note = ""
+    if is_plugin(name):
+        if not allow_plugins:
+            return None, (
+                f"The monitored area of {name} is not drawn: it is code of your own, which is run with "
+                "--allow-plugins only."
+            )
+        if name not in plugins:
+            note = f"The folder has no hash of {name}: its monitored area may be another than in the run."
+        elif source_digest(name) != plugins[name]:
+            return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
+    try:
+        made = make_strategy(name, preset, scene)
+        shipped = type(made) in (RectangularArea, MapArea, EverythingArea)
+        return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
+    except PluginError as error:
+        return None, f"The monitored area of {name} is not drawn: {error}"

@@ -1,0 +1,275 @@
+"""A folder of runs as one HTML page that needs no network."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation.errors import ArgumentError
+from evaluation.protocols.paper import PUBLISHED
+from evaluation.results import rows as results
+from evaluation.views.page import charts
+from evaluation.views.page.explain import Account, explain
+from evaluation.views.page.folder import RunFolder, read_folder
+from evaluation.views.page.payload import pack_map, pack_run
+from evaluation.views.page.scene import read_scene
+from evaluation.views.page.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
+from evaluation.views.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
+from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.views.plots.speed import speed_style
+from evaluation.views.plots.strategies import strategy_looks
+from opendrive import RoadNetwork
+from scenarios.presets import PRESETS
+from scenarios.settings import PARAMETERS
+from smartmot.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PAGE_NAME = "report.html"
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """A run as the page shows it.
+
+    Args:
+        log: name of its log.
+        strategy: monitored area.
+        title: strategy, speed and what else sets it apart from the others.
+        account: what happened, in words.
+        packed: what its replay draws.
+        map_index: which of the page's maps it is on; -1 without a map.
+    """
+
+    log: str
+    strategy: str
+    title: str
+    account: Account
+    packed: str
+    map_index: int
+
+
+@dataclass(frozen=True, slots=True)
+class PageContent:
+    """Everything that the template shows; `colours` by strategy."""
+
+    title: str
+    facts: dict[str, str]
+    notes: tuple[str, ...]
+    verdicts: list[Verdict]
+    matrix: Matrix
+    table: results.Table
+    runs: list[RunView]
+    first: int
+    colours: dict[str, str]
+    panels: list[tuple[str, dict[str, Any]]]
+    legend: list[tuple[str, str, bool]]
+    packed_maps: list[str]
+    palette: dict[str, Any]
+
+
+def write_page(
+    directory: Path,
+    out: Path | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    allow_plugins: bool = False,
+) -> tuple[Path, tuple[str, ...]]:
+    """Write the report of a folder of results.
+
+    Args:
+        directory: what a run wrote.
+        out: the page; None: `report.html` in the folder.
+        progress: called with the runs read so far and their number.
+        allow_plugins: whether code of the user's own may make monitored areas again.
+
+    Returns:
+        The page, and what the reader has to know about what is missing.
+
+    Raises:
+        ResultsError: the folder cannot be read, or its logs are missing.
+        ArgumentError: the page cannot be written.
+    """
+    folder = read_folder(directory, allow_plugins)
+    target = directory / PAGE_NAME if out is None else out
+    text = render(page_content(folder, progress))
+    try:
+        results.write_whole(target, text.encode())
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ArgumentError(f"--out: cannot write {target}: {reason}; choose another place") from None
+    return target, folder.notes
+
+
+def page_content(
+    folder: RunFolder, progress: Callable[[int, int], None] = lambda done, total: None
+) -> PageContent:
+    """Read all runs of a folder and say what they came to.
+
+    Raises:
+        ResultsError: a log is missing or broken.
+    """
+    rows = folder.runs[folder.runs["log"].notna()]
+    rows = rows[~rows["log"].duplicated()]
+    distinct = _distinct_columns(rows)
+    views: list[RunView] = []
+    curves: dict[str, pd.DataFrame] = {}
+    networks: list[RoadNetwork] = []
+    ways: list[list[FloatArray]] = []
+    origin: FloatArray | None = None
+    for run in rows.to_dict("records"):
+        name = str(run["log"])
+        log = folder.log(name)
+        curves[name] = log[log["kind"] == "ego"]
+        setting = folder.settings.get(name)
+        scene = read_scene(log, setting.strategy if setting else None)
+        way = scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        origin = np.rint(way[0]) if origin is None else origin
+        map_index = -1
+        if setting is not None:
+            if setting.network not in networks:
+                networks.append(setting.network)
+                ways.append([])
+            map_index = networks.index(setting.network)
+            ways[map_index].append(way)
+        account = explain(scene, run, setting)
+        packed = pack_run(scene, account, origin, charts.temporal_spec(scene, run))
+        views.append(RunView(name, str(run["strategy"]), _title(run, distinct), account, packed, map_index))
+        progress(len(views), len(rows))
+    accounts = {view.log: view.account for view in views}
+    assert origin is not None  # a folder has runs
+    palette = {
+        "lanes": LANE_COLOURS,
+        "other": OTHER_LANE_COLOUR,
+        "areas": AREA_COLOURS,
+        "tracks": TRACK_COLOURS,
+        "detections": DETECTION_COLOURS,
+        "ego": EGO_COLOUR,
+    }
+    return PageContent(
+        title=_subject(rows),
+        facts=_facts(folder),
+        notes=folder.notes,
+        verdicts=verdicts(rows, accounts, {view.log: view.title for view in views}),
+        matrix=score_matrix(rows, accounts),
+        table=_numbers(folder),
+        runs=views,
+        first=_first(views),
+        colours={name: colour for name, (colour, _) in strategy_looks(map(str, rows["strategy"])).items()},
+        panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
+        legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
+        packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
+        palette=palette,
+    )
+
+
+def render(content: PageContent) -> str:
+    """The page as text. All that comes from files is escaped."""
+    import jinja2
+
+    here = importlib.resources.files("evaluation.views.page")
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    template = environment.from_string((here / "template.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        page=content,
+        colour_of=lambda title: _colour_of(title, content.colours),
+        style=(here / "page.css").read_text(encoding="utf-8"),
+        script=(here / "page.js").read_text(encoding="utf-8"),
+        plotly=charts.plotly_script(),
+        data=_script_json(
+            {
+                "palette": content.palette,
+                "first": content.first,
+                "panels": [spec for _, spec in content.panels],
+                "logs": [view.log for view in content.runs],
+                "maps": [view.map_index for view in content.runs],
+            }
+        ),
+    )
+
+
+def _colour_of(title: str, colours: Mapping[str, str]) -> str:
+    """Colour of the strategy that a title begins with; empty where it begins with none."""
+    return next((colour for name, colour in colours.items() if f"{title}, ".startswith(f"{name}, ")), "")
+
+
+def _script_json(value: object) -> str:
+    """JSON that may stand inside a script element: nothing in it can close the element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _distinct_columns(rows: pd.DataFrame) -> list[str]:
+    """Conditions that set runs apart, besides strategy and speed."""
+    names = ("scenario", "preset", "weather", "adversaries", "seed")
+    return [name for name in names if len(set(rows[name])) > 1]
+
+
+def _title(run: dict[Hashable, Any], distinct: list[str]) -> str:
+    rest = [f"seed {run[name]}" if name == "seed" else str(run[name]) for name in distinct]
+    speed = f"{run['v_test_kmh']:g} km/h"
+    return ", ".join([str(run["strategy"]), *([] if any(speed in text for text in rest) else [speed]), *rest])
+
+
+def _subject(runs: pd.DataFrame) -> str:
+    """What was run: a scenario, or how many."""
+    names = list(dict.fromkeys(map(str, runs["scenario"])))
+    return ", ".join(names) if len(names) <= _FEW else f"{len(names)} scenarios"
+
+
+_FEW = 3
+"""Names that a heading holds, and scenarios that get diagrams of their own."""
+
+
+def _facts(folder: RunFolder) -> dict[str, str]:
+    """What the runs have in common, and what made them."""
+    runs = folder.runs
+    facts = {
+        name.capitalize(): ", ".join(dict.fromkeys(map(str, runs[name])))
+        for name in ("scenario", "preset", "weather", "adversaries", "seed")
+    }
+    facts["Scenario"] = _subject(runs)
+    facts["Runs"] = str(len(runs))
+    maps = dict.fromkeys(filter(None, (setting.map_name for setting in folder.settings.values())))
+    if maps:
+        facts["Map"] = ", ".join(maps)
+    for name in ("detector", "tracker"):
+        of = PARAMETERS[name].of
+        used = {setting.preset.name: of(setting.preset) for setting in folder.settings.values()}
+        own = [
+            str(value)
+            for preset, value in used.items()
+            if preset not in PRESETS or value != of(PRESETS[preset])
+        ]
+        if own:
+            facts[name.capitalize()] = ", ".join(dict.fromkeys(own))
+    if folder.version:
+        facts["Made by"] = f"smartmot {folder.version}"
+    return facts
+
+
+def _numbers(folder: RunFolder) -> results.Table:
+    """Impact speeds; scores as well where there are any, unless the matrix has a line per scenario."""
+    if by_scenario(folder.runs) or folder.runs["score"].isna().all():
+        return results.impact_table(folder.runs)
+    return results.comparison_table(folder.runs, PUBLISHED if folder.published else None)
+
+
+def _first(views: list[RunView]) -> int:
+    """The run to open: the first false activation, else unnecessary braking, else collision, else any."""
+    ranks = {kind: rank for rank, kind in enumerate(("false", "unnecessary", "hit", "mitigated"))}
+    return min(range(len(views)), key=lambda index: ranks.get(views[index].account.kind, len(ranks)))
+
+
+def _swatch(speed_kmh: float) -> tuple[str, bool]:
+    """Colour of a test speed, and whether its line is dashed."""
+    colour, style = speed_style(speed_kmh)
+    return colour, style != "-"

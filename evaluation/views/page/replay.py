@@ -1,0 +1,83 @@
+"""The command `replay`: finds a run by its name and makes its film."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from evaluation.errors import ArgumentError
+from evaluation.results import rows as results
+from evaluation.views.page.explain import explain
+from evaluation.views.page.film import Film, film_times, write_gif, write_mp4
+from evaluation.views.page.folder import read_folder
+from evaluation.views.page.scene import read_scene
+from evaluation.views.plots.strategies import strategy_colour
+
+_SUFFIX = ".parquet"
+
+
+def split_run(run: Path) -> tuple[Path, str]:
+    """Folder of results and name of the log, from `DIR/NAME` or `DIR/logs/NAME.parquet`."""
+    name = run.name.removesuffix(_SUFFIX)
+    folder = run.parent
+    return (folder.parent if folder.name == results.LOGS_FOLDER else folder), name
+
+
+def replay(
+    run: Path,
+    gif: Path | None,
+    mp4: Path | None,
+    fps: float = 20.0,
+    speed: float = 1.0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    allow_plugins: bool = False,
+) -> tuple[list[Path], tuple[str, ...]]:
+    """Write a run as a film; without a file name a GIF in the folder of results.
+
+    Args:
+        run: `DIR/NAME` with a name from column `log` of `runs.csv`, or the path of the log.
+        gif: animated GIF to write.
+        mp4: H.264 film to write.
+        fps: pictures per second.
+        speed: 1 for real time, 0.5 for half of it.
+        progress: called with the pictures drawn so far and their number.
+        allow_plugins: whether code of the user's own may make monitored areas again.
+
+    Returns:
+        Files written, and what the reader has to know about what is missing.
+
+    Raises:
+        ResultsError: the folder or the log cannot be read.
+        ArgumentError: the folder has no such run, or a file cannot be written.
+    """
+    directory, name = split_run(run)
+    folder = read_folder(directory, allow_plugins)
+    match = folder.runs[folder.runs["log"] == name]
+    if match.empty:
+        known = folder.runs["log"].dropna().tolist()
+        more = f" and {len(known) - 3} more" if len(known) > 3 else ""
+        raise ArgumentError(f"RUN: no run {name!r} in {directory}; it has: {', '.join(known[:3])}{more}")
+    row: dict[Any, Any] = match.to_dict("records")[0]
+    setting = folder.settings.get(name)
+    scene = read_scene(folder.log(name), setting.strategy if setting else None)
+    times = film_times(scene, fps, speed)
+    test = f"{row['v_test_kmh']:g} km/h"
+    tested = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
+    strategy = str(row["strategy"])
+    title = ", ".join([strategy, *tested, str(row["weather"])])
+    colour = strategy_colour(strategy, map(str, folder.runs["strategy"]))
+    film = Film(scene, explain(scene, row, setting), setting.network if setting else None, title, colour)
+    wanted: list[tuple[Path, Callable[..., None]]] = [(gif, write_gif)] if gif else []
+    wanted += [(mp4, write_mp4)] if mp4 else []
+    wanted = wanted or [(directory / f"{name}.gif", write_gif)]
+    done, total = 0, len(wanted) * len(times.frame)
+
+    def drawn() -> None:
+        nonlocal done
+        done += 1
+        progress(done, total)
+
+    for path, write in wanted:
+        write(path, film, times, drawn)
+    return [path for path, _ in wanted], folder.notes

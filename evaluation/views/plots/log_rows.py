@@ -1,0 +1,47 @@
+"""What the pictures read from a run log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from evaluation.results.rows import ResultsError
+from smartmot.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIME_TOLERANCE_S = 1e-6
+
+
+def of_kind(log: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Rows of one kind."""
+    return log[log["kind"] == kind]
+
+
+def boxes_of(rows: pd.DataFrame, suffix: str = "") -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Centres (N, 2), lengths and widths (N, 2) and headings (N,) in rows, map frame, metres and radians.
+
+    Args:
+        rows: rows of a log.
+        suffix: ending of the names of the columns.
+    """
+    x, y, length, width, yaw = (
+        f"{name}{suffix}" for name in ("x_m", "y_m", "length_m", "width_m", "yaw_rad")
+    )
+    return rows[[x, y]].to_numpy(float), rows[[length, width]].to_numpy(float), rows[yaw].to_numpy(float)
+
+
+def frame_at(log: pd.DataFrame, time_s: float) -> pd.DataFrame:
+    """Rows of the frame nearest to a time, among those with an ego and, if there are any, with perception.
+
+    Raises:
+        ResultsError: the log holds no ego.
+    """
+    with_ego = set(of_kind(log, "ego")["time_s"])
+    if not with_ego:
+        raise ResultsError("log without rows of kind 'ego': nothing to show; see docs/run-log.md")
+    seen = log.loc[log["kind"].isin(["detection", "track", "ego_forecast"]), "time_s"]
+    times = sorted(with_ego & set(seen)) or sorted(with_ego)
+    nearest = min(times, key=lambda time: abs(time - time_s))
+    rows: pd.DataFrame = log[(log["time_s"] - nearest).abs() <= TIME_TOLERANCE_S]
+    return rows

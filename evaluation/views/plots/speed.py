@@ -1,0 +1,233 @@
+"""Speed over the time to stop or contact, a curve per run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation.results.rows import ResultsError, ordered_strategies, varying_conditions
+from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, of_kind
+from evaluation.views.plots.strategies import strategy_looks
+from evaluation.views.plots.style import (
+    BLACK,
+    BLUE,
+    FONT_PT,
+    GREEN,
+    MPS_TO_KMH,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SMALL_PT,
+    VERMILLION,
+    WINE,
+    LineStyle,
+    new_figure,
+    set_style,
+    set_title,
+)
+from smartmot.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+SPEED_COLOURS = (BLUE, VERMILLION, ORANGE, PURPLE, GREEN, SKY, WINE, BLACK)
+"""Colours of the test speeds 10, 20, ... 80 km/h; speeds between them are dashed."""
+
+_LEGEND_COLUMNS, _LEGEND_LINE_IN, _TITLE_IN = 5, 0.16, 0.3
+"""Entries in a line of the legend above the panels, its height, and what the panels' titles need."""
+
+_TIME_STEPS_S, _MOST_TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0), 5
+"""Steps of a time axis, and how many of them a panel has room for."""
+
+_PANEL_CONDITIONS = ("scenario", "preset", "weather", "adversaries")
+_ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
+
+
+def speed_style(v_test_kmh: float) -> tuple[str, LineStyle]:
+    """Colour and line style of a test speed, the same in every picture."""
+    tens = int(v_test_kmh // 10)
+    return SPEED_COLOURS[(tens - 1) % len(SPEED_COLOURS)], "-" if v_test_kmh % 10 == 0 else "--"
+
+
+def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure:
+    """Speed over the time to stop or contact, a panel per strategy, a curve per test speed.
+
+    A cross marks the request of the emergency brake, an open circle a contact. Runs that differ in
+    scenario, preset, weather or adversaries get panels of their own; seeds share one.
+
+    Args:
+        runs: table of runs, as from `results.read_runs`.
+        logs: log of each run by the name in column `log`; runs without log or T0 are left out.
+
+    Raises:
+        ResultsError: there are no runs.
+    """
+    if runs.empty:
+        raise ResultsError("speed curves: the table of runs is empty; run at least one test")
+    panels = panels_of(runs)
+    looks = strategy_looks(map(str, runs["strategy"]))
+    strategies = len(ordered_strategies(runs))
+    columns = min(strategies if strategies in (2, 3) else 2, len(panels))
+    lines = math.ceil(len(panels) / columns)
+    handles = _legend_handles(sorted({float(speed) for speed in runs["v_test_kmh"]}))
+    legend_columns = min(math.ceil(len(handles) / 2), _LEGEND_COLUMNS)
+    above_in = _TITLE_IN + _LEGEND_LINE_IN * math.ceil(len(handles) / legend_columns)
+    height_in = 0.28 + above_in + 2.15 * lines
+    figure = new_figure(height_in)
+    grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    figure.subplots_adjust(
+        left=0.105,
+        right=0.98,
+        bottom=0.42 / height_in,
+        top=1.0 - above_in / height_in,
+        wspace=0.14,
+        hspace=0.2,
+    )
+    drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
+    flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
+    earliest = min(-1.5, float(flags.min()) - 0.3) if len(flags) else -1.5
+    top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
+    for number, (axes, (name, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
+        letter = chr(ord("a") + number) if number < 26 else str(number + 1)
+        set_title(axes, f"({letter}) {name}", room=30)
+        _set_scales(axes, earliest, top)
+        axes.spines["top"].set(color=looks[str(rows["strategy"].iloc[0])][0], linewidth=2.5)
+        for row in rows[rows.index.isin(drawn.index)].sort_values("v_test_kmh").to_dict("records"):
+            _draw_speed_curve(axes, row, logs[row["log"]], earliest)
+        _note_undrawn(axes, rows[rows["t0_s"].isna()])
+    for axes in grid.flat[len(panels) :]:
+        axes.set_axis_off()
+    for axes in grid[-1]:
+        axes.set_xlabel("Time to T0 (s)", fontsize=FONT_PT)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("Vehicle speed (km/h)", fontsize=FONT_PT)
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        ncols=legend_columns,
+        fontsize=SMALL_PT,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.6,
+        borderaxespad=0.2,
+    )
+    return figure
+
+
+def panels_of(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Runs of each panel with its name: strategies within each set of conditions."""
+    conditions = varying_conditions(runs, _PANEL_CONDITIONS)
+    groups = runs.groupby(conditions, sort=True) if conditions else [((), runs)]
+    panels = []
+    for values, group in groups:
+        words = [
+            _ADVERSARY_WORDS.get(str(value), str(value)) if condition == "adversaries" else str(value)
+            for condition, value in zip(conditions, values, strict=True)
+        ]
+        panels += [
+            (", ".join([strategy, *words]), group[group["strategy"] == strategy])
+            for strategy in ordered_strategies(group)
+        ]
+    return panels
+
+
+def time_step(duration_s: float) -> float:
+    """Seconds between the ticks of a time axis, so that their labels stand apart."""
+    return next((step for step in _TIME_STEPS_S if duration_s <= _MOST_TICKS * step), _TIME_STEPS_S[-1])
+
+
+def _set_scales(axes: Axes, earliest_s: float, top_kmh: float) -> None:
+    """Limits, ticks and grid of a panel."""
+    from matplotlib.ticker import FuncFormatter, MultipleLocator
+
+    set_style(axes)
+    axes.set_xlim(earliest_s, 0.0)
+    step = time_step(-earliest_s)
+    axes.xaxis.set_major_locator(MultipleLocator(step))
+    axes.xaxis.set_major_formatter(FuncFormatter(_short_number))
+    axes.xaxis.set_minor_locator(MultipleLocator(step / 2))
+    axes.yaxis.set_major_locator(MultipleLocator(10.0))
+    axes.set_ylim(0.0, top_kmh)
+
+
+def _short_number(value: float, _position: object) -> str:
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+
+def speed_before_t0(run: Mapping[Any, Any], log: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+    """Speed of a run up to its stop or contact, which ends the curve with the speed then.
+
+    Args:
+        run: its row in the table of runs, with a T0.
+        log: its log.
+
+    Returns:
+        (N,) time relative to T0 in seconds, rising to 0, and (N,) speed in km/h.
+    """
+    ego = of_kind(log, "ego").sort_values("time_s")
+    time = ego["time_s"].to_numpy(float) - float(run["t0_s"])
+    speed = ego["speed_mps"].to_numpy(float) * MPS_TO_KMH
+    before = time < -TIME_TOLERANCE_S
+    final = float(run["v_impact_kmh"]) if run["collided"] else 0.0
+    return np.append(time[before], 0.0), np.append(speed[before], final)
+
+
+def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float) -> None:
+    colour, style = speed_style(float(run["v_test_kmh"]))
+    time, speed = speed_before_t0(run, log)
+    # One row before the left edge is kept, so that the curve begins at it.
+    first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
+    axes.plot(time[first:], speed[first:], color=colour, linestyle=style, linewidth=1.3, gid="curve")
+    if not math.isnan(run["flag_time_s"]):
+        flag = float(run["flag_time_s"]) - float(run["t0_s"])
+        axes.plot(
+            [flag],
+            [float(np.interp(flag, time, speed))],
+            marker="x",
+            markersize=6.0,
+            markeredgewidth=1.8,
+            color=colour,
+            gid="flag",
+            clip_on=False,
+        )
+    if run["collided"]:
+        axes.plot(
+            [0.0],
+            [float(speed[-1])],
+            marker="o",
+            markersize=6.0,
+            markerfacecolor="white",
+            markeredgewidth=1.4,
+            color=colour,
+            gid="contact",
+            clip_on=False,
+            zorder=5,
+        )
+
+
+def _note_undrawn(axes: Axes, runs: pd.DataFrame) -> None:
+    """Name the test speeds that end in neither stop nor contact, which have no T0."""
+    speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
+    if speeds:
+        text = "no emergency stop, no contact:\n" + ", ".join(f"{speed:g}" for speed in speeds) + " km/h"
+        axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
+
+
+def _legend_handles(speeds_kmh: Sequence[float]) -> list[Line2D]:
+    """What the legend above the panels shows: test speeds and marks."""
+    from matplotlib.lines import Line2D
+
+    handles = []
+    for speed in speeds_kmh:
+        colour, style = speed_style(speed)
+        handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=f"{speed:g} km/h"))
+    mark: dict[str, Any] = {"color": "#333333", "linestyle": "none", "markersize": 6.0}
+    handles.append(Line2D([], [], marker="x", markeredgewidth=1.8, label="brake requested", **mark))
+    handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="contact", **mark))
+    return handles

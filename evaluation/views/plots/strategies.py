@@ -1,0 +1,68 @@
+"""Colour and marker of each strategy: the same in every picture, on the page and in a film."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+from evaluation.views.plots.style import BLACK, BLUE, GREY, VERMILLION
+
+Look = tuple[str, str]
+"""Colour, and marker of a point."""
+
+SHIPPED: dict[str, Look] = {
+    "rectangular": (VERMILLION, "s"),
+    "map": (BLUE, "o"),
+    "all": (BLACK, "D"),
+    "none": (GREY, "p"),
+}
+"""Of the shipped strategies, and of the run in which nothing brakes."""
+
+OWN: tuple[Look, ...] = (
+    ("#aa00ff", "^"),
+    ("#eebb88", "v"),
+    ("#663311", "P"),
+    ("#77ccff", "X"),
+    ("#221199", "<"),
+    ("#554455", ">"),
+    ("#aa7755", "h"),
+    ("#440055", "d"),
+    ("#ff9900", "*"),
+    ("#dd55ff", "H"),
+)
+"""Of the user's own. Chosen one after the other, each the colour of the RGB cube (16 steps) whose least
+CIELAB distance to white, to the shipped colours and to those before it is greatest, over normal vision and
+three kinds of colour blindness (Machado, Oliveira and Fernandes 2009, full severity): 22 or more between any
+two."""
+
+
+def strategy_looks(strategies: Iterable[str]) -> dict[str, Look]:
+    """Colour and marker of each strategy, in the order given.
+
+    A strategy of the user's own has the look that the digest of its name points at, so that it is the same
+    whichever others are shown. Of two that point at the same one, the later by name takes the next that is
+    free.
+
+    Args:
+        strategies: names, in any order; repetitions count once.
+    """
+    names = list(dict.fromkeys(strategies))
+    taken: dict[int, str] = {}
+    found = {name: SHIPPED[name] for name in names if name in SHIPPED}
+    for name in sorted(set(names) - set(found)):
+        first = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+        places = [(first + step) % len(OWN) for step in range(len(OWN))]
+        place = next((place for place in places if place not in taken), places[0])
+        taken[place] = name
+        found[name] = OWN[place]
+    return {name: found[name] for name in names}
+
+
+def strategy_colour(strategy: str, among: Iterable[str] = ()) -> str:
+    """Colour of one strategy.
+
+    Args:
+        strategy: its name.
+        among: all that a folder of results holds, so that it is drawn as beside them.
+    """
+    return strategy_looks([strategy, *among])[strategy][0]

@@ -1,0 +1,249 @@
+"""Temporal diagram: events of each layer over time, above the ego's speed."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evaluation.views.plots.labels import place_labels
+from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, boxes_of, of_kind
+from evaluation.views.plots.style import (
+    BLACK,
+    BLUE,
+    FONT_PT,
+    GREEN,
+    GREY,
+    MPS_TO_KMH,
+    ORANGE,
+    SMALL_PT,
+    VERMILLION,
+    WINE,
+    new_figure,
+    set_style,
+    set_title,
+)
+from smartmot.geometry import signed_gap
+from smartmot.types import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Event = tuple[float, str, str]
+"""Time, layer and name."""
+
+LAYERS = ("monitors", "unexpected", "selector", "start")
+"""Layers of the event log, from the top of the temporal diagram to its bottom."""
+
+_EVENT_TEXTS = {"collision": "collision predicted"}
+"""What the paper calls a collision is a prediction: nothing is hit then. The log keeps the paper's name."""
+
+CAUSES = {
+    "predicted_collision": "collision",
+    "unexpected": "forecasted_pedestrian",
+    "end_unexpected": "free_lane",
+    "follow_path": "end_unexpected",
+}
+"""Event that each event answers to, drawn as an arrow."""
+
+STATE_COLOURS = {
+    "run_start": BLUE,
+    "follow_path": GREEN,
+    "unexpected": ORANGE,
+    "forecasted_pedestrian": ORANGE,
+    "predicted_collision": VERMILLION,
+}
+"""Colour of a layer from each event to the next; events without one begin no state."""
+
+_STANDSTILL_MPS = 0.01
+_CONTACT_GAP_M = 0.01
+
+
+def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
+    """Events of each layer over time, with causes and effects, above the ego's speed.
+
+    A contact is the first time at which the boxes of ego and target touch in the log.
+
+    Args:
+        log: log of one run, as from `results.read_log`.
+        title: heading, if any.
+    """
+    ego = of_kind(log, "ego").sort_values("time_s")
+    events = of_kind(log, "event").sort_values("time_s", kind="stable")
+    figure = new_figure(4.1)
+    figure.subplots_adjust(left=0.155, right=0.885, bottom=0.115, top=0.925 if title else 0.985, hspace=0.06)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1.0))
+    set_style(above)
+    set_style(below)
+    if title:
+        set_title(above, title, room=58)
+    start, end = time_range(ego, events)
+    # room at the right for the names of what happens last
+    below.set_xlim(start - 0.02 * (end - start), end + 0.14 * (end - start))
+    _draw_layers(above, events, end)
+    _draw_ego_speed(below, ego, contact_time(log))
+    return figure
+
+
+def event_text(name: str) -> str:
+    """How an event of the log is shown."""
+    return _EVENT_TEXTS.get(name, name)
+
+
+def time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
+    """First and last time of a run, never equal."""
+    times = [*ego["time_s"], *events["time_s"]]
+    if not times:
+        return 0.0, 1.0
+    return min(times), max(max(times), min(times) + 1e-3)
+
+
+def _draw_layers(axes: Axes, events: pd.DataFrame, end_s: float) -> None:
+    """One line per layer with its states, its events as markers and the arrows between layers."""
+    height = {layer: float(len(LAYERS) - 1 - rank) for rank, layer in enumerate(LAYERS)}
+    axes.set_ylim(-0.75, len(LAYERS) - 0.25)
+    axes.set_yticks([height[layer] for layer in LAYERS], [layer.capitalize() for layer in LAYERS])
+    axes.tick_params(axis="both", length=0, labelbottom=False)
+    known: list[Event] = [
+        (float(time), str(layer), str(name))
+        for time, layer, name in zip(events["time_s"], events["category"], events["label"], strict=True)
+        if layer in height
+    ]
+    for layer in LAYERS:
+        _draw_states(axes, [(t, name) for t, one, name in known if one == layer], height[layer], end_s)
+    lines = []
+    for time, layer, name in known:
+        _draw_event(axes, time, height[layer], name, instant=layer == "monitors")
+        cause = latest_cause(known, name, time)
+        if cause is not None and height[cause[1]] > height[layer]:
+            arrow = ((cause[0], height[cause[1]]), (time, height[layer]))
+            _draw_arrow(axes, *arrow)
+            lines.append(arrow)
+    if known:
+        lines += [((float(events["time_s"].min()), h), (end_s, h)) for h in height.values()]
+    texts = [(time, height[layer], event_text(name)) for time, layer, name in known]
+    place_labels(axes, texts, lines, offsets_pt=(7.5, 16.5), leaders=True)
+
+
+def _draw_states(axes: Axes, states: Sequence[tuple[float, str]], height: float, end_s: float) -> None:
+    """The line of one layer: coloured from each event to the next, and to the end while a state lasts."""
+    for (time, name), (until, _) in itertools.pairwise([*states, (end_s, "")]):
+        if name in STATE_COLOURS:
+            axes.plot(
+                [time, until],
+                [height, height],
+                color=STATE_COLOURS[name],
+                linewidth=3.0,
+                solid_capstyle="butt",
+                gid="state",
+            )
+
+
+def _draw_event(axes: Axes, time_s: float, height: float, name: str, *, instant: bool) -> None:
+    """Marker of an event: a cross for what is over at once, a square for the start of a state."""
+    axes.plot(
+        [time_s],
+        [height],
+        marker="X" if instant else "s",
+        markersize=6.0 if instant else 5.0,
+        color=BLUE if instant else STATE_COLOURS.get(name, GREY),
+        markeredgecolor="white",
+        markeredgewidth=0.5,
+        linestyle="none",
+        zorder=4,
+        gid="event",
+    )
+
+
+def _draw_arrow(axes: Axes, tail: tuple[float, float], head: tuple[float, float]) -> None:
+    axes.annotate(
+        "",
+        xy=head,
+        xytext=tail,
+        arrowprops={
+            "arrowstyle": "->",
+            "linestyle": (0, (3, 2)),
+            "linewidth": 0.9,
+            "color": "#333333",
+            "shrinkA": 3.0,
+            "shrinkB": 3.0,
+        },
+        gid="cause",
+        zorder=3,
+    )
+
+
+def latest_cause(events: Sequence[Event], name: str, time_s: float) -> Event | None:
+    """Last event not after a time that an event of that name answers to."""
+    found = [
+        event for event in events if event[2] == CAUSES.get(name) and event[0] <= time_s + TIME_TOLERANCE_S
+    ]
+    return found[-1] if found else None
+
+
+def _draw_ego_speed(axes: Axes, ego: pd.DataFrame, contact_s: float | None) -> None:
+    """Speed over time, with contact or stop marked."""
+    time, speed = ego["time_s"].to_numpy(float), ego["speed_mps"].to_numpy(float)
+    axes.plot(time, speed, color=WINE, linewidth=1.4, gid="speed")
+    axes.set_ylim(0.0, 1.18 * max(float(speed.max(initial=0.0)), 1.0))
+    axes.set_xlabel("Time (s)", fontsize=FONT_PT)
+    axes.set_ylabel("Ego speed (m/s)", fontsize=FONT_PT)
+    right = axes.secondary_yaxis("right", functions=(_mps_to_kmh, _kmh_to_mps))
+    right.set_ylabel("Ego speed (km/h)", fontsize=FONT_PT)
+    right.tick_params(labelsize=SMALL_PT)
+    marks = []
+    stop = stop_time(time, speed)
+    if contact_s is not None:
+        at_contact = float(np.interp(contact_s, time, speed))
+        marks.append((contact_s, at_contact, f"contact {at_contact * MPS_TO_KMH:.1f} km/h", "o", VERMILLION))
+    if stop is not None and (contact_s is None or stop > contact_s):
+        marks.append((stop, 0.0, "stop", "s", BLACK))
+    for x, y, text, marker, colour in marks:
+        axes.plot(
+            [x],
+            [y],
+            marker=marker,
+            markersize=6.0,
+            markerfacecolor="white",
+            markeredgecolor=colour,
+            linestyle="none",
+            clip_on=False,
+            zorder=5,
+            gid=text.split()[0],
+        )
+    curve = np.column_stack([time, speed])
+    pieces = np.stack([curve[:-1], curve[1:]], axis=1)
+    place_labels(axes, [mark[:3] for mark in marks], pieces, offsets_pt=(8.0, 18.0, 28.0))
+
+
+def _mps_to_kmh(speed: ArrayLike) -> FloatArray:
+    return np.asarray(speed, dtype=np.float64) * MPS_TO_KMH
+
+
+def _kmh_to_mps(speed: ArrayLike) -> FloatArray:
+    return np.asarray(speed, dtype=np.float64) / MPS_TO_KMH
+
+
+def stop_time(time_s: FloatArray, speed_mps: FloatArray) -> float | None:
+    """First standstill after driving."""
+    moved = np.logical_or.accumulate(speed_mps > _STANDSTILL_MPS)
+    stopped = np.flatnonzero(moved & (speed_mps <= _STANDSTILL_MPS))
+    return float(time_s[stopped[0]]) if len(stopped) else None
+
+
+def contact_time(log: pd.DataFrame) -> float | None:
+    """First time at which the boxes of ego and target touch."""
+    actors = of_kind(log, "actor")
+    targets = actors[actors["label"] == "target"]
+    both = of_kind(log, "ego").merge(targets, on="time_s", suffixes=("", "_target")).sort_values("time_s")
+    if both.empty:
+        return None
+    gap = np.maximum(signed_gap(*boxes_of(both), *boxes_of(both, "_target")), 0.0)
+    # The frame just before the contact may lie within the tolerance too: the smallest gap is the contact.
+    closest = int(np.argmin(gap))
+    return float(both["time_s"].iloc[closest]) if gap[closest] <= _CONTACT_GAP_M else None

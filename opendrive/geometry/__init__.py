@@ -1,0 +1,1 @@
+"""Curves, profiles, borders: what the numbers of a road draw."""

@@ -1,0 +1,91 @@
+"""The lateral shape of road surfaces: height over t, such as that of a crowned or rutted road.
+
+At some s a road has cubics of the height over t; between two such places the heights are interpolated
+linearly (ASAM OpenDRIVE 1.8, chapter "Roads", "Shape definition").
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opendrive.arrays import FloatArray, IntArray
+from opendrive.geometry.profiles import CubicTable, sort_keys
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeTable:
+    """Lateral shapes of all roads.
+
+    Attributes:
+        key: (P,) road and s of each place with a shape, ascending.
+        first: (R + 1,) first place of each road.
+        s_m: (P,) s of the places.
+        heights: height over t; profile p belongs to place p.
+        least_t_m: (P,) where the first cubic of each place starts.
+    """
+
+    key: NDArray[np.complex128]
+    first: IntArray
+    s_m: FloatArray
+    heights: CubicTable
+    least_t_m: FloatArray
+
+    @classmethod
+    def stack(cls, shapes: Sequence[FloatArray]) -> "ShapeTable":
+        """Stack the shapes of R roads: arrays (K, 6) of ``s, t, a, b, c, d``."""
+        places: list[FloatArray] = []
+        s_m: list[float] = []
+        owner: list[int] = []
+        for road, shape in enumerate(shapes):
+            for s in np.unique(shape[:, 0]).tolist() if len(shape) else ():
+                rows = shape[shape[:, 0] == s, 1:]
+                places.append(rows[np.argsort(rows[:, 0], kind="stable")])
+                s_m.append(s)
+                owner.append(road)
+        count = np.bincount(np.array(owner, dtype=np.int64), minlength=len(shapes))
+        at = np.array(s_m, dtype=np.float64)
+        return cls(
+            key=sort_keys(np.array(owner, dtype=np.int64), at),
+            first=np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)]),
+            s_m=at,
+            heights=CubicTable.stack(places),
+            least_t_m=np.array([rows[0, 0] for rows in places], dtype=np.float64),
+        )
+
+    def __bool__(self) -> bool:
+        return bool(len(self.s_m))
+
+    def greatest_heights(self, reach_m: float) -> FloatArray:
+        """Return bounds (R,) of the magnitude of the heights within `reach_m` of the reference lines."""
+        place = np.repeat(np.arange(len(self.s_m)), np.diff(self.heights.first))
+        start, (a, b, c, d) = self.heights.start_m, np.abs(self.heights.coefficients).T
+        # The last cubic of a place goes on; the others end where the next one starts.
+        end = np.where(np.append(np.diff(place) == 0, False), np.append(start[1:], 0.0), reach_m)
+        span = np.maximum(np.minimum(end, reach_m) - start, 0.0)
+        greatest = np.zeros(len(self.first) - 1)
+        road = np.searchsorted(self.first, place, side="right") - 1
+        np.maximum.at(greatest, road, a + span * (b + span * (c + span * d)))
+        return greatest
+
+    def height(self, road: IntArray, s_m: FloatArray, t_m: FloatArray) -> FloatArray:
+        """Return the heights (N,) at (s, t) of roads.
+
+        Before the first place and after the last one of a road its shape is held; to the right of the first
+        cubic its first value.
+        """
+        height = np.zeros(len(s_m))
+        some = np.flatnonzero(self.first[road + 1] > self.first[road])
+        if not some.size:
+            return height
+        road, s_m, t_m = road[some], s_m[some], t_m[some]
+        found = np.searchsorted(self.key, sort_keys(road, s_m), side="right") - 1
+        last = self.first[road + 1] - 1
+        before = np.clip(found, self.first[road], last)
+        after = np.clip(found + 1, self.first[road], last)
+        gap = self.s_m[after] - self.s_m[before]
+        share = np.where(gap > 0.0, (s_m - self.s_m[before]) / np.where(gap > 0.0, gap, 1.0), 0.0)
+        low, high = (self.heights.value(at, np.maximum(t_m, self.least_t_m[at])) for at in (before, after))
+        height[some] = low + np.clip(share, 0.0, 1.0) * (high - low)
+        return height

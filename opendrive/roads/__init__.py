@@ -1,0 +1,1 @@
+"""Roads evaluated: points, surface, borders, objects, and the lane under many points."""

@@ -1,0 +1,403 @@
+"""Which lanes contain a point, and which lane is nearest, for many points at once.
+
+Roads are cut into cells with a box around each. A tree over the boxes yields the candidates; each candidate
+is then decided exactly, by projecting the point to (s, t) and comparing t with the borders of all lanes
+there.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.geometry.cells import RoadCells
+from opendrive.roads.geometry import NetworkGeometry
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+_BORDER_M = 1e-9
+_FOOT_M = 1e-6
+_BOX_M = 1e-3
+_BLOCK = 16384
+_BORDER_STEPS = 4
+_FAR_M = 500.0
+
+
+class LaneHits(NamedTuple):
+    """Every lane that contains a point: K pairs of point and lane, by point and then lane.
+
+    Attributes:
+        point: (K,) index of the point.
+        lane: (K,) index of the lane.
+        s_m: (K,) road s of the point.
+        t_m: (K,) t of the point.
+        margin_m: (K,) distance to the nearer border of the lane, measured along t.
+    """
+
+    point: IntArray
+    lane: IntArray
+    s_m: FloatArray
+    t_m: FloatArray
+    margin_m: FloatArray
+
+
+class NearestLanes(NamedTuple):
+    """The nearest lane of each of N points.
+
+    Attributes:
+        found: (N,) false where the map has no lane of the wanted types; the other fields are then 0.
+        lane: (N,) index of the lane.
+        s_m: (N,) road s of the foot on the lane's road, within the lane.
+        t_m: (N,) t of the point.
+        distance_m: (N,) distance to the lane in plan, 0 inside it.
+    """
+
+    found: BoolArray
+    lane: IntArray
+    s_m: FloatArray
+    t_m: FloatArray
+    distance_m: FloatArray
+
+
+class _Feet(NamedTuple):
+    """Points on the reference lines of cells: K pairs of point and cell."""
+
+    point: IntArray
+    cell: IntArray
+    s_m: FloatArray
+    t_m: FloatArray
+    left_over_m: FloatArray
+
+    def chosen(self, mask: BoolArray) -> "_Feet":
+        """Return the pairs where `mask` is true."""
+        rows = np.flatnonzero(mask)
+        return _Feet._make(column[rows] for column in self)
+
+
+class _Offers(NamedTuple):
+    """Lanes beside the feet: pairs of foot and lane, with its row in the border table and its borders."""
+
+    foot: IntArray
+    lane: IntArray
+    row: IntArray
+    inner_m: FloatArray
+    outer_m: FloatArray
+    margin_m: FloatArray
+
+    def chosen(self, mask: BoolArray) -> "_Offers":
+        """Return the pairs where `mask` is true."""
+        rows = np.flatnonzero(mask)
+        return _Offers._make(column[rows] for column in self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CellTree:
+    """The cells that have lanes of some types.
+
+    Attributes:
+        lane_wanted: (L,) the lanes of these types.
+        cell: (C',) their cells.
+        frame: (C', 4) x, y, cos and sin of the heading of the frames of the boxes around these lanes.
+        box: (C', 4) least and greatest u, least and greatest v of the boxes.
+        circle: x, y and radius of the circles around the boxes, (C',) each.
+        tree: tree over the boxes.
+        samples: tree over points within these lanes, one in each lane of each cell.
+        cell_of_sample: cell of each sample.
+        lane_of_sample: its lane.
+    """
+
+    lane_wanted: BoolArray
+    cell: IntArray
+    frame: FloatArray
+    box: FloatArray
+    circle: tuple[FloatArray, FloatArray, FloatArray]
+    tree: shapely.STRtree
+    samples: "cKDTree"
+    cell_of_sample: IntArray
+    lane_of_sample: IntArray
+
+    def candidates(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return pairs of point and row whose box holds the point."""
+        point, row = self.tree.query(shapely.points(xy_m))
+        beside_u, beside_v = self._beside(xy_m[point], row)
+        inside = np.flatnonzero((beside_u <= 0.0) & (beside_v <= 0.0))
+        return point[inside], row[inside]
+
+    def within(self, xy_m: FloatArray, reach_m: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+        """Yield pairs of point and row whose box is within reach, block by block."""
+        for start in range(0, len(xy_m), _BLOCK):
+            xy, reach = xy_m[start : start + _BLOCK], reach_m[start : start + _BLOCK]
+            # A square around the point is the quicker question, but far off the map too many boxes meet it.
+            if reach.max() > _FAR_M:
+                point, row = self.tree.query(shapely.points(xy), predicate="dwithin", distance=reach)
+            else:
+                # The tree looks at envelopes alone, and a diagonal has that of its square.
+                diagonals = np.stack([xy - reach[:, None], xy + reach[:, None]], axis=1)
+                point, row = self.tree.query(shapely.linestrings(diagonals))
+            # Most of them are further off than the circle around the box already is.
+            dx, dy = xy[point, 0] - self.circle[0][row], xy[point, 1] - self.circle[1][row]
+            near = np.flatnonzero(dx**2 + dy**2 <= (reach[point] + self.circle[2][row]) ** 2)
+            point, row = point[near], row[near]
+            beside_u, beside_v = np.maximum(self._beside(xy[point], row), 0.0)
+            near = np.flatnonzero(beside_u**2 + beside_v**2 <= reach[point] ** 2)
+            yield start + point[near], row[near]
+
+    def _beside(self, xy_m: FloatArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far points lie outside boxes along u and along v; negative if between the sides."""
+        x, y, cos, sin = self.frame[row].T
+        u_low, u_high, v_low, v_high = self.box[row].T
+        dx, dy = xy_m[:, 0] - x, xy_m[:, 1] - y
+        u, v = cos * dx + sin * dy, cos * dy - sin * dx
+        return np.maximum(u_low - u, u - u_high), np.maximum(v_low - v, v - v_high)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneIndex:
+    """Spatial index of the lanes of a network.
+
+    Attributes:
+        geometry: geometry of the network.
+        cells: cells of its roads.
+        overhang_m: (C, 2) how far beyond a cell's start and end a point can lie between two pieces of a
+            kinked reference line.
+        trees: cells of some lane types, made when asked for; those of all lanes have no key.
+    """
+
+    geometry: NetworkGeometry
+    cells: RoadCells
+    overhang_m: FloatArray
+    trees: dict[frozenset[str] | None, _CellTree] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def build(cls, geometry: NetworkGeometry) -> "LaneIndex":
+        """Cut the roads into cells; trees are made when first needed."""
+        cells = RoadCells.cut(geometry.curves, geometry.parts)
+        low_m, high_m = _extremes(geometry, np.ones(len(geometry.lanes), dtype=np.bool_))
+        return cls(geometry, cells, cells.overhang(low_m[cells.stretch], high_m[cells.stretch]) + _FOOT_M)
+
+    def containing(self, xy_m: FloatArray) -> LaneHits:
+        """Return every lane that contains each point (N, 2); borders belong to the lane."""
+        tree = self._tree(None)
+        point, row = tree.candidates(xy_m)
+        feet = self._feet(xy_m, point, tree.cell[row])
+        before, after = self.overhang_m[feet.cell].T
+        feet = feet.chosen((feet.left_over_m >= -before) & (feet.left_over_m <= after))
+        offers = self._offers(feet, tree.lane_wanted)
+        offers = offers.chosen(offers.margin_m >= -_BORDER_M)
+        left_over = np.abs(feet.left_over_m[offers.foot])
+        inexact = np.flatnonzero(left_over > _FOOT_M)
+        if inexact.size:
+            foot = offers.foot[inexact]
+            inside = np.ones(offers.foot.size, dtype=np.bool_)
+            inside[inexact] = self.geometry.in_wedge(
+                self.cells.road[feet.cell[foot]], xy_m[feet.point[foot]], feet.s_m[foot]
+            )
+            offers, left_over = offers.chosen(inside), left_over[inside]
+        name = feet.point[offers.foot] * len(self.geometry.lanes) + offers.lane
+        order = np.argsort(name, kind="stable")
+        again = name[order[1:]] == name[order[:-1]]
+        if again.any():
+            # The same lane can be found from two cells that meet at the point: the better foot is kept.
+            order = np.lexsort((-offers.margin_m, left_over, name))
+            order = order[np.append(True, ~again)]
+        foot, lane = offers.foot[order], offers.lane[order]
+        margin = np.maximum(offers.margin_m[order], 0.0)
+        return LaneHits(feet.point[foot], lane, feet.s_m[foot], feet.t_m[foot], margin)
+
+    def nearest(self, xy_m: FloatArray, lane_types: Collection[str]) -> NearestLanes:
+        """Return the nearest lane of the given types for each point (N, 2).
+
+        Of several lanes that contain a point, the one whose centre line is nearest is taken.
+        """
+        n = len(xy_m)
+        result = NearestLanes(
+            np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(n), np.zeros(n)
+        )
+        tree = self._tree(frozenset(lane_types))
+        if not tree.cell.size or not n:
+            return result
+        reach = self._reach(xy_m, tree) + _BOX_M
+        # Far points last, so that few blocks have any.
+        order = np.argsort(reach, kind="stable")
+        for k, row in tree.within(xy_m[order], reach[order]):
+            self._settle(result, xy_m, order[k], row, tree)
+        return result
+
+    def _reach(self, xy_m: FloatArray, tree: _CellTree) -> FloatArray:
+        """Return how far points (N, 2) at most are from the lane of the nearest sample."""
+        distance, sample = tree.samples.query(xy_m)
+        reach = np.asarray(distance)
+        if self.geometry.is_banked:
+            return reach
+        borders = self.geometry.lanes.borders
+        feet = self._feet(xy_m, np.arange(len(xy_m)), tree.cell_of_sample[sample])
+        stretch = self.cells.stretch[feet.cell]
+        row = borders.rows(stretch, tree.lane_of_sample[sample])
+        inner, outer = borders.offsets(row, feet.s_m - borders.low_m[stretch])
+        beside = np.clip(feet.t_m, np.minimum(inner, outer), np.maximum(inner, outer))
+        nearer: FloatArray = np.minimum(reach, np.hypot(feet.left_over_m, feet.t_m - beside))
+        return nearer
+
+    def _settle(
+        self, result: NearestLanes, xy_m: FloatArray, point: IntArray, row: IntArray, tree: _CellTree
+    ) -> None:
+        """Enter the nearest of the lanes that rows of a tree offer to points."""
+        feet = self._feet(xy_m, point, tree.cell[row])
+        offers = self._offers(feet, tree.lane_wanted)
+        low, high = np.minimum(offers.inner_m, offers.outer_m), np.maximum(offers.inner_m, offers.outer_m)
+        t, left_over = feet.t_m[offers.foot], feet.left_over_m[offers.foot]
+        beside = np.clip(t, low, high)
+        distance = np.hypot(left_over, t - beside)
+        distance[(offers.margin_m >= -_BORDER_M) & (np.abs(left_over) <= _FOOT_M)] = 0.0
+        if self.geometry.is_banked:
+            outside = np.flatnonzero(distance)
+            foot = offers.foot[outside]
+            surface = self.geometry.surface(self.cells.road[feet.cell[foot]], feet.s_m[foot], beside[outside])
+            at = xy_m[feet.point[foot]]
+            distance[outside] = np.hypot(at[:, 0] - surface.x_m, at[:, 1] - surface.y_m)
+        if not distance.size:
+            return
+        self._follow_borders(xy_m, feet, offers, beside, distance)
+        # The offers of a point lie together: the trees answer point by point.
+        point = feet.point[offers.foot]
+        behind = distance > _per_group(np.minimum, distance, point)
+        first = _least(np.where(behind, np.inf, np.abs(t - 0.5 * (low + high))), point)
+        rows, foot = point[first], offers.foot[first]
+        result.found[rows] = True
+        result.lane[rows] = offers.lane[first]
+        result.s_m[rows] = feet.s_m[foot]
+        result.t_m[rows] = feet.t_m[foot]
+        result.distance_m[rows] = distance[first]
+
+    def _follow_borders(
+        self, xy_m: FloatArray, feet: _Feet, offers: _Offers, beside_m: FloatArray, distance_m: FloatArray
+    ) -> None:
+        """Lessen distances to lanes whose borders slant: their nearest point is not abreast of the foot."""
+        geometry, borders = self.geometry, self.geometry.lanes.borders
+        some = np.flatnonzero((distance_m > 0.0) & borders.is_slanted[offers.row])
+        if not some.size:
+            return
+        foot, row, lane = offers.foot[some], offers.row[some], offers.lane[some]
+        cell, x, y = feet.cell[foot], xy_m[feet.point[foot], 0], xy_m[feet.point[foot], 1]
+        low_m, high_m = self.cells.low_m[cell], self.cells.high_m[cell]
+        start_m = borders.low_m[self.cells.stretch[cell]]
+        inner_is_nearer = np.abs(beside_m - offers.inner_m)[some] < np.abs(beside_m - offers.outer_m)[some]
+        s = feet.s_m[foot]
+        for _ in range(_BORDER_STEPS):
+            t = np.where(inner_is_nearer, *borders.offsets(row, s - start_m))
+            slope = np.where(inner_is_nearer, *borders.slopes(row, s - start_m))
+            sections = geometry.cross_sections(geometry.lanes.road[lane], s)
+            border_x, border_y, _ = geometry.place(sections, t)
+            dx, dy = x - border_x, y - border_y
+            distance_m[some] = np.minimum(distance_m[some], np.hypot(dx, dy))
+            ahead = sections.cos * dx + sections.sin * dy
+            left = sections.cos * dy - sections.sin * dx
+            along = np.maximum(1.0 - sections.curvature_per_m * t, 1e-3)
+            s = np.clip(s + (ahead * along + left * slope) / (along**2 + slope**2), low_m, high_m)
+
+    def _feet(self, xy_m: FloatArray, point: IntArray, cell: IntArray) -> _Feet:
+        """Project points onto cells, K pairs."""
+        at = xy_m[point]
+        s, t, left_over = self.cells.project(at, cell)
+        if self.geometry.is_banked:
+            road = self.cells.road[cell]
+            some = np.flatnonzero(self.geometry.banked_roads[road])
+            low_m, high_m = self.cells.low_m[cell[some]], self.cells.high_m[cell[some]]
+            s[some], t[some], left_over[some] = self.geometry.project(
+                road[some], at[some], s[some], low_m, high_m
+            )
+        return _Feet(point, cell, s, t, left_over)
+
+    def _offers(self, feet: _Feet, lane_wanted: BoolArray) -> _Offers:
+        """Return the wanted lanes beside the feet."""
+        borders = self.geometry.lanes.borders
+        stretch = self.cells.stretch[feet.cell]
+        count = borders.lane_count[stretch]
+        lane = concatenated_ranges(borders.first_lane[stretch], count)
+        row = concatenated_ranges(borders.first_row[stretch], count)
+        foot = np.repeat(np.arange(len(stretch), dtype=np.int64), count)
+        if not lane_wanted.all():
+            wanted = np.flatnonzero(lane_wanted[lane])
+            lane, row, foot = lane[wanted], row[wanted], foot[wanted]
+        inner, outer = borders.offsets(row, (feet.s_m - borders.low_m[stretch])[foot])
+        t, side = feet.t_m[foot], self.geometry.lanes.side[lane]
+        return _Offers(foot, lane, row, inner, outer, np.minimum((t - inner) * side, (outer - t) * side))
+
+    def _tree(self, lane_types: frozenset[str] | None) -> _CellTree:
+        if lane_types not in self.trees:
+            self.trees[lane_types] = self._plant(lane_types)
+        return self.trees[lane_types]
+
+    def _plant(self, lane_types: frozenset[str] | None) -> _CellTree:
+        """Make the tree over the cells of the lanes of some types, or of all lanes."""
+        geometry, cells = self.geometry, self.cells
+        wanted = np.ones(len(geometry.lanes), dtype=np.bool_)
+        if lane_types is not None:
+            wanted = np.isin(geometry.lanes.lane_type, sorted(lane_types))
+        t_low, t_high = _extremes(geometry, wanted)
+        cell = np.flatnonzero(np.isfinite(t_low)[cells.stretch])
+        stretch = cells.stretch[cell]
+        raised = geometry.greatest_raise[cells.road[cell]]
+        slack = (
+            geometry.greatest_shear[cells.road[cell]] * np.maximum(-t_low[stretch], t_high[stretch]) + raised
+        )
+        box = cells.boxes(cell, t_low[stretch] - raised, t_high[stretch] + raised, slack)
+        frame = cells.frame[cell]
+        x, y, cos, sin = frame[:, :, None].transpose(1, 0, 2)
+        u, v = box[:, [0, 1, 1, 0]], box[:, [2, 2, 3, 3]]
+        corners = np.stack([x + cos * u - sin * v, y + sin * u + cos * v], axis=-1)
+        rings = np.concatenate([corners, corners[:, :1]], axis=1)
+        polygons = np.asarray(shapely.polygons(rings), dtype=np.object_)
+        middle = 0.5 * (corners[:, 0] + corners[:, 2])
+        radius = np.hypot(*(corners[:, 0] - middle).T) + _BOX_M
+        circle = (middle[:, 0].copy(), middle[:, 1].copy(), radius)
+        tree = shapely.STRtree(polygons)
+        return _CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
+
+    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> "tuple[cKDTree, IntArray, IntArray]":
+        """Return the middles of the wanted lanes half-way along cells, with their cells and lanes."""
+        from scipy.spatial import cKDTree  # takes longer to import than everything else here
+
+        cells, low_m, high_m = self.cells, self.cells.low_m[cell], self.cells.high_m[cell]
+        nothing = np.zeros(len(cell))
+        feet = _Feet(np.arange(len(cell)), cell, 0.5 * (low_m + high_m), nothing, nothing)
+        offers = self._offers(feet, lane_wanted)
+        middle = 0.5 * (offers.inner_m + offers.outer_m)
+        points = self.geometry.surface(cells.road[cell][offers.foot], feet.s_m[offers.foot], middle)
+        return cKDTree(np.stack([points.x_m, points.y_m], axis=1)), cell[offers.foot], offers.lane
+
+
+def _per_group(reduction: np.ufunc, value: FloatArray, group: IntArray) -> FloatArray:
+    """Return the reduction of each group of equal neighbours, for each member."""
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    reduced: FloatArray = np.repeat(reduction.reduceat(value, first), np.diff(np.append(first, len(group))))
+    return reduced
+
+
+def _least(value: FloatArray, group: IntArray) -> IntArray:
+    """Return the index of the first least value of each group of equal neighbours."""
+    if not value.size:
+        return np.empty(0, dtype=np.int64)
+    least = np.flatnonzero(value == _per_group(np.minimum, value, group))
+    return least[np.flatnonzero(np.diff(group[least], prepend=-1))]
+
+
+def _extremes(geometry: NetworkGeometry, lane_wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest t of wanted lanes per stretch of the border table; infinite without any.
+
+    On banked roads the surface is drawn in towards the reference line, which is therefore included.
+    """
+    borders = geometry.lanes.borders
+    row = np.flatnonzero(lane_wanted[concatenated_ranges(borders.first_lane, borders.lane_count)])
+    stretch = np.repeat(np.arange(len(borders.low_m)), borders.lane_count)[row]
+    low, high = (bound[row] for bound in borders.extremes())
+    low_m, high_m = np.full(len(borders.low_m), np.inf), np.full(len(borders.low_m), -np.inf)
+    np.minimum.at(low_m, stretch, low)
+    np.maximum.at(high_m, stretch, high)
+    banked = geometry.banked_roads[borders.road] & np.isfinite(low_m)
+    low_m[banked], high_m[banked] = np.minimum(low_m[banked], 0.0), np.maximum(high_m[banked], 0.0)
+    return low_m, high_m

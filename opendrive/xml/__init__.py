@@ -1,0 +1,1 @@
+"""OpenDRIVE files, read and written."""

@@ -1,0 +1,1 @@
+"""The shipped tests: scenario files, maps and how to place them."""

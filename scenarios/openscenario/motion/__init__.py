@@ -1,0 +1,1 @@
+"""How entities move: paths, positions on roads, speed profiles."""

@@ -1,0 +1,214 @@
+"""Poses of positions, given where the entities are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import (
+    ClothoidSpline,
+    LanePosition,
+    Nurbs,
+    Orientation,
+    Polyline,
+    Position,
+    RelativeLanePosition,
+    RelativeObjectPosition,
+    RelativeRoadPosition,
+    RelativeWorldPosition,
+    RoadPosition,
+    Route,
+    RoutePosition,
+    Shape,
+    Trajectory,
+    TrajectoryPosition,
+    WorldPosition,
+)
+from scenarios.openscenario.motion.paths import Path, Pose
+from scenarios.openscenario.motion.roads import LanePlace, Leg, Roads
+from scenarios.openscenario.motion.trajectories import build, starts_at_entity
+
+
+def references(place: Position | Route | Trajectory) -> frozenset[str]:
+    """Entities that a position, a route or a trajectory is relative to."""
+    match place:
+        case (
+            RelativeLanePosition()
+            | RelativeRoadPosition()
+            | RelativeObjectPosition()
+            | RelativeWorldPosition()
+        ):
+            return frozenset({place.entity})
+        case RoutePosition():
+            return references(place.route)
+        case TrajectoryPosition():
+            return references(place.trajectory)
+        case Route():
+            return frozenset[str]().union(*map(references, place.waypoints))
+        case Trajectory():
+            return frozenset[str]().union(*map(references, _positions(place.shape)))
+    return frozenset()
+
+
+def _positions(shape: Shape) -> list[Position]:
+    match shape:
+        case Polyline():
+            return [vertex.position for vertex in shape.vertices]
+        case ClothoidSpline():
+            return [segment.start for segment in shape.segments if segment.start is not None]
+        case Nurbs():
+            return list(shape.control_points)
+
+
+class Locator:
+    """Turns positions into poses, routes into legs and trajectories into paths.
+
+    What is relative to an entity is worked out anew every time; of the rest routes and trajectories are kept.
+
+    Args:
+        roads: the network.
+        pose_of: pose of an entity by name, now.
+        kept: routes and trajectories worked out before.
+    """
+
+    def __init__(
+        self, roads: Roads, pose_of: Callable[[str], Pose], kept: dict[Route | Trajectory, Any] | None = None
+    ) -> None:
+        self.roads, self._pose_of = roads, pose_of
+        self._kept: dict[Route | Trajectory, Any] = {} if kept is None else kept
+
+    def at(self, pose_of: Callable[[str], Pose]) -> Locator:
+        """The same at another time: with other poses of the entities."""
+        return Locator(self.roads, pose_of, self._kept)
+
+    def pose(self, position: Position) -> Pose:
+        """Pose of a position.
+
+        Raises:
+            RunError: it is off the road.
+        """
+        match position:
+            case WorldPosition():
+                return Pose(position.x_m, position.y_m, position.heading_rad)
+            case LanePosition():
+                return self._in_lane(
+                    position.road_id, position.lane_id, position.s_m, position.offset_m, position.orientation
+                )
+            case RoadPosition():
+                frame = self.roads.point(position.road_id, position.s_m, position.t_m)
+            case RelativeLanePosition():
+                return self._relative_lane(position)
+            case RelativeRoadPosition():
+                place = self._place(position.entity)
+                frame = self.roads.point(place.road_id, place.s_m + position.ds_m, place.t_m + position.dt_m)
+            case RelativeObjectPosition():
+                frame = self._pose_of(position.entity).moved(position.dx_m, position.dy_m)
+            case RelativeWorldPosition():
+                pose = self._pose_of(position.entity)
+                frame = Pose(pose.x_m + position.dx_m, pose.y_m + position.dy_m, pose.yaw_rad)
+            case RoutePosition():
+                frame = self._on_route(position)
+            case TrajectoryPosition():
+                path = self.trajectory(position.trajectory, None)
+                frame = Pose(*path.pose(position.s_m)).moved(0.0, position.t_m)
+        return oriented(frame, position.orientation)
+
+    def _in_lane(
+        self, road_id: str, lane_id: int, s_m: float, offset_m: float, orientation: Orientation
+    ) -> Pose:
+        """The heading without orientation is that of the traffic in the lane."""
+        lane = self.roads.lane(road_id, lane_id, s_m)
+        frame = self.roads.point(road_id, s_m, self.roads.lane_middle_m(lane, s_m) + offset_m)
+        if self.roads.direction(lane) < 0:
+            frame = frame.moved(0.0, 0.0, math.pi)
+        return oriented(frame, orientation)
+
+    def _place(self, entity: str) -> LanePlace:
+        place = self.roads.place(self._pose_of(entity))
+        if place is None:
+            raise RunError(f"'{entity}' is not on a road, which a position relative to it needs")
+        return place
+
+    def _relative_lane(self, position: RelativeLanePosition) -> Pose:
+        """DLane counts lanes to the left of the entity, ds the way ahead of it."""
+        place = self._place(position.entity)
+        lane_id = place.lane_id
+        for _ in range(abs(position.d_lane)):
+            lane_id += int(math.copysign(1, position.d_lane)) * place.along_s
+            lane_id += 0 if lane_id else int(math.copysign(1, position.d_lane)) * place.along_s
+        s = place.s_m + (0.0 if position.along_lane else position.ds_m * place.along_s)
+        if position.along_lane:
+            lane = self.roads.lane(place.road_id, lane_id, place.s_m)
+            end = self.roads.network.roads[place.road_id].length_m if place.along_s > 0 else 0.0
+            path = self.roads.path([Leg(lane, place.s_m, end)], 0.0)
+            x, y, _ = path.pose(position.ds_m)
+            s = float(self.roads.network.road_coordinates(place.road_id, np.array([[x, y]]))[0][0])
+        return self._in_lane(place.road_id, lane_id, s, position.offset_m, position.orientation)
+
+    def _on_route(self, position: RoutePosition) -> Pose:
+        leg, s = self._leg_at(self.legs(position.route), position.path_s_m, position.route.name)
+        key = self.roads.network.lanes.key[leg.lane]
+        t = position.offset_m * leg.along_s
+        if position.lane_id is not None:
+            lane = self.roads.lane(key.road_id, position.lane_id * leg.along_s, s)
+            t += self.roads.lane_middle_m(lane, s)
+        frame = self.roads.point(key.road_id, s, t)
+        return frame if leg.along_s > 0 else frame.moved(0.0, 0.0, math.pi)
+
+    def _leg_at(self, legs: list[Leg], path_s_m: float, name: str) -> tuple[Leg, float]:
+        left = path_s_m
+        for leg in legs:
+            if left <= leg.length_m + 1e-6:
+                return leg, leg.s_start_m + leg.along_s * min(left, leg.length_m)
+            left -= leg.length_m
+        raise RunError(f"pathS = {path_s_m:.6g} m lies {left:.6g} m beyond the end of route '{name}'")
+
+    def legs(self, route: Route) -> list[Leg]:
+        """Legs of a route.
+
+        Raises:
+            RunError: a waypoint is in no lane, or no way leads there.
+        """
+        found: list[Leg] | None = self._kept.get(route)
+        if found is not None:
+            return found
+        places: list[LanePlace] = []
+        for waypoint in route.waypoints:
+            if isinstance(waypoint, LanePosition):
+                lane = self.roads.lane(waypoint.road_id, waypoint.lane_id, waypoint.s_m)
+                places.append(LanePlace(lane, waypoint.road_id, waypoint.lane_id, waypoint.s_m, 0.0, 0.0, 1))
+                continue
+            place = self.roads.place(self.pose(waypoint))
+            if place is None:
+                raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
+            places.append(place)
+        legs = self.roads.route_legs(places)
+        if not references(route):
+            self._kept[route] = legs
+        return legs
+
+    def trajectory(self, trajectory: Trajectory, entity: str | None) -> Path:
+        """Path of a trajectory; one without start begins at the entity.
+
+        Raises:
+            RunError: it has no start and there is no entity to begin at.
+        """
+        found: Path | None = self._kept.get(trajectory)
+        if found is not None:
+            return found
+        here = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
+        path = build(trajectory, self.pose, here)
+        if not starts_at_entity(trajectory) and not references(trajectory):
+            self._kept[trajectory] = path
+        return path
+
+
+def oriented(frame: Pose, orientation: Orientation) -> Pose:
+    """Pose with an orientation relative to its frame, or absolute."""
+    if orientation.relative:
+        return frame.moved(0.0, 0.0, orientation.heading_rad)
+    return Pose(frame.x_m, frame.y_m, orientation.heading_rad)

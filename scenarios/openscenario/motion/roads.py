@@ -1,0 +1,244 @@
+"""The road network as scenarios see it: places in lanes, ways along lanes, routes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from opendrive import RoadNetwork, load_map
+from opendrive.errors import OpenDriveError
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, joined, straight
+from smartmot.types import FloatArray
+
+MAX_WAY_M = 5000.0
+"""How far ahead a way along lanes is looked for."""
+
+ON_LANE_RAD = math.pi / 4
+"""An entity whose heading departs from the lane's line by more does not follow the lane."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A stretch of a lane in the direction of travel (`s_end_m` < `s_start_m`: against s)."""
+
+    lane: int
+    s_start_m: float
+    s_end_m: float
+
+    @property
+    def along_s(self) -> int:
+        """+1 where s grows along the leg, -1 where it falls."""
+        return 1 if self.s_end_m >= self.s_start_m else -1
+
+    @property
+    def length_m(self) -> float:
+        """Length along the road."""
+        return abs(self.s_end_m - self.s_start_m)
+
+
+@dataclass(frozen=True, slots=True)
+class LanePlace:
+    """Where a pose lies in the network."""
+
+    lane: int
+    road_id: str
+    lane_id: int
+    s_m: float
+    t_m: float
+    offset_m: float
+    along_s: int
+
+
+class Roads:
+    """Queries on one network.
+
+    Args:
+        network: the map.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self.network = network
+
+    def lane(self, road_id: str, lane_id: int, s_m: float) -> int:
+        """Index of a lane of a road at s.
+
+        Raises:
+            RunError: no such road or lane, or s is off the road.
+        """
+        lanes = self.network.lanes
+        road = self.network.roads.get(road_id)
+        if road is None:
+            raise RunError(f"no road '{road_id}' in the map {self.network.name!r}")
+        if not -1e-3 <= s_m <= road.length_m + 1e-3:
+            raise RunError(f"s = {s_m:.6g} m is off road '{road_id}' (length {road.length_m:.6g} m)")
+        best: int | None = None
+        for key, index in lanes.lane_of_key.items():
+            if key.road_id == road_id and key.lane_id == lane_id and lanes.s_start_m[index] <= s_m + 1e-9:
+                best = index if best is None or lanes.s_start_m[index] > lanes.s_start_m[best] else best
+        if best is None or s_m > lanes.s_end_m[best] + 1e-3:
+            raise RunError(f"road '{road_id}' has no lane {lane_id} at s = {s_m:.6g} m")
+        return best
+
+    def lane_middle_m(self, lane: int, s_m: float) -> float:
+        """T of the middle of a lane."""
+        inner, outer = self.network.lane_offsets(lane, s_m)
+        return 0.5 * float(inner + outer)
+
+    def point(self, road_id: str, s_m: float, t_m: float) -> Pose:
+        """Pose at road coordinates, heading along s.
+
+        Raises:
+            RunError: no such road, or s is off the road.
+        """
+        try:
+            points = self.network.road_point(road_id, s_m, t_m)
+        except OpenDriveError as error:
+            raise RunError(str(error)) from None
+        return Pose(float(points.x_m), float(points.y_m), float(points.heading_rad))
+
+    def direction(self, lane: int) -> int:
+        """+1 if traffic in the lane runs along s, -1 if against."""
+        return int(self.network.lanes.direction[lane])
+
+    def place(self, pose: Pose) -> LanePlace | None:
+        """The lane below a pose; of several, the one most nearly along its heading. None off the road."""
+        hits = self.network.locate(np.array([[pose.x_m, pose.y_m]]))
+        best: tuple[tuple[float, float], LanePlace] | None = None
+        for lane, s, t in zip(hits.lane.tolist(), hits.s_m.tolist(), hits.t_m.tolist(), strict=True):
+            key = self.network.lanes.key[lane]
+            turn = math.cos(self.point(key.road_id, s, t).yaw_rad - pose.yaw_rad)
+            place = LanePlace(
+                lane, key.road_id, key.lane_id, s, t, t - self.lane_middle_m(lane, s), 1 if turn >= 0 else -1
+            )
+            # the straightest lane; among equals the one whose middle is nearest
+            rank = (round(1.0 - abs(turn), 6), abs(place.offset_m))
+            if best is None or rank < best[0]:
+                best = rank, place
+        return None if best is None else best[1]
+
+    # Ways
+
+    def way(self, pose: Pose) -> Path:
+        """Way of an entity without route: its lane, at its offset, and the straightest lanes after it.
+
+        Off the road, or across it, straight ahead.
+        """
+        place = self.place(pose)
+        if place is None or not self._is_driving(place.lane):
+            return straight(pose)
+        ahead = self.point(place.road_id, place.s_m, place.t_m).yaw_rad + (
+            math.pi if place.along_s < 0 else 0.0
+        )
+        if math.cos(ahead - pose.yaw_rad) < math.cos(ON_LANE_RAD):
+            return straight(pose)
+        legs = self._legs_ahead(place.lane, place.s_m, place.along_s)
+        return self.path(legs, place.offset_m * place.along_s)
+
+    def _is_driving(self, lane: int) -> bool:
+        return str(self.network.lanes.lane_type[lane]) not in ("none", "border", "sidewalk", "shoulder")
+
+    def _legs_ahead(self, lane: int, s_m: float, along_s: int) -> list[Leg]:
+        """Legs from a place on, through the straightest of the lanes that follow."""
+        lanes = self.network.lanes
+        legs: list[Leg] = []
+        length, seen = 0.0, set[int]()
+        while True:
+            end = float(lanes.s_end_m[lane] if along_s > 0 else lanes.s_start_m[lane])
+            legs.append(Leg(lane, s_m, end))
+            seen.add(lane)
+            length += abs(end - s_m)
+            with_traffic = along_s == self.direction(lane)
+            following = self.network.successors(lane) if with_traffic else self.network.predecessors(lane)
+            options = [
+                (self._turn(lane, other, along_s, with_traffic), other)
+                for other in following
+                if other not in seen
+            ]
+            if not options or length > MAX_WAY_M:
+                return legs
+            _, lane = min(options)
+            along_s = self.direction(lane) if with_traffic else -self.direction(lane)
+            s_m = float(lanes.s_start_m[lane] if along_s > 0 else lanes.s_end_m[lane])
+
+    def _turn(self, lane: int, other: int, along_s: int, with_traffic: bool) -> float:
+        """How much a way turns within the lane that follows."""
+        lanes = self.network.lanes
+        along = self.direction(other) if with_traffic else -self.direction(other)
+        start, end = float(lanes.s_start_m[other]), float(lanes.s_end_m[other])
+        x, y, _, heading = self.network.center_line(other, np.array([start, end]))
+        del x, y
+        turn = float(heading[1] - heading[0]) * along
+        return round(abs(math.remainder(turn, 2 * math.pi)), 6)
+
+    def route_legs(self, waypoints: list[LanePlace]) -> list[Leg]:
+        """Legs of a route through waypoints, along lanes.
+
+        Raises:
+            RunError: no way leads from one to the next.
+        """
+        lanes = self.network.lanes
+        legs: list[Leg] = []
+        for start, end in pairwise(waypoints):
+            try:
+                chain = self.network.shortest_route(start.lane, end.lane)
+            except OpenDriveError as error:
+                raise RunError(f"route: {error}") from None
+            for number, lane in enumerate(chain):
+                along = self.direction(lane)
+                low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+                enter, leave = (low, high) if along > 0 else (high, low)
+                enter = start.s_m if number == 0 else enter
+                leave = end.s_m if number == len(chain) - 1 else leave
+                if (leave - enter) * along < -1e-6:
+                    raise RunError(f"route: a waypoint on road '{end.road_id}' lies behind the one before it")
+                legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
+        return legs
+
+    def path(self, legs: list[Leg], left_m: float) -> Path:
+        """Path along the middle of legs, moved to the left as seen in the direction of travel."""
+        return joined([self._leg_rows(leg, left_m) for leg in legs if leg.length_m > 1e-6])
+
+    def _leg_rows(self, leg: Leg, left_m: float) -> FloatArray:
+        """(K, 3) x, y, yaw along a leg: its two ends if it is straight, dense points otherwise."""
+        probes = max(3, math.ceil(leg.length_m) + 1)
+        rows = self._rows(leg, left_m, probes)
+        chord = rows[-1, :2] - rows[0, :2]
+        across = (rows[:, 0] - rows[0, 0]) * chord[1] - (rows[:, 1] - rows[0, 1]) * chord[0]
+        if np.abs(across).max() <= 1e-9 * float(chord @ chord) and np.ptp(np.unwrap(rows[:, 2])) < 1e-12:
+            return rows[[0, -1]]
+        return self._rows(leg, left_m, max(3, math.ceil(leg.length_m / SPACING_M) + 1))
+
+    def _rows(self, leg: Leg, left_m: float, count: int) -> FloatArray:
+        s = np.linspace(leg.s_start_m, leg.s_end_m, count)
+        x, y, _, heading = self.network.center_line(leg.lane, s)
+        if leg.along_s != self.direction(leg.lane):
+            heading = heading + np.pi
+        return np.column_stack(
+            (x - np.sin(heading) * left_m, y + np.cos(heading) * left_m, np.unwrap(heading))
+        )
+
+
+def load_roads(path: FilePath) -> Roads:
+    """The network of an OpenDRIVE file; an unchanged file is loaded once.
+
+    Raises:
+        RunError: the file cannot be read.
+    """
+    try:
+        stat = path.stat()
+        return _load(path.resolve(), stat.st_mtime_ns, stat.st_size)
+    except OSError as error:
+        raise RunError(f"{path}: {error.strerror}") from None
+    except OpenDriveError as error:
+        raise RunError(str(error)) from None
+
+
+@lru_cache(maxsize=16)
+def _load(path: FilePath, _mtime_ns: int, _size: int) -> Roads:
+    return Roads(load_map(path))

@@ -1,0 +1,125 @@
+"""Paths of trajectories: polyline, clothoid spline, NURBS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from opendrive.geometry.curves import clothoid
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import ClothoidSpline, Nurbs, Polyline, Position, Shape, Trajectory
+from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose
+from smartmot.types import FloatArray
+
+MAX_POINTS = 200_000
+"""A trajectory that needs more points is refused."""
+
+MAX_TURN_RAD = 1000.0
+"""A piece that turns further is refused."""
+
+
+def starts_at_entity(trajectory: Trajectory) -> bool:
+    """Whether a trajectory has no start of its own."""
+    return isinstance(trajectory.shape, ClothoidSpline) and trajectory.shape.segments[0].start is None
+
+
+def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+    """Path of a trajectory.
+
+    Args:
+        trajectory: as read.
+        pose_of: pose of a position.
+        here: the entity's pose, at which a spline without start begins.
+
+    Raises:
+        RunError: it has no length, or no start.
+    """
+    try:
+        return _build(trajectory.shape, pose_of, here)
+    except RunError as error:
+        raise RunError(f"trajectory '{trajectory.name}': {error}") from None
+
+
+def _build(shape: Shape, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+    match shape:
+        case Polyline():
+            poses = [pose_of(vertex.position) for vertex in shape.vertices]
+            x, y = [pose.x_m for pose in poses], [pose.y_m for pose in poses]
+            if min(math.dist(a, b) for a, b in zip(zip(x, y), zip(x[1:], y[1:]))) < 1e-6:  # noqa: B905
+                raise RunError("two vertices in a row are at the same place")
+            return Path(x, y)
+        case ClothoidSpline():
+            return _spline(shape, pose_of, here)
+        case Nurbs():
+            return _nurbs(shape, pose_of)
+
+
+def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+    start = shape.segments[0].start
+    if start is None and here is None:
+        raise RunError("it has no PositionStart and no entity to begin at")
+    pose = here if start is None else pose_of(start)
+    assert pose is not None
+    rows: list[FloatArray] = []
+    stations: list[FloatArray] = []
+    station = 0.0
+    for number, segment in enumerate(shape.segments):
+        if segment.start is not None:
+            if number and math.dist((pose.x_m, pose.y_m), _xy(pose_of(segment.start))) > 1e-3:
+                raise RunError(f"piece {number + 1} does not start where the one before ends")
+            pose = pose_of(segment.start)
+        pose = pose.moved(0.0, 0.0, segment.heading_offset_rad)
+        rate = (segment.curvature_end_per_m - segment.curvature_start_per_m) / segment.length_m
+        turn = max(abs(segment.curvature_start_per_m), abs(segment.curvature_end_per_m)) * segment.length_m
+        if turn > MAX_TURN_RAD:
+            raise RunError(f"piece {number + 1} turns by {turn:.3g} rad, expected up to {MAX_TURN_RAD:g}")
+        bends = segment.curvature_start_per_m != 0.0 or rate != 0.0
+        count = max(2, math.ceil(segment.length_m / SPACING_M) + 1) if bends else 2
+        if count > MAX_POINTS:
+            raise RunError(f"piece {number + 1} is longer than {MAX_POINTS * SPACING_M:g} m")
+        ds = np.linspace(0.0, segment.length_m, count)
+        u, v = clothoid(ds, np.full(count, segment.curvature_start_per_m), np.full(count, rate))
+        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        yaw = pose.yaw_rad + ds * (segment.curvature_start_per_m + 0.5 * rate * ds)
+        rows.append(np.column_stack((pose.x_m + c * u - s * v, pose.y_m + s * u + c * v, yaw)))
+        stations.append(station + ds)
+        pose = Pose(*rows[-1][-1].tolist())
+        station += segment.length_m
+    table, at = np.concatenate(rows), np.concatenate(stations)
+    keep = np.concatenate(([True], np.diff(at) > 0.0))
+    # where pieces meet, the later heading counts: a bend in the heading belongs to the piece that follows
+    return Path(table[keep, 0], table[keep, 1], table[keep, 2], at[keep])
+
+
+def _xy(pose: Pose) -> tuple[float, float]:
+    return pose.x_m, pose.y_m
+
+
+def _nurbs(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> Path:
+    """Points of the curve by de Boor's algorithm in homogeneous coordinates."""
+    points = np.array([_xy(pose_of(position)) for position in shape.control_points])
+    weights = np.array(shape.weights)
+    homogeneous = np.column_stack((points * weights[:, None], weights))
+    knots, degree = np.array(shape.knots), shape.order - 1
+    hull_m = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    count = max(50, math.ceil(hull_m / SPACING_M))
+    if count > MAX_POINTS:
+        raise RunError(f"its control points span more than {MAX_POINTS * SPACING_M:g} m")
+    u = np.linspace(knots[degree], knots[len(points)], count)
+    span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, len(points) - 1)
+    d = homogeneous[span[:, None] - degree + np.arange(degree + 1)]
+    for level in range(1, degree + 1):
+        for j in range(degree, level - 1, -1):
+            low = knots[span - degree + j]
+            high = knots[span + 1 + j - level]
+            alpha = np.divide(u - low, high - low, out=np.zeros_like(u), where=high > low)[:, None]
+            d[:, j] = (1.0 - alpha) * d[:, j - 1] + alpha * d[:, j]
+    curve = d[:, degree, :2] / d[:, degree, 2:]
+    keep = np.concatenate(([True], np.hypot(*np.diff(curve, axis=0).T) > 1e-9))
+    curve = curve[keep]
+    if len(curve) < 2:
+        raise RunError("it has no length")
+    slope = np.gradient(curve, axis=0)
+    return Path(curve[:, 0], curve[:, 1], np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])))

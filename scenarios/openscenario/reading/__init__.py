@@ -1,0 +1,1 @@
+"""OpenSCENARIO files, read into the model."""

@@ -1,0 +1,285 @@
+"""Actions from XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import cast
+
+from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
+from scenarios.openscenario.model import (
+    Action,
+    AssignRouteAction,
+    DeleteEntityAction,
+    Dimension,
+    Environment,
+    EnvironmentAction,
+    FollowTrajectoryAction,
+    LightStateAction,
+    LongitudinalDistanceAction,
+    ModifyVariableAction,
+    RelativeSpeed,
+    SetVariableAction,
+    SpeedAction,
+    SpeedShape,
+    SteadyState,
+    SynchronizeAction,
+    TeleportAction,
+    TimeReference,
+    VisibilityAction,
+)
+from scenarios.openscenario.reading.document import Node
+from scenarios.openscenario.reading.parameters import typed
+from scenarios.openscenario.reading.positions import Context, position, referenced, route, trajectory
+
+PRIVATE = (
+    "LongitudinalAction VisibilityAction SynchronizeAction TeleportAction RoutingAction AppearanceAction"
+)
+LIGHTS = (
+    "daytimeRunningLights lowBeam highBeam fogLights fogLightsFront fogLightsRear brakeLights warningLights "
+    "indicatorLeft indicatorRight reversingLights licensePlateIllumination specialPurposeLights"
+)
+
+
+def private_action(node: Node, context: Context) -> Action:
+    """Action of an entity, from a PrivateAction element."""
+    child = node.one_of(PRIVATE)
+    if child.tag == "LongitudinalAction":
+        child = child.one_of("SpeedAction LongitudinalDistanceAction")
+    elif child.tag == "RoutingAction":
+        child = child.one_of("FollowTrajectoryAction AssignRouteAction")
+    elif child.tag == "AppearanceAction":
+        child = child.one_of("LightStateAction")
+    return _PRIVATE[child.tag](child, context)
+
+
+def global_action(node: Node, context: Context) -> Action:
+    """Action without actor, from a GlobalAction element."""
+    child = node.one_of("EnvironmentAction EntityAction VariableAction")
+    return _GLOBAL[child.tag](child, context)
+
+
+def _speed(node: Node, context: Context) -> Action:
+    node.allow(children="SpeedActionDynamics SpeedActionTarget")
+    dynamics = node.need("SpeedActionDynamics")
+    dynamics.allow("dynamicsShape dynamicsDimension value followingMode")
+    dynamics.choice("followingMode", "position follow", "position")
+    shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
+    dimension = dynamics.choice("dynamicsDimension", "time rate distance")
+    value = dynamics.positive("value", zero=shape == "step" or dimension != "rate")
+    return SpeedAction(
+        cast(SpeedShape, shape),
+        cast(Dimension, dimension),
+        value,
+        _speed_target(node.need("SpeedActionTarget"), context),
+    )
+
+
+def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
+    target = node.one_of("AbsoluteTargetSpeed RelativeTargetSpeed")
+    if target.tag == "AbsoluteTargetSpeed":
+        target.allow("value")
+        return target.number("value")
+    target.allow("entityRef value speedTargetValueType continuous")
+    if target.boolean("continuous"):
+        raise UnsupportedError(f"{target.where} continuous='true' is not supported")
+    kind = target.choice("speedTargetValueType", "delta factor")
+    return RelativeSpeed(context.entity(target), target.number("value"), kind == "factor")
+
+
+def _distance(node: Node, context: Context) -> Action:
+    node.allow(
+        "entityRef distance timeGap freespace continuous displacement coordinateSystem", "DynamicConstraints"
+    )
+    constraints = node.get("DynamicConstraints")
+    if constraints is not None:
+        raise UnsupportedError(
+            f"{constraints.where} is not supported: the distance is taken at once; leave the constraints out"
+        )
+    if node.has("distance") == node.has("timeGap"):
+        raise ContentError(f"{node.where} needs either 'distance' or 'timeGap'")
+    node.choice("coordinateSystem", "entity lane road trajectory", "entity")
+    side = node.choice(
+        "displacement", "any leadingReferencedEntity trailingReferencedEntity", "trailingReferencedEntity"
+    )
+    return LongitudinalDistanceAction(
+        context.entity(node),
+        node.positive("distance") if node.has("distance") else None,
+        node.positive("timeGap") if node.has("timeGap") else None,
+        node.boolean("freespace"),
+        node.boolean("continuous"),
+        None if side == "any" else side == "leadingReferencedEntity",
+    )
+
+
+def _synchronize(node: Node, context: Context) -> Action:
+    node.allow(
+        "masterEntityRef targetTolerance targetToleranceMaster",
+        "TargetPositionMaster TargetPosition FinalSpeed",
+    )
+    for name in ("targetTolerance", "targetToleranceMaster"):
+        if node.number(name, 0.0) != 0.0:
+            raise UnsupportedError(f"{node.where} {name} other than 0 is not supported")
+    speed: float | RelativeSpeed | None = None
+    steady: SteadyState | None = None
+    final = node.get("FinalSpeed")
+    if final is not None:
+        kind = final.one_of("AbsoluteSpeed RelativeSpeedToMaster")
+        states = "TargetDistanceSteadyState TargetTimeSteadyState"
+        if kind.tag == "AbsoluteSpeed":
+            kind.allow("value", states)
+            speed = kind.positive("value")
+        else:
+            kind.allow("value speedTargetValueType", states)
+            factor = kind.choice("speedTargetValueType", "delta factor") == "factor"
+            speed = RelativeSpeed(context.entity(node, "masterEntityRef"), kind.number("value"), factor)
+        distance, time = kind.get("TargetDistanceSteadyState"), kind.get("TargetTimeSteadyState")
+        if distance is not None and time is not None:
+            raise ContentError(f"{time.where} stands beside TargetDistanceSteadyState; give one")
+        if distance is not None:
+            distance.allow("distance")
+            steady = SteadyState(distance.positive("distance"), None)
+        elif time is not None:
+            time.allow("time")
+            steady = SteadyState(None, time.positive("time"))
+    return SynchronizeAction(
+        context.entity(node, "masterEntityRef"),
+        position(node.need("TargetPositionMaster"), context),
+        position(node.need("TargetPosition"), context),
+        speed,
+        steady,
+    )
+
+
+def _follow_trajectory(node: Node, context: Context) -> Action:
+    node.allow(
+        "initialDistanceOffset",
+        "TimeReference TrajectoryFollowingMode TrajectoryRef Trajectory CatalogReference",
+    )
+    mode = node.need("TrajectoryFollowingMode")
+    mode.allow("followingMode")
+    steers = mode.choice("followingMode", "position follow") == "follow"
+    reference = node.get("TrajectoryRef")
+    if reference is None:  # 1.0: the trajectory or its catalog reference stands in the action itself
+        reference = node.without("TimeReference TrajectoryFollowingMode")
+    curve = trajectory(reference, context)
+    return FollowTrajectoryAction(
+        curve,
+        node.positive("initialDistanceOffset", 0.0),
+        _time_reference(node.need("TimeReference")),
+        steers,
+    )
+
+
+def _time_reference(node: Node) -> TimeReference | None:
+    child = node.one_of("None Timing")
+    if child.tag == "None":
+        return None
+    child.allow("domainAbsoluteRelative scale offset")
+    return TimeReference(
+        child.choice("domainAbsoluteRelative", "absolute relative") == "relative",
+        child.positive("scale", zero=False),
+        child.number("offset"),
+    )
+
+
+def _assign_route(node: Node, context: Context) -> Action:
+    return AssignRouteAction(route(node, context))
+
+
+def _teleport(node: Node, context: Context) -> Action:
+    node.allow(children="Position")
+    return TeleportAction(position(node.need("Position"), context))
+
+
+def _visibility(node: Node, context: Context) -> Action:
+    node.allow("graphics sensors traffic")
+    return VisibilityAction(node.boolean("graphics"), node.boolean("sensors"), node.boolean("traffic"))
+
+
+def _light(node: Node, context: Context) -> Action:
+    node.allow("transitionTime", "LightType LightState")
+    light = node.need("LightType").one_of("VehicleLight")
+    light.allow("vehicleLightType")
+    state = node.need("LightState")
+    state.allow("mode luminousIntensity flashingOnDuration flashingOffDuration")
+    return LightStateAction(light.choice("vehicleLightType", LIGHTS), state.choice("mode", "on off flashing"))
+
+
+def _environment(node: Node, context: Context) -> Action:
+    return EnvironmentAction(environment(referenced(node, "Environment", context)))
+
+
+def environment(node: Node) -> Environment:
+    """Light and weather from an Environment element."""
+    node.allow("name", "ParameterDeclarations TimeOfDay Weather RoadCondition")
+    values: dict[str, float | str] = {}
+    weather = node.get("Weather")
+    if weather is not None:
+        weather.allow(
+            "cloudState fractionalCloudCover atmosphericPressure temperature", "Sun Fog Precipitation Wind"
+        )
+        sun, fog, rain = weather.get("Sun"), weather.get("Fog"), weather.get("Precipitation")
+        if sun is not None:
+            sun.allow("elevation azimuth illuminance intensity")
+            elevation = sun.number("elevation")
+            light = sun.positive("illuminance" if sun.has("illuminance") else "intensity")
+            # CARLA's files of 1.0 give the intensity as a share of full sunlight
+            if sun.has("illuminance") or light > 1.0 or elevation <= 0.0:
+                values["illuminance_lx"] = light
+            values["sun_elevation_rad"] = elevation
+        if fog is not None:
+            fog.allow("visualRange", "BoundingBox")
+            values["visual_range_m"] = fog.positive("visualRange")
+        if rain is not None:
+            rain.allow("precipitationType intensity precipitationIntensity")
+            values["precipitation"] = rain.choice("precipitationType", "dry rain snow")
+            if rain.has("precipitationIntensity"):
+                values["precipitation_mm_h"] = rain.positive("precipitationIntensity")
+            elif rain.positive("intensity") == 0.0:  # 1.0 has a share of an unknown greatest intensity
+                values["precipitation_mm_h"] = 0.0
+    road = node.get("RoadCondition")
+    if road is not None:
+        road.allow("frictionScaleFactor wetness", "Properties")
+        values["friction_scale"] = road.positive("frictionScaleFactor")
+        if road.has("wetness"):
+            values["wetness"] = road.choice("wetness", "dry moist wetWithPuddles lowFlooded highFlooded")
+    return Environment(node.text("name"), **values)  # type: ignore[arg-type]
+
+
+def _entity(node: Node, context: Context) -> Action:
+    node.allow("entityRef", "DeleteEntityAction")
+    node.need("DeleteEntityAction").allow()
+    return DeleteEntityAction(context.entity(node))
+
+
+def _variable(node: Node, context: Context) -> Action:
+    name = context.variable(node)
+    child = node.one_of("SetAction ModifyAction", "variableRef")
+    if child.tag == "SetAction":
+        child.allow("value")
+        start = context.variables[name]
+        kind = "boolean" if isinstance(start, bool) else "double" if isinstance(start, float) else "string"
+        try:
+            return SetVariableAction(name, typed(child.value("value"), kind))
+        except ParameterError as error:
+            raise ParameterError(f"{child.where} of '{name}': {error}") from None
+    rule = child.need("Rule").one_of("AddValue MultiplyByValue")
+    rule.allow("value")
+    return ModifyVariableAction(name, "add" if rule.tag == "AddValue" else "multiply", rule.number("value"))
+
+
+_PRIVATE: dict[str, Callable[[Node, Context], Action]] = {
+    "SpeedAction": _speed,
+    "LongitudinalDistanceAction": _distance,
+    "SynchronizeAction": _synchronize,
+    "FollowTrajectoryAction": _follow_trajectory,
+    "AssignRouteAction": _assign_route,
+    "TeleportAction": _teleport,
+    "VisibilityAction": _visibility,
+    "LightStateAction": _light,
+}
+_GLOBAL: dict[str, Callable[[Node, Context], Action]] = {
+    "EnvironmentAction": _environment,
+    "EntityAction": _entity,
+    "VariableAction": _variable,
+}

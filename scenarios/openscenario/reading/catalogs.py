@@ -1,0 +1,115 @@
+"""Catalog entries, found by catalog and entry name in the directories that a scenario lists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scenarios.openscenario.errors import CatalogError, ContentError, ParameterError
+from scenarios.openscenario.reading.document import Element, Node, Scope, parse
+from scenarios.openscenario.reading.parameters import Declarations
+
+LOCATIONS = {
+    "VehicleCatalog": "Vehicle",
+    "PedestrianCatalog": "Pedestrian",
+    "MiscObjectCatalog": "MiscObject",
+    "EnvironmentCatalog": "Environment",
+    "ManeuverCatalog": "Maneuver",
+    "TrajectoryCatalog": "Trajectory",
+    "RouteCatalog": "Route",
+    "ControllerCatalog": "Controller",
+}
+"""Element of CatalogLocations: what its entries are."""
+
+
+class Catalogs:
+    """Catalogs of one scenario.
+
+    Args:
+        node: its CatalogLocations element, or None.
+    """
+
+    def __init__(self, node: Node | None) -> None:
+        self.files: list[Path] = []
+        """Every file of the directories, in the order in which they were read."""
+        self._entries: dict[tuple[str, str], tuple[Path, Element]] = {}
+        self._names: list[str] = []
+        if node is None:
+            return
+        node.allow(children=" ".join(LOCATIONS))
+        for location in node:
+            location.allow(children="Directory")
+            directory = location.need("Directory")
+            directory.allow("path")
+            self._load(directory)
+
+    def _load(self, node: Node) -> None:
+        directory = Path(node.text("path"))
+        if not directory.is_absolute():
+            directory = node.file.parent / directory
+        if not directory.is_dir():
+            raise CatalogError(f"{node.where} catalog directory {directory} does not exist")
+        for file in sorted(directory.glob("*.xosc")):
+            if file in self.files:
+                continue
+            self.files.append(file)
+            for catalog in parse(file).iterchildren("Catalog"):
+                name = catalog.get("name", "")
+                self._names.append(name)
+                for entry in catalog:
+                    self._entries.setdefault((name, entry.get("name", "")), (file, entry))
+
+    def entry(self, reference: Node, tags: str) -> Node:
+        """The entry that a CatalogReference element names, seeing its own parameters.
+
+        Args:
+            reference: the CatalogReference.
+            tags: what the entry may be (names separated by blanks).
+
+        Raises:
+            CatalogError: no such catalog or entry, or it is something else.
+            ParameterError: a parameter assignment does not fit.
+        """
+        reference.allow("catalogName entryName", "ParameterAssignments")
+        name, entry_name = reference.text("catalogName"), reference.text("entryName")
+        found = self._entries.get((name, entry_name))
+        if found is None:
+            if name not in self._names:
+                listed = ", ".join(sorted(set(self._names))) or "none"
+                raise CatalogError(f"{reference.where} no catalog '{name}'; catalogs found: {listed}")
+            there = ", ".join(sorted(e for c, e in self._entries if c == name))
+            raise CatalogError(
+                f"{reference.where} no entry '{entry_name}' in catalog '{name}'; entries there: {there}"
+            )
+        file, element = found
+        if element.tag not in tags.split():
+            wanted = " or ".join(f"<{tag}>" for tag in tags.split())
+            raise CatalogError(f"{reference.where} '{entry_name}' is a <{element.tag}>, expected a {wanted}")
+        node = Node(element, file, {})
+        given = assignments(reference.get("ParameterAssignments"))
+        try:
+            scope = Declarations(node.get("ParameterDeclarations"), given, {}).scope()
+        except ParameterError as error:
+            message = str(error)
+            if message.startswith("parameter "):
+                message = f"{reference.where} {name}/{entry_name}: {message}"
+            raise ParameterError(message) from None
+        return node.within(scope)
+
+
+def assignments(node: Node | None) -> Scope:
+    """Values of a ParameterAssignments element (or of none) by parameter name.
+
+    Raises:
+        ContentError: a parameter is assigned twice.
+    """
+    values: dict[str, str | float | bool] = {}
+    if node is None:
+        return values
+    node.allow(children="ParameterAssignment")
+    for child in node:
+        child.allow("parameterRef value")
+        name = child.text("parameterRef")
+        if name in values:
+            raise ContentError(f"{child.where} assigns '{name}' a second time")
+        values[name] = child.value("value")
+    return values

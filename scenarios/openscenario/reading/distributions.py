@@ -1,0 +1,139 @@
+"""Parameter value distributions: one file, many parameter sets."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from scenarios.openscenario.errors import ContentError, FileReadError, UnsupportedError
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.reading.catalogs import assignments
+from scenarios.openscenario.reading.document import Node, as_text, parse
+
+MAX_VARIATIONS = 100_000
+"""A file that asks for more is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """One run that a file asks for.
+
+    Args:
+        name: file name and number.
+        path: the scenario file.
+        parameters: values in place of the declared ones.
+        source: the file that asks for it: a distribution, or the scenario itself; None: no file does.
+    """
+
+    name: str
+    path: Path
+    parameters: Mapping[str, Value]
+    source: Path | None = None
+
+
+def expand(path: str | PathLike[str]) -> list[Variation]:
+    """Runs that a file asks for; one for a scenario file. The last distribution in the file varies fastest.
+
+    Args:
+        path: the `.xosc` file.
+
+    Raises:
+        FileReadError: the file cannot be read.
+        ContentError: a distribution is impossible or contradicts another.
+        UnsupportedError: a distribution is stochastic.
+    """
+    file = Path(path)
+    root = Node(parse(file), file, {})
+    node = root.get("ParameterValueDistribution")
+    if node is None:
+        return [Variation(file.stem, file, {}, file)]
+    root.allow("noNamespaceSchemaLocation", "FileHeader ParameterValueDistribution")
+    node.allow(children="ScenarioFile Deterministic Stochastic")
+    scenario = _scenario_file(node.need("ScenarioFile"))
+    if node.get("Stochastic") is not None:
+        raise UnsupportedError(
+            f"{node.need('Stochastic').where} is not supported; use a Deterministic distribution"
+        )
+    axes = [_axis(child) for child in _distributions(node.need("Deterministic"))]
+    names: list[str] = [name for axis in axes for name in axis[0]]
+    for name in names:
+        if names.count(name) > 1:
+            raise ContentError(f"{node.where} distributes parameter '{name}' twice")
+    if math.prod(len(axis) for axis in axes) > MAX_VARIATIONS:
+        raise ContentError(f"{node.where} asks for more than {MAX_VARIATIONS} variations")
+    variations: list[Variation] = []
+    for number, choice in enumerate(itertools.product(*axes)):
+        values: dict[str, Value] = {}
+        for part in choice:
+            values.update(part)
+        variations.append(Variation(f"{file.stem}_{number:02d}", scenario, values, file))
+    return variations
+
+
+def _scenario_file(node: Node) -> Path:
+    node.allow("filepath")
+    path = Path(node.text("filepath"))
+    path = path if path.is_absolute() else node.file.parent / path
+    if not path.is_file():
+        raise FileReadError(f"{node.where} scenario file {path} does not exist")
+    return path.resolve()
+
+
+def _distributions(node: Node) -> list[Node]:
+    node.allow(children="DeterministicSingleParameterDistribution DeterministicMultiParameterDistribution")
+    children = list(node)
+    if not children:
+        raise ContentError(f"{node.where} needs at least one distribution")
+    return children
+
+
+def _axis(node: Node) -> list[dict[str, Value]]:
+    """Parameter sets of one distribution."""
+    if node.tag == "DeterministicMultiParameterDistribution":
+        node.allow(children="ValueSetDistribution")
+        sets = node.need("ValueSetDistribution")
+        sets.allow(children="ParameterValueSet")
+        axis = [_value_set(child) for child in sets]
+        if not axis or any(part.keys() != axis[0].keys() for part in axis):
+            raise ContentError(f"{sets.where} needs ParameterValueSets that assign the same parameters")
+        return axis
+    name = node.text("parameterName")
+    child = node.one_of("DistributionSet DistributionRange UserDefinedDistribution", "parameterName")
+    if child.tag == "UserDefinedDistribution":
+        raise UnsupportedError(f"{child.where} is not supported; use a DistributionSet or DistributionRange")
+    return [{name: value} for value in (_set(child) if child.tag == "DistributionSet" else _range(child))]
+
+
+def _value_set(node: Node) -> dict[str, Value]:
+    # the standard's ParameterValueSet is itself a list of assignments
+    return dict(assignments(node))
+
+
+def _set(node: Node) -> list[Value]:
+    node.allow(children="Element")
+    values: list[Value] = []
+    for element in node:
+        element.allow("value")
+        values.append(element.value("value"))
+    if not values:
+        raise ContentError(f"{node.where} needs at least one Element")
+    return values
+
+
+def _range(node: Node) -> list[Value]:
+    """Lower limit, plus steps, up to the upper limit, which is met if a whole number of steps leads there."""
+    node.allow("stepWidth", "Range")
+    limits = node.need("Range")
+    limits.allow("lowerLimit upperLimit")
+    step = node.positive("stepWidth", zero=False)
+    low, high = limits.number("lowerLimit"), limits.number("upperLimit")
+    if high < low:
+        raise ContentError(f"{limits.where} upperLimit {high:g} lies below lowerLimit {low:g}")
+    count = math.floor((high - low) / step + 1e-9) + 1
+    if count > MAX_VARIATIONS:
+        raise ContentError(f"{node.where} asks for more than {MAX_VARIATIONS} variations")
+    return [as_text(round(low + k * step, 12)) for k in range(count)]

@@ -1,0 +1,335 @@
+"""OpenSCENARIO XML 1.0 to 1.3: a file and parameter values become a `ScenarioDefinition`.
+
+Everything is read, resolved and checked before a run starts. What a file uses and the engine does not carry
+out is refused with file, line and element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError, UnsupportedError
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model import (
+    Act,
+    Action,
+    Condition,
+    EntityDefinition,
+    Event,
+    Maneuver,
+    ManeuverGroup,
+    NamedAction,
+    Performance,
+    ScenarioDefinition,
+    Story,
+    StoryboardElementStateCondition,
+    Trigger,
+)
+from scenarios.openscenario.reading.actions import global_action, private_action
+from scenarios.openscenario.reading.catalogs import Catalogs
+from scenarios.openscenario.reading.conditions import trigger
+from scenarios.openscenario.reading.document import Node, parse
+from scenarios.openscenario.reading.parameters import Declarations, variables
+from scenarios.openscenario.reading.positions import Context
+
+_VEHICLES = {
+    "car": "car",
+    "van": "car",
+    "truck": "truck",
+    "trailer": "truck",
+    "semitrailer": "truck",
+    "bus": "truck",
+    "motorbike": "motorcycle",
+    "bicycle": "cyclist",
+    "train": "unknown",
+    "tram": "unknown",
+    "microMobility": "cyclist",
+    "standupScooter": "cyclist",
+    "wheelchair": "pedestrian",
+}
+_PEDESTRIANS = {"pedestrian": "pedestrian", "wheelchair": "pedestrian", "animal": "unknown"}
+"""OpenSCENARIO's categories in terms of the detection categories."""
+
+
+def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = None) -> ScenarioDefinition:
+    """Read a scenario.
+
+    Args:
+        path: the `.xosc` file.
+        parameters: values in place of the declared ones, as text, number or truth value.
+
+    Raises:
+        FileReadError: a file cannot be read or is no scenario.
+        ParameterError: a parameter is unknown, circular, of the wrong type, or breaks its constraints.
+        ContentError: something is missing or impossible.
+        UnsupportedError: something is not known or not carried out by this engine.
+        CatalogError: a catalog or an entry of it is missing.
+        ExpressionError: an expression has no value.
+    """
+    file = Path(path)
+    root = Node(parse(file), file, {})
+    if root.get("ParameterValueDistribution") is not None:
+        raise FileReadError(f"{file}: holds parameter variations, not a scenario; expand it first")
+    if root.get("Catalog") is not None:
+        raise FileReadError(f"{file}: holds a catalog, not a scenario")
+    root.allow(
+        "noNamespaceSchemaLocation",
+        "FileHeader ParameterDeclarations VariableDeclarations CatalogLocations RoadNetwork Entities "
+        "Storyboard",
+    )
+    header = root.need("FileHeader")
+    header.allow("revMajor revMinor date author description", "License Properties")
+    try:
+        declared = Declarations(root.get("ParameterDeclarations"), parameters or {}, {})
+    except ParameterError as error:
+        raise ParameterError(
+            f"{file}: {error}" if str(error).startswith("parameter ") else str(error)
+        ) from None
+    scope = declared.scope()
+    root = root.within(scope)
+    start_values = variables(root.get("VariableDeclarations"))
+    catalogs = Catalogs(root.get("CatalogLocations"))
+    bare = Context(catalogs, (), start_values)
+    entities = tuple(_entity(node, bare) for node in _entities(root.need("Entities")))
+    names = [entity.name for entity in entities]
+    for name in names:
+        if names.count(name) > 1:
+            raise ContentError(f"{root.need('Entities').where} two entities have the same name, '{name}'")
+    context = Context(catalogs, names, start_values)
+    storyboard = root.need("Storyboard")
+    storyboard.allow(children="Init Story StopTrigger")
+    stories = tuple(_story(node, context) for node in storyboard.all("Story"))
+    stop = trigger(storyboard.get("StopTrigger"), context)
+    _check_element_references(file, stories, stop)
+    map_path = _map_path(root.need("RoadNetwork"))
+    return ScenarioDefinition(
+        path=file,
+        description=header.text("description", ""),
+        parameters=dict(scope),
+        variables=start_values,
+        map_path=map_path,
+        entities=entities,
+        init=tuple(_init(storyboard.need("Init"), context)),
+        stories=stories,
+        stop=stop,
+        files=(file, *catalogs.files, map_path),
+    )
+
+
+def _map_path(node: Node) -> Path:
+    node.allow(children="LogicFile SceneGraphFile TrafficSignals UsedArea")
+    file = node.need("LogicFile")
+    file.allow("filepath")
+    path = Path(file.text("filepath"))
+    path = path if path.is_absolute() else node.file.parent / path
+    if not path.is_file():
+        raise FileReadError(f"{file.where} road network {path} does not exist")
+    return path
+
+
+# Entities
+
+
+def _entities(node: Node) -> list[Node]:
+    node.allow(children="ScenarioObject")
+    found = list(node)
+    if not found:
+        raise ContentError(f"{node.where} needs at least one ScenarioObject: the scenario has no road user")
+    return found
+
+
+def _entity(node: Node, context: Context) -> EntityDefinition:
+    name = node.text("name")
+    child = node.one_of("CatalogReference Vehicle Pedestrian MiscObject", "name")
+    if child.tag == "CatalogReference":
+        return _object(name, context.catalogs.entry(child, "Vehicle Pedestrian MiscObject"))
+    return _object(
+        name, child.within(Declarations(child.get("ParameterDeclarations"), {}, child.scope).scope())
+    )
+
+
+def _object(name: str, node: Node) -> EntityDefinition:
+    if node.tag == "Vehicle":
+        node.allow(
+            "name vehicleCategory mass role model3d",
+            "ParameterDeclarations BoundingBox Performance Axles Properties",
+        )
+        category = _VEHICLES[node.choice("vehicleCategory", " ".join(_VEHICLES))]
+    elif node.tag == "Pedestrian":
+        node.allow(
+            "name pedestrianCategory mass model model3d role", "ParameterDeclarations BoundingBox Properties"
+        )
+        category = _PEDESTRIANS[node.choice("pedestrianCategory", " ".join(_PEDESTRIANS))]
+    else:
+        node.allow("name miscObjectCategory mass model3d", "ParameterDeclarations BoundingBox Properties")
+        category = "unknown"
+    box = node.need("BoundingBox")
+    box.allow(children="Center Dimensions")
+    center, size = box.need("Center"), box.need("Dimensions")
+    center.allow("x y z")
+    size.allow("length width height")
+    limits = node.get("Performance")
+    return EntityDefinition(
+        name=name,
+        model=node.text("name"),
+        category=category,
+        length_m=size.positive("length", zero=False),
+        width_m=size.positive("width", zero=False),
+        height_m=size.positive("height"),
+        center_x_m=center.number("x"),
+        center_y_m=center.number("y"),
+        performance=None if limits is None else _performance(limits),
+    )
+
+
+def _performance(node: Node) -> Performance:
+    node.allow("maxSpeed maxAcceleration maxDeceleration maxAccelerationRate maxDecelerationRate")
+    return Performance(
+        node.positive("maxSpeed"), node.positive("maxAcceleration"), node.positive("maxDeceleration")
+    )
+
+
+# Storyboard
+
+
+def _init(node: Node, context: Context) -> list[tuple[str | None, Action]]:
+    node.allow(children="Actions")
+    actions = node.need("Actions")
+    actions.allow(children="GlobalAction Private")
+    found: list[tuple[str | None, Action]] = []
+    for child in actions:
+        if child.tag == "GlobalAction":
+            found.append((None, global_action(child, context)))
+            continue
+        child.allow("entityRef", "PrivateAction")
+        entity = context.entity(child)
+        found.extend((entity, private_action(action, context)) for action in child)
+    return found
+
+
+def _story(node: Node, context: Context) -> Story:
+    node.allow("name", "ParameterDeclarations Act")
+    inner = _inner(node)
+    return Story(node.text("name"), tuple(_act(child, context) for child in inner.all("Act")))
+
+
+def _inner(node: Node) -> Node:
+    """The element, seeing the parameters that it declares itself."""
+    return node.within(Declarations(node.get("ParameterDeclarations"), {}, node.scope).scope())
+
+
+def _act(node: Node, context: Context) -> Act:
+    node.allow("name", "ManeuverGroup StartTrigger StopTrigger")
+    return Act(
+        node.text("name"),
+        tuple(_group(child, context) for child in node.all("ManeuverGroup")),
+        trigger(node.get("StartTrigger"), context),
+        trigger(node.get("StopTrigger"), context),
+    )
+
+
+def _group(node: Node, context: Context) -> ManeuverGroup:
+    node.allow("name maximumExecutionCount", "Actors CatalogReference Maneuver")
+    actors = node.need("Actors")
+    actors.allow("selectTriggeringEntities", "EntityRef")
+    if actors.boolean("selectTriggeringEntities"):
+        raise UnsupportedError(
+            f"{actors.where} selectTriggeringEntities='true' is not supported; name the actors"
+        )
+    entities: list[str] = []
+    for reference in actors:
+        reference.allow("entityRef")
+        entities.append(context.entity(reference))
+    maneuvers: list[Maneuver] = []
+    for child in node:
+        if child.tag == "CatalogReference":
+            maneuvers.append(_maneuver(context.catalogs.entry(child, "Maneuver"), tuple(entities), context))
+        elif child.tag == "Maneuver":
+            maneuvers.append(_maneuver(_inner(child), tuple(entities), context))
+    return ManeuverGroup(node.text("name"), _count(node), tuple(maneuvers))
+
+
+def _count(node: Node) -> int:
+    count = node.integer("maximumExecutionCount", 1)
+    if count < 1:
+        raise ContentError(f"{node.where} maximumExecutionCount: expected 1 or more, got {count}")
+    return count
+
+
+def _maneuver(node: Node, entities: tuple[str, ...], context: Context) -> Maneuver:
+    node.allow("name", "ParameterDeclarations Event")
+    return Maneuver(node.text("name"), tuple(_event(child, entities, context) for child in node.all("Event")))
+
+
+def _event(node: Node, entities: tuple[str, ...], context: Context) -> Event:
+    node.allow("name priority maximumExecutionCount", "Action StartTrigger")
+    actions: list[NamedAction] = []
+    for child in node.all("Action"):
+        kind = child.one_of("GlobalAction PrivateAction", "name")
+        if kind.tag == "GlobalAction":
+            actions.append(NamedAction(child.text("name"), global_action(kind, context), ()))
+            continue
+        if not entities:
+            raise ContentError(f"{kind.where} needs an actor, and its ManeuverGroup names none")
+        actions.append(NamedAction(child.text("name"), private_action(kind, context), entities))
+    if not actions:
+        raise ContentError(f"{node.where} needs at least one Action")
+    priority = node.choice("priority", "override overwrite parallel skip")
+    return Event(
+        node.text("name"),
+        "override" if priority == "overwrite" else priority,
+        _count(node),
+        tuple(actions),
+        trigger(node.get("StartTrigger"), context),
+    )
+
+
+# References between elements
+
+
+def element_paths(stories: tuple[Story, ...]) -> list[tuple[str, tuple[str, ...]]]:
+    """Kind and path of names of every storyboard element."""
+    paths: list[tuple[str, tuple[str, ...]]] = []
+    for story in stories:
+        paths.append(("story", (story.name,)))
+        for act in story.acts:
+            paths.append(("act", (story.name, act.name)))
+            for group in act.groups:
+                at_group = (story.name, act.name, group.name)
+                paths.append(("maneuverGroup", at_group))
+                for maneuver in group.maneuvers:
+                    at_maneuver = (*at_group, maneuver.name)
+                    paths.append(("maneuver", at_maneuver))
+                    for event in maneuver.events:
+                        paths.append(("event", (*at_maneuver, event.name)))
+                        paths.extend(
+                            ("action", (*at_maneuver, event.name, action.name)) for action in event.actions
+                        )
+    return paths
+
+
+def ends_with(path: tuple[str, ...], tail: tuple[str, ...]) -> bool:
+    """Whether a path of names ends with another."""
+    return path[-len(tail) :] == tail
+
+
+def _check_element_references(file: Path, stories: tuple[Story, ...], stop: Trigger | None) -> None:
+    paths = element_paths(stories)
+    triggers: list[Trigger | None] = [stop]
+    for story in stories:
+        for act in story.acts:
+            triggers += [act.start, act.stop]
+            triggers += [event.start for g in act.groups for m in g.maneuvers for event in m.events]
+    conditions: list[Condition] = [c for t in triggers if t for group in t for c in group]
+    for condition in conditions:
+        kind = condition.kind
+        if not isinstance(kind, StoryboardElementStateCondition):
+            continue
+        hits = sum(k == kind.kind and ends_with(path, kind.path) for k, path in paths)
+        if hits != 1:
+            raise ContentError(
+                f"{file}: condition '{condition.name}' refers to {kind.kind} '{'/'.join(kind.path)}', "
+                f"of which there are {hits}; give its path from the story, separated by '::'"
+            )

@@ -1,0 +1,1 @@
+"""The engine: storyboard, actions, conditions, actors."""

@@ -1,0 +1,324 @@
+"""Entities of a run: where each is at any time of the present step, in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from scenarios.openscenario.control import EgoController
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import EntityDefinition
+from scenarios.openscenario.motion.paths import Path, Pose, straight
+from scenarios.openscenario.motion.profiles import SpeedProfile
+from scenarios.openscenario.motion.roads import Leg
+
+STANDING_MPS = 1e-9
+"""Slower than this is standing."""
+
+MAX_ACCELERATION_MPS2 = 20.0
+"""No controller accelerates or brakes harder; bounds how soon outlines can meet."""
+
+COMMAND_EPSILON_S = 1e-9
+"""A controller that commands from an instant this near on commands now."""
+
+
+class State(NamedTuple):
+    """Reference point of an entity at an instant, map frame; speed along the heading."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_mps: float
+    station_m: float
+    travelled_m: float
+
+    @property
+    def pose(self) -> Pose:
+        """Point and heading."""
+        return Pose(self.x_m, self.y_m, self.yaw_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Tow:
+    """Kept at a distance from another entity, on the own path.
+
+    Args:
+        leader: the other entity.
+        ahead_m: along the path from its reference point.
+    """
+
+    leader: Actor
+    ahead_m: float
+
+
+class Actor:
+    """One entity.
+
+    Motion is anchored at an instant: from there on the path and the speed profile give every later state.
+
+    Args:
+        definition: as read.
+    """
+
+    def __init__(self, definition: EntityDefinition) -> None:
+        self.definition = definition
+        self.name = definition.name
+        self.front_m = definition.center_x_m + definition.length_m / 2
+        self.rear_m = definition.length_m / 2 - definition.center_x_m
+        self.radius_m = math.hypot(
+            abs(definition.center_x_m) + definition.length_m / 2,
+            abs(definition.center_y_m) + definition.width_m / 2,
+        )
+        self.placed = False
+        self.exists = True
+        self.seen = True
+        self.lights: dict[str, str] = {}
+        self.path: Path = straight(Pose(0.0, 0.0, 0.0))
+        self.on_trajectory = False
+        self.profile = SpeedProfile(0.0, 0.0)
+        self.tow: Tow | None = None
+        self.route: list[Leg] | None = None
+        self.controller: EgoController | None = None
+        self.commanded = False
+        self.standing_since_s: float | None = 0.0
+        self.set_off_s: float | None = None
+        self._steady_s = 0.0
+        self._yaw_offset = 0.0
+        self._reversed = False
+        self._noted_s = self._noted_mps = 0.0
+        self._anchor_s = 0.0
+        self._anchor_station = 0.0
+        self._anchor_travelled = 0.0
+        self._anchor_distance = 0.0
+
+    # Where it is
+
+    def state(self, time_s: float) -> State:
+        """State at a time from the anchor on."""
+        pose = None
+        if self.controller is not None and self.commanded:
+            motion = self.controller.motion(self._anchor_s, time_s - self._anchor_s)
+            distance, speed, pose = motion.distance_m, motion.speed_mps, motion.pose
+        elif self.tow is not None:
+            return self._towed(time_s)
+        else:
+            profile = self.profile
+            if time_s >= profile.end_s:  # most of the time
+                speed = profile.final_mps
+                distance = profile.length_m + speed * (time_s - profile.end_s) - self._anchor_distance
+            else:
+                distance, speed = profile.at(time_s)
+                distance -= self._anchor_distance
+        gone = abs(distance)
+        station = self._anchor_station + (gone if self.on_trajectory else distance)
+        if pose is not None:
+            return State(pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone)
+        x, y, yaw = self.path.pose(station)
+        yaw += self._yaw_offset
+        if self.on_trajectory and (speed < 0.0 or (speed == 0.0 and self._reversed)):
+            yaw += math.pi
+        return State(x, y, yaw, speed, station, self._anchor_travelled + gone)
+
+    def _towed(self, time_s: float) -> State:
+        assert self.tow is not None
+        leader = self.tow.leader.state(time_s)
+        station = self.path.project(leader.x_m, leader.y_m)[0] + self.tow.ahead_m
+        x, y, yaw = self.path.pose(station)
+        gone = abs(station - self._anchor_station)
+        along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
+        return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
+
+    # How it can move
+
+    def fastest_mps(self, time_s: float) -> float:
+        """Greatest speed within the second after a time, as an amount; infinite if that is not known."""
+        if self.tow is not None and not self.commanded:
+            return math.inf
+        if self.controller is None:
+            return self.profile.fastest_mps
+        return max(self.profile.fastest_mps, abs(self._noted_mps)) + MAX_ACCELERATION_MPS2
+
+    def steady(self, time_s: float) -> bool:
+        """Whether its speed stays as it is unless something intervenes."""
+        return self.tow is None and not self.commanded and time_s >= self.profile.end_s
+
+    def rests(self, time_s: float) -> bool:
+        """Whether it stands until something intervenes."""
+        return self.steady(time_s) and self.profile.final_mps == 0.0
+
+    def next_kink_s(self, after_s: float) -> float:
+        """When its speed next stops to grow or to fall."""
+        if self.tow is not None or self.commanded:
+            return math.inf
+        return self.profile.next_kink_s(after_s)
+
+    def turn_rad(self, state: State, later: State) -> float:
+        """How much it turns between two states at most, whichever way."""
+        if state.station_m == later.station_m:
+            return 0.0
+        turn = self.path.turn_rad(state.station_m, later.station_m)
+        if self.commanded:  # the controller may have left the path
+            turn = max(turn, abs(math.remainder(later.yaw_rad - state.yaw_rad, 2 * math.pi)))
+        return turn
+
+    def standing_since(self, time_s: float, state: State) -> float | None:
+        """Since when it stands; None if it moves."""
+        if abs(state.speed_mps) > STANDING_MPS:
+            return None
+        if self.standing_since_s is not None:
+            return self.standing_since_s
+        low, high = self._noted_s, time_s
+        while high - low > COMMAND_EPSILON_S:
+            middle = 0.5 * (low + high)
+            if abs(self.state(middle).speed_mps) > STANDING_MPS:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    # How it moves on
+
+    def pass_on(self, time_s: float, state: State) -> None:
+        """Take note of the end of a step; who is driven by a controller is anchored there."""
+        if self.commanded:
+            self._anchor(time_s, state)
+        else:
+            stops = self.standing_since_s is None and abs(state.speed_mps) <= STANDING_MPS
+            self._note(time_s, state.speed_mps, self.standing_since(time_s, state) if stops else None)
+
+    def anchor(self, time_s: float) -> State:
+        """Anchor the motion at a time, after which earlier states are no longer asked for."""
+        state = self.state(time_s)
+        self._anchor(time_s, state)
+        return state
+
+    def _anchor(self, time_s: float, state: State) -> None:
+        since = self.standing_since(time_s, state)
+        if self.controller is not None and self.commanded:
+            self.controller.advance(self._anchor_s, time_s - self._anchor_s)
+        self._anchor_s, self._anchor_station = time_s, state.station_m
+        self._anchor_travelled = state.travelled_m
+        self._anchor_distance = self.profile.at(time_s)[0]
+        self._note(time_s, state.speed_mps, since)
+
+    def _note(self, time_s: float, speed_mps: float, standing_since_s: float | None) -> None:
+        self._noted_s, self._noted_mps = time_s, speed_mps
+        if abs(speed_mps) > STANDING_MPS:
+            self.standing_since_s = None
+            self._reversed = speed_mps < 0.0
+            if self.set_off_s is None:
+                alone = self.tow is None and not self.commanded
+                self.set_off_s = min(self.profile.sets_off_s(), time_s) if alone else time_s
+        elif self.standing_since_s is None:
+            self.standing_since_s = time_s if standing_since_s is None else standing_since_s
+
+    def heed(self, time_s: float) -> bool:
+        """Let the controller take command, or give it back, as it says; whether that has changed."""
+        if self.controller is None:
+            return False
+        commands = self.controller.commands_from_s <= time_s + COMMAND_EPSILON_S
+        if commands == self.commanded:
+            return False
+        state = self.anchor(time_s)
+        if commands:
+            self.controller.take_over(time_s, self.path, state.station_m, state.speed_mps)
+        self.commanded = commands
+        return True
+
+    def asked_mps(self, time_s: float) -> float:
+        """Speed along the heading that the scenario asks for: its speed unless a controller commands it."""
+        return self._towed(time_s).speed_mps if self.tow is not None else self.profile.at(time_s)[1]
+
+    def arrives_s(self, time_s: float, station_m: float) -> float:
+        """When it will be at a place of its path if nothing changes its plans; infinite if never."""
+        state = self.state(time_s)
+        left = station_m - state.station_m
+        if left <= 0.0:
+            return time_s
+        if self.tow is not None or self.commanded:
+            speed = self.progress_mps(state)
+            return time_s + left / speed if speed > STANDING_MPS else math.inf
+        return self.profile.covers_s(time_s, left, self.on_trajectory)
+
+    def steady_since_s(self, time_s: float) -> float | None:
+        """Since when its speed has been constant at a time; None if it is changing."""
+        leader = self.tow.leader if self.tow is not None else None
+        if leader is not None:
+            return leader.steady_since_s(time_s)
+        return None if time_s < self.profile.end_s - 1e-9 else max(self._steady_s, self.profile.end_s)
+
+    # What changes it
+
+    def teleport(self, time_s: float, path: Path, station_m: float, yaw_rad: float) -> None:
+        """Put it on a path with a heading of its own."""
+        self.anchor(time_s)
+        self.placed = True
+        self._put(path, station_m)
+        self._yaw_offset = math.remainder(yaw_rad - path.pose(station_m)[2], 2 * math.pi)
+
+    def follow(self, time_s: float, path: Path, station_m: float, trajectory: bool) -> None:
+        """Put it on a path, heading along it. A trajectory is followed from start to end, in reverse too."""
+        self.anchor(time_s)
+        self.placed = True
+        self._yaw_offset = 0.0
+        self.on_trajectory = trajectory
+        self._put(path, station_m)
+
+    def _put(self, path: Path, station_m: float) -> None:
+        self.path, self._anchor_station = path, station_m
+        self.tow = None
+
+    def drive(self, time_s: float, profile: SpeedProfile) -> None:
+        """Give it a new speed profile from a time on."""
+        before = self.steady_since_s(time_s)
+        state = self.anchor(time_s)
+        self.tow = None
+        self.profile = profile
+        self._anchor_distance = profile.at(time_s)[0]
+        same = before is not None and abs(profile.at(time_s)[1] - state.speed_mps) < STANDING_MPS
+        self._steady_s = before if same and before is not None else time_s
+        if not self.commanded:
+            self._note(time_s, profile.at(time_s)[1], time_s)
+
+    def attach(self, time_s: float, leader: Actor, ahead_m: float) -> None:
+        """Keep a distance from another entity from a time on."""
+        self.anchor(time_s)
+        chain: Actor | None = leader
+        while chain is not None:
+            if chain is self:
+                raise RunError(f"'{self.name}' keeps a distance from an entity that keeps one from it")
+            chain = chain.tow.leader if chain.tow is not None else None
+        self.tow = Tow(leader, ahead_m)
+        if self.commanded:
+            return
+        state = self._towed(time_s)
+        self._anchor_station = state.station_m
+        self._note(time_s, state.speed_mps, time_s)
+
+    def detach(self, time_s: float) -> None:
+        """Go on alone with the present speed."""
+        if self.tow is not None:
+            self.keep_speed(time_s)
+
+    def keep_speed(self, time_s: float) -> None:
+        """Go on with the speed that it has (or, while it is commanded, that the scenario asks for)."""
+        self.drive(time_s, SpeedProfile(time_s, self.asked_mps(time_s)))
+
+    # Outline
+
+    def box(self, state: State) -> tuple[float, float, float, float, float]:
+        """Centre x, centre y, length, width and yaw of its bounding box."""
+        d = self.definition
+        c, s = math.cos(state.yaw_rad), math.sin(state.yaw_rad)
+        return (
+            state.x_m + c * d.center_x_m - s * d.center_y_m,
+            state.y_m + s * d.center_x_m + c * d.center_y_m,
+            d.length_m,
+            d.width_m,
+            state.yaw_rad,
+        )
+
+    def progress_mps(self, state: State) -> float:
+        """Speed along its path."""
+        return abs(state.speed_mps) if self.on_trajectory else state.speed_mps

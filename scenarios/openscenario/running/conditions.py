@@ -1,0 +1,166 @@
+"""Conditions of a run under observation: edges, delays, and until when they cannot change."""
+
+from __future__ import annotations
+
+import math
+
+from scenarios.openscenario import model
+from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.holding import Holding, Mark, holding, referred
+from scenarios.openscenario.running.world import Instant, World
+
+TIME_EPSILON_S = 1e-9
+"""Times closer than this are the same."""
+
+WORTH_S, RETRY_S = 0.02, 0.1
+"""Where a condition is settled for less than the first, that is worked out again only after the second."""
+
+
+class Observed:
+    """A bare condition, compared with what it was when the storyboard last did something.
+
+    Args:
+        holding: the condition.
+    """
+
+    __slots__ = ("_before", "_retry_s", "flips", "holding", "settled_s")
+
+    def __init__(self, holding: Holding) -> None:
+        self.holding = holding
+        self.flips = holding.flips
+        """Whether it may change and change back between two instants at which it is the same; None: never."""
+        self._before: Mark = False
+        self._retry_s = -math.inf
+        self.settled_s = -math.inf
+        """Until when it cannot change."""
+
+    def begin(self, now: Instant) -> None:
+        """Take note of its value, with which later ones are compared."""
+        self._before = self.holding.mark(now)
+        self.unsettle()
+
+    def unsettle(self) -> None:
+        """Forget until when it cannot change."""
+        self.settled_s = self._retry_s = -math.inf
+
+    def changed(self, instant: Instant) -> bool:
+        """Whether it differs from its value at the beginning."""
+        return self.holding.mark(instant) != self._before
+
+    def next_s(self, after_s: float) -> float:
+        """When it may change by the clock next."""
+        time_s = math.inf if self.holding.next_s is None else self.holding.next_s()
+        return time_s if time_s > after_s else math.inf
+
+    def settle(self, now: Instant) -> None:
+        """Find until when it cannot change, unless that was in vain a moment ago."""
+        if now.time_s >= self._retry_s:
+            self.settled_s = self.holding.settled_s(now)
+            if self.settled_s <= now.time_s + WORTH_S:
+                self._retry_s = now.time_s + RETRY_S
+
+
+class Watch(Observed):
+    """A condition of a trigger.
+
+    `look` gives what the trigger sees: the edge of the bare condition, later by the delay. A first look at a
+    condition is no edge, and neither is a deletion of somebody whom it is about.
+
+    Args:
+        condition: as read.
+        world: what it refers to.
+    """
+
+    __slots__ = (
+        "_about", "_delay_s", "_due", "_edge", "_history", "_last", "_moves", "_pulses", "_there", "varies"
+    )  # fmt: skip
+
+    def __init__(self, condition: model.Condition, world: World) -> None:
+        super().__init__(holding(condition.kind, world))
+        self._edge, self._delay_s = condition.edge, condition.delay_s
+        self._last: bool | None = None
+        self._history: list[tuple[float, bool]] = []
+        self._pulses: list[float] = []
+        self._due = False
+        self._moves = isinstance(condition.kind, model.EntityCondition | model.SimulationTimeCondition)
+        self._about: list[Actor] = []
+        if isinstance(condition.kind, model.EntityCondition):
+            names = (*condition.kind.entities, *sorted(referred(condition.kind.kind)))
+            self._about = [world.actors[name] for name in names]
+        self._there = [True] * len(self._about)
+        self.varies = self._moves or self._delay_s > 0.0
+        """Whether it can change while the storyboard does not."""
+
+    # What the trigger sees
+
+    def due(self, instant: Instant) -> bool:
+        """Whether something that was delayed is due at a time."""
+        latest = instant.time_s - self._delay_s + TIME_EPSILON_S
+        if self._edge != "none":
+            return any(pulse <= latest for pulse in self._pulses)
+        value = False
+        for time_s, state in self._history:
+            if time_s > latest:
+                break
+            value = state
+        return value
+
+    def look(self, instant: Instant) -> bool:
+        """Value at an instant, which becomes part of the history."""
+        raw = self.holding.holds(instant)
+        there = [actor.exists for actor in self._about]
+        if there != self._there:
+            self._there, self._last = there, None
+        before, self._last = self._last, raw
+        if self._edge == "none":
+            if self._delay_s == 0.0:
+                return raw
+            if not self._history or raw != self._history[-1][1]:
+                self._history.append((instant.time_s, raw))
+            return self.due(instant)
+        rose, fell = before is False and raw, before is True and not raw
+        fired = {"rising": rose, "falling": fell, "risingOrFalling": rose or fell}[self._edge]
+        if self._delay_s == 0.0:
+            return fired
+        if fired:
+            self._pulses.append(instant.time_s)
+        due = self.due(instant)
+        latest = instant.time_s - self._delay_s + TIME_EPSILON_S
+        self._pulses = [pulse for pulse in self._pulses if pulse > latest]
+        return due
+
+    def forget(self) -> None:
+        """Begin to look again after a time in which nobody did: what changed meanwhile is no edge now."""
+        self._last = None
+
+    # Changes between two looks
+
+    def begin(self, now: Instant) -> None:
+        """Take note of its value, and of what is due."""
+        self.unsettle()
+        if self._moves:
+            super().begin(now)
+        if self._delay_s > 0.0:
+            self._due = self.due(now)
+
+    def changed(self, instant: Instant) -> bool:
+        """Whether it differs from its value at the beginning, or something is due that was not."""
+        if self._moves and super().changed(instant):
+            return True
+        return self._delay_s > 0.0 and self.due(instant) != self._due
+
+    def next_s(self, after_s: float) -> float:
+        """When it may change by the clock next, or something that was delayed is due."""
+        if self._delay_s == 0.0:
+            return super().next_s(after_s)
+        times = [time_s + self._delay_s for time_s, _ in self._history]
+        times += [time_s + self._delay_s for time_s in self._pulses]
+        times.append(super().next_s(after_s))
+        return min(time_s for time_s in times if time_s > after_s)
+
+    def settle(self, now: Instant) -> None:
+        """Find until when it cannot change."""
+        if not self._moves:
+            self.settled_s = self.next_s(now.time_s) - TIME_EPSILON_S
+        elif self._delay_s == 0.0:
+            super().settle(now)

@@ -1,0 +1,498 @@
+"""Runs a scenario: exact between events, whatever the step.
+
+Within a step every state is a closed form of time. Where a condition changes, an action ends or outlines
+touch inside a step, the instant is found by bisection and the step is split there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.openscenario import model
+from scenarios.openscenario.control import EgoController
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.paths import Pose
+from scenarios.openscenario.motion.positions import Locator, references
+from scenarios.openscenario.motion.roads import Roads, load_roads
+from scenarios.openscenario.motion.trajectories import starts_at_entity
+from scenarios.openscenario.running.actions import referred
+from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.conditions import Observed
+from scenarios.openscenario.running.holding import touching
+from scenarios.openscenario.running.initial import in_order
+from scenarios.openscenario.running.storyboard import Storyboard
+from scenarios.openscenario.running.world import Instant, World
+from smartmot.types import BoolArray, Boxes, FloatArray, StrArray, unchecked
+
+STEP_S = 0.01
+"""Step of a run: how often states are sampled and a synchronised entity looks at its master."""
+
+TOLERANCE_S = 1e-9
+"""Instants inside a step are found this exactly."""
+
+TIME_DIGITS = 12
+"""Ends of steps are rounded to so many decimals, so that 300 steps of 0.01 s end at 3 s."""
+
+FINEST_S = 1e-5
+"""What holds for a shorter time than this may be overlooked."""
+
+MAX_LOOKS, MANY_LOOKS_S = 100, 1e-3
+"""What stays close to its value all the time is, after so many looks into a step, looked at this often."""
+
+MAX_SPLITS = 1000
+"""More changes within one step are a fault of the scenario."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entities:
+    """All entities at one instant, as arrays in the order of the scenario, map frame.
+
+    Args:
+        time_s: when.
+        name: (N,) names.
+        category: (N,) detection categories.
+        reference_m: (N, 2) reference points (of vehicles: middle of the rear axle).
+        boxes: N bounding boxes.
+        speed_mps: (N,) along the heading, negative in reverse.
+        exists: (N,) not deleted.
+        seen: (N,) exists and is visible to sensors.
+    """
+
+    time_s: float
+    name: StrArray
+    category: StrArray
+    reference_m: FloatArray
+    boxes: Boxes
+    speed_mps: FloatArray
+    exists: BoolArray
+    seen: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """First touch of the ego's outline with another.
+
+    Args:
+        time_s: when.
+        entity: the other.
+        ego_speed_mps, entity_speed_mps: along their headings.
+        impact_location_percent: where the centre of the other's box meets the ego's width: 0 its right edge,
+            100 its left edge (Euro NCAP's counting).
+    """
+
+    time_s: float
+    entity: str
+    ego_speed_mps: float
+    entity_speed_mps: float
+    impact_location_percent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What a run came to; None where it did not happen. N entities, T samples.
+
+    Args:
+        contact_time_s: first contact of the ego.
+        contact_entity: with whom.
+        target: the entity that the scenario is about.
+        target_start_time_s: when it left standstill.
+        target_steady_time_s: since when its speed was constant at the contact (without contact: at the end).
+        ego_speed_at_contact_kmh, target_speed_at_contact_kmh: of the ego and of the entity hit.
+        impact_location_percent: see `Contact`.
+        end_time_s: end of the run.
+        stopped: whether the storyboard's stop trigger ended it (not the time limit).
+        names: (N,) entities.
+        time_s: (T,) sampling times.
+        x_m, y_m, yaw_rad: (T, N) reference points and headings.
+        speed_mps: (T, N) speeds.
+        exists: (T, N) whether the entity is there.
+    """
+
+    contact_time_s: float | None
+    contact_entity: str | None
+    target: str | None
+    target_start_time_s: float | None
+    target_steady_time_s: float | None
+    ego_speed_at_contact_kmh: float | None
+    target_speed_at_contact_kmh: float | None
+    impact_location_percent: float | None
+    end_time_s: float
+    stopped: bool
+    names: StrArray
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    yaw_rad: FloatArray
+    speed_mps: FloatArray
+    exists: BoolArray
+
+
+class Engine:
+    """One run of a scenario.
+
+    Args:
+        definition: the scenario.
+        ego_controller: drives the ego from the instant on that it says; None: the scenario does throughout.
+        ego: name of the ego; the first entity if there is none of that name.
+        step_s: step.
+        roads: the network, if it is already loaded.
+        until_contact: whether the ego's first contact ends the run.
+        apply_performance: whether vehicles stay within the Performance that their catalog gives them, as in
+            esmini; else it is noted where the file asks for more.
+
+    Raises:
+        RunError: an initial action cannot be carried out.
+    """
+
+    def __init__(
+        self,
+        definition: model.ScenarioDefinition,
+        ego_controller: EgoController | None = None,
+        ego: str = "Ego",
+        step_s: float = STEP_S,
+        roads: Roads | None = None,
+        until_contact: bool = False,
+        apply_performance: bool = False,
+    ) -> None:
+        if not step_s > 0.0:
+            raise RunError(f"step_s: expected a positive number, got {step_s}")
+        self.definition, self.step_s, self.until_contact = definition, step_s, until_contact
+        self._actors = {entity.name: Actor(entity) for entity in definition.entities}
+        self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
+        locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
+        self.world = World(
+            self._actors, locator, dict(definition.variables), apply_performance=apply_performance
+        )
+        self.storyboard = Storyboard(definition, self.world)
+        self.time_s = 0.0
+        self.contact: Contact | None = None
+        self._names = _read_only([entity.name for entity in definition.entities])
+        self._categories = _read_only([entity.category for entity in definition.entities])
+        self._others = [actor for actor in self._actors.values() if actor is not self.ego]
+        self._touches = [(other, Observed(touching(self.ego, other))) for other in self._others]
+        self._watching: list[Observed] = []
+        self._open: list[Observed] = []
+        self._looks = 0
+        self._kink_s = math.inf
+        self._times: list[float] = []
+        self._samples: list[list[State]] = []
+        self._existing: list[list[bool]] = []
+        self._target_at_contact: float | None = None
+        try:
+            self._begin(ego_controller)
+        except RunError as error:
+            raise RunError(f"{definition.path}: {error}") from None
+        self.target = self._find_target()
+
+    # Start
+
+    def _begin(self, controller: EgoController | None) -> None:
+        instant = Instant(0.0, self._actors)
+        for entity, action in in_order(self.definition.init):
+            if not isinstance(action, model.SpeedAction):
+                for name in sorted(referred(action)):
+                    self._pose_now(name)  # refuses a place that is not known
+            self.storyboard.execute(instant, action, () if entity is None else (entity,))
+        for actor in self._actors.values():
+            if not actor.placed:
+                raise RunError(f"entity '{actor.name}' is never given a position in Init")
+        self.ego.controller = controller
+        self.ego.heed(0.0)
+        self._check_places()
+        self._now = Instant(0.0, self._actors)
+        self._first_contact(self._now)
+        self._process()
+        self._sample()
+
+    def _check_places(self) -> None:
+        """Find places off the road that an action or a condition names before the run.
+
+        What is relative to an entity is known only when its action starts.
+        """
+        locator = self.world.locator
+        for event in self.definition.events():
+            for action in (named.action for named in event.actions):
+                match action:
+                    case model.SynchronizeAction():
+                        for position in (action.target, action.master_target):
+                            if not references(position):
+                                locator.pose(position)
+                    case model.TeleportAction() if not references(action.position):
+                        locator.pose(action.position)
+                    case model.FollowTrajectoryAction(trajectory=curve):
+                        if not starts_at_entity(curve) and not references(curve):
+                            locator.trajectory(curve, None)
+                    case model.AssignRouteAction() if not references(action.route):
+                        locator.legs(action.route)
+        for condition in self.definition.conditions():
+            match condition.kind:
+                case model.EntityCondition(kind=model.ReachPositionCondition(position=position)):
+                    if not references(position):
+                        locator.pose(position)
+
+    def _pose_now(self, name: str) -> Pose:
+        actor = self._actors[name]
+        if not actor.placed:
+            raise RunError(f"a position refers to '{name}' before that has one")
+        return actor.state(self.time_s).pose
+
+    def _find_target(self) -> str | None:
+        """Whom the ego is to meet.
+
+        Named in a collision condition, synchronised with the ego, set in motion by an event, or the next.
+        """
+        names: list[str] = []
+        moved: list[str] = []
+        for event in self.definition.events():
+            for condition in (c for group in event.start or () for c in group):
+                kind = condition.kind
+                if not isinstance(kind, model.EntityCondition) or self.ego.name not in kind.entities:
+                    continue
+                if isinstance(kind.kind, model.CollisionCondition):
+                    names.insert(0, kind.kind.entity)
+            for action in event.actions:
+                if isinstance(action.action, model.SynchronizeAction):
+                    names.extend(action.entities)
+                elif isinstance(action.action, model.SpeedAction | model.FollowTrajectoryAction):
+                    moved.extend(action.entities)
+        names.extend((*moved, *(actor.name for actor in self._others)))
+        return next((name for name in names if name != self.ego.name), None)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines about what is not as the file asks for it, so far."""
+        return self.world.notes
+
+    # Stepping
+
+    @property
+    def over(self) -> bool:
+        """Whether the storyboard has ended, or the contact that ends the run has come."""
+        return self.storyboard.over or (self.until_contact and self.contact is not None)
+
+    def advance(self, duration_s: float | None = None) -> None:
+        """Move on by a duration (default: one step), or to the end of the storyboard if that comes first.
+
+        Raises:
+            RunError: an action cannot be carried out, or events start one another without end.
+        """
+        left_s = self.step_s if duration_s is None else duration_s
+        try:
+            while left_s > TOLERANCE_S and not self.over:
+                step_s = min(left_s, self.step_s)
+                self._advance(step_s)
+                left_s -= step_s
+        except RunError as error:
+            raise RunError(f"{self.definition.path}: {error}") from None
+
+    def _advance(self, duration_s: float) -> None:
+        """Move on by no more than a step."""
+        end = round(self.time_s + duration_s, TIME_DIGITS)
+        for _ in range(MAX_SPLITS):
+            if self.over or self.time_s >= end - TOLERANCE_S:
+                break
+            if self.ego.heed(self.time_s):
+                self._process()
+            if self.storyboard.update(self._now):
+                self._unsettle()
+            if self._kink_s <= self.time_s + TOLERANCE_S:
+                self._kink_s = self._next_kink_s()
+            until = min(end, self._kink_s, self._command_s())
+            ahead = Instant(until if until < end - TOLERANCE_S else end, self._actors)
+            self._open = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
+            self._looks = 0
+            change = self._first_change(self._now, ahead)
+            if change is None:
+                self._move(ahead)
+                for watch in self._open:
+                    watch.settle(ahead)
+            else:
+                self._move(change)
+                self._first_contact(self._now)
+                self._process()
+        else:
+            raise RunError(f"at {self.time_s:.3f} s more than {MAX_SPLITS} changes within one step")
+        self._sample()
+
+    def _command_s(self) -> float:
+        """When the controller takes command, if that is to come."""
+        controller = self.ego.controller
+        return math.inf if controller is None or self.ego.commanded else controller.commands_from_s
+
+    def _move(self, instant: Instant) -> None:
+        self.time_s, self._now = instant.time_s, instant
+        for actor in self._actors.values():
+            actor.pass_on(instant.time_s, instant.state(actor.name))
+
+    def _process(self) -> None:
+        """Carry out what follows from a change, and note what to watch from now on."""
+        self.storyboard.process(self._now)
+        self._now = Instant(self.time_s, self._actors)
+        self._first_contact(self._now)  # an action may have put somebody there
+        self._watching = [watch for watch in self.storyboard.watches() if watch.varies]
+        if self.contact is None and self.ego.exists:
+            self._watching += [watch for other, watch in self._touches if other.exists]
+        for watch in self._watching:
+            watch.begin(self._now)
+        self._kink_s = self._next_kink_s()
+
+    def _unsettle(self) -> None:
+        """Look at everything again: somebody moves in another way than before."""
+        self._now = Instant(self.time_s, self._actors)
+        for watch in self._watching:
+            watch.unsettle()
+        self._kink_s = self._next_kink_s()
+
+    def _next_kink_s(self) -> float:
+        """The next time at which something stops to grow or to fall, or changes by the clock."""
+        after = self.time_s + TOLERANCE_S
+        times = [actor.next_kink_s(after) for actor in self._actors.values()]
+        times += [watch.next_s(after) for watch in self._watching]
+        return min(times, default=math.inf)
+
+    # Changes inside a step
+
+    def _first_change(self, a: Instant, b: Instant) -> Instant | None:
+        """The first instant after one and up to another at which something differs; None if nothing does.
+
+        An interval at whose ends all is the same is halved as long as something may have changed and changed
+        back in it.
+        """
+        if self._differs(b):
+            if not self._may_flip(a, b):
+                return self._bisected(a.time_s, b)
+            least = TOLERANCE_S
+        elif self._may_flip(a, b):
+            self._looks += 1
+            least = FINEST_S if self._looks <= MAX_LOOKS else MANY_LOOKS_S
+        else:
+            return None
+        if b.time_s - a.time_s <= least:
+            return b if least == TOLERANCE_S else None
+        middle = Instant(0.5 * (a.time_s + b.time_s), self._actors)
+        return self._first_change(a, middle) or self._first_change(middle, b)
+
+    def _differs(self, instant: Instant) -> bool:
+        """Whether something is not as it was after the last change."""
+        for watch in self._open:
+            if watch.changed(instant):
+                return True
+        for part in self.storyboard.running:  # noqa: SIM110 - asked at each step, where a generator costs twice
+            if part.ended(instant):
+                return True
+        return False
+
+    def _may_flip(self, a: Instant, b: Instant) -> bool:
+        """Whether something that is the same at two instants may differ between them."""
+        for watch in self._open:
+            flips = watch.flips
+            if flips is not None and flips(a, b) and not watch.changed(b):
+                return True
+        return False
+
+    def _bisected(self, low_s: float, high: Instant) -> Instant:
+        """The instant of a change before an instant at which something differs."""
+        while high.time_s - low_s > TOLERANCE_S:
+            middle = Instant(0.5 * (low_s + high.time_s), self._actors)
+            if self._differs(middle):
+                high = middle
+            else:
+                low_s = middle.time_s
+        return high
+
+    # Contact
+
+    def _first_contact(self, instant: Instant) -> None:
+        """Take note of the ego's first contact, if this is it."""
+        if self.contact is not None or not self.ego.exists:
+            return
+        touched = (o for o, watch in self._touches if o.exists and watch.holding.holds(instant))
+        other = next(touched, None)
+        if other is None:
+            return
+        name = other.name
+        ego, hit = instant.state(self.ego.name), instant.state(name)
+        ego_box, hit_box = self.ego.box(ego), other.box(hit)
+        left = (hit_box[1] - ego_box[1]) * math.cos(ego.yaw_rad) - (hit_box[0] - ego_box[0]) * math.sin(
+            ego.yaw_rad
+        )
+        self.contact = Contact(
+            time_s=instant.time_s,
+            entity=name,
+            ego_speed_mps=ego.speed_mps,
+            entity_speed_mps=hit.speed_mps,
+            impact_location_percent=50.0 + 100.0 * left / self.ego.definition.width_m,
+        )
+        self._target_at_contact = other.steady_since_s(instant.time_s)
+
+    # Results
+
+    def _sample(self) -> None:
+        self._times.append(self.time_s)
+        self._samples.append([self._now.state(name) for name in self._actors])
+        self._existing.append([actor.exists for actor in self._actors.values()])
+
+    @property
+    def ego_speed_mps(self) -> float:
+        """The ego's speed now along its heading, negative in reverse."""
+        return self._now.state(self.ego.name).speed_mps
+
+    @property
+    def entities(self) -> Entities:
+        """All entities now."""
+        actors = list(self._actors.values())
+        states = [self._now.state(actor.name) for actor in actors]
+        boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
+        return Entities(
+            time_s=self.time_s,
+            name=self._names,
+            category=self._categories,
+            reference_m=np.array([(state.x_m, state.y_m) for state in states]),
+            boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
+            speed_mps=np.array([state.speed_mps for state in states]),
+            exists=np.array([actor.exists for actor in actors]),
+            seen=np.array([actor.exists and actor.seen for actor in actors]),
+        )
+
+    def run(self, time_limit_s: float = 120.0) -> Run:
+        """Run to the end of the storyboard, or to the time limit."""
+        while not self.over and self.time_s < time_limit_s - TOLERANCE_S:
+            self.advance()
+        return self.result()
+
+    def result(self) -> Run:
+        """What the run has come to so far."""
+        contact = self.contact
+        target = self._actors.get((contact.entity if contact else self.target) or "")
+        steady = (
+            self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
+        )
+        table = np.array(self._samples)
+        return Run(
+            contact_time_s=contact.time_s if contact else None,
+            contact_entity=contact.entity if contact else None,
+            target=target.name if target else None,
+            target_start_time_s=target.set_off_s if target else None,
+            target_steady_time_s=steady,
+            ego_speed_at_contact_kmh=3.6 * contact.ego_speed_mps if contact else None,
+            target_speed_at_contact_kmh=3.6 * contact.entity_speed_mps if contact else None,
+            impact_location_percent=contact.impact_location_percent if contact else None,
+            end_time_s=self.time_s,
+            stopped=self.over,
+            names=self._names,
+            time_s=np.array(self._times),
+            x_m=table[..., 0],
+            y_m=table[..., 1],
+            yaw_rad=table[..., 2],
+            speed_mps=table[..., 3],
+            exists=np.array(self._existing),
+        )
+
+
+def _read_only(names: list[str]) -> StrArray:
+    array = np.array(names, dtype=np.str_)
+    array.setflags(write=False)
+    return array

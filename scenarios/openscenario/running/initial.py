@@ -1,0 +1,69 @@
+"""The order in which initial actions are carried out.
+
+They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an
+action that refers to an entity waits until that entity has its initial place and speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenarios.openscenario import model
+from scenarios.openscenario.running.actions import referred
+
+InitialAction = tuple[str | None, model.Action]
+"""Entity (None: a global action) and action."""
+
+_PLACE, _SPEED = "place", "speed"
+
+
+def in_order(init: Sequence[InitialAction]) -> list[InitialAction]:
+    """Initial actions, each after those that it depends on; otherwise as the file has them.
+
+    Actions that wait for one another in a circle stay in the order of the file.
+    """
+    waiting, ordered = list(init), list[InitialAction]()
+    while waiting:
+        ready = next((k for k in range(len(waiting)) if not _waits(k, waiting)), 0)
+        ordered.append(waiting.pop(ready))
+    return ordered
+
+
+def _sets(action: model.Action) -> frozenset[str]:
+    """What an action gives its entity."""
+    match action:
+        case model.TeleportAction():
+            return frozenset({_PLACE})
+        case model.SpeedAction() | model.SynchronizeAction():
+            return frozenset({_SPEED})
+        case model.LongitudinalDistanceAction() | model.FollowTrajectoryAction():
+            return frozenset({_PLACE, _SPEED})
+    return frozenset()
+
+
+def _asks(action: model.Action) -> frozenset[str]:
+    """What an action has to know of the entities that it refers to."""
+    match action:
+        case model.TeleportAction() | model.FollowTrajectoryAction() | model.AssignRouteAction():
+            return frozenset({_PLACE})
+        case model.SpeedAction():
+            return frozenset({_SPEED})
+    return frozenset({_PLACE, _SPEED})
+
+
+def _waits(k: int, waiting: Sequence[InitialAction]) -> bool:
+    """Whether an action depends on another one that waits too."""
+    entity, action = waiting[k]
+    names, asked, set_by_it = referred(action), _asks(action), _sets(action)
+    needs_place = not isinstance(action, model.TeleportAction | model.SpeedAction)
+    for number, (other, before) in enumerate(waiting):
+        if number == k:
+            continue
+        if other in names and other != entity and _sets(before) & asked:
+            return True
+        # of the entity's own the place comes first, and what sets the same stays in the order of the file
+        if other == entity and number < k and _sets(before) & set_by_it:
+            return True
+        if other == entity and needs_place and isinstance(before, model.TeleportAction | model.SpeedAction):
+            return True
+    return False

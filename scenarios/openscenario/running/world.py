@@ -1,0 +1,84 @@
+"""Everything that conditions and actions of a run refer to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model import Environment
+from scenarios.openscenario.motion.positions import Locator
+from scenarios.openscenario.running.actors import Actor, State
+from smartmot.geometry import signed_gap_scalar
+
+
+@dataclass(slots=True)
+class Instant:
+    """A time and the states of the entities at it; states are worked out when they are asked for.
+
+    Args:
+        time_s: when.
+        actors: entities by name.
+        memo: what has been worked out for it.
+    """
+
+    time_s: float
+    actors: Mapping[str, Actor]
+    memo: dict[object, Any] = field(default_factory=dict)
+
+    def state(self, name: str) -> State:
+        """State of an entity."""
+        state: State | None = self.memo.get(name)
+        if state is None:
+            state = self.memo[name] = self.actors[name].state(self.time_s)
+        return state
+
+    def gap_m(self, a: str, b: str) -> float:
+        """Free distance of two outlines; not positive where they touch or overlap."""
+        gap: float | None = self.memo.get((a, b))
+        if gap is None:
+            one, other = self.actors[a], self.actors[b]
+            gap = signed_gap_scalar(one.box(self.state(a)), other.box(self.state(b)))
+            self.memo[a, b] = gap
+        return gap
+
+    def circle_gap_m(self, a: str, b: str) -> float:
+        """A lower bound of the free distance, quickly."""
+        one, other = self.state(a), self.state(b)
+        reach = self.actors[a].radius_m + self.actors[b].radius_m
+        dx, dy = one.x_m - other.x_m, one.y_m - other.y_m
+        return float((dx * dx + dy * dy) ** 0.5) - reach
+
+
+@dataclass(slots=True)
+class World:
+    """State of a run apart from the storyboard.
+
+    Args:
+        actors: entities by name.
+        locator: positions, routes, trajectories.
+        variables: present values.
+        element_state: tells whether a storyboard element is in a state or just made a transition.
+        environment: light and weather, if the scenario sets them.
+        apply_performance: whether entities stay within their Performance, whatever the file asks for.
+    """
+
+    actors: dict[str, Actor]
+    locator: Locator
+    variables: dict[str, Value]
+    element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
+    environment: Environment | None = None
+    apply_performance: bool = False
+    _notes: dict[tuple[str, ...], tuple[float, str]] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines about what is not as the file asks for it."""
+        return tuple(line for _, line in self._notes.values())
+
+    def note(self, line: str, about: tuple[str, ...] = (), amount: float = 0.0) -> None:
+        """Take a note; of those about the same, the one of the greatest amount stays."""
+        key = about or (line,)
+        if key not in self._notes or self._notes[key][0] < amount:
+            self._notes[key] = amount, line

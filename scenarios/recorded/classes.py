@@ -1,0 +1,60 @@
+"""Names of classes as the tracker's categories: each format's own, and the user's in `classes.csv`.
+
+The file, beside the detections or in the data's folder, has a header and two columns::
+
+    class,category
+    van,car
+    rider,cyclist
+    traffic_sign,
+
+Its rows overrule and extend the format's own names. A class without category is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.recorded.textfile import read_headed_table
+from smartmot.types import CATEGORIES, StrArray
+
+CLASSES_CSV = "classes.csv"
+LEFT_OUT = ""
+"""In place of a category: boxes of this class are not read."""
+
+ClassMap = Mapping[str, str]
+"""Category, or LEFT_OUT, of each class."""
+
+
+def read_classes(folder: Path, own: ClassMap) -> ClassMap:
+    """The format's own classes with those of the user's file, if there is one.
+
+    Args:
+        folder: Where `classes.csv` may be.
+        own: Classes of the format.
+
+    Raises:
+        DatasetError: The file is wrong; the message names file, line and field.
+    """
+    path = folder / CLASSES_CSV
+    if not path.is_file():
+        return own
+    table = read_headed_table(path, ("class", "category"), ())
+    allowed = (*CATEGORIES, LEFT_OUT)
+    table.require(
+        np.isin(table["category"], allowed), "category", f"must be empty or one of {', '.join(CATEGORIES)}"
+    )
+    return {**own, **dict(zip(table["class"].tolist(), table["category"].tolist(), strict=True))}
+
+
+def categories(names: Iterable[str], classes: ClassMap) -> StrArray:
+    """(K,) categories of K classes, LEFT_OUT where they have none.
+
+    Args:
+        names: Classes, all of them known.
+        classes: What they mean.
+    """
+    unique, inverse = np.unique(np.asarray(names, dtype=np.str_), return_inverse=True)
+    return np.array([classes[name] for name in unique.tolist()], dtype=np.str_)[inverse]

@@ -1,0 +1,282 @@
+"""Recorded data as arrays: the boxes of a whole sequence in one value, frame after frame.
+
+How to use it::
+
+    from scenarios.recorded.kitti import read_kitti
+
+    data = read_kitti(Path("../shared/kitti"))
+    for sequence in data.sequences:
+        tracker = smartmot.Tracker(config)
+        for detections in sequence.frames():  # smartmot.Detections, world frame, in the order of time
+            tracks = tracker.update(detections)
+
+or, with accuracy (`evaluation.studies.mot.run`)::
+
+    tracked = track_dataset(data, config)
+    scores = score_tracks(tracked, ("distance",))  # first of each category: all sequences together
+
+The world frame is that of the data set: x and y span the ground, z points up. With ego poses it stands still;
+without them it is the vehicle's own (x ahead, y left), and a track's velocity is relative to the vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.errors import DatasetError
+from smartmot.detection_input import (
+    GREATEST_BOX,
+    LEAST_BOX,
+    MAX_POSITION_M,
+    MAX_SIZE_M,
+    MIN_SIZE_M,
+    measured_velocities,
+)
+from smartmot.types import BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray
+
+_LONGEST_NUMBER = 16
+"""A name with so many digits is a token, not a number."""
+
+MAX_FRAMES = 10_000_000
+"""Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Objects:
+    """Boxes of one sequence: K rows in the order of the frames.
+
+    Args:
+        frame: (K,) positions in the sequence's frames, ascending.
+        object_id: (K,) identity: of the label or the track; the row's number for detections.
+        category: (K,) names out of `smartmot.types.CATEGORIES`.
+        kind: (K,) the data set's own name of the class.
+        score: (K,) confidence: of detections in [0, 1], of tracks to be written in the detector's scale.
+        center_m: (K, 2) centres on the ground, world frame.
+        size_m: (K, 2) length and width.
+        yaw_rad: (K,) headings, counter-clockwise from x, world frame.
+        bottom_m: (K,) height of the box's underside, world frame.
+        height_m: (K,) height of the box.
+        velocity_mps: (K, 2) velocity over ground, world frame; NaN where it is not known.
+        ignored: (K,) labels that count neither as found nor as missed.
+    """
+
+    frame: IntArray
+    object_id: IntArray
+    category: StrArray
+    kind: StrArray
+    score: FloatArray
+    center_m: FloatArray
+    size_m: FloatArray
+    yaw_rad: FloatArray
+    bottom_m: FloatArray
+    height_m: FloatArray
+    velocity_mps: FloatArray
+    ignored: BoolArray
+
+    def __post_init__(self) -> None:
+        shapes = {item.name: getattr(self, item.name).shape[:1] for item in fields(self)}
+        if len(set(shapes.values())) != 1:
+            raise DatasetError(f"objects: expected arrays of one length, got {shapes}")
+        if np.any(np.diff(self.frame) < 0):
+            raise DatasetError("objects: rows must be in the order of the frames")
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def __getitem__(self, index: Any) -> Objects:
+        """Subset by a mask, a slice or an ascending index array."""
+        return Objects(**{item.name: getattr(self, item.name)[index] for item in fields(self)})
+
+    @classmethod
+    def of(cls, frame: NDArray[Any], center_m: FloatArray, **columns: NDArray[Any]) -> Objects:
+        """Rows in any order, sorted by frame; columns not given are filled with what says nothing.
+
+        Args:
+            frame: (K,) positions in the sequence's frames.
+            center_m: (K, 2) centres.
+            columns: The other fields; sizes and headings are needed.
+        """
+        count = len(frame)
+        filled: dict[str, NDArray[Any]] = {
+            "frame": np.asarray(frame, dtype=np.int64),
+            "object_id": np.arange(count),
+            "category": np.full(count, "unknown"),
+            "kind": columns.get("category", np.full(count, "unknown")),
+            "score": np.ones(count),
+            "center_m": center_m,
+            "bottom_m": np.zeros(count),
+            "height_m": np.full(count, 1.5),
+            "velocity_mps": np.full((count, 2), np.nan),
+            "ignored": np.zeros(count, dtype=np.bool_),
+        } | columns
+        order = np.argsort(filled["frame"], kind="stable")
+        return cls(**{name: values[order] for name, values in filled.items()})
+
+    @classmethod
+    def empty(cls) -> Objects:
+        """No rows."""
+        return cls.of(np.zeros(0), np.zeros((0, 2)), size_m=np.zeros((0, 2)), yaw_rad=np.zeros(0))
+
+    def frame_starts(self, frame_count: int) -> IntArray:
+        """(F + 1,) rows at which the frames start, and the number of rows."""
+        return np.searchsorted(self.frame, np.arange(frame_count + 1)).astype(np.int64)
+
+    def usable(self) -> BoolArray:
+        """(K,) rows whose box is possible (as in `smartmot.detections_from_arrays`) and has a score."""
+        box = np.column_stack((self.center_m, self.size_m, self.yaw_rad))
+        good = ((box >= LEAST_BOX) & (box <= GREATEST_BOX)).all(axis=1) & np.isfinite(self.score)
+        good &= (self.height_m >= MIN_SIZE_M) & (self.height_m <= MAX_SIZE_M)
+        good &= np.abs(self.bottom_m) <= MAX_POSITION_M
+        return np.asarray(good, dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """What the image of a KITTI sequence adds: projection and regions without labels.
+
+    Args:
+        projection: (3, 4) matrix from the camera's frame to pixels.
+        dont_care_frame: (D,) frames of the regions, ascending.
+        dont_care_px: (D, 4) left, top, right and bottom of the regions.
+    """
+
+    projection: FloatArray
+    dont_care_frame: IntArray
+    dont_care_px: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sequence:
+    """One recording.
+
+    Args:
+        name: Unique in the data set.
+        stamp_s: (F,) times of the frames, as they were recorded.
+        frame_name: F names of the frames: frame numbers, times or sample tokens.
+        detections: What the detector reported.
+        labels: The truth, or None.
+        world_SE3_ego: (F, 4, 4) poses of the vehicle (x ahead, y left, z up), or None without odometry.
+        camera: The camera of KITTI data, or None.
+    """
+
+    name: str
+    stamp_s: FloatArray
+    frame_name: tuple[str, ...]
+    detections: Objects
+    labels: Objects | None = None
+    world_SE3_ego: FloatArray | None = None  # noqa: N815 - dst_SE3_src is the field's notation
+    camera: Camera | None = None
+
+    def __len__(self) -> int:
+        return len(self.stamp_s)
+
+    def frame_numbers(self) -> IntArray:
+        """(F,) numbers of the frames for files that have numbers: their names if all are, else positions."""
+        if all(name.isdecimal() and len(name) < _LONGEST_NUMBER for name in self.frame_name):
+            return np.array(list(map(int, self.frame_name)), dtype=np.int64)
+        return np.arange(len(self))
+
+    def frames(self) -> Iterator[Detections]:
+        """The detections of each frame, as the tracker takes them."""
+        found = self.detections
+        start = found.frame_starts(len(self))
+        measured = bool(np.isfinite(found.velocity_mps).any())
+        for k, stamp_s in enumerate(self.stamp_s.tolist()):
+            rows = slice(start[k], start[k + 1])
+            boxes = Boxes(found.center_m[rows], found.size_m[rows], found.yaw_rad[rows])
+            velocity = found.velocity_mps[rows] if measured else None
+            yield Detections(stamp_s, boxes, found.score[rows], found.category[rows], velocity)
+
+    def ego_xy_yaw(self) -> FloatArray:
+        """(F, 3) x, y and yaw of the vehicle; zeros without odometry."""
+        if self.world_SE3_ego is None:
+            return np.zeros((len(self), 3))
+        pose = self.world_SE3_ego
+        return np.column_stack((pose[:, 0, 3], pose[:, 1, 3], np.arctan2(pose[:, 1, 0], pose[:, 0, 0])))
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """Everything read from a folder.
+
+    Args:
+        kind: kitti, nuscenes or csv.
+        sequences: The recordings.
+        rejected: Detections left out because a number is not finite or the box is impossible.
+        log_odds: Whether the detector's scores were log odds; `Objects.score` holds probabilities.
+        notes: What a user should know about how the data were read.
+    """
+
+    kind: str
+    sequences: tuple[Sequence, ...]
+    rejected: int = 0
+    log_odds: bool = False
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def frame_count(self) -> int:
+        """Frames of all sequences."""
+        return sum(map(len, self.sequences))
+
+
+def probability(score: FloatArray) -> FloatArray:
+    """Logistic function of log odds."""
+    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * score)))
+
+
+def log_odds(probability: FloatArray) -> FloatArray:
+    """Inverse of `probability`; certain scores stay finite."""
+    clipped = np.clip(probability, 1e-12, 1.0 - 1e-12)
+    return np.asarray(np.log(clipped) - np.log1p(-clipped))
+
+
+_SCORE_ROUNDING = 1e-6
+"""Probabilities that left single precision may be over 1 by so much."""
+
+_LONGEST_STEP_S = 10.0
+"""Nobody records frames so far apart; stamps in milliseconds or nanoseconds look that way."""
+
+
+def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) -> Dataset:
+    """A data set from sequences as read: impossible boxes out, scores made probabilities.
+
+    One scale holds for a whole data set: if any score lies outside [0, 1], all are taken for log odds, which
+    is what detectors put out before their last sigmoid.
+    """
+    kept = [_kept(sequence) for sequence in sequences]
+    rejected = sum(len(a.detections) - len(b.detections) for a, b in zip(sequences, kept, strict=True))
+    lowest = min((s.detections.score.min() for s in kept if len(s.detections)), default=0.0)
+    highest = max((s.detections.score.max() for s in kept if len(s.detections)), default=1.0)
+    as_log_odds = bool(lowest < -_SCORE_ROUNDING or highest > 1.0 + _SCORE_ROUNDING)
+    kept = [
+        replace(
+            s,
+            detections=replace(
+                s.detections,
+                score=probability(s.detections.score) if as_log_odds else s.detections.score.clip(0.0, 1.0),
+            ),
+        )
+        for s in kept
+    ]
+    if as_log_odds:
+        notes += (f"scores from {lowest:g} to {highest:g}: taken for log odds",)
+    steps = np.concatenate([np.zeros(0), *(np.diff(s.stamp_s) for s in kept)])
+    if len(steps) and np.median(steps) > _LONGEST_STEP_S:
+        notes += (f"frames are {np.median(steps):g} s apart: are the times in seconds?",)
+    return Dataset(kind, tuple(kept), rejected, as_log_odds, notes)
+
+
+def _kept(sequence: Sequence) -> Sequence:
+    """The sequence without impossible boxes, also among the labels, and without impossible velocities."""
+    labels = sequence.labels
+    detections = sequence.detections[sequence.detections.usable()]
+    return replace(
+        sequence,
+        detections=replace(detections, velocity_mps=measured_velocities(detections.velocity_mps)),
+        labels=None if labels is None else labels[labels.usable()],
+    )

@@ -1,0 +1,465 @@
+"""nuScenes: reads detections in the format of its detection challenge, writes its tracking challenge's.
+
+A folder holds one JSON file of detections (`{"meta": ..., "results": {sample_token: [box, ...]}}`) and what
+says when and in which scene each sample was taken: nuScenes' own tables `sample.json` and `scene.json` (in
+the folder, or in a folder `v1.0-*` in it), or a small file `frames.csv` with the columns sample_token, scene
+and stamp_s. Without either the samples are one recording at 2 Hz, in the file's order. With the tables
+sample_annotation, instance and category there are labels; with sample_data, ego_pose, calibrated_sensor and
+sensor there are ego poses (those of LIDAR_TOP's key frames).
+
+Boxes are in the global frame: translation is the centre, size is width, length, height, rotation a quaternion
+w, x, y, z. Source: nuscenes-devkit, eval/detection and eval/tracking README, docs/schema_nuscenes.md.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarios.errors import DatasetError
+from scenarios.reading import ReadError, parse_json, shown
+from scenarios.recorded.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
+from scenarios.recorded.dataset import Dataset, Objects, Sequence, finished
+from scenarios.recorded.textfile import read_headed_table, read_text
+from smartmot.types import CATEGORIES, FloatArray, StrArray
+
+CATEGORY_OF_CLASS = {
+    "car": "car",
+    "truck": "truck",
+    "bus": "truck",
+    "trailer": "truck",
+    "construction_vehicle": "truck",
+    "pedestrian": "pedestrian",
+    "motorcycle": "motorcycle",
+    "bicycle": "cyclist",
+    "barrier": LEFT_OUT,
+    "traffic_cone": LEFT_OUT,
+}
+"""Detection classes. Other data in this format, such as SimBEV's, have some of these, or `classes.csv`."""
+
+_CLASS_OF_LABEL = {
+    "vehicle.car": "car",
+    "vehicle.truck": "truck",
+    "vehicle.bus.bendy": "bus",
+    "vehicle.bus.rigid": "bus",
+    "vehicle.trailer": "trailer",
+    "vehicle.construction": "construction_vehicle",
+    "vehicle.motorcycle": "motorcycle",
+    "vehicle.bicycle": "bicycle",
+    "human.pedestrian.adult": "pedestrian",
+    "human.pedestrian.child": "pedestrian",
+    "human.pedestrian.construction_worker": "pedestrian",
+    "human.pedestrian.police_officer": "pedestrian",
+}
+"""Annotated categories as detection classes (nuscenes-devkit, eval/detection/utils.py)."""
+
+TRACKING_CLASSES = ("bicycle", "bus", "car", "motorcycle", "pedestrian", "trailer", "truck")
+"""Names that the tracking challenge knows."""
+
+_UNTRACKED = frozenset(CATEGORY_OF_CLASS) - {*TRACKING_CLASSES, *CATEGORIES}
+"""Names of nuScenes that its tracking challenge does not know."""
+
+_CLASS_OF_CATEGORY = {
+    "car": "car",
+    "truck": "truck",
+    "pedestrian": "pedestrian",
+    "motorcycle": "motorcycle",
+    "cyclist": "bicycle",
+}
+
+MAX_BOXES_PER_SAMPLE = 500
+"""The tracking challenge refuses more."""
+
+FRAMES_CSV = "frames.csv"
+FRAME_S = 0.5
+"""nuScenes' samples are taken at 2 Hz."""
+
+_TABLES = ("sample", "scene", "sample_annotation", "instance", "category")
+_POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
+_META = ("use_camera", "use_lidar", "use_radar", "use_map", "use_external")
+
+
+def read_nuscenes(folder: Path) -> Dataset:
+    """Read a folder in the layout above, or the file of detections in it.
+
+    Raises:
+        DatasetError: A file is missing or wrong; the message names file, sample and field.
+    """
+    path = folder if folder.is_file() else _results_file(folder)
+    content = _json(path)
+    results = content.get("results") if isinstance(content, dict) else None
+    if not isinstance(results, dict):
+        raise DatasetError(f"{path}: no object 'results' with boxes by sample token")
+    tables = _table_folder(path.parent)
+    times = path.parent / FRAMES_CSV
+    sequences, notes = [], []
+    if tables:
+        scenes = _scenes_of_tables(tables)
+    elif times.is_file():
+        scenes = _scenes_of_csv(times)
+    else:
+        scenes = {path.stem: [(token, k * FRAME_S) for k, token in enumerate(results)]}
+        notes.append(
+            f"no times of the samples: taken as one recording in the file's order, {FRAME_S:g} s apart; put "
+            f"sample.json and scene.json of nuScenes or {FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
+        )
+    known = Counter(token for samples in scenes.values() for token, _ in samples)
+    unknown = [token for token in results if token not in known]
+    where = tables / "sample.json" if tables else times
+    twice = [token for token, count in known.items() if count > 1]
+    if twice:
+        raise DatasetError(f"{where}: sample {twice[0]!r} is there twice")
+    if unknown:
+        raise DatasetError(f"{path}: sample {unknown[0]!r} is not in {where}")
+    classes = read_classes(path.parent, CATEGORY_OF_CLASS)
+    annotations = _annotations(tables) if tables else {}
+    poses = _ego_poses(tables) if tables else {}
+    absent = 0
+    for scene, samples in scenes.items():
+        tokens = [token for token, _ in samples]
+        found = [token for token in tokens if token in results]
+        if not found:
+            continue
+        absent += len(tokens) - len(found)
+        boxes = [(k, box) for k, token in enumerate(tokens) for box in _list(path, results, token)]
+        pose = [poses.get(token) for token in tokens]
+        sequences.append(
+            Sequence(
+                name=scene,
+                stamp_s=np.array([stamp for _, stamp in samples]),
+                frame_name=tuple(tokens),
+                detections=_detections(path, tokens, boxes, classes),
+                labels=_labels(tokens, annotations, classes) if annotations else None,
+                world_SE3_ego=None if any(p is None for p in pose) else np.array(pose),
+            )
+        )
+    if absent:
+        notes.append(f"{absent} samples without an entry in 'results' are taken as frames without detections")
+    return finished("nuscenes", sequences, tuple(notes))
+
+
+def _results_file(folder: Path) -> Path:
+    """The one JSON file of a folder that is no table of nuScenes."""
+    names = {f"{name}.json" for name in (*_TABLES, *_POSE_TABLES)}
+    names |= {f"{name}.json" for name in ("attribute", "visibility", "log", "map")}
+    found = sorted(path for path in folder.glob("*.json") if path.name not in names)
+    if len(found) != 1:
+        listed = ", ".join(path.name for path in found) or "none"
+        raise DatasetError(
+            f"{folder}: expected one JSON file of detections, found {listed}; name the file itself"
+        )
+    return found[0]
+
+
+def _table_folder(folder: Path) -> Path | None:
+    """Where sample.json is; None when there is none."""
+    for place in (folder, *sorted(folder.glob("v1.0-*"))):
+        if (place / "sample.json").is_file():
+            return place
+    return None
+
+
+def _json(path: Path) -> Any:
+    """Content of a JSON file."""
+    text = read_text(path)
+    try:
+        return parse_json(text)
+    except ReadError as error:
+        raise DatasetError(f"{path}: {error}") from None
+
+
+def _records(
+    folder: Path, name: str, texts: Iterable[str], numbers: Iterable[str] = (), **vectors: int
+) -> list[dict[str, Any]]:
+    """Rows of one of nuScenes' tables with the fields that are needed.
+
+    Args:
+        folder: Where the tables are.
+        name: The table.
+        texts: Fields that must be texts.
+        numbers: Fields that must be numbers.
+        vectors: Fields that must be lists of so many numbers.
+    """
+    path = folder / f"{name}.json"
+    records = _json(path)
+    if not isinstance(records, list):
+        raise DatasetError(f"{path}: expected a list of records")
+    rules: list[tuple[str, str, Callable[[object], bool]]] = [(field, "a text", _is_text) for field in texts]
+    rules += [(field, "a number", _is_finite) for field in numbers]
+    rules += [(field, f"{n} numbers", _is_vector_of(n)) for field, n in vectors.items()]
+    for index, record in enumerate(records):
+        for field, what, rule in rules:
+            if not isinstance(record, dict) or not rule(record.get(field)):
+                raise DatasetError(f"{path}: record {index}: field {field!r} must be {what}")
+    return records
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def _is_vector_of(length: int) -> Callable[[object], bool]:
+    def rule(value: object) -> bool:
+        return isinstance(value, list) and len(value) == length and all(map(_is_finite, value))
+
+    return rule
+
+
+Scenes = dict[str, list[tuple[str, float]]]
+"""Samples of each scene in the order of time: token and seconds."""
+
+
+def _scenes_of_tables(folder: Path) -> Scenes:
+    """Scenes from nuScenes' tables; times there are microseconds."""
+    names = {scene["token"]: scene["name"] for scene in _records(folder, "scene", ("token", "name"))}
+    scenes: Scenes = {name: [] for name in names.values()}
+    for sample in _records(folder, "sample", ("token", "scene_token"), ("timestamp",)):
+        name = names.get(sample["scene_token"])
+        if name is None:
+            raise DatasetError(
+                f"{folder / 'sample.json'}: scene {sample['scene_token']!r} is not in scene.json"
+            )
+        scenes[name].append((sample["token"], float(sample["timestamp"]) * 1e-6))
+    for samples in scenes.values():
+        samples.sort(key=lambda sample: sample[1])
+    return scenes
+
+
+def _scenes_of_csv(path: Path) -> Scenes:
+    """Scenes from the small file beside the detections, in its order."""
+    table = read_headed_table(path, ("sample_token", "scene", "stamp_s"), ("stamp_s",))
+    table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
+    scenes: Scenes = {}
+    for token, scene, stamp_s in zip(
+        table["sample_token"].tolist(), table["scene"].tolist(), table["stamp_s"].tolist(), strict=True
+    ):
+        scenes.setdefault(scene, []).append((token, stamp_s))
+    return scenes
+
+
+def _list(path: Path, results: dict[str, Any], token: str) -> list[Any]:
+    boxes = results.get(token, [])
+    if not isinstance(boxes, list):
+        raise DatasetError(f"{path}: sample {token!r}: expected a list of boxes")
+    return boxes
+
+
+def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]], classes: ClassMap) -> Objects:
+    """Boxes of one scene, of the classes that have a category."""
+    fields = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
+    for frame, box in boxes:
+        for name, length in fields.items():
+            value = box.get(name) if isinstance(box, dict) else None
+            if name == "velocity" and value is None and isinstance(box, dict):
+                continue  # not every detector estimates it
+            if not isinstance(value, list) or len(value) != length or not all(map(_number, value)):
+                raise DatasetError(
+                    f"{path}: sample {tokens[frame]!r}: field {name!r} must be {length} numbers"
+                )
+        kind = box.get("detection_name")
+        if not isinstance(kind, str) or kind not in classes:
+            raise DatasetError(
+                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {shown(kind)}; "
+                f"give it a category in {CLASSES_CSV}"
+            )
+        if "detection_score" not in box or not _number(box["detection_score"]):
+            raise DatasetError(f"{path}: sample {tokens[frame]!r}: field 'detection_score' must be a number")
+    kinds = np.array([box["detection_name"] for _, box in boxes], dtype=np.str_)
+    return _objects(
+        boxes,
+        kinds,
+        classes,
+        score=_array([box["detection_score"] for _, box in boxes]),
+        velocity_mps=_array([box.get("velocity") or (math.nan, math.nan) for _, box in boxes], 2),
+    )
+
+
+def _number(value: object) -> bool:
+    # NaN, None of some writers, is rejected later with the impossible boxes
+    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
+
+
+def _array(values: list[Any], width: int | None = None) -> FloatArray:
+    """Numbers as float64, with None as NaN."""
+    return np.array(values, dtype=np.float64).reshape((-1,) if width is None else (-1, width))
+
+
+def _objects(
+    boxes: list[tuple[int, dict[str, Any]]], kinds: StrArray, classes: ClassMap, **columns: np.ndarray
+) -> Objects:
+    """Boxes of nuScenes in the world frame, of the classes that have a category."""
+    place = _array([box["translation"] for _, box in boxes], 3)
+    size = _array([box["size"] for _, box in boxes], 3)
+    quaternion = _array([box["rotation"] for _, box in boxes], 4)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        w, x, y, z = _unit(quaternion).T
+    found = Objects.of(
+        np.array([frame for frame, _ in boxes], dtype=np.int64),
+        place[:, :2],
+        size_m=size[:, [1, 0]],
+        yaw_rad=np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
+        bottom_m=place[:, 2] - 0.5 * size[:, 2],
+        height_m=size[:, 2],
+        category=categories(kinds, classes),
+        kind=kinds,
+        **columns,
+    )
+    return found[found.category != LEFT_OUT]
+
+
+def _unit(quaternion: FloatArray) -> FloatArray:
+    """(..., 4) quaternions of length 1; NaN for those of length 0."""
+    # the squares of great and of small numbers are no floats
+    scaled = quaternion / np.abs(quaternion).max(axis=-1, keepdims=True)
+    unit: FloatArray = scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
+    return unit
+
+
+def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]]]:
+    """Annotated road users by sample: number of the instance, class and record; empty without the tables."""
+    if not all((folder / f"{name}.json").is_file() for name in _TABLES[2:]):
+        return {}
+    names = {row["token"]: row["name"] for row in _records(folder, "category", ("token", "name"))}
+    instances = {
+        row["token"]: (number, _CLASS_OF_LABEL.get(names.get(row["category_token"], "")))
+        for number, row in enumerate(_records(folder, "instance", ("token", "category_token")))
+    }
+    texts = ("sample_token", "instance_token")
+    found: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}
+    for row in _records(folder, "sample_annotation", texts, translation=3, size=3, rotation=4):
+        number, kind = instances.get(row["instance_token"], (0, None))
+        if kind is not None:
+            found.setdefault(row["sample_token"], []).append((number, kind, row))
+    return found
+
+
+def _labels(
+    tokens: list[str], annotations: dict[str, list[tuple[int, str, dict[str, Any]]]], classes: ClassMap
+) -> Objects:
+    """Labels of one scene; those that no sensor point hits are ignored, as in the challenge."""
+    rows = [(k, *row) for k, token in enumerate(tokens) for row in annotations.get(token, [])]
+    unseen = [
+        record.get("num_lidar_pts") == 0 and record.get("num_radar_pts", 0) == 0 for _, _, _, record in rows
+    ]
+    return _objects(
+        [(k, record) for k, _, _, record in rows],
+        np.array([kind for _, _, kind, _ in rows], dtype=np.str_),
+        classes,
+        object_id=np.array([number for _, number, _, _ in rows], dtype=np.int64),
+        ignored=np.array(unseen, dtype=np.bool_),
+    )
+
+
+def _ego_poses(folder: Path) -> dict[str, FloatArray]:
+    """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
+    if not all((folder / f"{name}.json").is_file() for name in _POSE_TABLES):
+        return {}
+    lidars = {
+        row["token"]
+        for row in _records(folder, "sensor", ("token", "channel"))
+        if row["channel"] == "LIDAR_TOP"
+    }
+    mounts = {
+        row["token"]
+        for row in _records(folder, "calibrated_sensor", ("token", "sensor_token"))
+        if row["sensor_token"] in lidars
+    }
+    texts = ("sample_token", "ego_pose_token", "calibrated_sensor_token")
+    sample_of = {
+        row["ego_pose_token"]: row["sample_token"]
+        for row in _records(folder, "sample_data", texts, ("is_key_frame",))
+        if row["is_key_frame"] and row["calibrated_sensor_token"] in mounts
+    }
+    poses = {}
+    for row in _records(folder, "ego_pose", ("token",), translation=3, rotation=4):
+        if row["token"] in sample_of:
+            if not any(row["rotation"]):
+                raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
+            pose = np.eye(4)
+            pose[:3, :3] = rotation_matrix(_array(row["rotation"]))
+            pose[:3, 3] = row["translation"]
+            poses[sample_of[row["token"]]] = pose
+    return poses
+
+
+def rotation_matrix(quaternion: FloatArray) -> FloatArray:
+    """(3, 3) matrix of a quaternion w, x, y, z of any length but 0."""
+    w, x, y, z = _unit(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def submission_text(
+    parts: Iterable[tuple[Sequence, Objects]], frames_are_samples: bool = True, use_map: bool = False
+) -> str:
+    """Tracks in the format of the nuScenes tracking challenge.
+
+    Every sample has its entry. A track carries one name, that of its class in the data if the challenge knows
+    it, else its category's. Left out are tracks of unknown category, nuScenes classes that the challenge does
+    not track (construction vehicles), and the least sure boxes beyond 500 in a sample.
+
+    Args:
+        parts: Sequences and their tracks.
+        frames_are_samples: Whether the frames' names are sample tokens; else tokens are sequence and frame.
+        use_map: Whether a map was used, for the file's header.
+    """
+    results: dict[str, list[dict[str, Any]]] = {}
+    for sequence, tracks in parts:
+        tokens = list(sequence.frame_name)
+        if not frames_are_samples:
+            tokens = [f"{sequence.name}_{k:06d}" for k in range(len(sequence))]
+        results |= {token: [] for token in tokens}
+        names = [
+            _tracking_name(*pair) for pair in zip(tracks.kind.tolist(), tracks.category.tolist(), strict=True)
+        ]
+        place = np.column_stack((tracks.center_m, tracks.bottom_m + 0.5 * tracks.height_m))
+        size = np.column_stack((tracks.size_m[:, 1], tracks.size_m[:, 0], tracks.height_m))
+        zero = np.zeros(len(tracks))
+        half = 0.5 * tracks.yaw_rad
+        rotation = np.column_stack((np.cos(half), zero, zero, np.sin(half)))
+        velocity = np.nan_to_num(tracks.velocity_mps)
+        columns = [np.round(c, 6).tolist() for c in (place, size, rotation, velocity, tracks.score)]
+        for frame, identity, name, at, extent, turn, speed, score in zip(
+            tracks.frame.tolist(), tracks.object_id.tolist(), names, *columns, strict=True
+        ):
+            if name is None:
+                continue
+            results[tokens[frame]].append(
+                {
+                    "sample_token": tokens[frame],
+                    "translation": at,
+                    "size": extent,
+                    "rotation": turn,
+                    "velocity": speed,
+                    "tracking_id": f"{sequence.name}_{identity}",
+                    "tracking_name": name,
+                    "tracking_score": score,
+                }
+            )
+    for boxes in results.values():
+        if len(boxes) > MAX_BOXES_PER_SAMPLE:
+            boxes.sort(key=lambda box: -box["tracking_score"])
+            del boxes[MAX_BOXES_PER_SAMPLE:]
+    meta = {name: name == "use_lidar" or (name == "use_map" and use_map) for name in _META}
+    return json.dumps({"meta": meta, "results": results}, allow_nan=False)
+
+
+def _tracking_name(kind: str, category: str) -> str | None:
+    if kind in TRACKING_CLASSES:
+        return kind
+    return None if kind in _UNTRACKED else _CLASS_OF_CATEGORY.get(category)

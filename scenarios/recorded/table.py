@@ -1,0 +1,246 @@
+"""Detections, labels, ego poses and tracks as CSV: one header line, units in the names, columns in any order.
+
+Files of a folder (docs/mot.md says what each column means)::
+
+    detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
+                     [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
+    labels.csv       the same with track_id [, ignored]      (optional)
+    ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
+
+`classes.csv` says what other names of categories mean (`classes`).
+
+All positions are in one frame that stands still over a sequence (x and y on the ground, yaw counter-clockwise
+from x), or all of them in the vehicle's own. With `ahead_m` and `left_m` in place of `x_m` and `y_m` boxes
+are in the vehicle's frame (headings from its own, velocities over ground along its axes); poses move them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.camera import heading, wrapped
+from scenarios.recorded.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
+from scenarios.recorded.dataset import MAX_FRAMES, Dataset, Objects, Sequence, finished
+from scenarios.recorded.textfile import Table, read_headed_table
+from smartmot.types import CATEGORIES, FloatArray, IntArray
+
+FRAME_S = 0.1
+"""Time between frames of a file that has frame numbers only."""
+
+SAME_FRAME_S = 1e-3
+"""Labels so near in time to a frame of detections belong to it: other software rounds stamps."""
+
+_STILL, _VEHICLE = ("x_m", "y_m"), ("ahead_m", "left_m")
+"""Columns of a position: in a frame that stands still, or in the vehicle's."""
+
+_BOX = ("length_m", "width_m", "yaw_rad")
+_NUMBERS = frozenset(
+    (
+        *(*_STILL, *_VEHICLE, *_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps"),
+        *("track_id", "ignored"),
+    )
+)
+DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
+
+TRACK_COLUMNS = (
+    *("sequence", "frame", "stamp_s", "track_id", "category", "score", *_STILL, *_BOX),
+    *("z_m", "height_m", "vx_mps", "vy_mps"),
+)
+
+
+def read_csv(folder: Path) -> Dataset:
+    """Read a folder in the layout above, or a single file of detections.
+
+    Raises:
+        DatasetError: A file is missing or wrong; the message names file, line and field.
+    """
+    path = folder if folder.is_file() else folder / DETECTIONS
+    classes = read_classes(path.parent, dict(zip(CATEGORIES, CATEGORIES, strict=True)))
+    tables = {"detections": _table(path, _BOX, classes)}
+    for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, (*_STILL, "yaw_rad"))):
+        if (path.parent / name).is_file() and path.name != name:
+            tables[name] = _table(path.parent / name, needed, classes)
+    if EGO not in tables and len({_stands_still(table) for table in tables.values()}) > 1:
+        raise DatasetError(f"{path.parent}: detections and labels are in different frames; {EGO} is needed")
+    names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
+    if not names:
+        raise DatasetError(f"{path}: no rows; there is nothing to track")
+    sequences = [_sequence(name, tables) for name in names]
+    notes = []
+    if "stamp_s" not in tables["detections"]:
+        notes.append(f"no column stamp_s: frames are {FRAME_S:g} s apart")
+    return finished("csv", sequences, tuple(notes))
+
+
+def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
+    """A file with the columns that it needs, its sequence and classes named, and its time as `time_s`."""
+    table = read_headed_table(path, needed, _NUMBERS)
+    if not (_stands_still(table) or all(name in table for name in _VEHICLE)):
+        raise DatasetError(f"{path}:1: columns missing: x_m and y_m, or ahead_m and left_m (see docs/mot.md)")
+    if "stamp_s" not in table and "frame" not in table:
+        raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
+    time = "stamp_s" if "stamp_s" in table else "frame"
+    table.require(np.isfinite(table[time]), time, "must be finite")
+    if time == "frame":
+        table.require(np.abs(table["frame"]) < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
+    table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
+    table.columns.setdefault("sequence", np.full(len(table), "0"))
+    if "category" in table:
+        rule = f"must be one of {', '.join(CATEGORIES)}, or stand in {CLASSES_CSV}"
+        table.require(np.isin(table["category"], list(classes)), "category", rule)
+        table.columns["kind"] = table["category"]
+        table.columns["category"] = categories(table["kind"], classes)
+    return table
+
+
+def _stands_still(table: Table) -> bool:
+    """Whether positions are in a frame that stands still; else they are in the vehicle's."""
+    return all(name in table for name in _STILL)
+
+
+def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
+    """One sequence of all files."""
+    parts = {key: _rows(table, table["sequence"] == name) for key, table in tables.items()}
+    found = parts["detections"]
+    detected_s = found["time_s"]
+    stamp_s, frame = _frames(detected_s)
+    labelled_s = None
+    if np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
+        if len(stamp_s) and "stamp_s" not in found:
+            # numbers that are left out are frames without detections
+            stamp_s = np.arange(found["frame"][0], found["frame"][-1] + 1.0) * FRAME_S
+        if LABELS in parts:
+            labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
+            stamp_s = np.union1d(stamp_s, labelled_s)
+        frame = np.searchsorted(stamp_s, detected_s)
+    pose = _poses(parts[EGO], stamp_s) if EGO in parts else None
+    labels = None
+    if labelled_s is not None:
+        labels = _objects(parts[LABELS], np.searchsorted(stamp_s, labelled_s), pose)
+    return Sequence(
+        name=name,
+        stamp_s=stamp_s,
+        frame_name=_frame_names(stamp_s, found),
+        detections=_objects(found, frame, pose),
+        labels=labels,
+        world_SE3_ego=pose,
+    )
+
+
+def _rows(table: Table, chosen: np.ndarray) -> Table:
+    """Some rows of a table."""
+    return Table(table.path, table.line[chosen], {n: c[chosen] for n, c in table.columns.items()})
+
+
+def _frames(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Times of the frames in the order of the file, and the frame of each row: rows of one time in a run."""
+    if not len(time_s):
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    new = np.concatenate(([True], np.diff(time_s) != 0.0))
+    return time_s[new], np.cumsum(new) - 1
+
+
+def _snapped(time_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
+    """(K,) times, those within `SAME_FRAME_S` of a frame's replaced by it."""
+    if not len(stamp_s):
+        return time_s
+    after = np.searchsorted(stamp_s, time_s).clip(max=len(stamp_s) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = stamp_s[np.where(time_s - stamp_s[before] < stamp_s[after] - time_s, before, after)]
+    return np.where(np.abs(nearest - time_s) <= SAME_FRAME_S, nearest, time_s)
+
+
+def _frame_names(stamp_s: FloatArray, detections: Table) -> tuple[str, ...]:
+    """F names: frame numbers if the detections go by them, else times."""
+    number = np.rint(stamp_s / FRAME_S)
+    by_time = "stamp_s" in detections or np.any(np.abs(number * FRAME_S - stamp_s) > SAME_FRAME_S)
+    if by_time:
+        return tuple(f"{t:.3f} s" for t in stamp_s.tolist())
+    return tuple(f"{k:.0f}" for k in number.tolist())
+
+
+def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
+    """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
+    columns = {}
+    if "category" in table:
+        columns["category"], columns["kind"] = table["category"], table["kind"]
+    if "score" in table:
+        columns["score"] = table["score"]
+    if "height_m" in table:
+        columns["height_m"] = table["height_m"]
+    if "z_m" in table:
+        columns["bottom_m"] = table["z_m"] - 0.5 * columns.get("height_m", np.full(len(table), 1.5))
+    if "vx_mps" in table and "vy_mps" in table:
+        columns["velocity_mps"] = table.stacked("vx_mps", "vy_mps")
+    if "track_id" in table:
+        columns["object_id"] = table.whole("track_id")
+    if "ignored" in table:
+        columns["ignored"] = table["ignored"] != 0.0
+    still = _stands_still(table)
+    center, yaw = table.stacked(*(_STILL if still else _VEHICLE)), table["yaw_rad"]
+    if not still and world_SE3_ego is not None:
+        pose = world_SE3_ego[frame]
+        with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
+            center = np.einsum("kij,kj->ki", pose[:, :2, :2], center) + pose[:, :2, 3]
+            yaw = wrapped(yaw + heading(pose))
+            if "velocity_mps" in columns:
+                columns["velocity_mps"] = np.einsum("kij,kj->ki", pose[:, :2, :2], columns["velocity_mps"])
+    found = Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
+    return found[found.category != LEFT_OUT]
+
+
+def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
+    """(F, 4, 4) poses of the vehicle at the frames, linear between the given times."""
+    time = table["time_s"]
+    if len(time) == 0 or np.any(np.diff(time) <= 0.0):
+        raise DatasetError(f"{table.path}: times must rise within a sequence")
+    early, late = (
+        stamp_s.min(initial=np.inf) < time[0] - SAME_FRAME_S,
+        stamp_s.max(initial=-np.inf) > time[-1] + SAME_FRAME_S,
+    )
+    if early or late:
+        raise DatasetError(
+            f"{table.path}: poses from {time[0]:g} to {time[-1]:g} s do not cover the detections"
+        )
+    for name in ("x_m", "y_m", "yaw_rad"):
+        table.require(np.isfinite(table[name]), name, "must be finite")
+    yaw = np.interp(stamp_s, time, np.unwrap(table["yaw_rad"]))
+    pose = np.tile(np.eye(4), (len(stamp_s), 1, 1))
+    pose[:, 0, 0] = pose[:, 1, 1] = np.cos(yaw)
+    pose[:, 1, 0] = np.sin(yaw)
+    pose[:, 0, 1] = -np.sin(yaw)
+    for axis, name in enumerate(("x_m", "y_m")):
+        pose[:, axis, 3] = np.interp(stamp_s, time, table[name])
+    return pose
+
+
+def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:
+    """Tracks of all sequences as CSV with the columns of `TRACK_COLUMNS`; z_m is the centre's height."""
+    lines = [",".join(TRACK_COLUMNS)]
+    form = "%s,%d,%.6f,%d,%s" + ",%.6f" * (len(TRACK_COLUMNS) - 5)
+    for sequence, tracks in parts:
+        numbers = np.column_stack(
+            (
+                tracks.score,
+                tracks.center_m,
+                tracks.size_m,
+                tracks.yaw_rad,
+                tracks.bottom_m + 0.5 * tracks.height_m,
+                tracks.height_m,
+                tracks.velocity_mps,
+            )
+        )
+        rows = zip(
+            sequence.frame_numbers()[tracks.frame].tolist(),
+            sequence.stamp_s[tracks.frame].tolist(),
+            tracks.object_id.tolist(),
+            tracks.category.tolist(),
+            numbers.tolist(),
+            strict=True,
+        )
+        lines += [form % (sequence.name, frame, t, i, name, *v) for frame, t, i, name, v in rows]
+    return "\n".join(lines) + "\n"

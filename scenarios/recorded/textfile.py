@@ -1,0 +1,213 @@
+"""Tables of numbers from text files, read in bulk; a mistake is reported with file, line and field."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.exact import exact_floats
+from smartmot.types import FloatArray, IntArray
+
+_NOT_A_NUMBER = ["nan", "NaN", "NAN", "-nan", "+nan"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of a text file.
+
+    Args:
+        path: The file.
+        line: (N,) line numbers of the rows, from 1.
+        columns: (N,) float64 or texts, by name; a column that the file does not have is missing.
+    """
+
+    path: Path
+    line: IntArray
+    columns: dict[str, NDArray[Any]]
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    def stacked(self, *names: str) -> FloatArray:
+        """(N, C) columns side by side."""
+        return np.column_stack([self.columns[name] for name in names])
+
+    def whole(self, name: str) -> IntArray:
+        """A column as whole numbers.
+
+        Raises:
+            DatasetError: A value is not whole.
+        """
+        values = self.columns[name]
+        good = np.isfinite(values) & (np.floor(values) == values)
+        self.require(good, name, "must be a whole number")
+        return values.astype(np.int64)
+
+    def require(self, good: NDArray[np.bool_], name: str, rule: str) -> None:
+        """Demand a rule of every row.
+
+        Raises:
+            DatasetError: The first row that breaks it, with file, line, field and value.
+        """
+        if not good.all():
+            row = int(np.argmin(good))
+            value = self.columns[name][row]
+            shown = f"{value:g}" if isinstance(value, float) else repr(str(value))
+            raise DatasetError(f"{self.path}:{self.line[row]}: field {name!r} {rule}, got {shown}")
+
+
+def read_text(path: Path) -> str:
+    """The file's text.
+
+    Raises:
+        DatasetError: It is missing, not readable or no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DatasetError(f"{path}: not a text file ({error.reason} at byte {error.start})") from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DatasetError(f"{path}: {reason}; for the folder's layout see docs/mot.md") from None
+
+
+def read_table(
+    path: Path, columns: Sequence[str], text_columns: Collection[str] = (), optional: int = 0
+) -> Table:
+    """Read rows of fields separated by commas or by white space; blank lines are skipped.
+
+    Args:
+        path: The file; without any text it is a table without rows.
+        columns: Names of the fields in their order.
+        text_columns: Those that are no numbers.
+        optional: How many of the last columns may be absent.
+
+    Raises:
+        DatasetError: A row has another number of fields or a field is no number; names file, line and field.
+    """
+    return _table(path, _filled_lines(path), list(columns), text_columns, optional)
+
+
+def read_headed_table(path: Path, needed: Collection[str], numbers: Collection[str]) -> Table:
+    """Read rows of fields separated by commas, whose names are in the first line.
+
+    Args:
+        path: The file.
+        needed: Columns that must be there.
+        numbers: Columns that hold numbers; all others are texts.
+
+    Raises:
+        DatasetError: A column is missing or named twice, a row has another number of fields than the
+            header, or a field is no number; names file, line and field.
+    """
+    lines = _filled_lines(path)
+    if not lines:
+        raise DatasetError(f"{path}:1: empty; the first line must name the columns (docs/mot.md)")
+    number, header = lines[0]
+    names = [name.strip() for name in header.split(",")]
+    missing = [name for name in needed if name not in names]
+    if missing:
+        raise DatasetError(f"{path}:{number}: columns missing: {', '.join(missing)} (see docs/mot.md)")
+    for name in names:
+        if names.count(name) > 1:
+            raise DatasetError(f"{path}:{number}: column {name!r} is named twice")
+    return _table(path, lines[1:], names, [name for name in names if name not in numbers])
+
+
+def _filled_lines(path: Path) -> list[tuple[int, str]]:
+    """Lines that are not blank, with their numbers."""
+    lines = enumerate(read_text(path).splitlines(), 1)
+    return [(number, line) for number, line in lines if line and not line.isspace()]
+
+
+def _table(
+    path: Path, lines: list[tuple[int, str]], names: list[str], texts: Collection[str], optional: int = 0
+) -> Table:
+    """Rows with the named fields."""
+    rows = [line for _, line in lines]
+    number = np.array([number for number, _ in lines], dtype=np.int64)
+    separator = "," if rows and "," in rows[0] else None
+    widths = np.array([len(row.split(separator)) for row in rows], dtype=np.int64)
+    present = int(widths[0]) if len(rows) else len(names)
+    if not len(names) - optional <= present <= len(names):
+        present = len(names)
+    names = names[:present]
+    wrong = np.flatnonzero(widths != present)
+    if len(wrong):
+        raise DatasetError(
+            f"{path}:{number[wrong[0]]}: {widths[wrong[0]]} fields, {present} expected: {' '.join(names)}"
+        )
+    return Table(path, number, _parsed(path, rows, number, separator, names, frozenset(texts)))
+
+
+def _parsed(
+    path: Path,
+    rows: list[str],
+    number: IntArray,
+    separator: str | None,
+    names: list[str],
+    texts: frozenset[str],
+) -> dict[str, NDArray[Any]]:
+    """The columns of rows that all have the right number of fields."""
+    import pandas as pd
+
+    if not rows:
+        return {name: np.zeros(0, dtype=np.str_ if name in texts else np.float64) for name in names}
+    kinds: dict[str, Any] = {name: str if name in texts else np.float64 for name in names}
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(rows)),
+            sep=separator or r"\s+",
+            names=names,
+            header=None,
+            index_col=False,
+            dtype=kinds,
+            keep_default_na=False,
+            na_values={name: _NOT_A_NUMBER for name in names if name not in texts},
+            quoting=3,  # no quotes: a quotation mark is a character like any other
+            **exact_floats(),
+        )
+    except ValueError:  # pandas does not tell where
+        raise _no_number(path, rows, number, separator, names, texts) from None
+    columns: dict[str, NDArray[Any]] = {}
+    for name in names:
+        values = table[name].to_numpy()
+        columns[name] = np.char.strip(values.astype(np.str_)) if name in texts else values
+    return columns
+
+
+def _no_number(
+    path: Path,
+    rows: list[str],
+    number: IntArray,
+    separator: str | None,
+    names: list[str],
+    texts: frozenset[str],
+) -> DatasetError:
+    """The first field that is no number."""
+    for line, row in zip(number.tolist(), rows, strict=True):
+        for name, value in zip(names, row.split(separator), strict=True):
+            if name not in texts and not _is_number(value):
+                return DatasetError(f"{path}:{line}: field {name!r} is no number: {value.strip()!r}")
+    return DatasetError(f"{path}: not a readable table; expected the fields {' '.join(names)}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

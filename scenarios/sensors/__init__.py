@@ -1,0 +1,5 @@
+"""Sensors and detectors."""
+
+from scenarios.sensors.sensor import ObjectDetector, Sensor, SensorConfig, visible_share
+
+__all__ = ["ObjectDetector", "Sensor", "SensorConfig", "visible_share"]

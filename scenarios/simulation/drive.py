@@ -1,0 +1,121 @@
+"""The ego's drive: speed as the scenario asks, adapted to what is ahead (highway-env's IDM), or braked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenarios.brakes import BrakeConfig
+from scenarios.openscenario.control import Motion
+from scenarios.openscenario.motion.paths import Path
+from smartmot.pipeline import LeadObject
+
+if TYPE_CHECKING:
+    from scenarios.simulation.follower import Follower
+
+
+SAME_MPS = 1e-6
+"""The ego is given back to the scenario when its speed is this near to the one that the scenario asks for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the scenario asks of the ego's speed.
+
+    Args:
+        speed_mps: now, negative in reverse.
+        accel_mps2: how it changes until the next decision.
+    """
+
+    speed_mps: float
+    accel_mps2: float = 0.0
+
+
+class EgoDrive:
+    """Brakes the ego, or adapts its speed to who is ahead; until then the scenario drives it.
+
+    The speed that the scenario asks for is the desired one: speed adaptation goes below it, and after it, or
+    after braking, the ego returns to it. Along its way it drives like a driving robot, exactly on it.
+
+    Args:
+        brakes: emergency brake.
+        length_m: of the ego, for the distance that it keeps.
+        adapts: whether it adapts its speed to who is ahead; else it drives as the scenario asks until it
+            brakes, as the robot does in the tests of Euro NCAP.
+    """
+
+    def __init__(self, brakes: BrakeConfig, length_m: float, adapts: bool = True) -> None:
+        self.brakes, self._length_m, self._adapts = brakes, length_m, adapts
+        self.commands_from_s = math.inf
+        self.speed_mps = 0.0
+        self.accel_mps2 = 0.0
+        self.braking_since_s: float | None = None
+        self._comfort_mps2 = 0.0
+        self._follower: Follower | None = None
+
+    def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
+        """Go on from the speed that the scenario has given it."""
+        self.speed_mps = speed_mps
+
+    def control(
+        self, time_s: float, emergency: bool, lead: LeadObject | None, speed_mps: float, asked: Asked
+    ) -> None:
+        """Take over one decision.
+
+        Args:
+            time_s: now.
+            emergency: whether to brake fully.
+            lead: object whose speed is adapted to, if any.
+            speed_mps: of the ego now, negative in reverse.
+            asked: by the scenario.
+        """
+        if not emergency:
+            self.braking_since_s = None
+        elif self.braking_since_s is None:
+            self.braking_since_s = time_s
+        self._comfort_mps2 = 0.0
+        if emergency:
+            self._command(time_s)
+            return
+        if speed_mps < 0.0 or asked.speed_mps < 0.0:  # in reverse it is driven by the test's own robot
+            return
+        lead = lead if self._adapts else None
+        waits = math.isinf(self.commands_from_s)
+        if lead is None and (waits or abs(speed_mps - asked.speed_mps) <= SAME_MPS):
+            self.commands_from_s = math.inf
+            return
+        self._comfort_mps2 = self._idm().accel_mps2(speed_mps, lead, asked.speed_mps, asked.accel_mps2)
+        self._command(time_s)
+
+    def _command(self, time_s: float) -> None:
+        self.commands_from_s = min(self.commands_from_s, time_s)
+
+    def _idm(self) -> Follower:
+        """The model that adapts the speed, made when first needed: many tests hold theirs."""
+        if self._follower is None:
+            from scenarios.simulation.follower import Follower
+
+            self._follower = Follower(self._length_m)
+        return self._follower
+
+    def motion(self, time_s: float, duration_s: float) -> Motion:
+        """Distance driven and speed left after a duration under the present control."""
+        if self.braking_since_s is not None:
+            since = time_s - self.braking_since_s
+            distance, left = self.brakes.travel(abs(self.speed_mps), since, duration_s)
+            return Motion(-distance, -left) if self.speed_mps < 0.0 else Motion(distance, left)
+        if self.speed_mps < 0.0:
+            return Motion(self.speed_mps * duration_s, self.speed_mps)
+        a = self._comfort_mps2
+        moving = duration_s if a >= 0.0 else min(duration_s, self.speed_mps / -a)
+        distance = self.speed_mps * moving + a * moving**2 / 2
+        return Motion(distance, max(self.speed_mps + a * moving, 0.0))
+
+    def advance(self, time_s: float, duration_s: float) -> None:
+        """Move on by a duration."""
+        if duration_s <= 0.0:
+            return
+        speed = self.motion(time_s, duration_s).speed_mps
+        self.accel_mps2 = (speed - self.speed_mps) / duration_s
+        self.speed_mps = speed

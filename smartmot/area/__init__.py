@@ -1,0 +1,1 @@
+"""Monitored areas: which objects count."""

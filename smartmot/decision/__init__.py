@@ -1,0 +1,1 @@
+"""From threats to a brake command."""

@@ -1,0 +1,1 @@
+"""Motion models and the filters that estimate them."""

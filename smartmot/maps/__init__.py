@@ -1,0 +1,1 @@
+"""What perception takes from a map: strips of lanes, the route, regulatory elements."""

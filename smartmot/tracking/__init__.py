@@ -1,0 +1,1 @@
+"""Multi-object tracking: association, life cycle, the tracker, named configurations."""

@@ -1,0 +1,115 @@
+"""Life of a track: born from an unmatched detection, confirmed, coasted and deleted, all by elapsed time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmot.filters.motion_models import Setting, check_range, table
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+_ROUNDING_S = 1e-6
+"""Stamps in seconds since 1970 carry 2.4e-7 s of rounding; a limit of three frames must include the third."""
+
+
+LONGEST_GAP_S = 2.0
+"""A frame that comes so late still finds the tracks of the one before, however short `max_age_s` is: data at
+1 Hz can be tracked. After a longer pause, as between two recordings, nobody knows who is who."""
+
+
+@dataclass(frozen=True, slots=True)
+class LifecycleConfig:
+    """When a track changes its status.
+
+    Args:
+        confirm_s: Age at which a matched track is confirmed; until then it is tentative. 0: at birth, the
+            paper's min_hits 1.
+        max_age_s: Time without a match, or outside the monitored area, that a track survives. The paper's
+            max_age of 3 frames at 20 Hz. A match in the first frame after that time still counts, unless no
+            frame came for over `LONGEST_GAP_S`.
+        tentative_max_age_s: The same for a tentative track. None: as `max_age_s`.
+        birth_score: Detections under it start no track.
+
+    Raises:
+        ConfigError: A value is outside its range.
+    """
+
+    confirm_s: Setting = 0.0
+    max_age_s: Setting = 0.15
+    tentative_max_age_s: Setting | None = None
+    birth_score: Setting = 0.0
+
+    def __post_init__(self) -> None:
+        check_range(self, "confirm_s", 0.0, math.inf)
+        check_range(self, "max_age_s", 0.0, math.inf)
+        if self.tentative_max_age_s is not None:
+            check_range(self, "tentative_max_age_s", 0.0, math.inf)
+        check_range(self, "birth_score", 0.0, 1.0)
+
+
+class Lifecycle:
+    """The rules for M tracks at a time.
+
+    Args:
+        config: Times.
+    """
+
+    def __init__(self, config: LifecycleConfig) -> None:
+        self._confirm_s = table(config.confirm_s) - _ROUNDING_S
+        self._max_age_s = table(config.max_age_s) + _ROUNDING_S
+        tentative = config.tentative_max_age_s
+        self._tentative_max_age_s = None if tentative is None else table(tentative) + _ROUNDING_S
+
+    def confirm(
+        self, confirmed: BoolArray, age_s: FloatArray, coasted_s: FloatArray, code: IntArray
+    ) -> BoolArray:
+        """Which tracks are confirmed now; a confirmed track stays so.
+
+        Args:
+            confirmed: (M,) before this frame.
+            age_s: (M,) time since birth.
+            coasted_s: (M,) time since the last match.
+            code: (M,) positions in CATEGORIES.
+
+        Returns:
+            (M,) flags.
+        """
+        return confirmed | ((coasted_s <= 0.0) & (age_s >= self._confirm_s.take(code)))
+
+    def bridges(self, gap_s: float, code: IntArray) -> BoolArray:
+        """Which tracks may be matched after a time without frames.
+
+        Args:
+            gap_s: Time since the last frame.
+            code: (M,) positions in CATEGORIES.
+
+        Returns:
+            (M,) flags.
+        """
+        return gap_s <= np.maximum(self._max_age_s, LONGEST_GAP_S).take(code)
+
+    def survives(
+        self,
+        confirmed: BoolArray | None,
+        coasted_s: FloatArray,
+        outside_s: FloatArray | None,
+        code: IntArray,
+    ) -> BoolArray:
+        """Which tracks live on.
+
+        Args:
+            confirmed: (M,) flags; None: all are.
+            coasted_s: (M,) time since the last match.
+            outside_s: (M,) time since the track was last seen inside the monitored area; None: all are there.
+            code: (M,) positions in CATEGORIES.
+
+        Returns:
+            (M,) flags; False for tracks unmatched or outside for longer than they may be.
+        """
+        unseen_s = coasted_s if outside_s is None else np.maximum(coasted_s, outside_s)
+        alive: BoolArray = unseen_s <= self._max_age_s.take(code)
+        if self._tentative_max_age_s is not None and confirmed is not None:
+            alive &= confirmed | (coasted_s <= self._tentative_max_age_s.take(code))
+        return alive

@@ -1,0 +1,236 @@
+"""The command line, as a user sees it."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluation.cli.command import main
+from evaluation.studies.mot.run import TRACKS_NUSCENES
+from scenarios.catalogue.map_builder import shipped_map
+
+needs_trackeval = pytest.mark.skipif(
+    importlib.util.find_spec("trackeval") is None, reason="trackeval is not installed (extra mot)"
+)
+HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,category"
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """Run the command as the console script does."""
+    monkeypatch.setattr(sys, "argv", ["smartmot-eval", "mot", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    return int(stop.value.code or 0)
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    """Two cars at 10 m/s for 5 s on the shipped street: CSV files with labels and ego poses."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    rows = [f"{0.1 * k:.1f},{40 + i * 20 + k},{-1.75},4.5,1.8,0.0,car" for k in range(50) for i in range(2)]
+    (folder / "detections.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+    labels = [f"{row},{i % 2}" for i, row in enumerate(rows)]
+    (folder / "labels.csv").write_text("\n".join([f"{HEADER},track_id", *labels]) + "\n")
+    ego = [f"{0.1 * k:.1f},{20 + k},-1.75,0.0" for k in range(50)]
+    (folder / "ego.csv").write_text("\n".join(["stamp_s,x_m,y_m,yaw_rad", *ego]) + "\n")
+    return folder
+
+
+@needs_trackeval
+def test_tables_and_files(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    write = "csv,kitti,nuscenes"
+    assert call(monkeypatch, drive, "--out", out, "--write", write, "--similarity", "distance,iou") == 0
+    shown = capsys.readouterr().out
+    assert "1 sequences, 50 frames, 100 detections (0 impossible ones rejected), 2 tracks" in shown
+    assert "HOTA" in shown
+    assert "miss" in shown
+    assert {path.name for path in out.iterdir()} == {
+        *("0.txt", "tracks.csv", TRACKS_NUSCENES, "metrics.csv", "forecast.csv")
+    }
+    metrics = pd.read_csv(out / "metrics.csv")
+    assert metrics["similarity"].unique().tolist() == ["distance", "iou"]
+    assert metrics["mota"].min() == pytest.approx(100.0)
+    forecast = pd.read_csv(out / "forecast.csv")
+    assert set(forecast["model"]) == {"cv", "ctrv", "ca"}
+    assert not forecast["with_map"].any()
+    tracks = pd.read_csv(out / "tracks.csv")
+    assert len(tracks) == 100
+
+
+@needs_trackeval
+def test_map_filter_and_forecasts_along_lanes(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (drive / "detections.csv").open("a") as file:
+        file.write("4.9,90,60,4.5,1.8,0.0,car\n")
+    street = shipped_map("urban_street")
+    options = ("--filter", "map", "--map", street, "--write", "nuscenes")
+    assert call(monkeypatch, drive, "--out", tmp_path, *options) == 0
+    assert "1 detections outside the monitored lanes left out" in capsys.readouterr().out
+    assert set(pd.read_csv(tmp_path / "forecast.csv")["with_map"]) == {False, True}
+    assert json.loads((tmp_path / TRACKS_NUSCENES).read_text())["meta"]["use_map"] is True
+
+
+@needs_trackeval
+def test_labels_of_what_is_never_detected_are_pointed_out(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (drive / "labels.csv").open("a") as file:
+        file.write("4.9,90,5,0.6,0.6,0.0,pedestrian,7\n")
+    assert call(monkeypatch, drive, "--out", tmp_path) == 0
+    shown = capsys.readouterr().out
+    assert "labels, but no detections, of pedestrian: not scored" in shown
+    assert "nan" not in shown
+    assert set(pd.read_csv(tmp_path / "metrics.csv")["category"]) == {"car"}
+
+
+def test_quiet_prints_nothing(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (drive / "labels.csv").unlink()
+    assert (
+        call(
+            monkeypatch, drive, "--out", tmp_path, "--quiet", "--gif", tmp_path / "a.gif", "--frames", "3..5"
+        )
+        == 0
+    )
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+    assert (tmp_path / "a.gif").read_bytes()[:3] == b"GIF"
+
+
+def test_without_labels_there_are_tracks_only(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (drive / "labels.csv").unlink()
+    assert call(monkeypatch, drive, "--out", tmp_path / "out") == 0
+    assert "no labels: tracks only, no metrics" in capsys.readouterr().out
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["tracks.csv"]
+
+
+@pytest.mark.parametrize(("score", "share"), [(0.59, "4 %"), (0.6, None)])
+def test_a_detector_that_is_never_sure_is_pointed_out(
+    drive: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    score: float,
+    share: str | None,
+) -> None:
+    """With `default`, detections under 0.6 start no track."""
+    (drive / "labels.csv").unlink()
+    header, *rows = (drive / "detections.csv").read_text().splitlines()
+    scores = [0.9] * 4 + [score] * (len(rows) - 4)
+    lines = [f"{header},score", *(f"{row},{s}" for row, s in zip(rows, scores, strict=True))]
+    (drive / "detections.csv").write_text("\n".join(lines) + "\n")
+    assert call(monkeypatch, drive, "--out", tmp_path) == 0
+    shown = capsys.readouterr().out
+    assert (f"note: {share} of the car detections have a score of 0.6 or more" in shown) == bool(share)
+    assert ("start no track" in shown) == bool(share)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--format", "xml"), "--format: unknown 'xml'; use one of: kitti, nuscenes, csv"),
+        (("--config", "best"), "--config: unknown 'best'"),
+        (("--filter", "map"), "--filter map: needs --map"),
+        (("--filter", "lanes"), "--filter: unknown 'lanes'"),
+        (("--similarity", "volume"), "--similarity: unknown 'volume'"),
+        (("--threshold", "0.5"), "--threshold: unknown '0.5'"),
+        (("--write", "xml"), "--write: unknown 'xml'"),
+        (("--frames", "5"), "--frames: expected FIRST..LAST"),
+        (("--frames", "9..5"), "--frames: expected FIRST..LAST"),
+        (("--sequence", "7"), "--sequence: no '7'; there are: 0"),
+        (("--gif", "a.gif", "--frames", "90..95"), "--frames: sequence 0 has 50 frames"),
+        (("--map", "nowhere.xodr"), "nowhere.xodr"),
+    ],
+)
+def test_mistakes_are_one_line_and_status_2(
+    drive: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    (drive / "labels.csv").unlink()
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, drive, "--out", tmp_path, *arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["nowhere", "empty"])
+def test_folders_without_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert call(monkeypatch, tmp_path / name, "--out", tmp_path) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@needs_trackeval
+def test_kitti_with_every_configuration(kitti: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for config in ("default", "smartmot", "centerpoint", "ab3dmot"):
+        out = tmp_path / config
+        assert (
+            call(
+                monkeypatch,
+                kitti,
+                "--config",
+                config,
+                "--sequence",
+                "0012",
+                "--no-forecast",
+                "-q",
+                "--out",
+                out,
+            )
+            == 0
+        )
+        metrics = pd.read_csv(out / "metrics.csv", dtype={"sequence": str})
+        assert set(metrics["sequence"]) == {"all", "0012"}
+        whole = metrics[metrics["sequence"] == "all"].set_index("category")
+        assert list(whole.index) == ["car", "pedestrian", "cyclist"]
+        assert whole.loc["car", "hota"] > 70.0
+        lines = (out / "0012.txt").read_text().splitlines()
+        keys = [tuple(line.split()[:2]) for line in lines]
+        assert len(set(keys)) == len(keys)
+
+
+def test_running_without_ego_poses(
+    kitti: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("detections", "calib"):
+        (tmp_path / name).symlink_to(kitti / name)
+    assert call(monkeypatch, tmp_path, "--sequence", "0012", "--out", tmp_path / "out") == 0
+    assert "note: no ego poses: tracking in the vehicle's own frame" in capsys.readouterr().out
+    tracks = pd.read_csv(tmp_path / "out" / "tracks.csv")
+    assert np.isfinite(tracks.select_dtypes("number")).all(axis=None)
+
+
+def test_help_has_examples_and_start_up_is_light() -> None:
+    code = """
+import sys
+from evaluation.cli.command import main
+sys.argv = ["smartmot-eval", "mot", "--help"]
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code
+print([m for m in ("pandas", "scipy", "matplotlib", "trackeval", "evaluation.mot") if m in sys.modules])
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "Examples" in run.stdout
+    assert run.stdout.splitlines()[-1] == "[]"

@@ -1,0 +1,102 @@
+"""The reference results: kept ones are what the program gives today, and a stopped command goes on."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+
+from evaluation.errors import ArgumentError
+from evaluation.results.rows import ResultsError, RunRow
+from evaluation.runs.plan import CpnaSuite
+from evaluation.studies.reference import command
+from evaluation.studies.reference.cpna import CpnaPart
+from evaluation.studies.reference.kept import read_records
+from evaluation.studies.reference.part import Part
+from evaluation.studies.reference.parts import PARTS
+from evaluation.studies.reference.readme import README, render
+
+REPORTS = Path(__file__).parents[4] / "reports"
+TINY = CpnaPart("tiny", CpnaSuite((20.0, 30.0), ("map",), "paper", ("dry",), "urban_street"))
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_kept_results_do_not_drift(part: Part) -> None:
+    assert command.drift(part, REPORTS / part.name, count=2) == []
+
+
+def test_the_page_is_what_its_tables_give() -> None:
+    assert (REPORTS / README).read_text(encoding="utf-8") == render(REPORTS)
+
+
+def test_every_picture_and_table_that_the_page_shows_is_there() -> None:
+    page = (REPORTS / README).read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)]+)\)", page)
+    assert len(links) > 10
+    assert [link for link in links if not (REPORTS / link).is_file()] == []
+
+
+@pytest.fixture
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a part of two runs, just made."""
+    monkeypatch.setattr(command, "PARTS", (TINY,))
+    monkeypatch.setattr(command, "render", lambda reports: "page")
+    command.make_reports(tmp_path, (), 1, quiet=True)
+    return tmp_path
+
+
+def test_a_finished_part_is_not_run_again_and_what_is_missing_is(
+    tiny: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = (tiny / "tiny" / "runs.csv").read_bytes()
+    journal = tiny / command.JOURNAL / "tiny_runs.jsonl"
+    first, _ = journal.read_bytes().splitlines(keepends=True)
+    logs = sorted((tiny / "tiny" / "logs").iterdir())
+    ran = []
+    job = TINY.job
+
+    def counted(task: object) -> object:
+        ran.append(task)
+        return job(task)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(CpnaPart, "job", staticmethod(counted))
+    command.make_reports(tiny, (), 1, quiet=True)
+    assert ran == []
+    journal.write_bytes(first + b'{"key": "torn')  # as a kill leaves it
+    command.make_reports(tiny, (), 1, quiet=True)
+    assert len(ran) == 1
+    logs[0].unlink()
+    command.make_reports(tiny, (), 1, quiet=True)
+    assert len(ran) == 2
+    assert sorted((tiny / "tiny" / "logs").iterdir()) == logs
+    assert (tiny / "tiny" / "runs.csv").read_bytes() == table
+    assert len(read_records(tiny / "tiny" / "runs.csv", RunRow)) == 2
+
+
+def test_drift_is_told(tiny: Path) -> None:
+    assert command.check_reports(tiny, ()) == []
+    path = tiny / "tiny" / "runs.csv"
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    column = rows[0].index("flag_time_s")
+    kept, rows[1][column] = rows[1][column], "1.0"
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    assert command.check_reports(tiny, ()) == [f"tiny, run 1, flag_time_s: 1.0 is kept, {kept} comes out"]
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows(rows[:2])
+    assert command.check_reports(tiny, ()) == ["tiny: 1 runs are kept, 2 belong to it today"]
+    (tiny / README).write_text("stale")
+    assert any(README in line for line in command.check_reports(tiny, ()))
+
+
+def test_mistakes_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match="--only: no part 'all'; there are: paper, static"):
+        command.choose_parts(["all"])
+    with pytest.raises(ResultsError, match="make it with smartmot-eval reports"):
+        command.check_reports(tmp_path, ["paper"])
+    (tmp_path / "runs.csv").write_text("strategy,others\nmap,2\n")
+    with pytest.raises(ResultsError, match="not a table of this version"):
+        read_records(tmp_path / "runs.csv", RunRow)

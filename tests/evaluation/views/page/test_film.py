@@ -1,0 +1,203 @@
+"""Films: as many pictures and as long as asked for, of the right moments."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evaluation.errors import ArgumentError
+from evaluation.results import rows as results
+from evaluation.views import video
+from evaluation.views.page.explain import explain
+from evaluation.views.page.film import HOLD_S, Film, film_times
+from evaluation.views.page.folder import read_folder
+from evaluation.views.page.replay import replay, split_run
+from evaluation.views.page.scene import read_scene
+from evaluation.views.plots.ground import AREA_COLOURS
+
+
+@pytest.fixture(scope="module")
+def name(folder: Path) -> str:
+    runs = results.read_runs(folder)
+    return str(runs.loc[runs["collided"], "log"].iloc[0])
+
+
+def end_of(folder: Path, name: str) -> float:
+    log = results.read_log(results.log_path(folder, name))
+    return float(log.loc[log["kind"] == "ego", "time_s"].max())
+
+
+def test_a_gif_lasts_as_long_as_the_run(folder: Path, name: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.gif"
+    counted: list[tuple[int, int]] = []
+    written, notes = replay(
+        folder / name, path, None, fps=10, speed=1.0, progress=lambda *now: counted.append(now)
+    )
+    assert (written, notes) == ([path], ())
+    end = end_of(folder, name)
+    with Image.open(path) as image:
+        assert image.size == (960, 720)
+        durations = []
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            durations.append(image.info["duration"])
+    assert sum(durations) / 1000 == pytest.approx(end + HOLD_S, abs=0.1 + 1e-6)
+    assert counted[-1] == (len(counted), len(counted))
+    assert len(counted) == int(end * 10) + 2  # from 0 on, and the contact itself
+    assert path.stat().st_size < 6e6
+
+
+@pytest.mark.parametrize(("fps", "speed", "count"), [(20, 1, 21), (20, 0.5, 41), (20, 2, 11), (30, 1, 31)])
+def test_number_of_pictures_and_their_moments(drive: Any, fps: float, speed: float, count: int) -> None:
+    """A drive of 1 s at 20 frames per second."""
+    times = film_times(read_scene(drive().log(), None), fps, speed)
+    assert len(times.frame) == count
+    assert times.frame[0] == 0
+    assert times.frame[-1] == 20
+    assert np.all(np.diff(times.frame) >= 0)
+    # a GIF's clock counts hundredths of a second; what is rounded must not add up
+    shown = times.durations_ms()
+    assert sum(shown[:-1]) == pytest.approx(1000 * (count - 1) / fps, abs=10)
+    assert shown[-1] == 1000 * HOLD_S
+
+
+@pytest.mark.parametrize(("fps", "speed", "option"), [(0, 1, "--fps"), (60, 1, "--fps"), (20, 0, "--speed")])
+def test_impossible_numbers_are_refused(drive: Any, fps: float, speed: float, option: str) -> None:
+    with pytest.raises(ArgumentError, match=f"{option}: must lie in"):
+        film_times(read_scene(drive().log(), None), fps, speed)
+
+
+def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    setting = results_folder.settings[name]
+    scene = read_scene(results_folder.log(name), setting.strategy)
+    film = Film(scene, explain(scene, run, setting), setting.network, "title")
+    first, flag = film.picture(0), film.picture(scene.frame_at(run["flag_time_s"]))
+    assert first.shape == flag.shape == (720, 960, 3)
+    vermillion = np.array([0xD5, 0x5E, 0x00])
+    # threats are drawn in one colour only: none at first, a ring at the flag
+    view = slice(50, 525)
+    assert (np.abs(first[view].astype(int) - vermillion).max(axis=2) < 8).sum() == 0
+    assert (np.abs(flag[view].astype(int) - vermillion).max(axis=2) < 8).sum() > 100
+    assert np.array_equal(film.picture(0), first)
+
+
+def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    scene = read_scene(results_folder.log(name), None)
+    account = explain(scene, run, None)
+    word = "Emergency brake for somebody wide, who moves in a margin. "
+    told = dataclasses.replace(account, story=tuple(word * (k % 9) for k in range(len(scene))))
+    film = Film(scene, told, None, "people at the kerb, 60 m bend left, near side, 0.4 m, " * 2)
+    for frame in range(9):
+        image = film.picture(frame).astype(int)
+        # nothing but white at the edges beside the title and below the view, where the texts are
+        for rows in (slice(0, 42), slice(540, 720)):
+            for columns in (slice(0, 5), slice(-5, None)):
+                assert image[rows, columns].min() > 250, (frame, rows, columns)
+        # and a free strip between the story and the legend
+        assert (image[640:680].min(axis=(1, 2)) > 250).any()
+
+
+class Everything:
+    """An area with every role, as at an intersection."""
+
+    name = "map"
+
+    def at(self, ego: Any) -> Any:
+        rings = [(role, np.array([(0, 0), (9, 0), (9, 9)]) + 10.0 * k) for k, role in enumerate(AREA_COLOURS)]
+        return type("Area", (), {"polygons": lambda _: rings})()
+
+
+@pytest.mark.parametrize("strategy", [None, Everything()])
+def test_texts_do_not_stand_over_each_other(folder: Path, name: str, strategy: Any) -> None:
+    """Speed, acceleration and a long count of what perception holds share a line; the legend may be long."""
+    results_folder = read_folder(folder)
+    run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
+    scene = read_scene(results_folder.log(name), None)
+    story = "Emergency brake for another pedestrian, who stayed on the sidewalk, 12.3 m ahead then. " * 4
+    status = "115.5 km/h, speeding up at 2.8 m/s² · 103 of 110 detections kept · 103 tracked, 10 on a "
+    account = dataclasses.replace(
+        explain(scene, run, None),
+        status=(f"{status}collision course",) * len(scene),
+        story=(story,) * len(scene),
+    )
+    film = Film(dataclasses.replace(scene, strategy=strategy), account, None, "title", "#d55e00")
+    film.picture(0)
+    figure = film._figure
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    boxes = [text.get_window_extent(renderer) for text in figure.texts if text.get_text()]
+    boxes += [text.get_window_extent(renderer) for legend in figure.legends for text in legend.get_texts()]
+    assert len(boxes) > 8
+    for one, two in itertools.combinations(boxes, 2):
+        assert not one.overlaps(two)
+    for box in boxes:
+        assert figure.bbox.x0 < box.x0 < box.x1 < figure.bbox.x1
+        assert figure.bbox.y0 < box.y0 < box.y1 < figure.bbox.y1
+    # the strategy's colour, above the heading
+    assert film.picture(0)[3, 480].tolist() == [0xD5, 0x5E, 0x00]
+
+
+def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
+    try:
+        program = video.ffmpeg("--mp4")
+    except ArgumentError as error:
+        pytest.skip(str(error))
+    path = tmp_path / "run.mp4"
+    replay(folder / name, None, path, fps=10, speed=1.0)
+    said = subprocess.run(
+        [program, "-i", str(path), "-f", "null", "-"], capture_output=True, text=True, check=True
+    ).stderr
+    frames = int(said.split("frame=")[-1].split()[0])
+    assert frames == int(end_of(folder, name) * 10) + 2 + round(HOLD_S * 10)
+
+
+def test_without_ffmpeg_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video.shutil, "which", lambda _: None)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(ArgumentError, match=r"--mp4: no ffmpeg found; .*pip install imageio-ffmpeg"):
+        video.ffmpeg("--mp4")
+
+
+@pytest.mark.parametrize("run", ["out/a_30.5kmh_seed0", "out/logs/a_30.5kmh_seed0.parquet"])
+def test_a_run_is_named_by_folder_and_log_or_by_its_file(run: str) -> None:
+    assert split_run(Path(run)) == (Path("out"), "a_30.5kmh_seed0")
+
+
+def test_mistakes_are_one_line(
+    folder: Path, name: str, tmp_path: Path, command: Callable[..., int], capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for file in ("runs.csv", "runs.json"):
+        (bare / file).write_text((folder / file).read_text())
+    missing = json.dumps(str(tmp_path / "no" / "x.gif"))[1:-1]
+    for arguments, answer in (
+        (("replay", folder / "nothing"), "no run 'nothing'"),
+        (("replay", folder / name, "--gif", missing), "cannot write"),
+        (("replay", folder / name, "--fps", "0"), "--fps"),
+        (("replay", bare / name), "nothing can be replayed"),
+        (("report", bare), "nothing can be replayed"),
+        (("report", tmp_path / "empty"), "runs.csv: no such file"),
+        (("report", tmp_path / "gone"), "no such folder"),
+        (("report", folder, "--out", tmp_path / "no" / "x.html"), "cannot write"),
+    ):
+        capfd.readouterr()
+        assert command(*arguments, "--quiet") == 2, arguments
+        said = capfd.readouterr()
+        assert said.err.startswith("smartmot-eval: ")
+        assert answer in said.err
+        assert said.err.count("\n") == 1
+        assert said.out == ""

@@ -1,0 +1,93 @@
+"""Bird's-eye view and map: what is drawn where."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluation.results.rows import ResultsError
+from evaluation.views.plots import birdseye, map_picture
+
+
+def test_birdseye_turns_the_scene_into_the_ego_frame(
+    look: Any, road: Any, scene_log: pd.DataFrame, scene_areas: list[Any]
+) -> None:
+    figure = birdseye(road, scene_log, 1.5, scene_areas)
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Ahead of ego (m)", "Left of ego (m)")
+    assert axes.get_aspect() == 1.0
+    (ego,) = look.by_gid(figure, "ego")
+    corners = ego.get_paths()[0].vertices[:4]
+    assert np.allclose(corners, [(2.2, 0.9), (-2.2, 0.9), (-2.2, -0.9), (2.2, -0.9)])
+    (threat,) = look.by_gid(figure, "track, threat")
+    assert np.allclose(threat.get_paths()[0].vertices[:4].mean(axis=0), (20.0, -2.6))
+    (dropped,) = look.by_gid(figure, "detection dropped")
+    assert len(dropped.get_paths()) == 3
+    assert len(look.by_gid(figure, "forecast")) == 2 * 4
+    assert len(look.by_gid(figure, "velocity")) == 3
+
+
+def test_birdseye_draws_only_lanes_in_view(
+    look: Any, road: Any, scene_log: pd.DataFrame, scene_areas: list[Any]
+) -> None:
+    figure = birdseye(road, scene_log, 1.5, scene_areas)
+    (driving,) = look.by_gid(figure, "driving lane")
+    assert len(driving.get_paths()) == 2
+    assert look.by_gid(figure, "parking lane") == []
+    assert len(look.by_gid(figure, "crosswalk")) == 1
+
+
+def test_birdseye_texts_do_not_cover_each_other(
+    look: Any, road: Any, scene_log: pd.DataFrame, scene_areas: list[Any]
+) -> None:
+    figure = birdseye(road, scene_log, 1.5, scene_areas)
+    assert look.overlapping_texts(figure) == []
+    assert {"pedestrian 3", "car 4", "car 5"} <= set(look.texts(figure))
+    legend = look.legend(figure)
+    for name in ("driving lane", "crosswalk", "monitored: vru margin", "track, threat", "detection dropped"):
+        assert name in legend
+
+
+def test_birdseye_shows_the_nearest_frame(road: Any, scene_log: pd.DataFrame) -> None:
+    figure = birdseye(road, scene_log, 1.52, [])
+    assert figure.axes[0].get_title().startswith("t = 1.50 s")
+
+
+def test_birdseye_without_ego_says_so(road: Any, empty_log: pd.DataFrame) -> None:
+    with pytest.raises(ResultsError, match="without rows of kind 'ego'"):
+        birdseye(road, empty_log, 0.0, [])
+
+
+def test_birdseye_of_a_frame_with_nothing_but_the_ego(look: Any, road: Any, braking_log: Any) -> None:
+    log, _ = braking_log(10.0)
+    figure = birdseye(road, log, 0.0, [])
+    assert len(look.by_gid(figure, "ego")) == 1
+
+
+def test_map_picture_shows_the_whole_map(look: Any, road: Any) -> None:
+    figure = map_picture(road, title="Map")
+    (axes,) = figure.axes
+    legend = look.legend(figure)
+    assert legend[:3] == ["driving lane", "sidewalk lane", "parking lane"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x, east (m)", "y, north (m)")
+    assert axes.get_ylim()[1] > 850.0
+    assert look.overlapping_texts(figure) == []
+
+
+def test_map_picture_shows_the_ego_at_its_pose(look: Any, road: Any) -> None:
+    figure = map_picture(road, ego_pose=(100.0, 50.0, 0.3))
+    (ego,) = look.by_gid(figure, "ego")
+    corners = ego.get_paths()[0].vertices[:4]
+    assert np.allclose(corners.mean(axis=0), (100.0, 50.0))
+    length, width = np.linalg.norm(np.diff(corners[:3], axis=0), axis=1)
+    assert width == pytest.approx(0.41 * length)
+
+
+def test_map_picture_shows_the_surroundings_of_the_areas(
+    look: Any, road: Any, scene_areas: list[Any]
+) -> None:
+    figure = map_picture(road, scene_areas)
+    (axes,) = figure.axes
+    assert -10.0 < axes.get_xlim()[0] < axes.get_xlim()[1] < 80.0
+    assert look.by_gid(figure, "monitored: current")

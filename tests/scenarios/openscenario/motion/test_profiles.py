@@ -1,0 +1,89 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from scenarios.openscenario.motion.profiles import Piece, SpeedProfile, transition
+from scenarios.openscenario.running.synchronize import approach, final_speed_without_wish
+
+
+@pytest.mark.parametrize("shape", ["linear", "cubic", "sinusoidal"])
+def test_distance_is_the_integral_of_speed(shape):
+    profile = SpeedProfile(
+        2.0, 3.0, [Piece(4.0, 3.0, 9.0, shape), Piece(1.0, 9.0, 9.0), Piece(2.0, 9.0, 0.0, shape)]
+    )
+    time = np.linspace(2.0, 12.0, 20_001)
+    distance, speed = np.array([profile.at(t) for t in time]).T
+    integral = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    np.testing.assert_allclose(distance, integral, atol=1e-6)
+    assert distance[-1] == pytest.approx(24.0 + 9.0 + 9.0)
+    assert speed[-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("shape", "dimension", "value", "duration"),
+    [
+        ("step", "time", 3.0, 0.0),
+        ("linear", "time", 3.0, 3.0),
+        ("linear", "rate", 2.0, 4.0),  # 8 m/s at 2 m/s2
+        ("linear", "distance", 36.0, 6.0),  # mean speed 6 m/s
+        ("cubic", "rate", 2.0, 6.0),  # steepest slope is 1.5 times the mean
+        ("sinusoidal", "rate", 2.0, 2.0 * math.pi),  # and pi / 2 times
+    ],
+)
+def test_transitions_from_2_to_10_mps(shape, dimension, value, duration):
+    pieces = transition(shape, dimension, value, 2.0, 10.0)
+    assert sum(piece.duration_s for piece in pieces) == pytest.approx(duration)
+    if pieces and dimension == "rate":
+        profile = SpeedProfile(0.0, 2.0, pieces)
+        step = 1e-5
+        slopes = [
+            (profile.at(t + step)[1] - profile.at(t)[1]) / step
+            for t in np.linspace(0.0, duration - step, 1001)
+        ]
+        assert max(slopes) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_sets_off():
+    assert SpeedProfile(1.0, 0.0).sets_off_s() == math.inf
+    assert SpeedProfile(1.0, 2.0).sets_off_s() == 1.0
+    assert SpeedProfile(1.0, 0.0, [Piece(3.0, 0.0, 0.0), Piece(1.0, 0.0, 2.0)]).sets_off_s() == 4.0
+
+
+SPEED = st.floats(0.0, 40.0)
+
+
+@given(SPEED, st.floats(0.1, 40.0), st.floats(0.1, 500.0), st.floats(0.1, 200.0))
+def test_an_approach_arrives_in_time_with_the_final_speed(v0, v1, distance, time):
+    pieces = approach(v0, v1, distance, time)
+    assert pieces is not None
+    profile = SpeedProfile(0.0, v0, pieces)
+    assert profile.end_s == pytest.approx(time)
+    assert profile.length_m == pytest.approx(distance, rel=1e-6, abs=1e-6)
+    assert profile.final_mps == v1
+    assert pieces[0].start_mps == v0
+    for piece in pieces:
+        assert piece.duration_s >= -1e-9
+        assert min(piece.start_mps, piece.end_mps) >= 0.0
+    moving = [p for p in pieces if p.start_mps != p.end_mps and p.duration_s > 1e-6]
+    rates = [abs(p.end_mps - p.start_mps) / p.duration_s for p in moving]
+    assume(len(rates) == 2)
+    assert rates[0] == pytest.approx(rates[1], rel=1e-3, abs=1e-6)  # accelerations of one size
+
+
+def test_approach_by_hand():
+    # at rest, 3 m to go in 10 s, 2 m/s at the end: wait 7 s, then 3 s at 2/3 m/s2
+    pieces = approach(0.0, 2.0, 3.0, 10.0)
+    assert pieces is not None
+    assert [p.duration_s for p in pieces] == pytest.approx([0.0, 7.0, 3.0])
+    # at rest, 3 m in 2 s: up to 2 m/s at least, so faster in between: vx = (6 + sqrt(36 - 48 + 32)) / 4
+    fast = approach(0.0, 2.0, 3.0, 2.0)
+    assert fast is not None
+    assert fast[0].end_mps == pytest.approx((6.0 + math.sqrt(20.0)) / 4.0)
+    assert approach(5.0, 5.0, 50.0, 10.0) == (Piece(10.0, 5.0, 5.0),)
+    assert approach(1.0, 1.0, 0.0, 1.0) is None
+    assert approach(1.0, 1.0, 1.0, 0.0) is None
+    assert final_speed_without_wish(2.0, 30.0, 10.0) == 4.0
+    assert final_speed_without_wish(9.0, 30.0, 10.0) == 0.0

@@ -1,0 +1,262 @@
+import math
+
+import numpy as np
+import pytest
+
+from scenarios.openscenario import ContentError, Engine, RunError, UnsupportedError, load
+from scenarios.openscenario.motion.paths import Path
+from tests.scenarios.openscenario.conftest import EGO_AT_START, at, lane_position, private, speed, teleport
+
+NO_TIME = "<TimeReference><None/></TimeReference>"
+
+
+def follow(shape, time=NO_TIME, offset="", mode="position"):
+    return (
+        f"<PrivateAction><RoutingAction><FollowTrajectoryAction{offset}>{time}"
+        f'<TrajectoryFollowingMode followingMode="{mode}"/><TrajectoryRef>'
+        f'<Trajectory name="curve" closed="false"><Shape>{shape}</Shape></Trajectory></TrajectoryRef>'
+        "</FollowTrajectoryAction></RoutingAction></PrivateAction>"
+    )
+
+
+def world(x, y):
+    return f'<Position><WorldPosition x="{x}" y="{y}"/></Position>'
+
+
+def polyline(*points, times=()):
+    marks = [f' time="{t}"' for t in times] or [""] * len(points)
+    vertices = "".join(f"<Vertex{mark}>{world(*p)}</Vertex>" for p, mark in zip(points, marks, strict=True))
+    return f"<Polyline>{vertices}</Polyline>"
+
+
+def other(play, *actions, **parts):
+    return play(init=EGO_AT_START + private("Other", *actions), **parts)[1]
+
+
+def test_polyline(play):
+    corner = polyline((0, 20), (30, 20), (30, 60))
+    run = other(play, follow(corner), speed(10))
+    assert at(run, "Other", 0.0) == pytest.approx((0, 20, 0, 10))
+    assert at(run, "Other", 2.0) == pytest.approx((20, 20, 0, 10))
+    assert at(run, "Other", 5.0) == pytest.approx((30, 40, math.pi / 2, 10))
+    assert at(run, "Other", 9.0) == pytest.approx((30, 80, math.pi / 2, 10))  # straight on after its end
+    run = other(play, follow(corner, offset=' initialDistanceOffset="30"'), speed(10))
+    assert at(run, "Other", 1.0) == pytest.approx((30, 30, math.pi / 2, 10))
+
+
+def test_the_form_of_version_1_0(play):
+    """The trajectory stands in the action itself."""
+    new = follow(polyline((0, 20), (30, 20)))
+    old = new.replace("<TrajectoryRef>", "").replace("</TrajectoryRef>", "")
+    for action, minor in ((new, 3), (old, 0)):
+        run = other(play, action, speed(10), minor=minor)
+        assert at(run, "Other", 2.0) == pytest.approx((20, 20, 0, 10))
+
+
+def test_reversing_along_a_trajectory(play):
+    """It is followed from its start to its end, with the rear in front."""
+    run = other(play, speed(-2), follow(polyline((100, 0), (0, 0)), mode="follow"))
+    x, y, yaw, v = at(run, "Other", 5.0)
+    assert (x, y, v) == pytest.approx((90, 0, -2))
+    assert math.cos(yaw) == pytest.approx(1.0)
+
+
+def test_times(play):
+    """By vertex times the speed is constant between vertices; a later start is waited for."""
+    shape = polyline((0, 20), (30, 20), (30, 60), times=(0, 3, 5))
+    timing = '<TimeReference><Timing domainAbsoluteRelative="{}" scale="{}" offset="{}"/></TimeReference>'
+    run = other(play, follow(shape, timing.format("absolute", 1, 2)))
+    assert at(run, "Other", 1.0) == pytest.approx((0, 20, 0, 0))
+    assert at(run, "Other", 3.5) == pytest.approx((15, 20, 0, 10))
+    assert at(run, "Other", 6.0) == pytest.approx((30, 40, math.pi / 2, 20))
+    run = other(play, follow(shape, timing.format("relative", 2, 0)))
+    assert at(run, "Other", 3.0) == pytest.approx((15, 20, 0, 5))
+    run = other(play, follow(shape, timing.format("absolute", 1, -1)))  # already under way
+    assert at(run, "Other", 0.0) == pytest.approx((10, 20, 0, 10))
+    with pytest.raises(RunError, match="growing times throughout"):
+        other(play, follow(polyline((0, 0), (1, 0), times=(1, 1)), timing.format("absolute", 1, 0)))
+    with pytest.raises(RunError, match="growing times throughout"):
+        other(play, follow(polyline((0, 0), (1, 0)), timing.format("absolute", 1, 0)))
+
+
+def piece(length, start, end, position=""):
+    inner = f"<PositionStart>{position}</PositionStart>" if position else ""
+    return (
+        f'<ClothoidSplineSegment length="{length}" curvatureStart="{start}" '
+        f'curvatureEnd="{end}">{inner}</ClothoidSplineSegment>'
+    )
+
+
+START = '<WorldPosition x="0" y="20" h="0"/>'
+
+
+def test_arc(play):
+    """A quarter of a circle of 10 m radius to the left ends at (10, 30), heading north."""
+    quarter = 5 * math.pi
+    shape = f"<ClothoidSpline>{piece(quarter, 0.1, 0.1, START)}{piece(20, 0, 0)}</ClothoidSpline>"
+    run = other(play, follow(shape), speed(quarter / 2))
+    assert at(run, "Other", 2.0) == pytest.approx((10, 30, math.pi / 2, quarter / 2), abs=1e-4)
+    assert at(run, "Other", 3.0) == pytest.approx((10, 30 + quarter / 2, math.pi / 2, quarter / 2), abs=1e-4)
+    x, y, yaw, _ = at(run, "Other", 1.0)
+    assert (x, y) == pytest.approx((10 * math.sin(math.pi / 4), 30 - 10 * math.cos(math.pi / 4)), abs=1e-4)
+    assert yaw == pytest.approx(math.pi / 4, abs=1e-6)
+
+
+def test_clothoid_turns_by_the_mean_curvature(play):
+    spline = f"<ClothoidSpline>{piece(20, 0, 0.1, START)}</ClothoidSpline>"
+    single = (
+        f'<Clothoid curvature="0" curvaturePrime="0.005" length="20"><Position>{START}</Position></Clothoid>'
+    )
+    for shape in (spline, single):
+        run = other(play, follow(shape), speed(10))
+        x, y, yaw, _ = at(run, "Other", 2.0)
+        s = np.linspace(0.0, 20.0, 200_001)
+        heading = 0.0025 * s**2
+        assert yaw == pytest.approx(1.0, abs=1e-6)
+        assert (x, y) == pytest.approx(
+            (np.trapezoid(np.cos(heading), s), 20 + np.trapezoid(np.sin(heading), s)), abs=1e-4
+        )
+
+
+def test_a_spline_without_start_begins_at_the_entity(play):
+    shape = f"<ClothoidSpline>{piece(10, 0, 0)}</ClothoidSpline>"
+    run = other(play, teleport(lane_position(60)), follow(shape), speed(5))
+    assert at(run, "Other", 1.0) == pytest.approx((65, -1.75, 0, 5))
+    with pytest.raises(RunError, match="refers to 'Other' before"):
+        other(play, follow(shape))
+
+
+def test_nurbs_draws_a_circle(play):
+    """The rational quadratic with weights 1, sqrt(1/2), 1 is a quarter of a circle."""
+    weight = math.sqrt(0.5)
+    points = "".join(
+        f'<ControlPoint weight="{w}">{world(x, y)}</ControlPoint>'
+        for x, y, w in ((10, 20, 1), (10, 30, weight), (0, 30, 1))
+    )
+    knots = "".join(f'<Knot value="{k}"/>' for k in (0, 0, 0, 1, 1, 1))
+    run = other(play, follow(f'<Nurbs order="3">{points}{knots}</Nurbs>'), speed(2.5 * math.pi))
+    column = run.names.tolist().index("Other")
+    on_curve = run.time_s <= 2.0
+    radius = np.hypot(run.x_m[on_curve, column], run.y_m[on_curve, column] - 20)
+    np.testing.assert_allclose(radius, 10.0, atol=1e-4)
+    assert at(run, "Other", 1.0)[:3] == pytest.approx(
+        (10 * weight, 20 + 10 * weight, 0.75 * math.pi), abs=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("shape", "error", "text"),
+    [
+        (polyline((0, 0)), ContentError, "at least two vertices"),
+        (polyline((0, 0), (0, 0)), RunError, "'curve': two vertices in a row"),
+        ("<ClothoidSpline/>", ContentError, "at least one ClothoidSplineSegment"),
+        (
+            f"<ClothoidSpline>{piece(0, 0, 0, START)}</ClothoidSpline>",
+            ContentError,
+            "length: expected a positive",
+        ),
+        (
+            f"<ClothoidSpline>{piece(5, 0, 0, START)}{piece(5, 0, 0, START)}</ClothoidSpline>",
+            RunError,
+            "piece 2 does not start where",
+        ),
+        ('<Nurbs order="2"/>', ContentError, "needs order >= 2 and 2 to"),
+        (
+            f'<Nurbs order="2"><ControlPoint>{world(0, 0)}</ControlPoint>'
+            f"<ControlPoint>{world(1, 0)}</ControlPoint>"
+            '<Knot value="0"/></Nurbs>',
+            ContentError,
+            "needs 4 Knots, got 1",
+        ),
+        (f"<ClothoidSpline>{piece(50, 0, 1e4, START)}</ClothoidSpline>", RunError, "turns by 5e.05 rad"),
+        ("<Circle/>", UnsupportedError, "<Circle> in <Shape> is not supported"),
+    ],
+)
+def test_refused(write, shape, error, text):
+    with pytest.raises(error, match=text):
+        Engine(load(write(init=EGO_AT_START + private("Other", follow(shape)))))
+
+
+def test_too_far_along_and_closed(write):
+    long = follow(polyline((0, 0), (5, 0)), offset=' initialDistanceOffset="6"')
+    with pytest.raises(RunError, match="initialDistanceOffset 6 m is more than its length of 5 m"):
+        Engine(load(write(init=EGO_AT_START + private("Other", long))))
+    closed = follow(polyline((0, 0), (5, 0))).replace('closed="false"', 'closed="true"')
+    with pytest.raises(UnsupportedError, match="closed='true'"):
+        load(write(init=EGO_AT_START + private("Other", closed)))
+
+
+def test_teleport_along_and_off_a_trajectory(play):
+    line = follow(polyline((0, 20), (100, 20)))
+    run = other(play, line, teleport(world(40, 20)), speed(5))
+    assert at(run, "Other", 2.0) == pytest.approx((50, 20, 0, 5))
+    with pytest.raises(RunError, match="teleported off the trajectory"):
+        other(play, line, teleport(world(40, 22)))
+
+
+def test_projection_is_the_inverse_of_the_pose():
+    s = np.linspace(0.0, 3.0, 400)
+    path = Path(10 * np.cos(s), 10 * np.sin(s), s + np.pi / 2)
+    for station in (-5.0, 0.0, 7.3, 20.0, path.length_m, path.length_m + 4.0):
+        x, y, yaw = path.pose(station)
+        found, left = path.project(x - 0.5 * math.sin(yaw), y + 0.5 * math.cos(yaw))
+        assert (found, left) == pytest.approx((station, 0.5), abs=0.02)
+
+
+@pytest.mark.parametrize("mode", ["position", "follow"])
+def test_after_a_trajectory_the_entity_follows_its_lane(play, mode):
+    """It ends in lane -1 of A at s = 200, 0.5 m to the left of its middle, 10 degrees off its direction."""
+    start = (200 - 50 * math.cos(0.17), -1.25 - 50 * math.sin(0.17))
+    line = polyline(start, (200, -1.25))
+    init = private("Ego", teleport(world(*start)), speed(10), follow(line, mode=mode))
+    init += private("Other", teleport(lane_position(60)))
+    run = play(init=init)[1]
+    assert at(run, "Ego", 4.0)[1] < -1.5
+    assert at(run, "Ego", 9.0)[:2] == pytest.approx((240, -1.25), abs=1e-6)
+    assert math.sin(at(run, "Ego", 9.0)[2]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_steering_to_a_trajectory_does_not_jump(play):
+    """3 m to the left at 10 m/s: lateral acceleration 1 m/s2 takes 10 sqrt(18) = 42.4 m; half way 1.5 m."""
+    line = polyline((-100, 1.25), (280, 1.25))
+    init = EGO_AT_START + private("Ego", follow(line, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    engine, run = play(init=init)
+    assert at(run, "Ego", 0.0)[:2] == pytest.approx((10, -1.75))
+    within = 10 * math.sqrt(18)
+    sideways = np.interp(10 + within / 2, run.x_m[:, 0], run.y_m[:, 0])
+    assert sideways == pytest.approx(-0.25, abs=1e-3)
+    assert np.abs(np.diff(run.y_m[:, 0], 2)).max() / 0.01**2 == pytest.approx(1.0, abs=0.1)
+    assert at(run, "Ego", 6.0)[:2] == pytest.approx((70, 1.25), abs=0.05)
+    assert engine.world.actors["Ego"].on_trajectory
+    jumps = play(init=init.replace('"follow"', '"position"'))[1]
+    assert at(jumps, "Ego", 0.0)[:2] == pytest.approx((-100, 1.25))
+
+
+def test_steering_keeps_the_headings_of_the_lines_after_it(play):
+    corner = polyline((0, -0.75), (100, -0.75), (100, 80))
+    init = EGO_AT_START + private("Ego", follow(corner, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    run = play(init=init)[1]
+    assert at(run, "Ego", 8.0)[2] == pytest.approx(0.0, abs=1e-6)
+    assert at(run, "Ego", 9.9)[2] == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_steering_by_times_meets_them(play):
+    """10 m behind the first place, which it is to be at after 2 s: 5 m/s, then 20 m/s."""
+    line = polyline((20, 1.25), (120, 1.25), times=(2, 7))
+    timing = '<TimeReference><Timing domainAbsoluteRelative="absolute" scale="1" offset="0"/></TimeReference>'
+    init = EGO_AT_START + private("Ego", follow(line, timing, mode="follow"))
+    init += private("Other", teleport(lane_position(60, lane=-2)))
+    run = play(init=init)[1]
+    for t, x, v in ((0, 10, 5), (2, 20, 20), (4.5, 70, 20), (7, 120, 20)):
+        assert at(run, "Ego", t)[0] == pytest.approx(x, abs=1e-6)
+        assert at(run, "Ego", t)[3] == pytest.approx(v, abs=1e-6)
+
+
+def test_no_room_to_steer_is_refused(write):
+    line = polyline((0, 20), (12, 20))
+    init = EGO_AT_START + private("Ego", follow(line, mode="follow"))
+    init += private("Other", teleport(lane_position(60)))
+    with pytest.raises(RunError, match=r"21\.8 m beside trajectory 'curve' and cannot steer"):
+        Engine(load(write(init=init)))
