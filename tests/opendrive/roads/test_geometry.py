@@ -1,4 +1,3 @@
-import json
 from itertools import pairwise
 
 import numpy as np
@@ -6,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from opendrive import LaneKey, PositionError, RoadNetwork, load_map
+from opendrive import LaneKey, PositionError, RoadNetwork
 from opendrive.model import (
     Arc,
     Geometry,
@@ -140,29 +139,6 @@ def test_positions_off_the_road_are_refused():
     with pytest.raises(PositionError, match=r"shape \(N, 2\), got \(3,\)"):
         network.road_coordinates("r", [1.0, 2.0, 3.0])
     assert float(network.road_point("r", 60.0005, 0.0).x_m) == pytest.approx(60 * np.cos(0.4))
-
-
-def test_probes(shared, tmp_path):
-    probes = json.loads((shared / "probes.json").read_text(encoding="utf-8"))["probes"]
-    assert len(probes) == 22
-    # What the plain expectation leaves out is taken from the only parsers that support it.
-    with_profile = {"superelev", "crossfall", "lane_height"}
-    for name, probe in probes.items():
-        file = tmp_path / f"{name}.xodr"
-        file.write_text(probe["xodr"], encoding="utf-8")
-        network = load_map(file)
-        expected = probe["libodr"] if name in with_profile else probe["expected_no_lateral_profile"]
-        for (lane_id, s), row in zip(probe["queries"], expected, strict=True):
-            lane = network.lane_index_of(LaneKey("1", 0, lane_id))
-            x, y, z, heading = (float(value) for value in network.center_line(lane, s))
-            if name == "shape":
-                # No reference reads it: 0.5 m from t = -5 m to 0, nothing to the left of that.
-                row = [row[0], row[1], row[2] + 0.5 * (lane_id < 0), *row[3:]]
-            along = heading if network.lanes.direction[lane] > 0 else heading + np.pi
-            assert (x, y, z) == pytest.approx(row[:3], abs=2e-6), (name, lane_id, s)
-            assert np.sin(along - row[3]) == pytest.approx(0.0, abs=2e-6), (name, lane_id, s)
-            assert np.cos(along - row[3]) > 0.0, (name, lane_id, s)
-            assert float(network.lane_width(lane, s)) == pytest.approx(row[4], abs=1e-6), (name, lane_id, s)
 
 
 @settings(max_examples=60, deadline=None)
