@@ -8,47 +8,41 @@ import pytest
 
 from opendrive import LaneKey, load_map
 
-PROBES = json.loads((Path(__file__).parents[2] / "data" / "opendrive" / "probes.json").read_text("utf-8"))[
-    "probes"
-]
-"""Roads with one feature each, and values computed by others or in closed form."""
+FILE = Path(__file__).parents[2] / "data" / "opendrive" / "probes.json"
+PROBES = json.loads(FILE.read_text(encoding="utf-8"))["probes"]
 
 
-def probe_text(probe):
+def element(tag, attributes, *children):
+    written = "".join(f' {name}="{value}"' for name, value in attributes.items())
+    return f"<{tag}{written}>{''.join(element(*child) for child in children)}</{tag}>"
+
+
+def document(probe):
     """The OpenDRIVE text of a probe."""
 
-    def element(tag, attributes, *children):
-        written = "".join(f' {name}="{value}"' for name, value in attributes.items())
-        return f"<{tag}{written}>{''.join(element(*child) for child in children)}</{tag}>"
+    def records(name):
+        return "".join(element(*record) for record in probe[name])
 
-    def lane(number, kind, records):
-        return (
-            f'<lane id="{number}" type="{kind}" level="false">{"".join(element(*r) for r in records)}</lane>'
-        )
+    def side(sign):
+        lanes = [values for values in probe["lanes"] if int(values[0]) * sign > 0]
+        return "".join(element("lane", {"id": i, "type": kind}, *widths) for i, kind, widths in lanes)
 
-    parts = {
-        name: "".join(element(*child) for child in probe[name]) for name in ("plan", "elevation", "lateral")
-    }
-    sides = {
-        side: "".join(lane(*values) for values in probe["lanes"] if (int(values[0]) > 0) == (side == "left"))
-        for side in ("left", "right")
-    }
     offset = element("offset", probe["header_offset"]) if "header_offset" in probe else ""
     return (
         f'<OpenDRIVE><header revMajor="1" revMinor="6" name="" version="1">{offset}</header>'
         f'<road name="r" length="{probe["length"]}" id="1" junction="-1" rule="{probe["rule"]}">'
         f"<planView>{records('plan')}</planView><elevationProfile>{records('elevation')}</elevationProfile>"
         f"<lateralProfile>{records('lateral')}</lateralProfile><lanes>{records('lane_offsets')}"
-        f'<laneSection s="0"><left>{left}</left>{lane(0, "none", [])}<right>{right}</right>'
-        "</laneSection></lanes></road></OpenDRIVE>"
-    ).replace('<lane id="0" type="none" level="false"></lane>', '<center><lane id="0" type="none"/></center>')
+        f'<laneSection s="0"><left>{side(1)}</left><center><lane id="0" type="none"/></center>'
+        f"<right>{side(-1)}</right></laneSection></lanes></road></OpenDRIVE>"
+    )
 
 
 @pytest.mark.parametrize("name", PROBES)
 def test_probes(tmp_path, name):
     probe = PROBES[name]
     file = tmp_path / f"{name}.xodr"
-    file.write_text(probe_text(probe), encoding="utf-8")
+    file.write_text(document(probe), encoding="utf-8")
     network = load_map(file)
     for (lane_id, s), row in zip(probe["queries"], probe["expected"], strict=True):
         lane = network.lane_index_of(LaneKey("1", 0, lane_id))
