@@ -91,7 +91,7 @@ def peer(simulated_s: float) -> float:
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
     from evaluation.results import rows as results
-    from evaluation.runs import execute as runs
+    from evaluation.runs import execution as runs
     from evaluation.runs import plan as runner
     from scenarios.openscenario.running.engine import Engine
     from scenarios.sensors.sensor import Sensor

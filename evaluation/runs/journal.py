@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
 from evaluation.results.rows import ResultsError
 from evaluation.runs.decoding import decode
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.runs.folder_lock import release, take
 from evaluation.runs.workers import execute_all
 from scenarios.reading import ReadError, parse_json, shown

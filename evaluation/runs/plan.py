@@ -10,7 +10,7 @@ import numpy as np
 
 from evaluation.arguments import DEFAULT_MAP
 from evaluation.runs.configuration import configuration_of
-from evaluation.runs.execute import RunRecord, execute
+from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.workers import execute_all
 from opendrive import RoadNetwork
 from scenarios.catalogue.cpna import CpnaTest, approach_m, scenario_parameters

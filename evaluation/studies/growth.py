@@ -24,7 +24,7 @@ from evaluation.results.rows import (
     write_bytes,
 )
 from evaluation.runs.configuration import configuration_of
-from evaluation.runs.execute import FrameTime, frame_time, impact_speed_kmh
+from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.journal import Journal
 from evaluation.studies.compare.figures import FORMATS, save

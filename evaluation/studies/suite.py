@@ -16,7 +16,7 @@ from evaluation.results.rows import Published, ResultsError, RunRow, Table
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of, read_configuration
 from evaluation.runs.conflict import conflicts, scored, told_without_conflict, unbraked
-from evaluation.runs.execute import execute
+from evaluation.runs.execution import execute
 from evaluation.runs.workers import execute_all
 from scenarios.settings import settings_text
 from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, scene_of

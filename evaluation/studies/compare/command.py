@@ -25,7 +25,7 @@ from evaluation.results.rows import (
     write_bytes,
 )
 from evaluation.runs.configuration import digests_of_files, versions
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import version
 from evaluation.runs.journal import Journal
 from evaluation.studies.compare import figures

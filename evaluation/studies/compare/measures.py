@@ -12,7 +12,7 @@ from evaluation.metrics.criticality import criticality
 from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
 from evaluation.results.rows import MANY_DROPPED
-from evaluation.runs.execute import FrameTime, frame_time, impact_speed_kmh, run_points
+from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh, run_points
 from evaluation.studies.compare.grid import StudyRun
 from scenarios.settings import settings_text
 from scenarios.simulation.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided

@@ -22,7 +22,7 @@ from evaluation.results.rows import RunRow
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.conflict import Conflict, conflicts, unbraked
-from evaluation.runs.execute import RunRecord, execute
+from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.plan import Conditions
 from evaluation.runs.workers import execute_all
 from evaluation.studies.ncap.cell_table import CELLS_CSV, cell_table, told_invalid

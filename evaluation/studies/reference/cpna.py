@@ -10,7 +10,7 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results import rows as results
 from evaluation.results.rows import RunRow
 from evaluation.runs import plan as runner
-from evaluation.runs.execute import FrameTime, execute
+from evaluation.runs.execution import FrameTime, execute
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.studies.reference.part import Finished
 from evaluation.studies.suite import write_folder

@@ -13,7 +13,7 @@ from evaluation.arguments import DEFAULT_MAP
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.rows import ResultsError, Table, configuration_json, markdown_table, write_bytes
 from evaluation.runs.configuration import configuration_of
-from evaluation.runs.execute import FrameTime, execute
+from evaluation.runs.execution import FrameTime, execute
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.plan import CpnaSuite, load_site
 from evaluation.studies.compare.grid import PHASE_STEP_S, PHASES

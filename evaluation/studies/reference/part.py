@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

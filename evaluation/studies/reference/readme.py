@@ -9,7 +9,7 @@ from typing import Any
 
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.rows import RunRow, Table, comparison_table, markdown_table, read_runs
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun, growth_table
 from evaluation.studies.reference import cpna_findings as cpna

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.rows import Table
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.answer import answer
 from evaluation.studies.compare.differences import differences, pairs_with, told_differences
 from evaluation.studies.compare.grid import FRONTIER, Point, points_of

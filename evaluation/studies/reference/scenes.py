@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.studies import growth
 from evaluation.studies.compare.command import CompareOptions, compared, kept_measures, points_for, write
 from evaluation.studies.compare.grid import StudyRun, study_runs

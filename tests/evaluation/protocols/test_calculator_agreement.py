@@ -21,7 +21,7 @@ from evaluation.protocols.euroncap_2026.verification import Source, share_kept, 
 from evaluation.protocols.grid import Cell, Function, Layer, Measurement
 from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import CONDITIONS, LAYERS
-from evaluation.runs.execute import execute
+from evaluation.runs.execution import execute
 from evaluation.runs.plan import Conditions
 from evaluation.studies.ncap.grid import grid_of_shipped
 from evaluation.studies.ncap.run import assess, specs_of

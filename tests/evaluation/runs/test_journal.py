@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.results.rows import ResultsError
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.runs.journal import RUNS, TIMES, Journal
 from evaluation.studies.growth import GrowthRun
 

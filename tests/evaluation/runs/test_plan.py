@@ -9,7 +9,7 @@ import pytest
 
 from evaluation.results.rows import ResultsError, write_runs
 from evaluation.runs.configuration import configuration_of, read_configuration, read_specs
-from evaluation.runs.execute import RunRecord
+from evaluation.runs.execution import RunRecord
 from evaluation.runs.plan import (
     Conditions,
     CpnaSuite,

@@ -15,7 +15,7 @@ import rich.console
 from evaluation.cli.command import PICTURE_FORMATS
 from evaluation.errors import ArgumentError
 from evaluation.results.rows import ResultsError
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.runs.journal import RUNS, Journal
 from evaluation.studies.compare.answer import answer, best, curves
 from evaluation.studies.compare.command import CompareOptions, carry_out, compare, usual_points

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from evaluation.metrics.intervals import Estimate
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.figures import ablation
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.table import Summary

@@ -12,7 +12,7 @@ from evaluation.protocols.assessment import CellScore
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
 from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.results import rows as results
-from evaluation.runs.execute import execute
+from evaluation.runs.execution import execute
 from evaluation.runs.plan import Conditions
 from evaluation.studies.ncap.grid import grid_of_shipped
 from evaluation.studies.ncap.run import assess, run_grid, specs_of

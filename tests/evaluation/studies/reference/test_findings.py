@@ -8,7 +8,7 @@ import pytest
 
 from evaluation.protocols.paper import PUBLISHED, PUBLISHED_FLAG_S, paper_score, paper_score_max
 from evaluation.results.rows import RunRow
-from evaluation.runs.execute import FrameTime
+from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun
 from evaluation.studies.reference import cpna_findings as cpna

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.runs.execute import execute
+from evaluation.runs.execution import execute
 from evaluation.runs.plan import notes
 from evaluation.runs.workers import execute_all
 from scenarios.catalogue.library import DEFINITIONS
@@ -310,3 +310,11 @@ def test_performance_is_noted_or_applied(tmp_path: Path) -> None:
         assert record.log is not None
         speeds = record.log["speed_mps"][record.log["kind"] == "ego"]
         assert speeds[-1] == pytest.approx(speed_mps)
+
+
+def test_the_function_is_found_under_its_old_name_whatever_was_imported_before() -> None:
+    """`evaluation.runs` was a module with a function `execute`: no module may take that name."""
+    import evaluation.runs
+
+    with pytest.warns(DeprecationWarning, match="has moved to evaluation.runs.execution.execute"):
+        assert evaluation.runs.execute is execute
