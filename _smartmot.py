@@ -312,6 +312,21 @@ def names_of(package: str, *modules: str) -> Callable[[str], Any]:
     return lookup
 
 
+def renamed(module: str, names: dict[str, str]) -> Callable[[str], Any]:
+    """`__getattr__` of a module some of whose names have changed: full new names by the old ones."""
+
+    def lookup(name: str) -> Any:
+        import importlib
+
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        new_module, _, new_name = names[name].rpartition(".")
+        _warn(f"{module}.{name}", names[name])
+        return getattr(importlib.import_module(new_module), new_name)
+
+    return lookup
+
+
 # before all others: a package under its old name would find its new modules a second time
 sys.meta_path.insert(0, _Moved())
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from smartmot.errors import ConfigError
 from smartmot.filters.motion_models import ctrv_positions
-from smartmot.maps.route import Route
+from smartmot.path import PlannedPath
 from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
 
 EGO_FORECASTS = ("ctrv", "route")
@@ -20,8 +20,9 @@ class ForecastConfig:
     """How far and how densely to look ahead.
 
     Args:
-        ego: ctrv (paper): the ego keeps its speed and turn rate; route: it keeps its speed along its route,
-            if the monitored area knows one. Before and in a bend CTRV points across the road.
+        ego: ctrv (paper): the ego keeps its speed and turn rate; route: it keeps its speed along its planned
+            path, if that is known and the monitored area uses it. Before and in a bend CTRV points across
+            the road.
         min_horizon_s: shortest horizon (paper: 3 s); it grows to braking distance / speed.
         max_horizon_s: longest horizon, for speeds near zero.
         step_s: spacing of the forecast boxes. The paper draws 4 boxes; 12.5 m apart at 60 km/h they would
@@ -103,10 +104,10 @@ def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_))
 
 
-def forecast_ego_along(ego: EgoState, route: Route, time_s: FloatArray) -> Forecast:
-    """Forecast of the ego at its present speed along its route, beside its centre as far as now; (1, T)."""
-    station, offset = route.project(ego.x_m, ego.y_m)
-    center, yaw = route.poses(station + ego.speed_mps * time_s, offset)
+def forecast_ego_along(ego: EgoState, path: PlannedPath, time_s: FloatArray) -> Forecast:
+    """Forecast of the ego at its present speed along its planned path, beside it as far as now; (1, T)."""
+    station, offset = path.project(ego.x_m, ego.y_m)
+    center, yaw = path.poses(station + ego.speed_mps * time_s, offset)
     size = np.array([[ego.length_m, ego.width_m]])
     return unchecked(
         Forecast, time_s, center[None], yaw[None], size, np.ones((1, len(time_s)), dtype=np.bool_)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from inspect import signature
+from typing import Any
 
 import numpy as np
 
 from smartmot.area.monitored_area import (
+    MapArea,
     MonitoredArea,
     MonitoredAreaStrategy,
     ego_extent,
     is_vulnerable,
-    overhang_m,
 )
-from smartmot.decision.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
+from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
+from smartmot.decision.own import decide_own, own_rule
+from smartmot.decision.rules import Assessment, BrakeRule, Command, LeadObject, PaperRule
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import (
     ForecastConfig,
@@ -26,7 +29,7 @@ from smartmot.forecast import (
     forecast_times,
     forecast_tracks,
 )
-from smartmot.maps.route import Route
+from smartmot.path import PlannedPath
 from smartmot.tracking.own import ObjectTracker, limits_of_own, own, update_own
 from smartmot.tracking.tracker import ScoreLimits, Tracker, TrackerConfig, TrackerState
 from smartmot.types import (
@@ -42,9 +45,6 @@ from smartmot.types import (
     unchecked,
 )
 
-STANDING_MPS = 0.1
-"""Below this the ego counts as standing still."""
-
 
 @dataclass(frozen=True, slots=True)
 class PipelineConfig:
@@ -52,11 +52,12 @@ class PipelineConfig:
 
     Args:
         tracker: settings of the tracker, or what makes one of your own (`smartmot.tracking.own`).
-        forecast, aeb, braking_distance: settings of the other parts.
+        forecast, aeb, braking_distance: settings of the other parts; `aeb` are those of the paper's rule.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
         filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
             your own are left out while they are outside; the tracker is not told.
+        rule: makes a brake rule of your own, in place of the paper's (`smartmot.decision.rules`).
     """
 
     tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
@@ -66,6 +67,7 @@ class PipelineConfig:
     iou_threshold: float = IOU_THRESHOLD
     filter_detections: bool = True
     filter_tracks: bool = True
+    rule: Callable[[], BrakeRule] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.iou_threshold < 1:
@@ -74,25 +76,15 @@ class PipelineConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PipelineState:
-    """Memory between frames; a tracker of your own is its own memory, not a value that could be kept."""
-
-    tracker: TrackerState | ObjectTracker
-    aeb: AebState
-
-
-@dataclass(frozen=True, slots=True)
-class LeadObject:
-    """The object on the route that the speed is adapted to.
+    """Memory between frames; a tracker of your own is its own memory, not a value that could be kept.
 
     Args:
-        track_id: its track.
-        gap_m: free distance from the ego's front.
-        speed_mps: its speed along the ego's heading.
+        tracker: of the tracker.
+        rule: of the brake rule, of its own type; None before the first frame.
     """
 
-    track_id: int
-    gap_m: float
-    speed_mps: float
+    tracker: TrackerState | ObjectTracker
+    rule: Any
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +101,7 @@ class FrameResult:
         ego_forecast: of the ego.
         time_to_collision_s: see `threats`.
         threats: tracks on a collision course that count.
-        lead: what the speed is adapted to, if anything.
-        command: brake command.
+        command: what the ego is asked for.
         events: events of this frame.
     """
 
@@ -122,42 +113,34 @@ class FrameResult:
     forecast: Forecast
     ego_forecast: Forecast
     threats: Threats
-    lead: LeadObject | None
-    command: BrakeCommand
+    command: Command
     events: tuple[Event, ...]
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scene:
-    """What the decision knows of M tracks.
-
-    Args:
-        tracks, forecast: of the frame.
-        ahead_m: (M,) distance along the ego's heading from its centre to each box; negative behind it.
-        on_way: (M,) known to be in the ego's way.
-        threatening: (M,) on a collision course, and counting.
-        vulnerable: (M,) vulnerable road users.
-    """
-
-    tracks: Tracks
-    forecast: Forecast
-    ahead_m: FloatArray
-    on_way: BoolArray
-    threatening: BoolArray
-    vulnerable: BoolArray
+    @property
+    def lead(self) -> LeadObject | None:
+        """What the speed is adapted to, if anything."""
+        return self.command.lead
 
 
 class Pipeline:
     """Perception and decision around one monitored-area strategy.
 
     Args:
-        strategy: which objects matter. If it has a `route`, the ego can be forecast along it.
+        strategy: which objects matter.
         config: settings.
+
+    Raises:
+        PluginError: a brake rule of the user's own cannot be made.
     """
 
     def __init__(self, strategy: MonitoredAreaStrategy, config: PipelineConfig) -> None:
         self.strategy, self.config = strategy, config
         self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
+        self._rule = PaperRule(config.aeb) if config.rule is None else own_rule(config.rule)
+        self._uses_path = bool(getattr(strategy, "uses_path", False))
+        self._area_along_path = self._uses_path and "path" in signature(strategy.at).parameters
+        # a map's route is planned where it is made, so that callers need not give it a second time
+        self._known_path: PlannedPath | None = strategy.route if isinstance(strategy, MapArea) else None
 
     def initial(self) -> PipelineState:
         """State before the first frame.
@@ -166,12 +149,14 @@ class Pipeline:
             PluginError: a tracker of the user's own cannot be made.
         """
         made = self.config.tracker
-        return PipelineState(
-            TrackerState.empty() if isinstance(made, TrackerConfig) else own(made), AebState()
-        )
+        return PipelineState(TrackerState.empty() if isinstance(made, TrackerConfig) else own(made), None)
 
     def step(
-        self, state: PipelineState, detections: Detections, ego: EgoState
+        self,
+        state: PipelineState,
+        detections: Detections,
+        ego: EgoState,
+        path: PlannedPath | None = None,
     ) -> tuple[PipelineState, FrameResult]:
         """Process one frame.
 
@@ -179,10 +164,11 @@ class Pipeline:
             state: from `initial` or the step before.
             detections: what the sensor delivered; may be older than `ego` by the sensor's latency.
             ego: odometry now.
+            path: where the ego is going to go; None: not known, but a `MapArea` knows its route.
 
         Raises:
             TimeOrderError: the detections are newer than the ego's state, or not newer than those before.
-            PluginError: a tracker of the user's own fails.
+            PluginError: a tracker or brake rule of the user's own fails.
         """
         config = self.config
         if detections.stamp_s > ego.stamp_s + 1e-9:
@@ -190,7 +176,8 @@ class Pipeline:
                 f"pipeline: detections of {detections.stamp_s:g} s are newer than the ego's state of "
                 f"{ego.stamp_s:g} s; give the odometry of now"
             )
-        area = self.strategy.at(ego)
+        path = (path or self._known_path) if self._uses_path else None
+        area = self._area(ego, path)
         kept = area.kept(detections.boxes, detections.category)
         dropped = config.filter_detections and np.count_nonzero(kept) < len(kept)
         relevant = detections[kept] if dropped else detections
@@ -203,23 +190,24 @@ class Pipeline:
         )
         time = forecast_times(horizon, config.forecast.step_s)
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
-        route: Route | None = (
-            getattr(self.strategy, "route", None) if config.forecast.ego == "route" else None
-        )
-        ego_forecast = forecast_ego_along(ego, route, time) if route else forecast_ego(ego, time)
-        found, lead, scene = NO_THREATS, None, None
-        if len(tracks):
-            scene, ttc = self._scene(area, tracks, forecast, ego_forecast, ego)
-            gap = scene.ahead_m - ego.length_m / 2
-            found = threats(tracks, ttc, scene.threatening, gap, ego.speed_mps)
-            lead = _lead(scene, gap, ego)
-        situation = self._situation(area, scene, ego)
-        aeb, command, events = decide(state.aeb, situation, config.aeb)
+        followed = path if config.forecast.ego == "route" else None
+        ego_forecast = forecast_ego_along(ego, followed, time) if followed else forecast_ego(ego, time)
+        now = self._assess(area, tracks, forecast, ego_forecast, ego)
+        if isinstance(self._rule, PaperRule):
+            rule_state, command, events = self._rule.decide(state.rule, now)
+        else:
+            rule_state, command, events = decide_own(self._rule, state.rule, now)
         lost, trackable = self._used(state.tracker, detections)
         result = FrameResult(
-            detections, lost, trackable, kept, tracks, forecast, ego_forecast, found, lead, command, events
+            detections, lost, trackable, kept, tracks, forecast, ego_forecast, now.threats, command, events
         )
-        return PipelineState(tracker_state, aeb), result
+        return PipelineState(tracker_state, rule_state), result
+
+    def _area(self, ego: EgoState, path: PlannedPath | None) -> MonitoredArea:
+        """The monitored area, bent along the planned path where the strategy does that."""
+        if self._area_along_path:
+            return self.strategy.at(ego, path=path)  # type: ignore[call-arg]  # its own parameter
+        return self.strategy.at(ego)
 
     def score_limits(self, tracker: TrackerState | ObjectTracker) -> ScoreLimits | None:
         """Scores that the tracker asks for; None: one of the user's own that tells none."""
@@ -245,12 +233,16 @@ class Pipeline:
             area.kept(tracks.boxes, tracks.category)
         ] if self.config.filter_tracks else tracks
 
-    def _scene(
+    def _assess(
         self, area: MonitoredArea, tracks: Tracks, forecast: Forecast, ego_forecast: Forecast, ego: EgoState
-    ) -> tuple[_Scene, FloatArray]:
-        """What the decision knows of the tracks, and their (M,) times to collision."""
-        now = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
-        relevance = area.relevance(now, tracks.category)
+    ) -> Assessment:
+        """How the tracks relate to the ego's way."""
+        braking_distance = self.config.braking_distance.at(ego.speed_mps)
+        if not len(tracks):
+            of_none = (NO_THREATS, *_NO_COLUMNS, None)
+            return unchecked(Assessment, ego, tracks, forecast, ego_forecast, *of_none, braking_distance)
+        boxes = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
+        relevance = area.relevance(boxes, tracks.category)
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
         known = tracks.confirmed & (tracks.age_s > 0.0)
         counts = np.where(
@@ -258,58 +250,56 @@ class Pipeline:
         )
         ttc = np.full(len(tracks), np.inf)
         if np.count_nonzero(counts):
-            ttc = collision_times(ego_forecast, forecast, self.config.iou_threshold)
-        scene = _Scene(
-            tracks=tracks,
-            forecast=forecast,
-            ahead_m=ego_extent(now, ego)[0],
-            on_way=relevance.on_way & known,
-            threatening=counts & np.isfinite(ttc),
-            vulnerable=is_vulnerable(tracks.category),
-        )
-        return scene, ttc
-
-    def _situation(self, area: MonitoredArea, scene: _Scene | None, ego: EgoState) -> Situation:
-        """What the decision looks at; `scene` is None where there is no track."""
-        braking_distance = self.config.braking_distance.at(ego.speed_mps)
-        predicted = entering = occupied = False
-        nearest = math.inf
-        if scene is not None:
-            ahead, on_way = scene.ahead_m, scene.on_way
-            distance = ahead - overhang_m(ego)
-            relevant = on_way | scene.threatening
-            near = distance < max(braking_distance, self.config.aeb.near_m)
-            predicted = bool(np.count_nonzero(scene.threatening))
-            occupied = bool(np.count_nonzero(on_way & (near | scene.vulnerable)))
-            if np.count_nonzero(relevant):
-                nearest = max(float(distance[relevant].min()), 0.0)
-            walking = (scene.tracks.dynamic & scene.vulnerable & (ahead > 0.0) & ~on_way).nonzero()[0]
-            if len(walking):
-                # twice a second is enough: half a second of walking is less than a lane's width
-                every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
-                path = scene.forecast.center_m[walking, ::every]
-                entering = bool(np.count_nonzero(area.on_lane(path.reshape(-1, 2))))
-        return Situation(
-            stamp_s=ego.stamp_s,
-            collision_predicted=predicted,
-            nearest_m=nearest,
-            braking_distance_m=braking_distance,
-            vru_entering=entering,
-            standing=ego.speed_mps < STANDING_MPS,
-            way_occupied=occupied,
+            ttc[counts] = collision_times(ego_forecast, forecast, self.config.iou_threshold)[counts]
+        ahead, on_way = ego_extent(boxes, ego)[0], relevance.on_way & known
+        threatening, vulnerable = np.isfinite(ttc), is_vulnerable(tracks.category)
+        gap = ahead - ego.length_m / 2
+        return unchecked(
+            Assessment,
+            ego,
+            tracks,
+            forecast,
+            ego_forecast,
+            threats(tracks, ttc, threatening, gap, ego.speed_mps),
+            ttc,
+            ahead,
+            on_way,
+            self._entering(area, forecast, tracks.dynamic & vulnerable & (ahead > 0.0) & ~on_way),
+            threatening,
+            vulnerable,
+            _lead(tracks, on_way & ~(vulnerable & threatening) & (gap > 0), gap, ego),
+            braking_distance,
         )
 
+    def _entering(self, area: MonitoredArea, forecast: Forecast, walking: BoolArray) -> BoolArray:
+        """(M,) which of the objects that walk beside the ego's way are forecast to enter it."""
+        entering, rows = np.zeros(len(walking), dtype=np.bool_), walking.nonzero()[0]
+        if len(rows):
+            # twice a second is enough: half a second of walking is less than a lane's width
+            every = max(1, int(0.5 / self.config.forecast.step_s + 1e-9))
+            path = forecast.center_m[rows, ::every]
+            entering[rows] = area.on_lane(path.reshape(-1, 2)).reshape(len(rows), -1).any(axis=1)
+        return entering
 
-def _lead(scene: _Scene, gap_m: FloatArray, ego: EgoState) -> LeadObject | None:
+
+_NO_COLUMNS = (*(np.zeros(0) for _ in range(2)), *(np.zeros(0, dtype=np.bool_) for _ in range(4)))
+"""What is known of no tracks."""
+
+
+def _lead(tracks: Tracks, candidate: BoolArray, gap_m: FloatArray, ego: EgoState) -> LeadObject | None:
     """Nearest object on the route ahead, for adapting the speed.
 
-    VRUs on a collision course are the emergency decision's; a vehicle ahead is followed even then.
+    Args:
+        tracks: M tracks.
+        candidate: (M,) what is on the ego's way and in front of it. VRUs on a collision course are the
+            emergency decision's; a vehicle ahead is followed even then.
+        gap_m: (M,) free distance from the ego's front.
+        ego: odometry now.
     """
-    candidates = (scene.on_way & ~(scene.vulnerable & scene.threatening) & (gap_m > 0)).nonzero()[0]
-    if len(candidates) == 0:
+    rows = candidate.nonzero()[0]
+    if len(rows) == 0:
         return None
-    k = int(candidates[np.argmin(gap_m[candidates])])
-    tracks = scene.tracks
+    k = int(rows[np.argmin(gap_m[rows])])
     vx, vy = tracks.velocity_mps[k] if tracks.dynamic[k] else (0.0, 0.0)
     along = float(vx * np.cos(ego.yaw_rad) + vy * np.sin(ego.yaw_rad))
     return LeadObject(int(tracks.track_id[k]), float(gap_m[k]), along)

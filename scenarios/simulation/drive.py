@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from scenarios.brakes import BrakeConfig
 from scenarios.openscenario.control import Motion
 from scenarios.openscenario.motion.paths import Path
-from smartmot.pipeline import LeadObject
+from smartmot.decision.rules import LeadObject
 
 if TYPE_CHECKING:
     from scenarios.simulation.follower import Follower

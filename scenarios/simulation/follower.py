@@ -13,7 +13,7 @@ from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.kinematics import Vehicle
 
-from smartmot.pipeline import LeadObject
+from smartmot.decision.rules import LeadObject
 
 
 class Follower(IDMVehicle):  # type: ignore[misc]

@@ -15,20 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from smartmot.pipeline import LeadObject
+from smartmot.decision.rules import Command
+from smartmot.maps.lane_map import LaneMap
+from smartmot.path import PlannedPath
 from smartmot.types import Detections, EgoState
-
-
-class Command(Protocol):
-    """What a decision asks of the ego; nothing of it is kept beyond the next frame."""
-
-    @property
-    def emergency(self) -> bool:
-        """Whether to brake fully."""
-
-    @property
-    def lead(self) -> LeadObject | None:
-        """The object that the speed is adapted to, if any."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +42,8 @@ class Frame:
     ego: EgoState
     detections: Detections
     measurement: object | None = None
-    lane_map: object | None = None
-    path: object | None = None
+    lane_map: LaneMap | None = None
+    path: PlannedPath | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

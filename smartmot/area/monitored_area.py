@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from opendrive import RoadNetwork
-from smartmot.decision.braking import BrakingDistance
+from smartmot.decision.braking import BrakingDistance, overhang_m
 from smartmot.errors import ConfigError
+from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import Route
 from smartmot.maps.strips import LaneStrip, StripSet, lane_strip, ring
 from smartmot.types import (
@@ -29,8 +29,6 @@ from smartmot.types import (
     unchecked,
 )
 
-CAR_HALF_LENGTH_M = 2.2
-"""From the centre to the front of the car that the paper's distances are meant for. Source: authors' code."""
 PATH_CLEARANCE_M = 0.3
 """Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
 _OUTLINE = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
@@ -80,7 +78,11 @@ class MonitoredArea(Protocol):
 
 
 class MonitoredAreaStrategy(Protocol):
-    """Makes the area for an ego state."""
+    """Makes the area for an ego state.
+
+    It may have `uses_path = True`: then the ego is forecast along its planned path where the settings ask for
+    that, and if `at` has a parameter `path`, it gets the path there (None while it is not known).
+    """
 
     name: str
 
@@ -126,15 +128,6 @@ def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, Flo
     half_x = 0.5 * (boxes.size_m[:, 0] * ct + boxes.size_m[:, 1] * st)
     half_y = 0.5 * (boxes.size_m[:, 0] * st + boxes.size_m[:, 1] * ct)
     return x - half_x, x + half_x, y - half_y, y + half_y
-
-
-def overhang_m(ego: EgoState) -> float:
-    """How much farther the ego's front is from its centre than a car's.
-
-    Lengths of areas and the distances that count as near are the paper's, from the centre of a car. For a bus
-    or a truck they grow by this.
-    """
-    return max(0.0, 0.5 * ego.length_m - CAR_HALF_LENGTH_M)
 
 
 # --- the rectangle of the baseline -------------------------------------------------------------------
@@ -406,8 +399,9 @@ class MapArea:
     """
 
     name = "map"
+    uses_path = True
 
-    def __init__(self, network: RoadNetwork, route: Route, config: MapAreaConfig) -> None:
+    def __init__(self, network: LaneMap, route: Route, config: MapAreaConfig) -> None:
         self.network, self.route, self.config = network, route, config
         entries: list[_Entry] = []
         on_route = set(route.lanes)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import _smartmot
 from smartmot.errors import ConfigError
 
 
@@ -51,15 +52,8 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class BrakeCommand:
-    """What the decision asks of the vehicle: nothing, or an emergency stop that is held."""
-
-    emergency: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Situation:
-    """What the decision looks at in one frame.
+    """What the paper's rule looks at in one frame.
 
     Args:
         stamp_s: time.
@@ -91,13 +85,11 @@ class AebState:
     clear_since_s: float | None = None
 
 
-def decide(
-    state: AebState, now: Situation, config: AebConfig
-) -> tuple[AebState, BrakeCommand, tuple[Event, ...]]:
+def decide(state: AebState, now: Situation, config: AebConfig) -> tuple[AebState, bool, tuple[Event, ...]]:
     """One decision.
 
     Returns:
-        The next state, the command, and the events of this frame.
+        The next state, whether to brake fully and hold, and the events of this frame.
     """
     events: list[Event] = []
 
@@ -120,14 +112,17 @@ def decide(
         report("unexpected", "predicted_collision")
         state = replace(state, emergency=True)
     if not state.unexpected:
-        return state, BrakeCommand(False), tuple(events)
+        return state, False, tuple(events)
     braking = state.emergency and not now.standing
     if braking or now.vru_entering or now.way_occupied or flag:
-        return replace(state, clear_since_s=None), BrakeCommand(state.emergency), tuple(events)
+        return replace(state, clear_since_s=None), state.emergency, tuple(events)
     since = now.stamp_s if state.clear_since_s is None else state.clear_since_s
     if now.stamp_s - since < config.clear_s - 1e-9:
-        return replace(state, clear_since_s=since), BrakeCommand(state.emergency), tuple(events)
+        return replace(state, clear_since_s=since), state.emergency, tuple(events)
     report("monitors", "free_lane")
     report("unexpected", "end_unexpected")
     report("selector", "follow_path")
-    return AebState(started=True), BrakeCommand(False), tuple(events)
+    return AebState(started=True), False, tuple(events)
+
+
+__getattr__ = _smartmot.renamed(__name__, {"BrakeCommand": "smartmot.decision.rules.Command"})

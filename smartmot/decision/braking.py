@@ -1,4 +1,4 @@
-"""Braking distance that perception plans with."""
+"""Braking distance that perception plans with, and from where distances count."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import math
 from dataclasses import dataclass
 
 from smartmot.errors import ConfigError
+from smartmot.types import EgoState
+
+CAR_HALF_LENGTH_M = 2.2
+"""From the centre to the front of the car that the paper's distances are meant for. Source: authors' code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +39,12 @@ def horizon_s(speed_mps: float, distance: BrakingDistance, minimum_s: float, max
     if speed_mps < 0.1:
         return minimum_s
     return min(max(minimum_s, distance.at(speed_mps) / speed_mps), maximum_s)
+
+
+def overhang_m(ego: EgoState) -> float:
+    """How much farther the ego's front is from its centre than a car's.
+
+    Lengths of areas and the distances that count as near are the paper's, from the centre of a car. For a bus
+    or a truck they grow by this.
+    """
+    return max(0.0, 0.5 * ego.length_m - CAR_HALF_LENGTH_M)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from opendrive import RoadNetwork, RoadSignal
+from smartmot.maps.lane_map import LaneMap, MapSignal
 from smartmot.maps.route import Route
 
 SIGNAL_KINDS = {
@@ -46,13 +46,13 @@ class RegulatoryElement:
     value: float | None
 
 
-def _kind(signal: RoadSignal) -> str | None:
+def _kind(signal: MapSignal) -> str | None:
     if signal.type in SIGNAL_KINDS:
         return SIGNAL_KINDS[signal.type]
     return next((kind for start, kind in NAMED_KINDS if signal.name.startswith(start)), None)
 
 
-def _value(signal: RoadSignal) -> float | None:
+def _value(signal: MapSignal) -> float | None:
     """The limit on a speed sign: its value, else the number in its name."""
     if signal.value is not None and signal.value > 0:
         return signal.value
@@ -61,7 +61,7 @@ def _value(signal: RoadSignal) -> float | None:
 
 
 def regulatory_elements(
-    network: RoadNetwork, route: Route, station_m: float, ahead_m: float
+    network: LaneMap, route: Route, station_m: float, ahead_m: float
 ) -> tuple[RegulatoryElement, ...]:
     """Elements that face the ego between two stations of the route, nearest first.
 
@@ -71,27 +71,27 @@ def regulatory_elements(
         station_m: the ego's station on it.
         ahead_m: how far to look.
     """
-    found: list[RegulatoryElement] = []
-    # where two sections of a road meet, both contain the place
+    elements: list[RegulatoryElement] = []
+    # where two stretches of a road meet, both contain the place
     seen: set[tuple[str, str, str, float]] = set()
-    for strip, entry in zip(route.strips, route.entry_m, strict=True):
-        if entry > station_m + ahead_m or entry + strip.length_m < station_m:
+    for strip, entry_m in zip(route.strips, route.entry_m.tolist(), strict=True):
+        if entry_m > station_m + ahead_m or entry_m + strip.length_m < station_m:
             continue
-        key = network.lanes.key[strip.lane]
+        road_id, _, lane_id = network.lanes.key[strip.lane]
         low, high = sorted((float(strip.s_m[0]), float(strip.s_m[-1])))
         facing = "+" if network.lanes.direction[strip.lane] > 0 else "-"
-        here: list[tuple[str, str, float, float | None]] = [
+        on_road: list[tuple[str, str, float, float | None]] = [
             (kind, signal.id, signal.s_m, _value(signal) if kind == "speed_limit" else None)
-            for signal in network.signals_of(key.road_id)
+            for signal in network.signals_of(road_id)
             if (kind := _kind(signal)) is not None
             and signal.orientation in (facing, "none")
-            and signal.applies_to(key.lane_id)
+            and signal.applies_to(lane_id)
         ]
-        here += [("crosswalk", c.id, c.s_m, None) for c in network.crosswalks if c.road_id == key.road_id]
-        for kind, name, s_m, value in here:
-            place = (key.road_id, kind, name, s_m)
-            distance = float(entry) + strip.station_at(s_m) - station_m
+        on_road += [("crosswalk", c.id, c.s_m, None) for c in network.crosswalks if c.road_id == road_id]
+        for kind, name, s_m, value in on_road:
+            place = (road_id, kind, name, s_m)
+            distance = entry_m + strip.station_at(s_m) - station_m
             if low <= s_m <= high and 0.0 <= distance <= ahead_m and place not in seen:
                 seen.add(place)
-                found.append(RegulatoryElement(kind, distance, key.road_id, s_m, value))
-    return tuple(sorted(found, key=lambda e: e.distance_m))
+                elements.append(RegulatoryElement(kind, distance, road_id, s_m, value))
+    return tuple(sorted(elements, key=lambda element: element.distance_m))

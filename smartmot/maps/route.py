@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
-from opendrive import RoadNetwork
 from smartmot.errors import ShapeError, SmartMotError
+from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.strips import LaneStrip, lane_strip
+from smartmot.path import PlannedPath
 from smartmot.types import FloatArray, frozen
 
 
@@ -20,8 +21,8 @@ class RouteError(SmartMotError):
     """A route cannot be built or a point is not on it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Route:
+@dataclass(frozen=True, slots=True, eq=False, init=False)
+class Route(PlannedPath):
     """Lanes in driving order, each a successor of the one before or, after a lane change, its neighbour.
 
     Args:
@@ -35,87 +36,32 @@ class Route:
         ShapeError: shapes disagree, a value is not finite, or the stations do not ascend.
     """
 
+    _noun: ClassVar[str] = "route"
+
     strips: tuple[LaneStrip, ...]
     entry_m: FloatArray
-    center_m: FloatArray
-    station_m: FloatArray
-    _unit: FloatArray = field(init=False, repr=False)
-    _low_m: FloatArray = field(init=False, repr=False)
-    _high_m: FloatArray = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        center = frozen(self.center_m, np.float64, (None, 2), "center_m")
-        station = frozen(self.station_m, np.float64, (len(center),), "station_m")
-        entry = frozen(self.entry_m, np.float64, (len(self.strips),), "entry_m")
-        if not math.isfinite(float(center.sum() + station.sum() + entry.sum())):
+    def __init__(
+        self,
+        strips: tuple[LaneStrip, ...],
+        entry_m: FloatArray,
+        center_m: FloatArray,
+        station_m: FloatArray,
+    ) -> None:
+        object.__setattr__(self, "strips", strips)
+        entry = frozen(entry_m, np.float64, (len(strips),), "entry_m")
+        if not np.isfinite(entry).all():
             raise ShapeError("route: every point and station must be finite")
-        if len(center) < 2 or not (np.diff(station) > 0.0).all():
-            raise ShapeError("route: expected two points or more, each at a greater station than the last")
-        object.__setattr__(self, "center_m", center)
-        object.__setattr__(self, "station_m", station)
         object.__setattr__(self, "entry_m", entry)
-        # every frame projects points; the segments are made once
-        length = np.diff(self.station_m)
-        low, high = np.zeros_like(length), length.copy()
-        low[0], high[-1] = -np.inf, np.inf
-        object.__setattr__(self, "_unit", np.diff(self.center_m, axis=0) / length[:, None])
-        object.__setattr__(self, "_low_m", low)
-        object.__setattr__(self, "_high_m", high)
-
-    @property
-    def length_m(self) -> float:
-        """Length of the path."""
-        return float(self.station_m[-1])
+        PlannedPath.__init__(self, center_m, station_m)
 
     @property
     def lanes(self) -> tuple[int, ...]:
         """Indices of the lanes in driving order."""
         return tuple(strip.lane for strip in self.strips)
 
-    def project(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Station and signed offset (left positive) of the nearest point of the centre line, metres.
 
-        Before the first and after the last sample the end segments are extended straight on.
-        """
-        station, offset = self.place(np.array([[x_m, y_m]]))
-        return float(station[0]), float(offset[0])
-
-    def place(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(N,) stations and (N,) signed offsets, as from `project`, of many points, (N, 2) map frame."""
-        dx = points_m[:, 0, None] - self.center_m[:-1, 0]
-        dy = points_m[:, 1, None] - self.center_m[:-1, 1]
-        ux, uy = self._unit[:, 0], self._unit[:, 1]
-        u, lateral = dx * ux + dy * uy, ux * dy - uy * dx
-        on = np.minimum(np.maximum(u, self._low_m), self._high_m)
-        k = np.argmin((u - on) ** 2 + lateral**2, axis=1)
-        rows = np.arange(len(k))
-        return self.station_m[k] + on[rows, k], lateral[rows, k]
-
-    def poses(self, station_m: FloatArray, offset_m: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Points beside the centre line (left positive) at many stations, straight on beyond its ends.
-
-        At a joint of the path the heading is that after it.
-
-        Args:
-            station_m: (T,) distances along it.
-            offset_m: to the left.
-
-        Returns:
-            (T, 2) points, map frame, and (T,) headings of the centre line there.
-        """
-        k = np.clip(np.searchsorted(self.station_m, station_m, side="right") - 1, 0, len(self._unit) - 1)
-        unit, along = self._unit[k], station_m - self.station_m[k]
-        normal = np.column_stack((-unit[:, 1], unit[:, 0]))
-        points = self.center_m[k] + unit * along[:, None] + normal * offset_m
-        return points, np.arctan2(unit[:, 1], unit[:, 0])
-
-    def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """(x_m, y_m, yaw_rad) of a point beside the centre line (left positive), map frame; see `poses`."""
-        (point,), (yaw_rad,) = self.poses(np.array([station_m]), offset_m)
-        return float(point[0]), float(point[1]), float(yaw_rad)
-
-
-def route_from_lanes(network: RoadNetwork, lanes: Sequence[int], vru_margin_m: float = 0.0) -> Route:
+def route_from_lanes(network: LaneMap, lanes: Sequence[int], vru_margin_m: float = 0.0) -> Route:
     """Join lanes, each a successor of the one before, into a route.
 
     Raises:
@@ -145,7 +91,7 @@ def _route(
 
 
 def route_ahead(
-    network: RoadNetwork,
+    network: LaneMap,
     lane: int,
     s_m: float,
     ahead_m: float,
@@ -171,7 +117,7 @@ def route_ahead(
 
 
 def route_along(
-    network: RoadNetwork,
+    network: LaneMap,
     points_m: FloatArray,
     ahead_m: float = 0.0,
     behind_m: float = 0.0,
@@ -246,7 +192,7 @@ def route_along(
     return _with_changes(lines, [k - first for k in turns], way)
 
 
-def _lanes_under(network: RoadNetwork, points_m: FloatArray) -> list[dict[int, float]]:
+def _lanes_under(network: LaneMap, points_m: FloatArray) -> list[dict[int, float]]:
     """For each point of a way the driving lanes under it that run its way, and how far inside each it is."""
     hits = network.locate(points_m)
     delta = np.gradient(points_m, axis=0)
@@ -328,7 +274,7 @@ _LEAST_M = 1e-3
 """Shorter stretches of a lane are no part of a route."""
 
 
-def _chains(network: RoadNetwork, lane: int, wanted: Collection[int]) -> list[list[int]]:
+def _chains(network: LaneMap, lane: int, wanted: Collection[int]) -> list[list[int]]:
     """The shortest chain of successors that leads from a lane to each wanted one, over short lanes alone."""
     found: dict[int, list[int]] = {}
     front = [[lane]]
@@ -341,14 +287,14 @@ def _chains(network: RoadNetwork, lane: int, wanted: Collection[int]) -> list[li
     return list(found.values())
 
 
-def _changes(network: RoadNetwork, lane: int, wanted: Collection[int]) -> list[list[int]]:
+def _changes(network: LaneMap, lane: int, wanted: Collection[int]) -> list[list[int]]:
     """Chains that lead from a lane to a wanted one beside it, or beside a successor."""
     chains = [[side] for side in _beside(network, lane)]
     chains += [[passed, side] for passed in network.successors(lane) for side in _beside(network, passed)]
     return [chain for chain in chains if chain[-1] in wanted]
 
 
-def _beside(network: RoadNetwork, lane: int) -> list[int]:
+def _beside(network: LaneMap, lane: int) -> list[int]:
     """Driving lanes beside a lane that run its way."""
     lanes = network.lanes
     sides = (network.left_neighbour(lane), network.right_neighbour(lane))
@@ -366,9 +312,7 @@ def _station_near(strip: LaneStrip, point_m: FloatArray) -> float:
     return float(strip.station_m[np.argmin(np.hypot(*(strip.center_m - point_m).T))])
 
 
-def _extend(
-    network: RoadNetwork, lanes: list[int], covered_m: float, wanted_m: float, *, forward: bool
-) -> None:
+def _extend(network: LaneMap, lanes: list[int], covered_m: float, wanted_m: float, *, forward: bool) -> None:
     """Add the straightest lanes at one end until a length is covered or the map ends."""
     while covered_m < wanted_m:
         following = _straightest(network, lanes[-1 if forward else 0], forward=forward, used=lanes)
@@ -378,11 +322,11 @@ def _extend(
         covered_m += _length(network, following)
 
 
-def _length(network: RoadNetwork, lane: int) -> float:
+def _length(network: LaneMap, lane: int) -> float:
     return float(network.lanes.s_end_m[lane] - network.lanes.s_start_m[lane])
 
 
-def _entry_and_exit_heading(network: RoadNetwork, lane: int) -> tuple[float, float]:
+def _entry_and_exit_heading(network: LaneMap, lane: int) -> tuple[float, float]:
     s = np.array([network.lanes.s_start_m[lane], network.lanes.s_end_m[lane]])
     if network.lanes.direction[lane] < 0:
         s = s[::-1]
@@ -390,7 +334,7 @@ def _entry_and_exit_heading(network: RoadNetwork, lane: int) -> tuple[float, flo
     return float(heading[0]), float(heading[1])
 
 
-def _straightest(network: RoadNetwork, lane: int, *, forward: bool, used: Sequence[int]) -> int | None:
+def _straightest(network: LaneMap, lane: int, *, forward: bool, used: Sequence[int]) -> int | None:
     choices = network.successors(lane) if forward else network.predecessors(lane)
     choices = tuple(c for c in choices if c not in used)
     if not choices:

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from opendrive import RoadNetwork
+from smartmot.maps.lane_map import LaneMap
 from smartmot.types import BoolArray, FloatArray, IntArray
 
 MAX_STEP_M = 20.0
@@ -87,10 +87,10 @@ class LaneStrip:
         )
 
 
-_STRIPS: WeakKeyDictionary[RoadNetwork, dict[tuple[int, float], LaneStrip]] = WeakKeyDictionary()
+_STRIPS: WeakKeyDictionary[LaneMap, dict[tuple[int, float], LaneStrip]] = WeakKeyDictionary()
 
 
-def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStrip:
+def lane_strip(network: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
     """Sample a lane in travel direction, as densely as its curvature and width ask for; once per network."""
     known = _STRIPS.setdefault(network, {})  # a network never changes
     strip = known.get((lane, vru_margin_m))
@@ -99,7 +99,7 @@ def lane_strip(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStri
     return strip
 
 
-def _sampled(network: RoadNetwork, lane: int, vru_margin_m: float) -> LaneStrip:
+def _sampled(network: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
     s0, s1 = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
     count = max(2, int(np.ceil((s1 - s0) / _FINE_STEP_M)) + 1)
     s = np.linspace(s0, s1, count)
@@ -144,7 +144,7 @@ def _travelled(values: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(values)))))
 
 
-def _vru_reach(network: RoadNetwork, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
+def _vru_reach(network: LaneMap, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
     """(P,) width beside the lane in which VRUs count: kerbside strips up to the sidewalk, plus margin.
 
     Where no sidewalk follows, the margin is measured from the lane's own border.

@@ -14,9 +14,9 @@ from evaluation.views.plots.style import MPS_TO_KMH
 from scenarios.presets import Preset
 from scenarios.simulation.simulation import CUT_OFF, EndReason
 from smartmot.area.monitored_area import MonitoredLanes, ego_extent, ego_frame, is_vulnerable
+from smartmot.decision.rules import STANDING_MPS
 from smartmot.forecast import forecast_ego
 from smartmot.geometry import signed_gap
-from smartmot.pipeline import STANDING_MPS
 from smartmot.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:

@@ -128,11 +128,10 @@ def test_bystanders_and_weather_reach_the_row(site: Site) -> None:
 def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
     monkeypatch: pytest.MonkeyPatch, site: Site
 ) -> None:
-    from smartmot import pipeline
-    from smartmot.decision.aeb import BrakeCommand
+    from smartmot.decision import rules
 
-    decide = pipeline.decide
-    monkeypatch.setattr(pipeline, "decide", lambda *a: (decide(*a)[0], BrakeCommand(True), ()))
+    decide = rules.decide
+    monkeypatch.setattr(rules, "decide", lambda *a: (decide(*a)[0], True, ()))
     (record,) = run_suite(CpnaSuite((30.0,), ("map",), "paper", ("dry",), "urban_street"), site)
     assert record.row.false_activation
     assert record.row.flag_time_s == 0.0

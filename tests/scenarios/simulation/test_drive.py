@@ -13,7 +13,7 @@ from scenarios.brakes import BrakeConfig
 from scenarios.openscenario.motion.paths import Pose, straight
 from scenarios.simulation.drive import Asked, EgoDrive
 from scenarios.simulation.follower import Follower
-from smartmot.pipeline import LeadObject
+from smartmot.decision.rules import LeadObject
 
 KMH = 1 / 3.6
 WAY = straight(Pose(0.0, 0.0, 0.0))

@@ -51,8 +51,9 @@ from scenarios.sensors.sensor import SensorConfig
 from scenarios.simulation.simulation import EndReason, Outcome, Simulation, StopRule, is_avoided
 from scenarios.strategies import make_strategy
 from smartmot.area.monitored_area import EverythingArea
-from smartmot.decision.aeb import BrakeCommand
+from smartmot.decision.rules import Command
 from smartmot.maps.route import RouteError
+from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.types import Detections, EgoState
 
@@ -71,13 +72,13 @@ class BrakesAt(Pipeline):
         self.time_s = time_s
         self.given: list[tuple[float, Detections]] = []
         blind = Pipeline.step(self, self.initial(), Detections.empty(0.0), EgoState(0.0, 0.0, 0.0, 0.0, 0.0))
-        self._nothing = dataclasses.replace(blind[1], events=(), lead=None)
+        self._nothing = dataclasses.replace(blind[1], events=())
 
     def step(
-        self, state: PipelineState, detections: Detections, ego: EgoState
+        self, state: PipelineState, detections: Detections, ego: EgoState, path: PlannedPath | None = None
     ) -> tuple[PipelineState, FrameResult]:
         self.given.append((ego.stamp_s, detections))
-        command = BrakeCommand(ego.stamp_s >= self.time_s - 1e-9)
+        command = Command(ego.stamp_s >= self.time_s - 1e-9)
         return state, dataclasses.replace(self._nothing, command=command)
 
 
@@ -671,11 +672,11 @@ class BrakesBetween(BrakesAt):
         self.until_s = until_s
 
     def step(
-        self, state: PipelineState, detections: Detections, ego: EgoState
+        self, state: PipelineState, detections: Detections, ego: EgoState, path: PlannedPath | None = None
     ) -> tuple[PipelineState, FrameResult]:
         state, result = super().step(state, detections, ego)
         brakes = self.time_s - 1e-9 <= ego.stamp_s < self.until_s - 1e-9
-        return state, dataclasses.replace(result, command=BrakeCommand(brakes))
+        return state, dataclasses.replace(result, command=Command(brakes))
 
 
 def test_after_braking_the_ego_returns_to_the_speed_that_the_scenario_asks_for_by_then() -> None:

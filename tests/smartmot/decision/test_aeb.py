@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from smartmot.decision.aeb import AebConfig, AebState, BrakeCommand, Event, Situation, decide
+from smartmot.decision.aeb import AebConfig, AebState, Event, Situation, decide
 from smartmot.errors import ConfigError
 
 CONFIG = AebConfig()
@@ -79,9 +79,9 @@ DANGER = {"collision": True, "nearest_m": 15.0}
 def test_transitions(
     state: AebState, situation: Situation, after: AebState, events: list[tuple[str, str]]
 ) -> None:
-    found, command, reported = decide(state, situation, CONFIG)
+    found, emergency, reported = decide(state, situation, CONFIG)
     assert found == after
-    assert command == BrakeCommand(after.emergency)
+    assert emergency == after.emergency
     assert _names(reported) == events
     assert all(e.stamp_s == situation.stamp_s for e in reported)
 
@@ -98,7 +98,7 @@ def test_transitions(
 )
 def test_near_means_braking_distance_or_twelve_metres(nearest: float, braking: float, flagged: bool) -> None:
     situation = _now(collision=True, nearest_m=nearest, braking_m=braking)
-    assert decide(RUNNING, situation, CONFIG)[1].emergency is flagged
+    assert decide(RUNNING, situation, CONFIG)[1] is flagged
 
 
 def _drive(
@@ -108,8 +108,8 @@ def _drive(
     state, out, k = AebState(), [], 0
     for frames, settings in spans:
         for _ in range(frames):
-            state, command, events = decide(state, _now(k / rate_hz, **settings), CONFIG)
-            out.append((command.emergency, [e.name for e in events]))
+            state, emergency, events = decide(state, _now(k / rate_hz, **settings), CONFIG)
+            out.append((emergency, [e.name for e in events]))
             k += 1
     return out
 
@@ -183,8 +183,8 @@ def test_a_second_pedestrian_starts_a_second_behaviour() -> None:
 
 
 def test_without_clear_time_the_brake_is_released_at_once() -> None:
-    state, command, events = decide(BRAKING, _now(), AebConfig(clear_s=0.0))
-    assert (state, command) == (RUNNING, BrakeCommand(False))
+    state, emergency, events = decide(BRAKING, _now(), AebConfig(clear_s=0.0))
+    assert (state, emergency) == (RUNNING, False)
     assert _names(events) == CLOSE
 
 

@@ -1,0 +1,142 @@
+"""Brake rules: from an assessed frame to a command. The paper's rule is one; yours is another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from smartmot.decision.aeb import AebConfig, AebState, Event, Situation, decide
+from smartmot.decision.braking import overhang_m
+from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Threats, Tracks, frozen
+
+STANDING_MPS = 0.1
+"""Below this the ego counts as standing still."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeadObject:
+    """The object on the route that the speed is adapted to.
+
+    Args:
+        track_id: its track.
+        gap_m: free distance from the ego's front.
+        speed_mps: its speed along the ego's heading.
+    """
+
+    track_id: int
+    gap_m: float
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What perception asks of the vehicle.
+
+    Args:
+        emergency: brake fully, and hold.
+        lead: the object whose speed the ego adapts its own to, where it does that; None: none.
+    """
+
+    emergency: bool
+    lead: LeadObject | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assessment:
+    """What a brake rule knows of one frame: the ego, M tracks, and how these relate to the ego's way.
+
+    Args:
+        ego: odometry now.
+        tracks: M tracks at the detections' time.
+        forecast: of the tracks, from the ego's time on.
+        ego_forecast: of the ego, at the same times.
+        threats: tracks on a collision course that count, nearest in time first.
+        time_to_collision_s: (M,) first time at which the forecasts meet; infinite where they never do, and of
+            objects that do not count.
+        ahead_m: (M,) distance along the ego's heading from its centre to each box; negative behind it.
+        on_way: (M,) known to be in the ego's way.
+        entering: (M,) moving vulnerable road users whose forecast enters the ego's way.
+        threatening: (M,) on a collision course, and counting.
+        vulnerable: (M,) vulnerable road users.
+        lead: the object on the route that the speed would be adapted to.
+        braking_distance_m: that the ego needs at its present speed.
+
+    Raises:
+        ShapeError: shapes disagree.
+    """
+
+    ego: EgoState
+    tracks: Tracks
+    forecast: Forecast
+    ego_forecast: Forecast
+    threats: Threats
+    time_to_collision_s: FloatArray
+    ahead_m: FloatArray
+    on_way: BoolArray
+    entering: BoolArray
+    threatening: BoolArray
+    vulnerable: BoolArray
+    lead: LeadObject | None
+    braking_distance_m: float
+
+    def __post_init__(self) -> None:
+        shape = (len(self.tracks),)
+        for name in ("time_to_collision_s", "ahead_m"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
+        for name in ("on_way", "entering", "threatening", "vulnerable"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_, shape, name))
+
+
+class BrakeRule(Protocol):
+    """Decides; remembers nothing but in the state that it returns, so that a run can go on from any frame."""
+
+    def decide(self, state: Any, now: Assessment, /) -> tuple[Any, Command, tuple[Event, ...]]:
+        """One decision.
+
+        Args:
+            state: what the rule returned in the frame before, of whatever type; None in the first frame.
+            now: the frame.
+
+        Returns:
+            The next state, the command, and the events of this frame.
+        """
+        ...
+
+
+class PaperRule:
+    """The rule of the paper: see `smartmot.decision.aeb`.
+
+    Args:
+        config: its conditions.
+    """
+
+    def __init__(self, config: AebConfig | None = None) -> None:
+        self.config = config or AebConfig()
+
+    def decide(self, state: AebState | None, now: Assessment) -> tuple[AebState, Command, tuple[Event, ...]]:
+        """One decision; see `BrakeRule`."""
+        next_state, emergency, events = decide(state or AebState(), self._situation(now), self.config)
+        return next_state, Command(emergency, now.lead), events
+
+    def _situation(self, now: Assessment) -> Situation:
+        nearest, occupied = math.inf, False
+        if len(now.tracks):
+            distance = now.ahead_m - overhang_m(now.ego)
+            near = distance < max(now.braking_distance_m, self.config.near_m)
+            # VRUs hold the ego wherever they are on its way, all others only near
+            occupied = bool(np.count_nonzero(now.on_way & (near | now.vulnerable)))
+            relevant = now.on_way | now.threatening
+            if np.count_nonzero(relevant):
+                nearest = max(float(distance[relevant].min()), 0.0)
+        return Situation(
+            stamp_s=now.ego.stamp_s,
+            collision_predicted=bool(np.count_nonzero(now.threatening)),
+            nearest_m=nearest,
+            braking_distance_m=now.braking_distance_m,
+            vru_entering=bool(np.count_nonzero(now.entering)),
+            way_occupied=occupied,
+            standing=now.ego.speed_mps < STANDING_MPS,
+        )
