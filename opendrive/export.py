@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from opendrive.network import RoadNetwork
+from opendrive.arrays import FloatArray
+from opendrive.lanes.table import LaneTable
+from opendrive.model import MapModel
 
 _DEGREE_DECIMALS = 9
 """A tenth of a millimetre on the equator."""
@@ -19,7 +21,35 @@ _DEGREE_DECIMALS = 9
 LOCAL_FRAME = "local: metres in the map's inertial frame, x east, y north; the map has no geoReference"
 
 
-def lane_table(network: RoadNetwork, tolerance_m: float) -> dict[str, Any]:
+class ExportedNetwork(Protocol):
+    """What a table of lanes needs of a network; see `RoadNetwork`."""
+
+    @property
+    def model(self) -> MapModel:
+        """The map as read."""
+
+    @property
+    def name(self) -> str:
+        """Name of the map."""
+
+    @property
+    def lanes(self) -> LaneTable:
+        """All lanes."""
+
+    def speed_limit(self, lane: int, s_m: float) -> float | None:
+        """Return the limit, m/s, or None."""
+
+    def successors(self, lane: int) -> tuple[int, ...]:
+        """Return the lanes that follow."""
+
+    def lane_polygons(self, tolerance_m: float) -> NDArray[np.object_]:
+        """Return the outlines of all lanes."""
+
+    def to_geographic(self, xy_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return latitude and longitude, degrees."""
+
+
+def lane_table(network: ExportedNetwork, tolerance_m: float) -> dict[str, Any]:
     """Return all lanes as columns of equal length, with outlines as shapely polygons in the map frame.
 
     ``geopandas.GeoDataFrame(network.lane_table(), geometry="geometry")`` makes a table of it.
@@ -46,7 +76,9 @@ def lane_table(network: RoadNetwork, tolerance_m: float) -> dict[str, Any]:
     }
 
 
-def to_geojson(network: RoadNetwork, path: str | PathLike[str] | None, tolerance_m: float) -> dict[str, Any]:
+def to_geojson(
+    network: ExportedNetwork, path: str | PathLike[str] | None, tolerance_m: float
+) -> dict[str, Any]:
     """Return all lanes as a GeoJSON feature collection, and write it to `path` if that is not None.
 
     Coordinates are longitude and latitude where the map has a geoReference. Otherwise they are metres of the
