@@ -89,6 +89,8 @@ sys.meta_path.append(_named)
 
 
 MOVED = {
+    "evaluation.arguments": "evaluation.cli.options evaluation.runs.folder_lock evaluation.runs.workers "
+    "scenarios.catalogue.maps",
     "evaluation.cell_table": "evaluation.studies.ncap.cell_table",
     "evaluation.cells": "evaluation.studies.ncap.cells",
     "evaluation.comparison": "evaluation.studies.suite",
@@ -338,6 +340,6 @@ def main() -> None:
         if told is not None:
             print(f"smartmot-eval: {told}", file=sys.stderr)  # noqa: T201 - nothing else is loaded yet
             sys.exit(2)
-    from evaluation.cli.command import main as command
+    from evaluation.cli import main as command
 
     command()

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluation.cli.command import main
+from evaluation.cli import main
 from evaluation.results.rows import LOG_COLUMNS, read_log, write_log, write_runs
 from evaluation.runs.configuration import configuration_of, read_configuration
 

@@ -13,7 +13,7 @@ import numpy as np
 from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.bystanders import with_bystanders
 from scenarios.catalogue.library import scenario_path
-from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     Environment,

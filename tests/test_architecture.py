@@ -43,7 +43,7 @@ def test_import_contract_holds() -> None:
 
 
 def test_import_of_the_command_line_is_light() -> None:
-    loaded = python(f"import sys, evaluation.cli.command; print([m for m in {HEAVY} if m in sys.modules])")
+    loaded = python(f"import sys, evaluation.cli; print([m for m in {HEAVY} if m in sys.modules])")
     assert loaded.strip() == "[]"
 
 
@@ -55,7 +55,7 @@ def test_import_of_the_tracker_is_light() -> None:
 def test_help_is_light() -> None:
     code = f"""
 import sys
-from evaluation.cli.command import main
+from evaluation.cli import main
 sys.argv = ["smartmot-eval", "--help"]
 try:
     main()

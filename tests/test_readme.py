@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from smartmot import Boxes, Detections
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +70,7 @@ Run = tuple[dict[str, str], pd.DataFrame]
 @pytest.fixture
 def cpna(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Run]:
     """A pedestrian at 40 km/h, with a module of the user's in the current folder."""
-    from evaluation.cli.command import main
+    from evaluation.cli import main
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
@@ -117,7 +117,7 @@ def test_the_tracker_of_the_readme_brakes_as_printed(cpna: Callable[..., Run]) -
 def test_every_command_of_the_readme_is_understood() -> None:
     from typer.testing import CliRunner
 
-    from evaluation.cli.command import app
+    from evaluation.cli import app
 
     text = README.read_text(encoding="utf-8")
     lines = [line.split()[1:] for line in text.splitlines() if line.startswith("smartmot-eval ")]

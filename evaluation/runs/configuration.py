@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import scenarios
-from evaluation.arguments import DEFAULT_MAP
 from evaluation.results.rows import RUNS_JSON, SCHEMA, ResultsError
 from evaluation.runs.decoding import decode
 from evaluation.runs.fingerprint import file_digest, file_digests, library_versions, map_file, version
 from scenarios.catalogue.cpna import CpnaTest, approach_m, scenario_parameters
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
-from scenarios.catalogue.map_builder import SHIPPED_MAPS
+from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.places import Place, find_site, lane_at, site_at
 from scenarios.presets import Preset, named_light, named_preset, named_weather, preset_at_night

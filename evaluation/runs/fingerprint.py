@@ -15,7 +15,7 @@ import opendrive
 import scenarios
 import smartmot
 from scenarios.catalogue.library import scenario_path
-from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from evaluation.errors import ArgumentError
 from evaluation.results.rows import ResultsError
 
 if sys.platform == "win32":
@@ -32,6 +33,23 @@ class _Held:
 
 _HELD: dict[tuple[int, Path], _Held] = {}
 """Locks by process, since a forked copy has none, and folder."""
+
+
+def writable_folder(path: Path) -> Path:
+    """Make a folder for results and see that files can be written there.
+
+    Raises:
+        ArgumentError: it cannot be made or written to.
+    """
+    probe = path / ".smartmot-write-test"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ArgumentError(f"--out: cannot write to folder {path}: {reason}; choose another one") from None
+    return path
 
 
 @contextlib.contextmanager

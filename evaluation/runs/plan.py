@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.arguments import DEFAULT_MAP
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.workers import execute_all
 from opendrive import RoadNetwork
 from scenarios.catalogue.cpna import CpnaTest, approach_m, scenario_parameters
 from scenarios.catalogue.library import scenario_name, scenario_path
-from scenarios.catalogue.map_builder import SHIPPED_MAPS
+from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand

@@ -26,6 +26,14 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 """With it, an interpreter that is started with `-c` does not look into the current folder for modules."""
 
 
+def available_cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # systems without affinity
+        return os.cpu_count() or 1
+
+
 def execute_all(job: Callable[[Item], Result], items: Sequence[Item], workers: int = 1) -> Iterator[Result]:
     """Carry out a job for many items; the results come in the order of the items.
 

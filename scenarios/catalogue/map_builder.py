@@ -11,12 +11,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from math import cos, factorial, pi, sin
 from pathlib import Path
 from types import MappingProxyType
 
 from lxml import etree
+
+import _smartmot
+from scenarios.catalogue.maps import MAPS, SHIPPED_MAPS, shipped_map
+
+__getattr__ = _smartmot.names_of(__name__, "scenarios.catalogue.maps")
 
 DRIVING_WIDTH_M = 3.5
 PARKING_WIDTH_M = 2.0
@@ -43,10 +47,6 @@ SIGN_FROM_KERB_M = 0.5
 JUNCTION_ID = "100"
 
 _GEO_REFERENCE = "+proj=tmerc +lat_0=52 +lon_0=13 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
-
-
-class UnknownMapError(LookupError):
-    """A map was asked for by a name that no shipped map has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -508,14 +508,6 @@ _BUILDERS: dict[str, Callable[[], etree._Element]] = {
     "urban_intersection": _urban_intersection,
 }
 
-SHIPPED_MAPS: tuple[str, ...] = tuple(_BUILDERS)
-
-
-def _known(name: str) -> str:
-    if name not in SHIPPED_MAPS:
-        raise UnknownMapError(f"no shipped map is called {name!r}; there are {', '.join(SHIPPED_MAPS)}")
-    return name
-
 
 def build_map(name: str) -> bytes:
     """The OpenDRIVE file of a shipped map, built anew.
@@ -523,20 +515,12 @@ def build_map(name: str) -> bytes:
     Raises:
         UnknownMapError: No shipped map has this name.
     """
-    root = _BUILDERS[_known(name)]()
+    shipped_map(name)
+    root = _BUILDERS[name]()
     return etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
 
 
-def shipped_map(name: str) -> Path:
-    """Path of a shipped map's file.
-
-    Raises:
-        UnknownMapError: No shipped map has this name.
-    """
-    return Path(str(files("scenarios") / "maps" / f"{_known(name)}.xodr"))
-
-
-def write_maps(directory: Path) -> None:
+def write_maps(directory: Path = MAPS) -> None:
     """Write every shipped map into a directory, which is made if it is missing."""
     directory.mkdir(parents=True, exist_ok=True)
     for name in SHIPPED_MAPS:
@@ -544,4 +528,4 @@ def write_maps(directory: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_maps(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "maps")
+    write_maps(*map(Path, sys.argv[1:2]))

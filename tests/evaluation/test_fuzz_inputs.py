@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fuzz_inputs import BAD, BASES, HANGS, READ, carry_out, fuzz, make_bases
-from evaluation.cli.command import main
+from evaluation.cli import main
 from scenarios.reading import ReadError, parse_json, shown
 
 FIELD = Path(__file__).parents[1] / "data" / "field" / "runs"

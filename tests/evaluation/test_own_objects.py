@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cli.command import main
+from evaluation.cli import main
 
 SOURCE = '''
 import dataclasses

@@ -8,7 +8,7 @@ import pytest
 
 from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build
-from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
+from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.motion.paths import Pose
 from scenarios.places import (

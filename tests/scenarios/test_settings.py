@@ -2,7 +2,7 @@
 
 import pytest
 
-from evaluation.arguments import parse_vary
+from evaluation.cli.options import parse_vary
 from evaluation.errors import ArgumentError
 from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
 from scenarios.presets import PHYSICAL

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from opendrive import load_map
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from smartmot.errors import ConfigError
 from smartmot.forecast import (
     ForecastConfig,

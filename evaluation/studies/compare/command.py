@@ -10,7 +10,6 @@ from pathlib import Path
 
 import rich.console
 
-from evaluation.arguments import writable_folder
 from evaluation.errors import ArgumentError
 from evaluation.metrics.criticality import criticality, criticality_csv
 from evaluation.progress import progress_bar
@@ -27,6 +26,7 @@ from evaluation.results.rows import (
 from evaluation.runs.configuration import digests_of_files, versions
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import version
+from evaluation.runs.folder_lock import writable_folder
 from evaluation.runs.journal import Journal
 from evaluation.studies.compare import figures
 from evaluation.studies.compare.answer import answer, told_intervals

@@ -11,10 +11,10 @@ from pathlib import Path
 import rich.console
 import rich.progress
 
-from evaluation.arguments import parse_name, parse_names, writable_folder
+from evaluation.cli.options import parse_name, parse_names
 from evaluation.errors import ArgumentError
 from evaluation.metrics.mot import SIMILARITIES, MotScore
-from evaluation.runs.folder_lock import locked
+from evaluation.runs.folder_lock import locked, writable_folder
 from evaluation.studies.mot import run
 from evaluation.studies.mot.film import Film, write_gif, write_video
 from evaluation.studies.mot.forecast_quality import (

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 
-from evaluation.arguments import DEFAULT_MAP
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.rows import ResultsError, Table, configuration_json, markdown_table, write_bytes
 from evaluation.runs.configuration import configuration_of
@@ -18,6 +17,7 @@ from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.plan import CpnaSuite, load_site
 from evaluation.studies.compare.grid import PHASE_STEP_S, PHASES
 from evaluation.studies.reference.part import Finished
+from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.presets import PAPER
 from scenarios.settings import Settings, settings_text
 from scenarios.spec import RunSpec

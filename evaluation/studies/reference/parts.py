@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from evaluation.arguments import DEFAULT_MAP
 from evaluation.runs.plan import CpnaSuite
 from evaluation.studies.compare.command import CompareOptions
 from evaluation.studies.reference.cpna import CpnaPart
 from evaluation.studies.reference.mechanisms import MechanismsPart
 from evaluation.studies.reference.part import Part
 from evaluation.studies.reference.scenes import GrowthPart, ScenesPart
+from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
 from scenarios.strategies import STRATEGIES
 

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from evaluation.cli.command import main
+from evaluation.cli import main
 from evaluation.results.rows import read_log
 from scenarios.catalogue.library import DEFINITIONS
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 
 ISSUE_COLUMNS = [
     *("scenario", "strategy", "preset", "weather", "adversaries", "seed", "v_test_kmh", "v_impact_kmh"),
@@ -107,7 +107,7 @@ def test_run_twice_gives_the_same_bytes(results: Path, tmp_path: Path) -> None:
         [
             sys.executable,
             "-c",
-            "from evaluation.cli.command import main; main()",
+            "from evaluation.cli import main; main()",
             *GOOD_RUN,
             "--out",
             tmp_path / "again",
@@ -459,7 +459,7 @@ def test_what_the_option_parser_refuses_ends_with_status_two(command: Command, a
 
 def test_a_mistake_in_a_process_of_its_own() -> None:
     run = subprocess.run(
-        [sys.executable, "-c", "from evaluation.cli.command import main; main()", "cpna", "--speeds", "0"],
+        [sys.executable, "-c", "from evaluation.cli import main; main()", "cpna", "--speeds", "0"],
         capture_output=True,
         text=True,
         check=False,

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from evaluation.cli.command import app, main
+from evaluation.cli import app, main
 from evaluation.results import rows as results
 from evaluation.results.rows import ResultsError, write_runs
 from evaluation.runs import plan as runner

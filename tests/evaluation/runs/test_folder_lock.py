@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from evaluation.errors import ArgumentError
 from evaluation.results.rows import ResultsError, write_bytes
-from evaluation.runs.folder_lock import LOCK, locked
+from evaluation.runs.folder_lock import LOCK, locked, writable_folder
 
-COMMAND = (sys.executable, "-c", "from evaluation.cli.command import main; main()")
+COMMAND = (sys.executable, "-c", "from evaluation.cli import main; main()")
 FIELD = Path(__file__).parents[2] / "data" / "field" / "runs"
 HOLD = """
 import sys
@@ -143,3 +144,28 @@ def test_output_that_cannot_be_written_is_one_line() -> None:
         done = subprocess.run([*COMMAND, "list"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
     assert done.stderr == "smartmot-eval: output: cannot be read or written (No space left on device)\n"
+
+
+def test_folder_is_made_and_left_empty(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b"
+    assert writable_folder(folder) == folder
+    assert list(folder.iterdir()) == []
+    assert writable_folder(folder) == folder
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, below: bool) -> None:
+    file = tmp_path / "results"
+    file.touch()
+    with pytest.raises(ArgumentError, match=r"--out: cannot write to folder .*; choose another one"):
+        writable_folder(file / "sub" if below else file)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write anywhere")
+def test_a_folder_without_permission_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(ArgumentError, match="--out: cannot write"):
+            writable_folder(tmp_path)
+    finally:
+        tmp_path.chmod(0o700)

@@ -8,7 +8,7 @@ import pytest
 from opendrive import load_map
 from scenarios.catalogue.bystanders import with_bystanders
 from scenarios.catalogue.library import shipped_scenario
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine, Entities

@@ -8,7 +8,7 @@ import pytest
 
 from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build, find_site
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.places import Site
 from scenarios.presets import PAPER, PHYSICAL, WEATHER, preset_in_weather

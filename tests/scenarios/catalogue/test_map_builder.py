@@ -12,7 +12,8 @@ from lxml import etree
 from scipy.special import fresnel
 
 from opendrive import RoadNetwork, load_map
-from scenarios.catalogue.map_builder import SHIPPED_MAPS, UnknownMapError, build_map, shipped_map
+from scenarios.catalogue.map_builder import build_map
+from scenarios.catalogue.maps import SHIPPED_MAPS, UnknownMapError, shipped_map
 
 ARMS = {"1": "west", "2": "south", "3": "east", "4": "north"}
 OUTWARD = {"1": (-1.0, 0.0), "2": (0.0, -1.0), "3": (1.0, 0.0), "4": (0.0, 1.0)}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from opendrive import load_map
 from scenarios.catalogue.cpna import CpnaTest, build, find_site
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.presets import PAPER
 from scenarios.simulation.log import COLUMNS, TEXT_COLUMNS, RunLog
 from scenarios.simulation.simulation import Outcome

@@ -13,7 +13,7 @@ from opendrive import load_map
 from scenarios.brakes import BrakeConfig
 from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build, find_site
 from scenarios.catalogue.library import shipped_scenario
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import (
     Act,

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import rich.console
 
-from evaluation.cli.command import PICTURE_FORMATS
+from evaluation.cli.options import PICTURE_FORMATS
 from evaluation.errors import ArgumentError
 from evaluation.results.rows import ResultsError
 from evaluation.runs.execution import FrameTime
@@ -95,7 +95,7 @@ def test_resuming_gives_the_same_and_repeats_nothing(tmp_path: Path) -> None:
 def test_a_killed_comparison_goes_on(tmp_path: Path) -> None:
     arguments = ["--strategies", "all", "--scenes", ",".join(SCENES), "--seeds", "2", "--workers", "2", "-q"]
     out, again = tmp_path / "out", tmp_path / "again"
-    start = [sys.executable, "-c", "from evaluation.cli.command import main; main()", "compare", *arguments]
+    start = [sys.executable, "-c", "from evaluation.cli import main; main()", "compare", *arguments]
     with subprocess.Popen([*start, "--out", str(out)]) as first:
         deadline = time.monotonic() + 120.0
         while not (out / RUNS).exists() or not (out / RUNS).read_bytes().count(b"\n"):
@@ -224,7 +224,7 @@ def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> 
 
 
 def test_options_that_exclude_one_another(tmp_path: Path) -> None:
-    from evaluation.cli.command import compare as command
+    from evaluation.cli.compare import command
 
     with pytest.raises(ArgumentError, match="exclude one another"):
         command(ablation=True, growth=True, out=tmp_path, scenes=None)

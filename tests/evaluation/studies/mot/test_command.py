@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.cli.command import main
+from evaluation.cli import main
 from evaluation.studies.mot.run import TRACKS_NUSCENES
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 
 needs_trackeval = pytest.mark.skipif(
     importlib.util.find_spec("trackeval") is None, reason="trackeval is not installed (extra mot)"
@@ -223,7 +223,7 @@ def test_running_without_ego_poses(
 def test_help_has_examples_and_start_up_is_light() -> None:
     code = """
 import sys
-from evaluation.cli.command import main
+from evaluation.cli import main
 sys.argv = ["smartmot-eval", "mot", "--help"]
 try:
     main()

@@ -15,7 +15,7 @@ from evaluation.studies.mot.forecast_quality import carried_on
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views.video import ffmpeg
 from opendrive import load_map
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.recorded.dataset import Sequence
 
 

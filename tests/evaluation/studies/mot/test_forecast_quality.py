@@ -19,7 +19,7 @@ from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.run import read_dataset, track_dataset
 from evaluation.studies.mot.tracking import TrackedSequence
 from opendrive import RoadNetwork, load_map
-from scenarios.catalogue.map_builder import shipped_map
+from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
 from smartmot.filters.motion_models import ConstantVelocity

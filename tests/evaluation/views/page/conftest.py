@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.cli.command import main
+from evaluation.cli import main
 from evaluation.results.rows import LOG_COLUMNS
 
 Command = Callable[..., int]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from evaluation.cli.command import app
+from evaluation.cli import app
 from evaluation.views.page.folder import read_folder
 from evaluation.views.page.scene import read_scene
 from smartmot.types import Boxes, EgoState

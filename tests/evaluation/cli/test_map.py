@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cli.command import main
-from scenarios.catalogue.map_builder import SHIPPED_MAPS, shipped_map
+from evaluation.cli import main
+from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 
 
 def call(*arguments: object) -> int:

@@ -1,14 +1,12 @@
 """What users type: every form, and one clear message for every mistake."""
 
-import os
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.arguments import parse_name, parse_names, parse_place, parse_speeds, writable_folder
+from evaluation.cli.options import parse_name, parse_names, parse_place, parse_speeds
 from evaluation.errors import ArgumentError
+from scenarios.places import Place
 
 
 @pytest.mark.parametrize(
@@ -120,7 +118,11 @@ def test_a_single_name_is_single() -> None:
     ("text", "place"), [("1,-1,250.0", ("1", -1, 250.0)), (" a7 , 2 , 1e1 ", ("a7", 2, 10.0))]
 )
 def test_places(text: str, place: tuple[str, int, float]) -> None:
-    assert parse_place(text) == place
+    assert parse_place(text) == Place(*place)
+
+
+def test_no_place() -> None:
+    assert parse_place(None) is None
 
 
 @pytest.mark.parametrize(
@@ -129,28 +131,3 @@ def test_places(text: str, place: tuple[str, int, float]) -> None:
 def test_wrong_places_are_answered_with_an_example(text: str) -> None:
     with pytest.raises(ArgumentError, match=r"--at: expected ROAD,LANE,S such as 1,-1,250\.0; got "):
         parse_place(text)
-
-
-def test_folder_is_made_and_left_empty(tmp_path: Path) -> None:
-    folder = tmp_path / "a" / "b"
-    assert writable_folder(folder) == folder
-    assert list(folder.iterdir()) == []
-    assert writable_folder(folder) == folder
-
-
-@pytest.mark.parametrize("below", [False, True])
-def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, below: bool) -> None:
-    file = tmp_path / "results"
-    file.touch()
-    with pytest.raises(ArgumentError, match=r"--out: cannot write to folder .*; choose another one"):
-        writable_folder(file / "sub" if below else file)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write anywhere")
-def test_a_folder_without_permission_is_refused(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
-    try:
-        with pytest.raises(ArgumentError, match="--out: cannot write"):
-            writable_folder(tmp_path)
-    finally:
-        tmp_path.chmod(0o700)

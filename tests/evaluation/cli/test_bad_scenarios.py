@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.cli import command as cli
+from evaluation import cli
 from scenarios.catalogue.library import DEFINITIONS
 
 CROSSING, CPNA = "crossing.xosc", "cpna.xosc"

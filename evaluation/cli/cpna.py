@@ -1,0 +1,77 @@
+"""`smartmot-eval cpna`: the paper's test at several speeds, strategies beside one another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+from scenarios.catalogue.maps import DEFAULT_MAP
+
+EXAMPLES = options.examples(
+    "`smartmot-eval cpna --speeds 10..60`",
+    "`smartmot-eval cpna --speeds 10..80 --preset physical --weather dry,rain --out results`",
+    "`smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`",
+    "`smartmot-eval cpna --tracker my_tracker:MyTracker --strategy map,my_area:Corridor`",
+)
+
+
+def command(
+    speeds: Annotated[
+        str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")
+    ] = "10..60",
+    strategy: options.StrategyNames = "rectangular,map",
+    preset: options.PresetName = "paper",
+    tracker: options.TrackerName = "preset",
+    detector: options.DetectorName = "preset",
+    weather: options.WeatherNames = "dry",
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", help=f"OpenDRIVE file; default: the shipped {DEFAULT_MAP}.", metavar="FILE.xodr"
+        ),
+    ] = None,
+    at: options.At = None,
+    impact_point: Annotated[
+        float | None,
+        typer.Option(
+            "--impact-point",
+            help="Euro NCAP impact location in % of the ego's width (25, 50, 75); default: the paper's test.",
+        ),
+    ] = None,
+    phase_ms: options.PhaseMs = 0.0,
+    adversaries: Annotated[
+        str, typer.Option(help="none, or static: parked cars and standing people.")
+    ] = "none",
+    seed: options.Seed = 0,
+    out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results"),
+    pictures: options.Pictures = True,
+    form: options.PictureFormat = "png",
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes; the results are the same for any number.")
+    ] = 1,
+    quiet: options.Quiet = False,
+) -> None:
+    """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.plan import CpnaSuite
+    from evaluation.studies.suite import compare_cpna
+
+    form = options.parse_format(form)
+    suite = CpnaSuite(
+        speeds_kmh=options.parse_speeds(speeds),
+        strategies=options.parse_strategies(strategy),
+        preset=options.parse_preset(preset),
+        weather=options.parse_weather(weather),
+        map_name=str(map_file) if map_file else DEFAULT_MAP,
+        place=options.parse_place(at),
+        impact_point_percent=impact_point,
+        adversaries=adversaries,
+        seed=seed,
+        phase_s=phase_ms / 1000,
+        settings=options.parse_plugged(tracker, detector),
+    )
+    with locked(writable_folder(out)):
+        compare_cpna(suite, out, form if pictures else None, workers, quiet)

@@ -1,0 +1,82 @@
+"""`smartmot-eval ncap`: the cells of a test protocol."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+
+EXAMPLES = options.examples(
+    "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
+    "`smartmot-eval ncap --protocol 2026 --strategy map`",
+    "`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`",
+)
+
+
+def command(
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Folders or files of scenarios; none: the shipped ones.", metavar="[DIR|FILE ...]"
+        ),
+    ] = None,
+    protocol: Annotated[
+        str, typer.Option(help="2023, 2026 (Euro NCAP), paper (SmartMOT) or r152 (UN Regulation).")
+    ] = "2023",
+    strategy: options.StrategyNames = "rectangular,map",
+    preset: options.PresetName = "physical",
+    tracker: options.TrackerName = "preset",
+    detector: options.DetectorName = "preset",
+    weather: options.WeatherNames = "dry",
+    apply_performance: options.ApplyPerformance = False,
+    night: options.Night = "lidar",
+    phase_ms: options.PhaseMs = 0.0,
+    seed: options.Seed = 0,
+    logs: Annotated[
+        bool, typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`.")
+    ] = False,
+    robustness: Annotated[
+        bool, typer.Option(help="2026: run the cells under robustness conditions too.")
+    ] = True,
+    form: options.PictureFormat = "png",
+    out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
+    workers: options.Workers = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Run every cell of a test protocol, score it, show its matrices."""
+    import rich.console
+
+    from evaluation.protocols.registry import PROTOCOLS
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.plan import Conditions
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.ncap.run import run_grid
+
+    name = options.parse_name(protocol, tuple(PROTOCOLS), "--protocol")
+    conditions = Conditions(
+        strategies=options.parse_strategies(strategy),
+        preset=options.parse_preset(preset),
+        weather=options.parse_weather(weather),
+        seed=seed,
+        phase_s=phase_ms / 1000,
+        night=options.parse_night(night),
+        adapts=name == "paper",
+        settings=options.parse_plugged(tracker, detector),
+        apply_performance=apply_performance,
+    )
+    form = options.parse_format(form)
+    with locked(writable_folder(out)):
+        run_grid(
+            files or [],
+            name,
+            conditions,
+            out,
+            workers or available_cores(),
+            rich.console.Console(quiet=quiet),
+            keep_logs=logs,
+            form=form,
+            robustness=robustness,
+        )

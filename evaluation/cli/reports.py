@@ -1,0 +1,45 @@
+"""`smartmot-eval reports`: the reference results, made again or checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+
+EXAMPLES = options.examples(
+    "`smartmot-eval reports`",
+    "`smartmot-eval reports --only paper,static`",
+    "`smartmot-eval reports --check`",
+    "Started again after it was stopped, it goes on where it was.",
+)
+
+
+def command(
+    out: Annotated[Path, typer.Option(help="Folder of the reference results.")] = Path("reports"),
+    only: Annotated[
+        str | None,
+        typer.Option(help="Only these parts, comma-separated; default: all.", metavar="NAME,..."),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Make a few runs of each part again; exit status 1 on drift.")
+    ] = False,
+    workers: options.Workers = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Make all reference results: the paper's table and figures, scenes, ablations, growth."""
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.reference.command import check_reports, make_reports
+
+    names = [name.strip() for name in only.split(",")] if only else []
+    if not check:
+        with locked(writable_folder(out)):
+            make_reports(out, names, workers or available_cores(), quiet)
+        return
+    lines = check_reports(out, names)
+    for line in lines:
+        typer.echo(line, err=True)
+    raise typer.Exit(1 if lines else 0)

@@ -1,0 +1,83 @@
+"""`smartmot-eval run`: scenario files, shipped or of the user's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+
+EXAMPLES = options.examples(
+    "`smartmot-eval run cpfa --preset physical --strategy rectangular,map`",
+    "`smartmot-eval run my_test.xosc --param Ego_speed_kph=50 --no-aeb`",
+    "`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`",
+    "Names and parameters of the shipped scenarios: smartmot-eval list",
+)
+
+
+def command(
+    scenario: Annotated[
+        str,
+        typer.Argument(help="Scenario or distribution file, or a shipped name.", metavar="FILE.xosc|NAME"),
+    ],
+    param: Annotated[
+        list[str] | None,
+        typer.Option(help="Value of a parameter of the scenario; may be repeated.", metavar="NAME=VALUE"),
+    ] = None,
+    no_aeb: Annotated[
+        bool, typer.Option("--no-aeb", help="No brake but the scenario's: the unbraked run.")
+    ] = False,
+    strategy: options.StrategyNames = "rectangular,map",
+    preset: options.PresetName = "physical",
+    tracker: options.TrackerName = "preset",
+    detector: options.DetectorName = "preset",
+    weather: options.WeatherNames = "dry",
+    hold_speed: Annotated[
+        bool,
+        typer.Option(
+            "--hold-speed", help="As in tests of Euro NCAP: no ACC, and the run ends when the ego stands."
+        ),
+    ] = False,
+    apply_performance: options.ApplyPerformance = False,
+    night: options.Night = "lidar",
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            help="Map that perception uses; default: the scenario's own, or a street laid over a test track.",
+            metavar="FILE.xodr",
+        ),
+    ] = None,
+    phase_ms: options.PhaseMs = 0.0,
+    seed: options.Seed = 0,
+    out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results/run"),
+    pictures: options.Pictures = True,
+    form: options.PictureFormat = "png",
+    workers: options.Workers = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Run an OpenSCENARIO file, or every variation that a file asks for."""
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.plan import Conditions, scenario_specs
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.suite import compare_files
+    from scenarios.spec import NO_AEB
+
+    form = options.parse_format(form)
+    conditions = Conditions(
+        strategies=(NO_AEB,) if no_aeb else options.parse_strategies(strategy),
+        preset=options.parse_preset(preset),
+        weather=options.parse_weather(weather),
+        map_name=str(map_file) if map_file else None,
+        seed=seed,
+        phase_s=phase_ms / 1000,
+        night=options.parse_night(night),
+        adapts=not hold_speed,
+        settings=options.parse_plugged(tracker, detector),
+        apply_performance=apply_performance,
+    )
+    specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions)
+    with locked(writable_folder(out)):
+        compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
