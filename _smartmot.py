@@ -97,7 +97,7 @@ MOVED = {
     "evaluation.configuration": "evaluation.runs.configuration",
     "evaluation.conflict": "evaluation.runs.conflict",
     "evaluation.decoding": "evaluation.runs.decoding",
-    "evaluation.exact": "scenarios.recorded.exact",
+    "evaluation.exact": "scenarios.reading",
     "evaluation.fingerprint": "evaluation.runs.fingerprint",
     "evaluation.folder_lock": "evaluation.runs.folder_lock",
     "evaluation.mot": "evaluation.studies.mot",

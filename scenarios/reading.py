@@ -1,4 +1,4 @@
-"""Text and JSON from files that others have written or damaged: every fault is one `ReadError`."""
+"""Text, JSON and numbers from files that others have written or damaged: every fault is one `ReadError`."""
 
 from __future__ import annotations
 
@@ -24,6 +24,10 @@ class ReadError(ValueError):
     """A file cannot be read, or holds something else than it should."""
 
 
+class NoFileError(ReadError):
+    """The system does not give the file: it is not there, no file, or not to be read."""
+
+
 def shown(value: object) -> str:
     """A value for a message: short, in one line, whatever it is."""
     return " ".join(_SHORT.repr(value).split())
@@ -33,7 +37,8 @@ def read_text(path: Path) -> str:
     """The text of a file in UTF-8.
 
     Raises:
-        ReadError: it cannot be read, or is no text.
+        NoFileError: it cannot be read.
+        ReadError: it is no text.
     """
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -42,7 +47,7 @@ def read_text(path: Path) -> str:
     except ValueError as error:  # a zero byte in the path
         raise ReadError(str(error)) from None
     except OSError as error:
-        raise ReadError(error.strerror or str(error)) from None
+        raise NoFileError(error.strerror or str(error)) from None
 
 
 def parse_json(text: str) -> Any:
@@ -53,14 +58,14 @@ def parse_json(text: str) -> Any:
             beyond all floats or half a character; the message has the line where that is known.
     """
     try:
-        found = json.loads(text, parse_int=_whole, parse_float=_finite, object_pairs_hook=_object)
+        content = json.loads(text, parse_int=_whole, parse_float=_finite, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         raise ReadError(f"line {error.lineno}: not JSON: {error.msg} at column {error.colno}") from None
     except RecursionError:
         raise ReadError("nested too deeply") from None
     if _HALF.search(text):
-        _require_whole_characters(found)
-    return found
+        _require_whole_characters(content)
+    return content
 
 
 def read_json(path: Path) -> Any:
@@ -68,9 +73,9 @@ def read_json(path: Path) -> Any:
     return parse_json(read_text(path))
 
 
-def _require_whole_characters(found: object) -> None:
+def _require_whole_characters(content: object) -> None:
     """Refuse texts with one half of a pair of UTF-16, which no file could be written with."""
-    todo = [found]
+    todo = [content]
     while todo:
         value = todo.pop()
         if isinstance(value, dict):
@@ -93,9 +98,19 @@ def _finite(text: str) -> float:
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
         raise ReadError(f"key {shown(twice)} is there twice")
-    return found
+    return values
+
+
+def exact_floats() -> dict[str, Any]:
+    """Argument of `pandas.read_csv` for floats without rounding errors.
+
+    From version 3 on, pandas reads them so anyway, and warns of the argument.
+    """
+    import pandas as pd
+
+    return {} if int(pd.__version__.partition(".")[0]) >= 3 else {"float_precision": "round_trip"}

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.results.seal import KEY, PLACEHOLDER, check_seal, seal
-from scenarios.reading import read_text, shown
-from scenarios.recorded.exact import exact_floats
+from scenarios.reading import exact_floats, read_text, shown
 from scenarios.simulation.log import COLUMNS, TEXT_COLUMNS
 from scenarios.simulation.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, is_avoided
 

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.recorded.dataset import Objects
+from scenarios.recorded.poses import heading, moved
+from smartmot.geometry import wrap_angle
 from smartmot.types import FloatArray, IntArray
 
 IMAGE_PX = (1242.0, 375.0)
@@ -21,11 +23,6 @@ EGO_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from the camera's axes to the vehicle's."""
 
 _MIN_DEPTH_M = 0.1
-
-
-def heading(pose: FloatArray) -> FloatArray:
-    """(K,) yaw of vehicle poses."""
-    return np.arctan2(pose[:, 1, 0], pose[:, 0, 0])
 
 
 def from_camera(
@@ -47,11 +44,12 @@ def from_camera(
     h, w, l, _, _, _, ry = boxes.T  # noqa: E741 - KITTI's names
     with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
         point = boxes[:, 3:6] @ EGO_R_CAMERA.T
-        yaw = wrapped(-ry - 0.5 * np.pi)
+        # ry turns from the camera's x, to the right, about y, down: ry = -90 deg looks ahead
+        yaw = wrap_angle(-ry - 0.5 * np.pi)
         if world_SE3_ego is not None:
             pose = world_SE3_ego[frame]
-            point = np.einsum("kij,kj->ki", pose[:, :3, :3], point) + pose[:, :3, 3]
-            yaw = wrapped(yaw + heading(pose))
+            point = moved(pose, point)
+            yaw = wrap_angle(yaw + heading(pose))
     return Objects.of(
         frame,
         point[:, :2],
@@ -71,14 +69,9 @@ def to_camera(objects: Objects, world_SE3_ego: FloatArray | None) -> FloatArray:
         pose = world_SE3_ego[objects.frame]
         point = np.einsum("kji,kj->ki", pose[:, :3, :3], point - pose[:, :3, 3])
         yaw = yaw - heading(pose)
-    ry = wrapped(-yaw - 0.5 * np.pi)
+    ry = wrap_angle(-yaw - 0.5 * np.pi)
     length, width = objects.size_m.T
     return np.column_stack((objects.height_m, width, length, point @ EGO_R_CAMERA, ry))
-
-
-def wrapped(angle_rad: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi)."""
-    return np.mod(angle_rad + np.pi, 2.0 * np.pi) - np.pi
 
 
 def camera_corners(boxes: FloatArray) -> FloatArray:

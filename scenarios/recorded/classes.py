@@ -17,13 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.recorded.textfile import read_headed_table
+from scenarios.recorded.dataset import LEFT_OUT
+from scenarios.recorded.textfile import Table, read_headed_table
 from smartmot.types import CATEGORIES, StrArray
 
 CLASSES_CSV = "classes.csv"
-LEFT_OUT = ""
-"""In place of a category: boxes of this class are not read."""
-
 ClassMap = Mapping[str, str]
 """Category, or LEFT_OUT, of each class."""
 
@@ -47,6 +45,16 @@ def read_classes(folder: Path, own: ClassMap) -> ClassMap:
         np.isin(table["category"], allowed), "category", f"must be empty or one of {', '.join(CATEGORIES)}"
     )
     return {**own, **dict(zip(table["class"].tolist(), table["category"].tolist(), strict=True))}
+
+
+def require_categories(table: Table, name: str, classes: ClassMap, rule: str) -> StrArray:
+    """(K,) categories of a table's rows by their column of classes.
+
+    Raises:
+        DatasetError: A class has no category; the message names file, line and field, and the rule.
+    """
+    table.require(np.isin(table[name], list(classes)), name, rule)
+    return categories(table[name], classes)
 
 
 def categories(names: Iterable[str], classes: ClassMap) -> StrArray:

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.errors import DatasetError
+from scenarios.recorded.poses import heading
 from smartmot.detection_input import (
     GREATEST_BOX,
     LEAST_BOX,
@@ -42,8 +43,11 @@ from smartmot.types import BoolArray, Boxes, Detections, FloatArray, IntArray, S
 _LONGEST_NUMBER = 16
 """A name with so many digits is a token, not a number."""
 
-MAX_FRAMES = 10_000_000
-"""Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
+HEIGHT_M = 1.5
+"""Of boxes without a height: that of a car."""
+
+LEFT_OUT = ""
+"""In place of a category: boxes of this class are not read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,6 +100,8 @@ class Objects:
     def of(cls, frame: NDArray[Any], center_m: FloatArray, **columns: NDArray[Any]) -> Objects:
         """Rows in any order, sorted by frame; columns not given are filled with what says nothing.
 
+        Rows whose category is `LEFT_OUT` are left out.
+
         Args:
             frame: (K,) positions in the sequence's frames.
             center_m: (K, 2) centres.
@@ -110,11 +116,12 @@ class Objects:
             "score": np.ones(count),
             "center_m": center_m,
             "bottom_m": np.zeros(count),
-            "height_m": np.full(count, 1.5),
+            "height_m": np.full(count, HEIGHT_M),
             "velocity_mps": np.full((count, 2), np.nan),
             "ignored": np.zeros(count, dtype=np.bool_),
         } | columns
         order = np.argsort(filled["frame"], kind="stable")
+        order = order[filled["category"][order] != LEFT_OUT]
         return cls(**{name: values[order] for name, values in filled.items()})
 
     @classmethod
@@ -183,21 +190,21 @@ class Sequence:
 
     def frames(self) -> Iterator[Detections]:
         """The detections of each frame, as the tracker takes them."""
-        found = self.detections
-        start = found.frame_starts(len(self))
-        measured = bool(np.isfinite(found.velocity_mps).any())
+        objects = self.detections
+        start = objects.frame_starts(len(self))
+        measured = bool(np.isfinite(objects.velocity_mps).any())
         for k, stamp_s in enumerate(self.stamp_s.tolist()):
             rows = slice(start[k], start[k + 1])
-            boxes = Boxes(found.center_m[rows], found.size_m[rows], found.yaw_rad[rows])
-            velocity = found.velocity_mps[rows] if measured else None
-            yield Detections(stamp_s, boxes, found.score[rows], found.category[rows], velocity)
+            boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
+            velocity = objects.velocity_mps[rows] if measured else None
+            yield Detections(stamp_s, boxes, objects.score[rows], objects.category[rows], velocity)
 
     def ego_xy_yaw(self) -> FloatArray:
         """(F, 3) x, y and yaw of the vehicle; zeros without odometry."""
         if self.world_SE3_ego is None:
             return np.zeros((len(self), 3))
         pose = self.world_SE3_ego
-        return np.column_stack((pose[:, 0, 3], pose[:, 1, 3], np.arctan2(pose[:, 1, 0], pose[:, 0, 0])))
+        return np.column_stack((pose[:, :2, 3], heading(pose)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,30 +255,27 @@ def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) 
     One scale holds for a whole data set: if any score lies outside [0, 1], all are taken for log odds, which
     is what detectors put out before their last sigmoid.
     """
-    kept = [_kept(sequence) for sequence in sequences]
+    kept = [_possible(sequence) for sequence in sequences]
     rejected = sum(len(a.detections) - len(b.detections) for a, b in zip(sequences, kept, strict=True))
     lowest = min((s.detections.score.min() for s in kept if len(s.detections)), default=0.0)
     highest = max((s.detections.score.max() for s in kept if len(s.detections)), default=1.0)
     as_log_odds = bool(lowest < -_SCORE_ROUNDING or highest > 1.0 + _SCORE_ROUNDING)
-    kept = [
-        replace(
-            s,
-            detections=replace(
-                s.detections,
-                score=probability(s.detections.score) if as_log_odds else s.detections.score.clip(0.0, 1.0),
-            ),
-        )
-        for s in kept
-    ]
     if as_log_odds:
         notes += (f"scores from {lowest:g} to {highest:g}: taken for log odds",)
     steps = np.concatenate([np.zeros(0), *(np.diff(s.stamp_s) for s in kept)])
     if len(steps) and np.median(steps) > _LONGEST_STEP_S:
         notes += (f"frames are {np.median(steps):g} s apart: are the times in seconds?",)
-    return Dataset(kind, tuple(kept), rejected, as_log_odds, notes)
+    to_scale = probability if as_log_odds else _within_bounds
+    scaled = (replace(s, detections=replace(s.detections, score=to_scale(s.detections.score))) for s in kept)
+    return Dataset(kind, tuple(scaled), rejected, as_log_odds, notes)
 
 
-def _kept(sequence: Sequence) -> Sequence:
+def _within_bounds(score: FloatArray) -> FloatArray:
+    """Scores without what rounding has put beyond [0, 1]."""
+    return score.clip(0.0, 1.0)
+
+
+def _possible(sequence: Sequence) -> Sequence:
     """The sequence without impossible boxes, also among the labels, and without impossible velocities."""
     labels = sequence.labels
     detections = sequence.detections[sequence.detections.usable()]

@@ -25,11 +25,12 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.camera import from_camera, image_boxes, to_camera, wrapped
-from scenarios.recorded.classes import LEFT_OUT, ClassMap, categories, read_classes
-from scenarios.recorded.dataset import MAX_FRAMES, Camera, Dataset, Objects, Sequence, finished
+from scenarios.recorded.camera import from_camera, image_boxes, to_camera
+from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes, require_categories
+from scenarios.recorded.dataset import Camera, Dataset, Objects, Sequence, finished
 from scenarios.recorded.kitti_poses import read_matrix, read_poses
-from scenarios.recorded.textfile import Table, read_table, read_text
+from scenarios.recorded.textfile import MAX_FRAMES, Table, read_table, read_text
+from smartmot.geometry import wrap_angle
 from smartmot.types import FloatArray, IntArray
 
 TRACKING_COLUMNS = (
@@ -125,6 +126,7 @@ def _detection_files(folder: Path) -> dict[str, list[Path]]:
 def _read_sequence(
     folder: Path, name: str, files: list[Path], length: int | None, classes: ClassMap
 ) -> Sequence:
+    """One sequence of all folders; without a seqmap it is as long as what is known of it."""
     if not files:
         raise DatasetError(
             f"{folder / 'detections'}: no file {name}.txt; write an empty one for no detections"
@@ -137,18 +139,13 @@ def _read_sequence(
     poses = read_poses(folder, name)
     times = _read_times(folder / "times" / f"{name}.txt")
     if length is None:
-        known = [len(values) for values in (poses, times) if values is not None]
-        given = tables + ([label_table] if label_table is not None else [])
-        for table in given:
-            table.require(table["frame"] < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
-        last = [int(table.whole("frame").max()) + 1 for table in given if len(table)]
-        length = max([*known[:1], *last], default=0)
+        length = _length([values for values in (poses, times) if values is not None], tables, label_table)
     for what, values in (("ego poses", poses), ("times", times)):
         if values is not None and len(values) < length:
             raise DatasetError(f"{folder}: sequence {name} has {len(values)} {what} for {length} frames")
     pose = None if poses is None else poses[:length]
-    found = [_objects(table, length, pose, classes) for table in tables]
     calibration = folder / "calib" / f"{name}.txt"
+    detections = _joined([_objects(table, length, pose, classes) for table in tables])
     labels = camera = None
     dont_care = (np.zeros(0, dtype=np.int64), np.zeros((0, 4)))
     if label_table is not None:
@@ -160,11 +157,20 @@ def _read_sequence(
         name=name,
         stamp_s=np.arange(length, dtype=np.float64) * FRAME_S if times is None else times[:length],
         frame_name=tuple(map(str, range(length))),
-        detections=_joined(found),
+        detections=detections,
         labels=labels,
         world_SE3_ego=pose,
         camera=camera,
     )
+
+
+def _length(known: list[FloatArray], tables: list[Table], label_table: Table | None) -> int:
+    """Frames of a sequence: those of its poses or else times, and up to the last of its boxes."""
+    given = tables + ([label_table] if label_table is not None else [])
+    for table in given:
+        table.require(table["frame"] < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
+    last = [int(table.whole("frame").max()) + 1 for table in given if len(table)]
+    return max([*map(len, known[:1]), *last], default=0)
 
 
 def _detection_table(path: Path) -> Table:
@@ -189,22 +195,19 @@ def _objects(
     """Rows of a table as boxes in the world frame, with further columns of `Objects`."""
     frame = table.whole("frame")
     table.require((frame >= 0) & (frame < length), "frame", f"must lie in 0..{length - 1}")
-    kind = table["type"]
-    table.require(np.isin(kind, list(classes)), "type", "is no type of KITTI and not in classes.csv")
-    columns["category"], columns["kind"] = categories(kind, classes), kind
+    rule = f"is no type of KITTI and not in {CLASSES_CSV}"
+    columns["category"], columns["kind"] = require_categories(table, "type", classes, rule), table["type"]
     if "score" in table:
         columns["score"] = table["score"]
     if "id" in table:
         columns["object_id"] = table.whole("id")
     boxes = table.stacked("h", "w", "l", "x", "y", "z", "ry")
-    found = from_camera(frame, boxes, pose, **columns)
-    return found[found.category != LEFT_OUT]
+    return from_camera(frame, boxes, pose, **columns)
 
 
 def _labels(table: Table, length: int, pose: FloatArray | None, classes: ClassMap) -> Objects:
     """The labelled objects, with KITTI's rules of what is ignored."""
-    real = table["type"] != "DontCare"
-    rows = Table(table.path, table.line[real], {name: c[real] for name, c in table.columns.items()})
+    rows = table.rows(table["type"] != "DontCare")
     rows.columns.pop("score", None)
     ignored = np.isin(rows["type"], NEIGHBOURS)
     ignored |= (rows["truncated"] > MAX_TRUNCATION) | (rows["occluded"] > MAX_OCCLUSION)
@@ -214,9 +217,9 @@ def _labels(table: Table, length: int, pose: FloatArray | None, classes: ClassMa
 def _dont_care(table: Table) -> tuple[IntArray, FloatArray]:
     """Frames and image regions that have no labels."""
     chosen = table["type"] == "DontCare"
-    frame, boxes = table.whole("frame")[chosen], table.stacked("x1", "y1", "x2", "y2")[chosen]
+    frame = table.whole("frame")[chosen]
     order = np.argsort(frame, kind="stable")
-    return frame[order], boxes[order]
+    return frame[order], table.stacked("x1", "y1", "x2", "y2")[chosen][order]
 
 
 def read_tracks(path: Path, length: int, world_SE3_ego: FloatArray | None = None) -> Objects:
@@ -245,7 +248,7 @@ def tracking_text(sequence: Sequence, tracks: Objects) -> str:
         image = np.full((len(tracks), 4), -1.0)
     else:
         image = image_boxes(boxes, sequence.camera.projection)
-    alpha = wrapped(boxes[:, 6] - np.arctan2(boxes[:, 3], boxes[:, 5]))
+    alpha = wrap_angle(boxes[:, 6] - np.arctan2(boxes[:, 3], boxes[:, 5]))
     kind = categories(tracks.category, TYPE_OF_CATEGORY)
     numbers = np.column_stack((alpha, image, boxes, tracks.score))
     form = "%d %d %s 0 0" + " %.6f" * numbers.shape[1]
@@ -267,5 +270,5 @@ def _read_times(path: Path) -> FloatArray | None:
     if not path.parent.is_dir():
         return None
     table = read_table(path, ["stamp_s"])
-    table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
+    table.require_finite("stamp_s")
     return table["stamp_s"]

@@ -12,7 +12,8 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.camera import EGO_R_CAMERA
-from scenarios.recorded.textfile import Table, read_table, read_text
+from scenarios.recorded.poses import homogeneous, rigid, turned_about
+from scenarios.recorded.textfile import read_table, read_text
 from smartmot.types import FloatArray
 
 MAX_ROTATION_ERROR = 1e-3
@@ -76,7 +77,7 @@ def read_matrix(path: Path, names: tuple[str, ...], shape: tuple[int, int]) -> F
 def _camera_poses(path: Path) -> FloatArray:
     """(F, 4, 4) poses of the camera from rows of 3 x 4 matrices."""
     table = read_table(path, _POSE_COLUMNS)
-    _require_finite(table, _POSE_COLUMNS)
+    table.require_finite(*_POSE_COLUMNS)
     values = table.stacked(*_POSE_COLUMNS).reshape(-1, 3, 4)
     # rounded matrices are no exact rotations; the nearest ones are, and their inverses are their transposes
     left, _, right = np.linalg.svd(values[:, :, :3])
@@ -84,13 +85,13 @@ def _camera_poses(path: Path) -> FloatArray:
     off = np.abs(rotation - values[:, :, :3]).max(axis=(1, 2), initial=0.0)
     good = (off < MAX_ROTATION_ERROR) & (np.linalg.det(rotation) > 0.0)
     table.require(good, "xx", "is no part of a rotation")
-    return _rigid(rotation, values[:, :, 3])
+    return rigid(rotation, values[:, :, 3])
 
 
 def _recorded_poses(path: Path, calibration: Path) -> FloatArray:
     """(F, 4, 4) poses of the camera in the first one's frame, from GPS and IMU."""
     table = read_table(path, _OXTS_COLUMNS)
-    _require_finite(table, _OXTS_USED)
+    table.require_finite(*_OXTS_USED)
     latitude, longitude, altitude, roll, pitch, yaw = (table[name] for name in _OXTS_USED)
     if not len(table):
         return np.zeros((0, 4, 4))
@@ -98,38 +99,11 @@ def _recorded_poses(path: Path, calibration: Path) -> FloatArray:
     north = scale * np.log(np.tan(np.pi / 4 + np.radians(latitude) / 2))
     place = np.column_stack((scale * np.radians(longitude), north, altitude))
     place -= place[0]  # small numbers keep their digits
-    rotation = _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
-    world_from_imu = _rigid(rotation, place)
-    velo_from_imu = _homogeneous(read_matrix(calibration, ("Tr_imu_velo", "Tr_imu_to_velo"), (3, 4)))
-    camera_from_velo = _homogeneous(read_matrix(calibration, ("Tr_velo_cam", "Tr_velo_to_cam"), (3, 4)))
+    rotation = turned_about(2, yaw) @ turned_about(1, pitch) @ turned_about(0, roll)
+    world_from_imu = rigid(rotation, place)
+    velo_from_imu = homogeneous(read_matrix(calibration, ("Tr_imu_velo", "Tr_imu_to_velo"), (3, 4)))
+    camera_from_velo = homogeneous(read_matrix(calibration, ("Tr_velo_cam", "Tr_velo_to_cam"), (3, 4)))
     rectified = np.eye(4)
     rectified[:3, :3] = read_matrix(calibration, ("R_rect", "R0_rect"), (3, 3))
     pose = world_from_imu @ np.linalg.inv(rectified @ camera_from_velo @ velo_from_imu)
     return np.asarray(np.linalg.inv(pose[0]) @ pose)
-
-
-def _require_finite(table: Table, names: tuple[str, ...] | list[str]) -> None:
-    for name in names:
-        table.require(np.isfinite(table[name]), name, "must be finite")
-
-
-def _about(axis: int, angle_rad: FloatArray) -> FloatArray:
-    """(F, 3, 3) rotations about x, y or z."""
-    rotation = np.tile(np.eye(3), (len(angle_rad), 1, 1))
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    rotation[:, i, i] = rotation[:, j, j] = np.cos(angle_rad)
-    rotation[:, j, i] = np.sin(angle_rad)
-    rotation[:, i, j] = -np.sin(angle_rad)
-    return rotation
-
-
-def _rigid(rotation: FloatArray, place_m: FloatArray) -> FloatArray:
-    """(F, 4, 4) from (F, 3, 3) and (F, 3)."""
-    pose = np.tile(np.eye(4), (len(rotation), 1, 1))
-    pose[:, :3, :3], pose[:, :3, 3] = rotation, place_m
-    return pose
-
-
-def _homogeneous(matrix: FloatArray) -> FloatArray:
-    """(4, 4) from (3, 4)."""
-    return np.vstack((matrix, (0.0, 0.0, 0.0, 1.0)))

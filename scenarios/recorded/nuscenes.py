@@ -23,10 +23,11 @@ from typing import Any
 import numpy as np
 
 from scenarios.errors import DatasetError
-from scenarios.reading import ReadError, parse_json, shown
-from scenarios.recorded.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
-from scenarios.recorded.dataset import Dataset, Objects, Sequence, finished
-from scenarios.recorded.textfile import read_headed_table, read_text
+from scenarios.reading import shown
+from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes
+from scenarios.recorded.dataset import LEFT_OUT, Dataset, Objects, Sequence, finished
+from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix
+from scenarios.recorded.textfile import read_headed_table, read_json
 from smartmot.types import CATEGORIES, FloatArray, StrArray
 
 CATEGORY_OF_CLASS = {
@@ -82,7 +83,17 @@ FRAME_S = 0.5
 
 _TABLES = ("sample", "scene", "sample_annotation", "instance", "category")
 _POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
+_OTHER_TABLES = ("attribute", "visibility", "log", "map")
 _META = ("use_camera", "use_lidar", "use_radar", "use_map", "use_external")
+
+Scenes = dict[str, list[tuple[str, float]]]
+"""Samples of each scene in the order of time: token and seconds."""
+
+Boxes = list[tuple[int, Any]]
+"""Boxes as JSON has them, each with its frame."""
+
+Annotations = dict[str, list[tuple[int, str, dict[str, Any]]]]
+"""Annotated road users by sample: number of the instance, class and record."""
 
 
 def read_nuscenes(folder: Path) -> Dataset:
@@ -92,42 +103,24 @@ def read_nuscenes(folder: Path) -> Dataset:
         DatasetError: A file is missing or wrong; the message names file, sample and field.
     """
     path = folder if folder.is_file() else _results_file(folder)
-    content = _json(path)
+    content = read_json(path)
     results = content.get("results") if isinstance(content, dict) else None
     if not isinstance(results, dict):
         raise DatasetError(f"{path}: no object 'results' with boxes by sample token")
     tables = _table_folder(path.parent)
-    times = path.parent / FRAMES_CSV
-    sequences, notes = [], []
-    if tables:
-        scenes = _scenes_of_tables(tables)
-    elif times.is_file():
-        scenes = _scenes_of_csv(times)
-    else:
-        scenes = {path.stem: [(token, k * FRAME_S) for k, token in enumerate(results)]}
-        notes.append(
-            f"no times of the samples: taken as one recording in the file's order, {FRAME_S:g} s apart; put "
-            f"sample.json and scene.json of nuScenes or {FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
-        )
-    known = Counter(token for samples in scenes.values() for token, _ in samples)
-    unknown = [token for token in results if token not in known]
-    where = tables / "sample.json" if tables else times
-    twice = [token for token, count in known.items() if count > 1]
-    if twice:
-        raise DatasetError(f"{where}: sample {twice[0]!r} is there twice")
-    if unknown:
-        raise DatasetError(f"{path}: sample {unknown[0]!r} is not in {where}")
+    notes: list[str] = []
+    scenes = _scenes(path, results, tables, notes)
     classes = read_classes(path.parent, CATEGORY_OF_CLASS)
     annotations = _annotations(tables) if tables else {}
     poses = _ego_poses(tables) if tables else {}
-    absent = 0
+    sequences, absent = [], 0
     for scene, samples in scenes.items():
         tokens = [token for token, _ in samples]
-        found = [token for token in tokens if token in results]
-        if not found:
+        missing = sum(token not in results for token in tokens)
+        if missing == len(tokens):
             continue
-        absent += len(tokens) - len(found)
-        boxes = [(k, box) for k, token in enumerate(tokens) for box in _list(path, results, token)]
+        absent += missing
+        boxes = [(k, box) for k, token in enumerate(tokens) for box in _boxes(path, results, token)]
         pose = [poses.get(token) for token in tokens]
         sequences.append(
             Sequence(
@@ -144,17 +137,40 @@ def read_nuscenes(folder: Path) -> Dataset:
     return finished("nuscenes", sequences, tuple(notes))
 
 
+def _scenes(path: Path, results: dict[str, Any], tables: Path | None, notes: list[str]) -> Scenes:
+    """When and in which scene the samples were taken, from the tables, the small file, or their order."""
+    times = path.parent / FRAMES_CSV
+    if tables:
+        scenes = _scenes_of_tables(tables)
+    elif times.is_file():
+        scenes = _scenes_of_csv(times)
+    else:
+        scenes = {path.stem: [(token, k * FRAME_S) for k, token in enumerate(results)]}
+        notes.append(
+            f"no times of the samples: taken as one recording in the file's order, {FRAME_S:g} s apart; put "
+            f"sample.json and scene.json of nuScenes or {FRAMES_CSV} (sample_token, scene, stamp_s) beside it"
+        )
+    source = tables / "sample.json" if tables else times
+    known = Counter(token for samples in scenes.values() for token, _ in samples)
+    for token, count in known.items():
+        if count > 1:
+            raise DatasetError(f"{source}: sample {token!r} is there twice")
+    for token in results:
+        if token not in known:
+            raise DatasetError(f"{path}: sample {token!r} is not in {source}")
+    return scenes
+
+
 def _results_file(folder: Path) -> Path:
     """The one JSON file of a folder that is no table of nuScenes."""
-    names = {f"{name}.json" for name in (*_TABLES, *_POSE_TABLES)}
-    names |= {f"{name}.json" for name in ("attribute", "visibility", "log", "map")}
-    found = sorted(path for path in folder.glob("*.json") if path.name not in names)
-    if len(found) != 1:
-        listed = ", ".join(path.name for path in found) or "none"
+    tables = {f"{name}.json" for name in (*_TABLES, *_POSE_TABLES, *_OTHER_TABLES)}
+    paths = sorted(path for path in folder.glob("*.json") if path.name not in tables)
+    if len(paths) != 1:
+        listed = ", ".join(path.name for path in paths) or "none"
         raise DatasetError(
             f"{folder}: expected one JSON file of detections, found {listed}; name the file itself"
         )
-    return found[0]
+    return paths[0]
 
 
 def _table_folder(folder: Path) -> Path | None:
@@ -165,13 +181,44 @@ def _table_folder(folder: Path) -> Path | None:
     return None
 
 
-def _json(path: Path) -> Any:
-    """Content of a JSON file."""
-    text = read_text(path)
-    try:
-        return parse_json(text)
-    except ReadError as error:
-        raise DatasetError(f"{path}: {error}") from None
+_ABSENT = object()
+"""In place of a field that a record does not have; what it has may be None."""
+
+Rule = tuple[str, str, Callable[[Any], bool]]
+"""A field, what is said of one that breaks the rule ("{}": its value), and whether a value keeps it."""
+
+
+def _require(record: object, rules: Iterable[Rule], path: Path, noun: str, name: object) -> None:
+    """Demand rules of a record.
+
+    Raises:
+        DatasetError: The first rule that it breaks, with file, record and field.
+    """
+    for field, complaint, fits in rules:
+        value = record.get(field, _ABSENT) if isinstance(record, dict) else _ABSENT
+        if not isinstance(record, dict) or not fits(value):
+            complaint = complaint.format(shown(None if value is _ABSENT else value))
+            raise DatasetError(f"{path}: {noun} {name!r}: field {field!r} {complaint}")
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def _is_number_or_null(value: object) -> bool:
+    # NaN, which some writers put as null, is rejected later with the impossible boxes
+    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
+
+
+def _is_list_of(length: int, fits: Callable[[object], bool]) -> Callable[[object], bool]:
+    def rule(value: object) -> bool:
+        return isinstance(value, list) and len(value) == length and all(map(fits, value))
+
+    return rule
 
 
 def _records(
@@ -187,36 +234,15 @@ def _records(
         vectors: Fields that must be lists of so many numbers.
     """
     path = folder / f"{name}.json"
-    records = _json(path)
+    records = read_json(path)
     if not isinstance(records, list):
         raise DatasetError(f"{path}: expected a list of records")
-    rules: list[tuple[str, str, Callable[[object], bool]]] = [(field, "a text", _is_text) for field in texts]
-    rules += [(field, "a number", _is_finite) for field in numbers]
-    rules += [(field, f"{n} numbers", _is_vector_of(n)) for field, n in vectors.items()]
+    rules: list[Rule] = [(field, "must be a text", _is_text) for field in texts]
+    rules += [(field, "must be a number", _is_finite) for field in numbers]
+    rules += [(field, f"must be {n} numbers", _is_list_of(n, _is_finite)) for field, n in vectors.items()]
     for index, record in enumerate(records):
-        for field, what, rule in rules:
-            if not isinstance(record, dict) or not rule(record.get(field)):
-                raise DatasetError(f"{path}: record {index}: field {field!r} must be {what}")
+        _require(record, rules, path, "record", index)
     return records
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
-def _is_vector_of(length: int) -> Callable[[object], bool]:
-    def rule(value: object) -> bool:
-        return isinstance(value, list) and len(value) == length and all(map(_is_finite, value))
-
-    return rule
-
-
-Scenes = dict[str, list[tuple[str, float]]]
-"""Samples of each scene in the order of time: token and seconds."""
 
 
 def _scenes_of_tables(folder: Path) -> Scenes:
@@ -238,7 +264,7 @@ def _scenes_of_tables(folder: Path) -> Scenes:
 def _scenes_of_csv(path: Path) -> Scenes:
     """Scenes from the small file beside the detections, in its order."""
     table = read_headed_table(path, ("sample_token", "scene", "stamp_s"), ("stamp_s",))
-    table.require(np.isfinite(table["stamp_s"]), "stamp_s", "must be finite")
+    table.require_finite("stamp_s")
     scenes: Scenes = {}
     for token, scene, stamp_s in zip(
         table["sample_token"].tolist(), table["scene"].tolist(), table["stamp_s"].tolist(), strict=True
@@ -247,46 +273,39 @@ def _scenes_of_csv(path: Path) -> Scenes:
     return scenes
 
 
-def _list(path: Path, results: dict[str, Any], token: str) -> list[Any]:
+def _boxes(path: Path, results: dict[str, Any], token: str) -> list[Any]:
+    """Boxes of a sample, none without an entry."""
     boxes = results.get(token, [])
     if not isinstance(boxes, list):
         raise DatasetError(f"{path}: sample {token!r}: expected a list of boxes")
     return boxes
 
 
-def _detections(path: Path, tokens: list[str], boxes: list[tuple[int, Any]], classes: ClassMap) -> Objects:
+def _detections(path: Path, tokens: list[str], boxes: Boxes, classes: ClassMap) -> Objects:
     """Boxes of one scene, of the classes that have a category."""
-    fields = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
+    three, two = _is_list_of(3, _is_number_or_null), _is_list_of(2, _is_number_or_null)
+    rules: tuple[Rule, ...] = (
+        ("translation", "must be 3 numbers", three),
+        ("size", "must be 3 numbers", three),
+        ("rotation", "must be 4 numbers", _is_list_of(4, _is_number_or_null)),
+        # not every detector estimates it
+        ("velocity", "must be 2 numbers", lambda value: value in (None, _ABSENT) or two(value)),
+        (
+            "detection_name",
+            f"is unknown: {{}}; give it a category in {CLASSES_CSV}",
+            lambda value: isinstance(value, str) and value in classes,
+        ),
+        ("detection_score", "must be a number", _is_number_or_null),
+    )
     for frame, box in boxes:
-        for name, length in fields.items():
-            value = box.get(name) if isinstance(box, dict) else None
-            if name == "velocity" and value is None and isinstance(box, dict):
-                continue  # not every detector estimates it
-            if not isinstance(value, list) or len(value) != length or not all(map(_number, value)):
-                raise DatasetError(
-                    f"{path}: sample {tokens[frame]!r}: field {name!r} must be {length} numbers"
-                )
-        kind = box.get("detection_name")
-        if not isinstance(kind, str) or kind not in classes:
-            raise DatasetError(
-                f"{path}: sample {tokens[frame]!r}: field 'detection_name' is unknown: {shown(kind)}; "
-                f"give it a category in {CLASSES_CSV}"
-            )
-        if "detection_score" not in box or not _number(box["detection_score"]):
-            raise DatasetError(f"{path}: sample {tokens[frame]!r}: field 'detection_score' must be a number")
-    kinds = np.array([box["detection_name"] for _, box in boxes], dtype=np.str_)
+        _require(box, rules, path, "sample", tokens[frame])
     return _objects(
         boxes,
-        kinds,
+        np.array([box["detection_name"] for _, box in boxes], dtype=np.str_),
         classes,
         score=_array([box["detection_score"] for _, box in boxes]),
         velocity_mps=_array([box.get("velocity") or (math.nan, math.nan) for _, box in boxes], 2),
     )
-
-
-def _number(value: object) -> bool:
-    # NaN, None of some writers, is rejected later with the impossible boxes
-    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
 
 
 def _array(values: list[Any], width: int | None = None) -> FloatArray:
@@ -294,39 +313,24 @@ def _array(values: list[Any], width: int | None = None) -> FloatArray:
     return np.array(values, dtype=np.float64).reshape((-1,) if width is None else (-1, width))
 
 
-def _objects(
-    boxes: list[tuple[int, dict[str, Any]]], kinds: StrArray, classes: ClassMap, **columns: np.ndarray
-) -> Objects:
+def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.ndarray) -> Objects:
     """Boxes of nuScenes in the world frame, of the classes that have a category."""
-    place = _array([box["translation"] for _, box in boxes], 3)
-    size = _array([box["size"] for _, box in boxes], 3)
-    quaternion = _array([box["rotation"] for _, box in boxes], 4)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        w, x, y, z = _unit(quaternion).T
-    found = Objects.of(
+    place, size = (_array([box[name] for _, box in boxes], 3) for name in ("translation", "size"))
+    return Objects.of(
         np.array([frame for frame, _ in boxes], dtype=np.int64),
         place[:, :2],
         size_m=size[:, [1, 0]],
-        yaw_rad=np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
+        yaw_rad=quaternion_yaw(_array([box["rotation"] for _, box in boxes], 4)),
         bottom_m=place[:, 2] - 0.5 * size[:, 2],
         height_m=size[:, 2],
         category=categories(kinds, classes),
         kind=kinds,
         **columns,
     )
-    return found[found.category != LEFT_OUT]
 
 
-def _unit(quaternion: FloatArray) -> FloatArray:
-    """(..., 4) quaternions of length 1; NaN for those of length 0."""
-    # the squares of great and of small numbers are no floats
-    scaled = quaternion / np.abs(quaternion).max(axis=-1, keepdims=True)
-    unit: FloatArray = scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
-    return unit
-
-
-def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]]]:
-    """Annotated road users by sample: number of the instance, class and record; empty without the tables."""
+def _annotations(folder: Path) -> Annotations:
+    """Annotated road users by sample; empty without the tables."""
     if not all((folder / f"{name}.json").is_file() for name in _TABLES[2:]):
         return {}
     names = {row["token"]: row["name"] for row in _records(folder, "category", ("token", "name"))}
@@ -335,17 +339,15 @@ def _annotations(folder: Path) -> dict[str, list[tuple[int, str, dict[str, Any]]
         for number, row in enumerate(_records(folder, "instance", ("token", "category_token")))
     }
     texts = ("sample_token", "instance_token")
-    found: dict[str, list[tuple[int, str, dict[str, Any]]]] = {}
+    by_sample: Annotations = {}
     for row in _records(folder, "sample_annotation", texts, translation=3, size=3, rotation=4):
         number, kind = instances.get(row["instance_token"], (0, None))
         if kind is not None:
-            found.setdefault(row["sample_token"], []).append((number, kind, row))
-    return found
+            by_sample.setdefault(row["sample_token"], []).append((number, kind, row))
+    return by_sample
 
 
-def _labels(
-    tokens: list[str], annotations: dict[str, list[tuple[int, str, dict[str, Any]]]], classes: ClassMap
-) -> Objects:
+def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> Objects:
     """Labels of one scene; those that no sensor point hits are ignored, as in the challenge."""
     rows = [(k, *row) for k, token in enumerate(tokens) for row in annotations.get(token, [])]
     unseen = [
@@ -364,44 +366,24 @@ def _ego_poses(folder: Path) -> dict[str, FloatArray]:
     """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
     if not all((folder / f"{name}.json").is_file() for name in _POSE_TABLES):
         return {}
-    lidars = {
-        row["token"]
-        for row in _records(folder, "sensor", ("token", "channel"))
-        if row["channel"] == "LIDAR_TOP"
-    }
-    mounts = {
-        row["token"]
-        for row in _records(folder, "calibrated_sensor", ("token", "sensor_token"))
-        if row["sensor_token"] in lidars
-    }
+    sensors = _records(folder, "sensor", ("token", "channel"))
+    lidars = {row["token"] for row in sensors if row["channel"] == "LIDAR_TOP"}
+    mounts = _records(folder, "calibrated_sensor", ("token", "sensor_token"))
+    lidar_mounts = {row["token"] for row in mounts if row["sensor_token"] in lidars}
     texts = ("sample_token", "ego_pose_token", "calibrated_sensor_token")
     sample_of = {
         row["ego_pose_token"]: row["sample_token"]
         for row in _records(folder, "sample_data", texts, ("is_key_frame",))
-        if row["is_key_frame"] and row["calibrated_sensor_token"] in mounts
+        if row["is_key_frame"] and row["calibrated_sensor_token"] in lidar_mounts
     }
     poses = {}
     for row in _records(folder, "ego_pose", ("token",), translation=3, rotation=4):
         if row["token"] in sample_of:
             if not any(row["rotation"]):
                 raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
-            pose = np.eye(4)
-            pose[:3, :3] = rotation_matrix(_array(row["rotation"]))
-            pose[:3, 3] = row["translation"]
-            poses[sample_of[row["token"]]] = pose
+            rotation = rotation_matrix(_array(row["rotation"]))
+            poses[sample_of[row["token"]]] = rigid(rotation[None], _array(row["translation"], 3))[0]
     return poses
-
-
-def rotation_matrix(quaternion: FloatArray) -> FloatArray:
-    """(3, 3) matrix of a quaternion w, x, y, z of any length but 0."""
-    w, x, y, z = _unit(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def submission_text(

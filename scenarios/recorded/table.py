@@ -22,10 +22,11 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.camera import heading, wrapped
-from scenarios.recorded.classes import CLASSES_CSV, LEFT_OUT, ClassMap, categories, read_classes
-from scenarios.recorded.dataset import MAX_FRAMES, Dataset, Objects, Sequence, finished
-from scenarios.recorded.textfile import Table, read_headed_table
+from scenarios.recorded.classes import CLASSES_CSV, ClassMap, read_classes, require_categories
+from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished
+from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
+from scenarios.recorded.textfile import MAX_FRAMES, Table, read_headed_table
+from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
 FRAME_S = 0.1
@@ -84,16 +85,15 @@ def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
     if "stamp_s" not in table and "frame" not in table:
         raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
     time = "stamp_s" if "stamp_s" in table else "frame"
-    table.require(np.isfinite(table[time]), time, "must be finite")
+    table.require_finite(time)
     if time == "frame":
         table.require(np.abs(table["frame"]) < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
     table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
     table.columns.setdefault("sequence", np.full(len(table), "0"))
     if "category" in table:
         rule = f"must be one of {', '.join(CATEGORIES)}, or stand in {CLASSES_CSV}"
-        table.require(np.isin(table["category"], list(classes)), "category", rule)
         table.columns["kind"] = table["category"]
-        table.columns["category"] = categories(table["kind"], classes)
+        table.columns["category"] = require_categories(table, "category", classes, rule)
     return table
 
 
@@ -104,15 +104,15 @@ def _stands_still(table: Table) -> bool:
 
 def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
     """One sequence of all files."""
-    parts = {key: _rows(table, table["sequence"] == name) for key, table in tables.items()}
-    found = parts["detections"]
-    detected_s = found["time_s"]
+    parts = {key: table.rows(table["sequence"] == name) for key, table in tables.items()}
+    detections = parts["detections"]
+    detected_s = detections["time_s"]
     stamp_s, frame = _frames(detected_s)
     labelled_s = None
     if np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
-        if len(stamp_s) and "stamp_s" not in found:
+        if len(stamp_s) and "stamp_s" not in detections:
             # numbers that are left out are frames without detections
-            stamp_s = np.arange(found["frame"][0], found["frame"][-1] + 1.0) * FRAME_S
+            stamp_s = np.arange(detections["frame"][0], detections["frame"][-1] + 1.0) * FRAME_S
         if LABELS in parts:
             labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
             stamp_s = np.union1d(stamp_s, labelled_s)
@@ -124,16 +124,11 @@ def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
     return Sequence(
         name=name,
         stamp_s=stamp_s,
-        frame_name=_frame_names(stamp_s, found),
-        detections=_objects(found, frame, pose),
+        frame_name=_frame_names(stamp_s, detections),
+        detections=_objects(detections, frame, pose),
         labels=labels,
         world_SE3_ego=pose,
     )
-
-
-def _rows(table: Table, chosen: np.ndarray) -> Table:
-    """Some rows of a table."""
-    return Table(table.path, table.line[chosen], {n: c[chosen] for n, c in table.columns.items()})
 
 
 def _frames(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -165,15 +160,9 @@ def _frame_names(stamp_s: FloatArray, detections: Table) -> tuple[str, ...]:
 
 def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
     """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
-    columns = {}
-    if "category" in table:
-        columns["category"], columns["kind"] = table["category"], table["kind"]
-    if "score" in table:
-        columns["score"] = table["score"]
-    if "height_m" in table:
-        columns["height_m"] = table["height_m"]
+    columns = {name: table[name] for name in ("category", "kind", "score", "height_m") if name in table}
     if "z_m" in table:
-        columns["bottom_m"] = table["z_m"] - 0.5 * columns.get("height_m", np.full(len(table), 1.5))
+        columns["bottom_m"] = table["z_m"] - 0.5 * columns.get("height_m", np.full(len(table), HEIGHT_M))
     if "vx_mps" in table and "vy_mps" in table:
         columns["velocity_mps"] = table.stacked("vx_mps", "vy_mps")
     if "track_id" in table:
@@ -185,12 +174,11 @@ def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) ->
     if not still and world_SE3_ego is not None:
         pose = world_SE3_ego[frame]
         with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
-            center = np.einsum("kij,kj->ki", pose[:, :2, :2], center) + pose[:, :2, 3]
-            yaw = wrapped(yaw + heading(pose))
+            center = moved(pose, center)
+            yaw = wrap_angle(yaw + heading(pose))
             if "velocity_mps" in columns:
-                columns["velocity_mps"] = np.einsum("kij,kj->ki", pose[:, :2, :2], columns["velocity_mps"])
-    found = Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
-    return found[found.category != LEFT_OUT]
+                columns["velocity_mps"] = turned(pose, columns["velocity_mps"])
+    return Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
 
 
 def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
@@ -198,24 +186,17 @@ def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
     time = table["time_s"]
     if len(time) == 0 or np.any(np.diff(time) <= 0.0):
         raise DatasetError(f"{table.path}: times must rise within a sequence")
-    early, late = (
-        stamp_s.min(initial=np.inf) < time[0] - SAME_FRAME_S,
-        stamp_s.max(initial=-np.inf) > time[-1] + SAME_FRAME_S,
-    )
+    early = stamp_s.min(initial=np.inf) < time[0] - SAME_FRAME_S
+    late = stamp_s.max(initial=-np.inf) > time[-1] + SAME_FRAME_S
     if early or late:
         raise DatasetError(
             f"{table.path}: poses from {time[0]:g} to {time[-1]:g} s do not cover the detections"
         )
-    for name in ("x_m", "y_m", "yaw_rad"):
-        table.require(np.isfinite(table[name]), name, "must be finite")
+    table.require_finite("x_m", "y_m", "yaw_rad")
+    # unwrapped, a heading goes the short way over 180 degrees
     yaw = np.interp(stamp_s, time, np.unwrap(table["yaw_rad"]))
-    pose = np.tile(np.eye(4), (len(stamp_s), 1, 1))
-    pose[:, 0, 0] = pose[:, 1, 1] = np.cos(yaw)
-    pose[:, 1, 0] = np.sin(yaw)
-    pose[:, 0, 1] = -np.sin(yaw)
-    for axis, name in enumerate(("x_m", "y_m")):
-        pose[:, axis, 3] = np.interp(stamp_s, time, table[name])
-    return pose
+    place = [np.interp(stamp_s, time, table[name]) for name in _STILL]
+    return rigid(turned_about(2, yaw), np.column_stack((*place, np.zeros(len(stamp_s)))))
 
 
 def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:

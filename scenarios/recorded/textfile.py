@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios import reading
 from scenarios.errors import DatasetError
-from scenarios.recorded.exact import exact_floats
-from smartmot.types import FloatArray, IntArray
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+MAX_FRAMES = 10_000_000
+"""Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
 
 _NOT_A_NUMBER = ["nan", "NaN", "NAN", "-nan", "+nan"]
 
@@ -41,6 +44,11 @@ class Table:
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]
 
+    def rows(self, chosen: BoolArray) -> Table:
+        """The rows for which an (N,) mask is true."""
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return Table(self.path, self.line[chosen], columns)
+
     def stacked(self, *names: str) -> FloatArray:
         """(N, C) columns side by side."""
         return np.column_stack([self.columns[name] for name in names])
@@ -56,7 +64,7 @@ class Table:
         self.require(good, name, "must be a whole number")
         return values.astype(np.int64)
 
-    def require(self, good: NDArray[np.bool_], name: str, rule: str) -> None:
+    def require(self, good: BoolArray, name: str, rule: str) -> None:
         """Demand a rule of every row.
 
         Raises:
@@ -68,6 +76,11 @@ class Table:
             shown = f"{value:g}" if isinstance(value, float) else repr(str(value))
             raise DatasetError(f"{self.path}:{self.line[row]}: field {name!r} {rule}, got {shown}")
 
+    def require_finite(self, *names: str) -> None:
+        """Demand that columns be finite, one column after the other; see `require`."""
+        for name in names:
+            self.require(np.isfinite(self.columns[name]), name, "must be finite")
+
 
 def read_text(path: Path) -> str:
     """The file's text.
@@ -76,12 +89,24 @@ def read_text(path: Path) -> str:
         DatasetError: It is missing, not readable or no text.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DatasetError(f"{path}: not a text file ({error.reason} at byte {error.start})") from None
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DatasetError(f"{path}: {reason}; for the folder's layout see docs/mot.md") from None
+        return reading.read_text(path)
+    except reading.NoFileError as error:
+        raise DatasetError(f"{path}: {error}; for the folder's layout see docs/mot.md") from None
+    except reading.ReadError as error:
+        raise DatasetError(f"{path}: {error}") from None
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file.
+
+    Raises:
+        DatasetError: See `read_text`; or it is no JSON, see `scenarios.reading.parse_json`.
+    """
+    text = read_text(path)
+    try:
+        return reading.parse_json(text)
+    except reading.ReadError as error:
+        raise DatasetError(f"{path}: {error}") from None
 
 
 def read_table(
@@ -136,12 +161,14 @@ def _filled_lines(path: Path) -> list[tuple[int, str]]:
 def _table(
     path: Path, lines: list[tuple[int, str]], names: list[str], texts: Collection[str], optional: int = 0
 ) -> Table:
-    """Rows with the named fields."""
+    """Rows with the named fields, the last ones of which may be absent."""
     rows = [line for _, line in lines]
     number = np.array([number for number, _ in lines], dtype=np.int64)
-    separator = "," if rows and "," in rows[0] else None
+    if not rows:
+        return Table(path, number, {n: np.zeros(0, np.str_ if n in texts else np.float64) for n in names})
+    separator = "," if "," in rows[0] else None
     widths = np.array([len(row.split(separator)) for row in rows], dtype=np.int64)
-    present = int(widths[0]) if len(rows) else len(names)
+    present = int(widths[0])
     if not len(names) - optional <= present <= len(names):
         present = len(names)
     names = names[:present]
@@ -150,57 +177,45 @@ def _table(
         raise DatasetError(
             f"{path}:{number[wrong[0]]}: {widths[wrong[0]]} fields, {present} expected: {' '.join(names)}"
         )
-    return Table(path, number, _parsed(path, rows, number, separator, names, frozenset(texts)))
+    numbers = [name for name in names if name not in texts]
+    try:
+        return Table(path, number, _columns(rows, separator, names, numbers))
+    except ValueError:  # pandas does not tell where
+        raise _no_number(path, lines, separator, names, numbers) from None
 
 
-def _parsed(
-    path: Path,
-    rows: list[str],
-    number: IntArray,
-    separator: str | None,
-    names: list[str],
-    texts: frozenset[str],
+def _columns(
+    rows: list[str], separator: str | None, names: list[str], numbers: list[str]
 ) -> dict[str, NDArray[Any]]:
     """The columns of rows that all have the right number of fields."""
     import pandas as pd
 
-    if not rows:
-        return {name: np.zeros(0, dtype=np.str_ if name in texts else np.float64) for name in names}
-    kinds: dict[str, Any] = {name: str if name in texts else np.float64 for name in names}
-    try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(rows)),
-            sep=separator or r"\s+",
-            names=names,
-            header=None,
-            index_col=False,
-            dtype=kinds,
-            keep_default_na=False,
-            na_values={name: _NOT_A_NUMBER for name in names if name not in texts},
-            quoting=3,  # no quotes: a quotation mark is a character like any other
-            **exact_floats(),
-        )
-    except ValueError:  # pandas does not tell where
-        raise _no_number(path, rows, number, separator, names, texts) from None
+    table = pd.read_csv(
+        io.StringIO("\n".join(rows)),
+        sep=separator or r"\s+",
+        names=names,
+        header=None,
+        index_col=False,
+        dtype={name: np.float64 if name in numbers else str for name in names},
+        keep_default_na=False,
+        na_values=dict.fromkeys(numbers, _NOT_A_NUMBER),
+        quoting=3,  # no quotes: a quotation mark is a character like any other
+        **reading.exact_floats(),
+    )
     columns: dict[str, NDArray[Any]] = {}
     for name in names:
         values = table[name].to_numpy()
-        columns[name] = np.char.strip(values.astype(np.str_)) if name in texts else values
+        columns[name] = values if name in numbers else np.char.strip(values.astype(np.str_))
     return columns
 
 
 def _no_number(
-    path: Path,
-    rows: list[str],
-    number: IntArray,
-    separator: str | None,
-    names: list[str],
-    texts: frozenset[str],
+    path: Path, lines: list[tuple[int, str]], separator: str | None, names: list[str], numbers: list[str]
 ) -> DatasetError:
     """The first field that is no number."""
-    for line, row in zip(number.tolist(), rows, strict=True):
+    for line, row in lines:
         for name, value in zip(names, row.split(separator), strict=True):
-            if name not in texts and not _is_number(value):
+            if name in numbers and not _is_number(value):
                 return DatasetError(f"{path}:{line}: field {name!r} is no number: {value.strip()!r}")
     return DatasetError(f"{path}: not a readable table; expected the fields {' '.join(names)}")
 
