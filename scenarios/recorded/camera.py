@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from scenarios.recorded.dataset import Objects
 from scenarios.recorded.poses import heading, moved
 from smartmot.geometry import wrap_angle
@@ -109,3 +110,6 @@ def image_boxes(boxes: FloatArray, projection: FloatArray) -> FloatArray:
     low, high = uv.min(axis=1, initial=np.inf), uv.max(axis=1, initial=-np.inf)
     border = np.array(IMAGE_PX)
     return np.column_stack((np.clip(low, 0.0, border), np.clip(high, 0.0, border)))
+
+
+__getattr__ = _smartmot.renamed(__name__, {"wrapped": "smartmot.geometry.wrap_angle"})

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from scenarios.errors import DatasetError
 from scenarios.recorded.poses import heading
 from smartmot.detection_input import (
@@ -284,3 +285,6 @@ def _possible(sequence: Sequence) -> Sequence:
         detections=replace(detections, velocity_mps=measured_velocities(detections.velocity_mps)),
         labels=None if labels is None else labels[labels.usable()],
     )
+
+
+__getattr__ = _smartmot.renamed(__name__, {"MAX_FRAMES": "scenarios.recorded.textfile.MAX_FRAMES"})
