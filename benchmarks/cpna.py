@@ -55,7 +55,9 @@ def suite() -> Any:
 
 def computing(directory: Path) -> tuple[float, float]:
     """Seconds for loading and running, and simulated seconds."""
-    from evaluation.results import rows as results
+    from evaluation.results.files import log_path
+    from evaluation.results.logs import write_log
+    from evaluation.results.rows import write_runs
     from evaluation.runs import plan as runner
 
     start = time.perf_counter()
@@ -66,9 +68,9 @@ def computing(directory: Path) -> tuple[float, float]:
     for record in runner.run_suite(job, site):
         assert record.log is not None
         simulated += float(record.log["time_s"].max())
-        results.write_log(results.log_path(directory, record.spec.log), record.log)
+        write_log(log_path(directory, record.spec.log), record.log)
         rows.append(record.row)
-    results.write_runs(directory, rows, runner.suite_configuration(job, site, directory))
+    write_runs(directory, rows, runner.suite_configuration(job, site, directory))
     return time.perf_counter() - start, simulated
 
 
@@ -90,9 +92,9 @@ def peer(simulated_s: float) -> float:
 
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
-    from evaluation.results import rows as results
-    from evaluation.runs import execution as runs
+    from evaluation.results import logs, rows
     from evaluation.runs import plan as runner
+    from scenarios import spec
     from scenarios.openscenario.running.engine import Engine
     from scenarios.sensors.sensor import Sensor
     from scenarios.simulation.log import RunLog
@@ -103,8 +105,8 @@ def stage_shares(directory: Path) -> dict[str, float]:
 
     stages = Stages()
     stages.wrap(runner, "load_site", "map and place")
-    stages.wrap(runs, "definition_of", "scenario file")
-    stages.wrap(runs, "make_strategy", "map and place")
+    stages.wrap(spec, "definition_of", "scenario file")
+    stages.wrap(spec, "make_strategy", "map and place")
     stages.wrap(Simulation, "scene", "map and place")
     stages.wrap(Simulation, "run", "closed loop")
     stages.wrap(Engine, "__init__", "world: engine")
@@ -120,8 +122,8 @@ def stage_shares(directory: Path) -> dict[str, float]:
             stages.wrap(area, name, "monitored area")
     for name in ("frame", "perception", "table"):
         stages.wrap(RunLog, name, "recording")
-    for name in ("write_log", "write_runs"):
-        stages.wrap(results, name, "files")
+    stages.wrap(logs, "write_log", "files")
+    stages.wrap(rows, "write_runs", "files")
     computing(directory)
     return dict(stages.seconds)
 

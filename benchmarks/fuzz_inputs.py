@@ -33,7 +33,8 @@ import numpy as np
 import pandas as pd
 
 from evaluation.cli import main
-from evaluation.results.rows import LOG_COLUMNS, read_log, write_log, write_runs
+from evaluation.results.logs import LOG_COLUMNS, read_log, write_log
+from evaluation.results.rows import write_runs
 from evaluation.runs.configuration import configuration_of, read_configuration
 
 FIELD = Path(__file__).parents[1] / "tests" / "data" / "field" / "runs" / "good"

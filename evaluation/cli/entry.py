@@ -85,7 +85,7 @@ def _message_for_user(error: Exception) -> str | None:
     # the packages of the named errors are loaded only now, when one was raised
     from evaluation.errors import ArgumentError, WorkerError
     from evaluation.protocols.errors import ProtocolError
-    from evaluation.results.rows import ResultsError
+    from evaluation.results.files import ResultsError
     from opendrive import OpenDriveError
     from scenarios.errors import DatasetError, ScenarioError
     from smartmot.errors import SmartMotError

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.results.tables import csv_bytes
 from smartmot.types import FloatArray
 
 
@@ -127,17 +128,15 @@ def criticality(log: Mapping[str, NDArray[Any]], available_decel_mps2: float) ->
 
 def criticality_csv(found: Criticality) -> bytes:
     """One line per time; a time to collision is empty without a collision course."""
-    lines = ["time_s,time_to_collision_s,required_decel_mps2,brake_threat_number"]
+    header = ("time_s", "time_to_collision_s", "required_decel_mps2", "brake_threat_number")
     columns = (
         found.time_s,
-        found.time_to_collision_s,
+        np.where(np.isinf(found.time_to_collision_s), np.nan, found.time_to_collision_s),
         found.required_decel_mps2,
         found.brake_threat_number,
     )
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        time, ttc, *rest = (round(value, 6) for value in row)
-        lines.append(",".join((repr(time), "" if ttc == np.inf else repr(ttc), *map(repr, rest))))
-    return ("\n".join(lines) + "\n").encode()
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return csv_bytes(header, ([round(value, 6) for value in row] for row in rows))
 
 
 def _reach(box: Moving, axis: FloatArray) -> FloatArray:

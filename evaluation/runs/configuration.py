@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import scenarios
-from evaluation.results.rows import RUNS_JSON, SCHEMA, ResultsError
+from evaluation.results.files import RUNS_JSON, SCHEMA, ResultsError
 from evaluation.runs.decoding import decode
 from evaluation.runs.fingerprint import file_digest, file_digests, library_versions, map_file, version
 from scenarios.catalogue.cpna import CpnaTest, approach_m, scenario_parameters

@@ -24,8 +24,8 @@ from scenarios.spec import NCAP_MAP, RunSpec
 from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
-    "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/rows.py",
-    "runs/execute.py", "studies/compare/measures.py", "studies/growth.py",
+    "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py",
+    "results/rows.py", "runs/execution.py", "studies/compare/measures.py", "studies/growth.py",
 )  # fmt: skip
 """Modules of this package that what is kept of a run depends on."""
 

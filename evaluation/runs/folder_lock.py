@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 
 if sys.platform == "win32":
     import msvcrt

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.runs.decoding import decode
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.folder_lock import release, take

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +14,8 @@ import rich.console
 
 from evaluation.metrics.intervals import Estimate, mean_t
 from evaluation.progress import progress_bar
-from evaluation.results.rows import (
-    ResultsError,
-    Table,
-    configuration_json,
-    markdown_table,
-    rich_table,
-    write_bytes,
-)
+from evaluation.results.files import configuration_json, write_files
+from evaluation.results.tables import EMPTY, Table, csv_bytes, markdown_table, rich_table
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.runs.fingerprint import fingerprint
@@ -238,13 +231,8 @@ def write_growth(
         "growth_times.csv": times_csv(runs, spent),
         "growth.json": _configuration(tasks, out),
     }
-    try:
-        for name, content in files.items():
-            write_bytes(out / name, content)
-        drawn = save(growth_figure(runs, spent), out / "growth", formats)
-    except OSError as error:
-        raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
-    return [*(out / name for name in files), *drawn]
+    written = write_files(out, files)
+    return [*written, *save(growth_figure(runs, spent), out / "growth", formats)]
 
 
 def _configuration(tasks: Sequence[GrowthTask], out: Path) -> bytes:
@@ -295,9 +283,9 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
             line += [
                 f"{_median_ms(mine).value:.2f}",
                 f"{_tracks(mine).value:.1f}",
-                f"{flag.value:.2f}" if flag.count else "–",
+                f"{flag.value:.2f}" if flag.count else EMPTY,
                 f"{sum(run.false_activation for run, _ in mine)}/{len(mine)}",
-                f"{impact.value:.1f}" if impact.count else "–",
+                f"{impact.value:.1f}" if impact.count else EMPTY,
             ]
         lines.append(tuple(line))
     caption = (
@@ -309,26 +297,19 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
 
 def growth_csv(runs: Sequence[GrowthRun]) -> bytes:
     """One line per run, without times."""
-    names = ("strategy", "others", "seed", "tracks_mean", "flag_time_s", "false_activation", "v_impact_kmh")
-    return _csv(names, [[getattr(run, name) for name in names] for run in runs])
+    # truth values as Python spells them: the format of this file since version 0.1.0
+    rows = [[str(v) if isinstance(v, bool) else v for v in dataclasses.astuple(run)] for run in runs]
+    return csv_bytes([field.name for field in dataclasses.fields(GrowthRun)], rows)
 
 
 def times_csv(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bytes:
     """Processor times, which are different in every run."""
-    names = ("strategy", "others", "seed", "frames", "median_ms", "p95_ms")
+    names = ("strategy", "others", "seed", *(field.name for field in dataclasses.fields(FrameTime)))
     rows = [
-        [run.strategy, run.others, run.seed, time.frames, time.median_ms, time.p95_ms]
+        (run.strategy, run.others, run.seed, *dataclasses.astuple(time))
         for run, time in zip(runs, spent, strict=True)
     ]
-    return _csv(names, rows)
-
-
-def _csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([["" if value is None else value for value in row] for row in rows])
-    return text.getvalue().encode()
+    return csv_bytes(names, rows)
 
 
 _LEGEND_CHARACTERS, _LEGEND_LINE_IN = 40, 0.165

@@ -11,13 +11,16 @@ import rich.console
 
 from evaluation.progress import progress_bar
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results import rows as results
-from evaluation.results.rows import Published, ResultsError, RunRow, Table
+from evaluation.results.by_speed import Published, comparison_table, impact_table
+from evaluation.results.files import TABLE_MD, ResultsError, write_bytes
+from evaluation.results.logs import read_logs
+from evaluation.results.notes import told_notes, told_runs
+from evaluation.results.rows import RunRow, read_runs, write_runs
+from evaluation.results.tables import Table, markdown_table, rich_table
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of, read_configuration
 from evaluation.runs.conflict import conflicts, scored, told_without_conflict, unbraked
-from evaluation.runs.execution import execute
-from evaluation.runs.workers import execute_all
+from evaluation.runs.logged import logged_runs
 from scenarios.settings import settings_text
 from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, scene_of
 from scenarios.strategies import make_strategy
@@ -93,44 +96,18 @@ def _compare(
         raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
     with progress_bar(console) as progress:
         task = progress.add_task("running", total=len(specs))
-        found = conflicts(specs, workers)
-        rows: list[RunRow] = []
-        noted: list[tuple[str, ...]] = []
-        for record in execute_all(execute, specs, workers):
-            assert record.log is not None
-            if not rows:
-                discard_tables(out)
-            results.write_log(results.log_path(out, record.spec.log), record.log)
-            rows.append(scored(record.row, found[unbraked(record.spec)]))
-            noted.append(record.notes)
-            progress.advance(task)
+        known = conflicts(specs, workers)
+        records = list(logged_runs(specs, out, workers, lambda: progress.advance(task)))
+        rows = [scored(record.row, known[unbraked(record.spec)]) for record in records]
         progress.update(task, description="drawing")
         table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
-    console.print(results.rich_table(table, title))
+    console.print(rich_table(table, title))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
-    told = (*results.told_runs(rows), *results.told_notes(noted), *told_without_conflict(specs, found))
-    for line in told:
+    notes = told_notes([record.notes for record in records])
+    for line in (*told_runs(rows), *notes, *told_without_conflict(specs, known)):
         console.print(line, highlight=False)
     return rows
-
-
-def discard_tables(out: Path) -> None:
-    """Remove the tables of earlier runs before the first log is written.
-
-    Logs have the same names in other conditions: with the old tables a folder whose command was killed would
-    be shown as runs that did not take place.
-
-    Raises:
-        ResultsError: one cannot be removed.
-    """
-    for name in (results.RUNS_CSV, results.RUNS_JSON, results.TABLE_MD):
-        try:
-            (out / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise ResultsError(
-                f"{out / name}: cannot be replaced ({error.strerror}); choose another folder (--out)"
-            ) from None
 
 
 def write_folder(
@@ -157,15 +134,15 @@ def write_folder(
     Raises:
         ResultsError: the folder cannot be written.
     """
-    results.write_runs(out, rows, configuration)
-    runs = results.read_runs(out)
+    write_runs(out, rows, configuration)
+    runs = read_runs(out)
     drawn: list[Path] = []
     if pictures is not None:
         with contextlib.suppress(RouteError):  # a car that drives on no lane, as in reverse: no place to draw
             drawn = _draw(out, runs, specs, pictures)
     scored = bool(runs["score"].notna().any())
-    table = results.comparison_table(runs, published) if scored else results.impact_table(runs)
-    results.write_table(out, table)
+    table = comparison_table(runs, published) if scored else impact_table(runs)
+    write_bytes(out / TABLE_MD, markdown_table(table).encode())
     return table, drawn
 
 
@@ -191,7 +168,7 @@ def draw_again(
     from evaluation.views.pictures import run_to_show, save_pictures
 
     refuse_comparison(directory)
-    runs = results.read_runs(directory)
+    runs = read_runs(directory)
     if runs["log"].isna().all():
         raise ResultsError(f"{directory}: without logs nothing can be drawn; run the evaluation again")
     runs = runs[runs["log"].notna()]
@@ -215,5 +192,5 @@ def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: s
     strategy = None
     if spec.strategy != NO_AEB:  # else nobody perceives
         strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), scene)
-    logs = results.read_logs(directory, runs)
+    logs = read_logs(directory, runs)
     return save_pictures(directory, runs, logs, scene.network, strategy, shown=name, suffix=form)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import write_whole
+from evaluation.results.files import write_whole
 from opendrive import RoadNetwork
 from scenarios.places import Site
 from scenarios.presets import named_preset

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +12,9 @@ import rich.console
 from evaluation.errors import ArgumentError
 from evaluation.metrics.criticality import criticality, criticality_csv
 from evaluation.progress import progress_bar
-from evaluation.results.rows import (
-    SCHEMA,
-    ResultsError,
-    Table,
-    log_path,
-    markdown_table,
-    read_log,
-    rich_table,
-    write_bytes,
-)
+from evaluation.results.files import SCHEMA, json_bytes, log_path, write_bytes, write_files
+from evaluation.results.logs import read_log
+from evaluation.results.tables import Table, markdown_table, rich_table
 from evaluation.runs.configuration import digests_of_files, versions
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import version
@@ -260,22 +252,18 @@ def write(
         "compare.json": _configuration(options, scenes, points),
         "times.md": markdown_table(time_table(measures, spent)).encode(),
     }
-    written: list[Path] = []
-    try:
-        for name, content in files.items():
-            write_bytes(out / name, content)
-            written.append(out / name)
-        for weather in options.weather if options.formats else ():
-            here = [row for row in rows if row.weather == weather]
-            several = f"_{weather}" if len(options.weather) > 1 else ""
-            if options.ablation:
-                figure = figures.ablation(here, f"One choice changed: {title}, {weather}")
-                written += figures.save(figure, out / f"ablation{several}", options.formats)
-            elif any(row.avoided.count for row in here) and any(row.false_activations.count for row in here):
-                figure = figures.frontier(here, points, f"{title}, {weather}")
-                written += figures.save(figure, out / f"frontier{several}", options.formats)
-    except OSError as error:
-        raise ResultsError(f"{out}: cannot be written ({error.strerror}); choose another folder") from None
+    written = write_files(out, files)
+    for weather in options.weather if options.formats else ():
+        of_weather = [row for row in rows if row.weather == weather]
+        several = f"_{weather}" if len(options.weather) > 1 else ""
+        if options.ablation:
+            figure = figures.ablation(of_weather, f"One choice changed: {title}, {weather}")
+            written += figures.save(figure, out / f"ablation{several}", options.formats)
+        elif any(row.avoided.count for row in of_weather) and any(
+            row.false_activations.count for row in of_weather
+        ):
+            figure = figures.frontier(of_weather, points, f"{title}, {weather}")
+            written += figures.save(figure, out / f"frontier{several}", options.formats)
     return written
 
 
@@ -349,4 +337,4 @@ def _configuration(options: CompareOptions, scenes: Sequence[SceneRun], points: 
         },
         "files": {name: digest for found in digests.values() for name, digest in found.items()},
     }
-    return (json.dumps(values, indent=1, sort_keys=True) + "\n").encode()
+    return json_bytes(values, indent=1)

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from evaluation.metrics.intervals import Estimate, clustered_difference, clustered_mean, sign_test
-from evaluation.results.rows import Table
+from evaluation.results.tables import EMPTY, Table, csv_bytes
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.measures import RunMeasures, impact_kmh
-from evaluation.studies.compare.table import to_csv
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,16 +170,15 @@ _COLUMNS = (
 
 def differences_csv(found: Sequence[Difference]) -> bytes:
     """One line per difference."""
-    rows: list[dict[str, object]] = []
-    for one in found:
-        point, other, e = one.point, one.against, one.estimate
-        values = (
-            one.weather, point.strategy, point.text, other.strategy, other.text, one.measure, e.value,
-            e.low, e.high, e.count, one.better, one.worse, one.equal, one.scenes_better,
-            one.scenes_worse, one.p_value,
-        )  # fmt: skip
-        rows.append(dict(zip(_COLUMNS, values, strict=True)))
-    return to_csv(rows, _COLUMNS)
+    lines = [
+        (
+            d.weather, d.point.strategy, d.point.text, d.against.strategy, d.against.text, d.measure,
+            d.estimate.value, d.estimate.low, d.estimate.high, d.estimate.count, d.better, d.worse, d.equal,
+            d.scenes_better, d.scenes_worse, d.p_value,
+        )
+        for d in found
+    ]  # fmt: skip
+    return csv_bytes(_COLUMNS, lines)
 
 
 def difference_table(found: Sequence[Difference]) -> Table:
@@ -199,7 +197,7 @@ def difference_table(found: Sequence[Difference]) -> Table:
             *((weather,) if weathers else ()),
             point_name(point),
             point_name(other),
-            *(_cell(cells[name]) if name in cells else "–" for name in SHOWN),
+            *(_cell(cells[name]) if name in cells else EMPTY for name in SHOWN),
         )
         for (weather, point, other), cells in lines.items()
         if any(one.better or one.worse for one in cells.values())

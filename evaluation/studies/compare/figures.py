@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation.metrics.intervals import Estimate
-from evaluation.results.rows import write_whole
+from evaluation.results.files import write_bytes
 from evaluation.studies.compare.answer import Curve, curves
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.labels import Mark, write_values
@@ -238,6 +238,6 @@ def save(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[P
     written = []
     for form in formats:
         target = path.with_suffix(f".{form}")
-        write_whole(target, drawn(figure, form))
+        write_bytes(target, drawn(figure, form))
         written.append(target)
     return written

@@ -11,7 +11,7 @@ import numpy as np
 from evaluation.metrics.criticality import criticality
 from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
-from evaluation.results.rows import MANY_DROPPED
+from evaluation.results.notes import MANY_DROPPED
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh, run_points
 from evaluation.studies.compare.grid import StudyRun
 from scenarios.settings import settings_text

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +12,7 @@ import numpy as np
 from evaluation.metrics.intervals import Estimate, clustered_mean, clustered_rate, mean_t
 from evaluation.protocols.bands import WEIGHT, Colour
 from evaluation.protocols.paper import paper_score_max
-from evaluation.results.rows import Table
+from evaluation.results.tables import EMPTY, Table, csv_bytes, fixed
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.measures import RunMeasures, impact_kmh
 
@@ -176,13 +174,13 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             row.settings or "as the preset has it",
             _rate(row.avoided),
             _mean(row.v_impact_kmh, 1),
-            _plain(100 * row.score_share, 0),
-            _plain(100 * row.band_share.value, 0),
+            fixed(100 * row.score_share, 0),
+            fixed(100 * row.band_share.value, 0),
             _mean(row.flag_ttc_s, 2),
             _mean(row.flag_distance_m, 1),
             _rate(row.early_activations),
             _rate(row.false_activations),
-            _plain(row.false_activations_per_km, 2),
+            fixed(row.false_activations_per_km, 2),
             _rate(row.needless_stops),
             _mean(row.speed_loss_kmh, 1),
             _mean(row.delay_s, 2),
@@ -206,13 +204,13 @@ def short_table(rows: Sequence[Summary]) -> Table:
             *((row.weather,) if weathers else ()),
             row.strategy,
             row.settings or "-",
-            f"{_plain(100 * row.avoided.value, 0)} %",
-            _plain(row.v_impact_kmh.value, 1),
+            f"{fixed(100 * row.avoided.value, 0)} %",
+            fixed(row.v_impact_kmh.value, 1),
             *(
-                "–" if math.isnan(rate.value) else f"{_plain(100 * rate.value, 0)} %"
+                EMPTY if math.isnan(rate.value) else f"{fixed(100 * rate.value, 0)} %"
                 for rate in (row.early_activations, row.false_activations, row.needless_stops)
             ),
-            _plain(row.delay_s.value, 2),
+            fixed(row.delay_s.value, 2),
         )
         for row in rows
     ]
@@ -299,12 +297,13 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
 
 def runs_csv(runs: Sequence[RunMeasures]) -> bytes:
     """One line per run, all its measures; what does not exist is empty."""
-    return to_csv([dataclasses.asdict(run) for run in runs])
+    names = [field.name for field in dataclasses.fields(RunMeasures)]
+    return csv_bytes(names, (dataclasses.astuple(run) for run in runs))
 
 
 def summary_csv(rows: Sequence[Summary]) -> bytes:
     """One line per summary; a measure is up to six columns: value, ends of both intervals, and count."""
-    flat = []
+    flat: list[dict[str, object]] = []
     for row in rows:
         values: dict[str, object] = {name: getattr(row, name) for name in ("strategy", "settings", "weather")}
         for name in MEASURES:
@@ -314,41 +313,17 @@ def summary_csv(rows: Sequence[Summary]) -> bytes:
                 values |= {f"{name}_low": value.low, f"{name}_high": value.high, f"{name}_count": value.count}
             values |= {f"{name}_seed_low": over.low, f"{name}_seed_high": over.high}
         flat.append(values)
-    return to_csv(flat)
-
-
-def to_csv(rows: Sequence[dict[str, object]], header: Sequence[str] = ()) -> bytes:
-    """A table of values by column, with a header although there are no rows; what does not exist is empty."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, header or (list(rows[0]) if rows else []), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({name: _cell(value) for name, value in row.items()})
-    return text.getvalue().encode()
-
-
-def _cell(value: object) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
+    return csv_bytes(flat[0] if flat else (), (values.values() for values in flat))
 
 
 def _rate(rate: Estimate) -> str:
     if math.isnan(rate.value):
-        return "–"
+        return EMPTY
     return f"{100 * rate.value:.0f} [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
 
 
 def _mean(mean: Estimate, digits: int) -> str:
     if math.isnan(mean.value):
-        return "–"
+        return EMPTY
     half = "" if math.isnan(mean.low) else f" ±{mean.high - mean.value:.{digits}f}"
-    return f"{_plain(mean.value, digits)}{half}"
-
-
-def _plain(value: float, digits: int) -> str:
-    if math.isnan(value):
-        return "–"
-    return f"{round(value, digits) + 0.0:.{digits}f}"
+    return f"{fixed(mean.value, digits)}{half}"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import write_whole
+from evaluation.results.files import write_whole
 from evaluation.studies.mot.forecast_quality import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views import video

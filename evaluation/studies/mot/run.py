@@ -12,7 +12,9 @@ import numpy as np
 
 from evaluation.errors import ArgumentError
 from evaluation.metrics.mot import SCORE_COLUMNS, MotScore, compare, evaluate
-from evaluation.results.rows import MANY_DROPPED, write_whole
+from evaluation.results.files import write_whole
+from evaluation.results.notes import MANY_DROPPED
+from evaluation.results.tables import csv_bytes
 from evaluation.studies.mot.forecast_quality import FORECAST_COLUMNS, HORIZONS_S, ForecastScore
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from scenarios.errors import DatasetError
@@ -245,9 +247,7 @@ def score_tracks(
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Any]) -> Path:
     """Write dataclasses as CSV; NaN becomes an empty field."""
-    lines = [",".join(columns)]
-    lines += [",".join(map(_cell, astuple(row))) for row in rows]
-    return _write(path, "\n".join(lines) + "\n")
+    return _write(path, csv_bytes(columns, (map(_cell, astuple(row)) for row in rows)).decode())
 
 
 def write_scores(folder: Path, scores: Iterable[MotScore]) -> Path:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from evaluation.protocols.assessment import Assessment, CellScore
 from evaluation.protocols.grid import Cell, Measurement
+from evaluation.results.tables import csv_bytes
 
 CELLS_CSV = "cells.csv"
 COLUMNS = (
@@ -26,16 +25,14 @@ def cell_table(assessments: Mapping[str, Assessment]) -> bytes:
     Args:
         assessments: per strategy.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    lines = []
     for strategy, matrix, cell, score, measured in _run_cells(assessments):
         state = INVALID if measured.invalid else FALSE_ACTIVATION if measured.false_activation else SCORED
         test = (cell.scenario, cell.speed_kmh, cell.impact_percent, cell.target_speed_kmh)
         how = (cell.lighting, cell.function, cell.layer, cell.condition)
         outcome = (state, score.mark.name, score.text, measured.invalid)
-        writer.writerow((strategy, matrix, *test, *how, *outcome))
-    return text.getvalue().encode()
+        lines.append((strategy, matrix, *test, *how, *outcome))
+    return csv_bytes(COLUMNS, lines)
 
 
 def told_invalid(assessments: Mapping[str, Assessment]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,14 +16,15 @@ from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.registry import named_protocol
 from evaluation.protocols.sheet import Sheet, make_sheet
 from evaluation.protocols.table import measurements
-from evaluation.results import rows as results
-from evaluation.results.rows import RunRow
+from evaluation.results.files import LOGS_FOLDER, write_bytes
+from evaluation.results.notes import told_notes, told_runs
+from evaluation.results.rows import RunRow, write_runs
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.conflict import Conflict, conflicts, unbraked
-from evaluation.runs.execution import RunRecord, execute
+from evaluation.runs.execution import RunRecord
+from evaluation.runs.logged import logged_runs
 from evaluation.runs.plan import Conditions
-from evaluation.runs.workers import execute_all
 from evaluation.studies.ncap.cell_table import CELLS_CSV, cell_table, told_invalid
 from evaluation.studies.ncap.grid import (
     Grid,
@@ -35,7 +35,6 @@ from evaluation.studies.ncap.grid import (
     scenario_files,
 )
 from evaluation.studies.ncap.validity import why_invalid
-from evaluation.studies.suite import discard_tables
 from scenarios.settings import settings_text
 from scenarios.spec import RunSpec
 
@@ -164,34 +163,27 @@ def run_grid(
     specs = [spec for _, spec in paired]
     told = runner.notes(specs)
     configuration = configuration_of(specs, out, told)  # files as they are before the first run
-    finished: list[tuple[GridRun, RunRecord]] = []
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
         total = len(specs) + len(set(map(unbraked, specs)))
         task = progress.add_task(f"running on {workers} processes", total=total)
         known = conflicts(specs, workers, lambda: progress.advance(task))
-        records = execute_all(partial(execute, keep_log=keep_logs), specs, workers)
-        for (run, _), record in zip(paired, records, strict=True):
-            if record.log is not None:
-                if not finished:
-                    discard_tables(out)
-                results.write_log(results.log_path(out, record.spec.log), record.log)
-            finished.append((run, replace(record, log=None)))
-            progress.advance(task)
-    results.write_runs(out, [record.row for _, record in finished], configuration)
+        records = logged_runs(specs, out, workers, lambda: progress.advance(task), keep_logs)
+        finished = [(run, record) for (run, _), record in zip(paired, records, strict=True)]
+    write_runs(out, [record.row for _, record in finished], configuration)
     assessments = assess(protocol, finished, known)
     cells_csv = out / CELLS_CSV
-    results.write_bytes(cells_csv, cell_table(assessments))
+    write_bytes(cells_csv, cell_table(assessments))
     sheet = make_sheet(assessments, ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
-    noted = results.told_notes([record.notes for _, record in finished])
+    noted = told_notes([record.notes for _, record in finished])
     sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *noted, *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
     written = [path.name for path in (cells_csv, *_draw(sheet, out, name, form), *_left_out(grid, out))]
-    written += [f"{results.LOGS_FOLDER}/"] if keep_logs else []
+    written += [f"{LOGS_FOLDER}/"] if keep_logs else []
     hits = [record.row for _, record in finished if record.row.collided]
     if hits:
         console.print(_how_to_see(max(hits, key=lambda row: row.v_impact_kmh or 0.0), out), soft_wrap=True)
-    for line in results.told_runs([record.row for _, record in finished]):
+    for line in told_runs([record.row for _, record in finished]):
         console.print(line, highlight=False, soft_wrap=True)
     done_line = f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}"
     console.print(". ".join(filter(None, (done_line, told_invalid(assessments)))), soft_wrap=True)
@@ -213,7 +205,7 @@ def _left_out(grid: Grid, out: Path) -> list[Path]:
         return []
     path = out / LEFT_OUT
     lines = "".join(f"{run.reason}\n" for run in grid.strange)
-    results.write_bytes(path, lines.encode())
+    write_bytes(path, lines.encode())
     return [path]
 
 
@@ -247,5 +239,5 @@ def _draw(sheet: Sheet, out: Path, name: str, form: str) -> list[Path]:
 
     picture, page = out / f"matrix_{name}.{form}", out / f"matrix_{name}.html"
     save_picture(matrix_figure(sheet), picture, "--out")
-    results.write_bytes(page, matrix_page(sheet).encode())
+    write_bytes(page, matrix_page(sheet).encode())
     return [picture, page]

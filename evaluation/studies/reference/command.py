@@ -12,7 +12,7 @@ import rich.console
 
 from evaluation.errors import ArgumentError
 from evaluation.progress import progress_bar
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.runs.journal import Journal
 from evaluation.studies.reference.kept import read_rows
 from evaluation.studies.reference.part import Part

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results import rows as results
-from evaluation.results.rows import RunRow
+from evaluation.results.files import RUNS_CSV, log_path
+from evaluation.results.logs import read_logs, write_log
+from evaluation.results.rows import RunRow, read_runs
 from evaluation.runs import plan as runner
 from evaluation.runs.execution import FrameTime, execute
 from evaluation.runs.fingerprint import fingerprint
@@ -33,14 +34,14 @@ class LoggedRun:
     @property
     def log(self) -> Path:
         """File of its log."""
-        return results.log_path(self.folder, self.spec.log)
+        return log_path(self.folder, self.spec.log)
 
 
 def run_logged(task: LoggedRun) -> tuple[RunRow, FrameTime]:
     """Carry out a run and write its log."""
     record = execute(task.spec)
     assert record.log is not None
-    results.write_log(task.log, record.log)
+    write_log(task.log, record.log)
     return record.row, record.spent
 
 
@@ -57,7 +58,7 @@ class CpnaPart:
     name: str
     suite: runner.CpnaSuite
     beside: str = ""
-    table = results.RUNS_CSV
+    table = RUNS_CSV
     kind = RunRow
 
     @property
@@ -93,7 +94,7 @@ class CpnaPart:
             PUBLISHED if runner.is_published(self.suite) else None,
         )
         other = folder.parent / self.beside
-        if self.beside and (other / results.RUNS_CSV).is_file():
+        if self.beside and (other / RUNS_CSV).is_file():
             draw_beside(other, folder, folder / "figure_5.png")
 
 
@@ -107,6 +108,6 @@ def draw_beside(first: Path, second: Path, path: Path) -> None:
 
     from evaluation.views.plots import speed_curves
 
-    runs = [results.read_runs(folder) for folder in (first, second)]
-    logs = results.read_logs(first, runs[0]) | results.read_logs(second, runs[1])
+    runs = [read_runs(folder) for folder in (first, second)]
+    logs = read_logs(first, runs[0]) | read_logs(second, runs[1])
     save_picture(speed_curves(pd.concat(runs, ignore_index=True), logs), path, "reports")

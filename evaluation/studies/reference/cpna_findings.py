@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evaluation.protocols.paper import PUBLISHED, PUBLISHED_FLAG_S
-from evaluation.results.rows import RunRow, Table
+from evaluation.results.rows import RunRow
+from evaluation.results.tables import Table
 from evaluation.studies.reference.mechanisms import CONDITIONS, Condition, MechanismRun
 from evaluation.studies.reference.words import counted, listed, span
 from scenarios.settings import settings_text

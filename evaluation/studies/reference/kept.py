@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from evaluation.results.rows import OLD_FALSE_ACTIVATION, SINCE_0_2, ResultsError
+from evaluation.results.files import ResultsError
+from evaluation.results.rows import OLD_FALSE_ACTIVATION, SINCE_0_2
 from scenarios import reading
 
 Record = TypeVar("Record")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results.rows import ResultsError, Table, configuration_json, markdown_table, write_bytes
+from evaluation.results.files import ResultsError, configuration_json, write_files
+from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import FrameTime, execute
 from evaluation.runs.fingerprint import fingerprint
@@ -156,10 +155,6 @@ class MechanismsPart:
     def write(self, folder: Path, tasks: Sequence[MechanismTask], found: Finished) -> None:
         """Write runs, table and conditions."""
         runs: list[MechanismRun] = [found[task.key][0] for task in tasks]
-        lines = io.StringIO()
-        writer = csv.writer(lines, lineterminator="\n")
-        writer.writerow(field.name for field in fields(MechanismRun))
-        writer.writerows(astuple(run) for run in runs)
         more = {
             "conditions": [
                 asdict(condition) | {"settings": settings_text(condition.settings)}
@@ -169,9 +164,12 @@ class MechanismsPart:
             "phases_s": sorted({run.phase_s for run in runs}),
         }
         configuration = configuration_of([task.spec for task in tasks], folder, published=True, more=more)
-        write_bytes(folder / "runs.csv", lines.getvalue().encode())
-        write_bytes(folder / "mechanisms.json", configuration_json(configuration))
-        write_bytes(folder / "table.md", markdown_table(mechanism_table(runs)).encode())
+        contents = {
+            "runs.csv": csv_bytes([field.name for field in fields(MechanismRun)], map(astuple, runs)),
+            "mechanisms.json": configuration_json(configuration),
+            "table.md": markdown_table(mechanism_table(runs)).encode(),
+        }
+        write_files(folder, contents)
 
 
 def mechanism_table(runs: Sequence[MechanismRun]) -> Table:

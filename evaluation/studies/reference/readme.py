@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results.rows import RunRow, Table, comparison_table, markdown_table, read_runs
+from evaluation.results.by_speed import comparison_table
+from evaluation.results.rows import RunRow, read_runs
+from evaluation.results.tables import Table, markdown_table
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun, growth_table

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 
 from evaluation.metrics.intervals import Estimate
-from evaluation.results.rows import Table
+from evaluation.results.tables import Table
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.answer import answer
 from evaluation.studies.compare.differences import differences, pairs_with, told_differences

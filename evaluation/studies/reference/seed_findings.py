@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from evaluation.results.rows import Table
+from evaluation.results.tables import Table
 from evaluation.studies.compare.answer import told_intervals
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import summaries, summarise

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from smartmot.types import FloatArray
 
 PER_METRE = 100.0

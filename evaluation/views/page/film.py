@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import write_whole
+from evaluation.results.files import write_whole
 from evaluation.views import video
 from evaluation.views.page.explain import Account
 from evaluation.views.page.scene import Scene

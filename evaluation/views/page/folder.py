@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluation.results import rows as results
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import RUNS_CSV, RUNS_JSON, ResultsError, log_path
+from evaluation.results.logs import read_log
+from evaluation.results.rows import read_runs
 from evaluation.runs.configuration import (
     Stored,
     StoredRun,
@@ -137,8 +138,8 @@ def read_run_log(directory: Path, name: str) -> pd.DataFrame:
     Raises:
         ResultsError: it is missing or broken, or has no such ego.
     """
-    path = results.log_path(directory, name)
-    log = results.read_log(path)
+    path = log_path(directory, name)
+    log = read_log(path)
     ego = log[log["kind"] == "ego"]
     if ego.empty:
         raise ResultsError(f"{path}: no rows of kind 'ego', nothing to show; see docs/run-log.md")
@@ -158,10 +159,10 @@ def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
         ResultsError: the folder, its table or its logs are missing or not understood.
     """
     refuse_comparison(path)
-    runs = results.read_runs(path)
+    runs = read_runs(path)
     if runs.empty:
-        raise ResultsError(f"{path / results.RUNS_CSV}: no runs; run at least one test into this folder")
-    missing = [n for n in runs["log"].dropna() if not results.log_path(path, str(n)).is_file()]
+        raise ResultsError(f"{path / RUNS_CSV}: no runs; run at least one test into this folder")
+    missing = [n for n in runs["log"].dropna() if not log_path(path, str(n)).is_file()]
     if missing or runs["log"].isna().all():
         some = f"{len(missing)} of {len(runs)} logs, first {missing[0]}" if missing else "all logs"
         raise ResultsError(f"{path}: without {some}, nothing can be replayed; run the evaluation again")
@@ -189,7 +190,7 @@ def refuse_comparison(path: Path) -> None:
     if not (path / "compare.json").is_file():
         return
     inside = path / "runs"
-    if (inside / results.RUNS_CSV).is_file():
+    if (inside / RUNS_CSV).is_file():
         raise ResultsError(f"{path}: a comparison over scenes; its logged runs are in {inside}")
     raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
 
@@ -228,7 +229,7 @@ def read_settings(
         notes |= {note: None} if note else {}
     lost = len(named - {run.spec.log for run in stored.runs})
     if lost:
-        missing[f"{path / results.RUNS_JSON} does not have them; run the test again"] = lost
+        missing[f"{path / RUNS_JSON} does not have them; run the test again"] = lost
     told = [
         f"Lanes and monitored areas are not drawn{_share(count, len(named))}: {reason}"
         for reason, count in missing.items()

@@ -13,7 +13,9 @@ import numpy as np
 
 from evaluation.errors import ArgumentError
 from evaluation.protocols.paper import PUBLISHED
-from evaluation.results import rows as results
+from evaluation.results.by_speed import comparison_table, impact_table
+from evaluation.results.files import write_whole
+from evaluation.results.tables import Table
 from evaluation.views.page import charts
 from evaluation.views.page.explain import Account, explain
 from evaluation.views.page.folder import RunFolder, read_folder
@@ -65,7 +67,7 @@ class PageContent:
     notes: tuple[str, ...]
     verdicts: list[Verdict]
     matrix: Matrix
-    table: results.Table
+    table: Table
     runs: list[RunView]
     first: int
     colours: dict[str, str]
@@ -100,7 +102,7 @@ def write_page(
     target = directory / PAGE_NAME if out is None else out
     text = render(page_content(folder, progress))
     try:
-        results.write_whole(target, text.encode())
+        write_whole(target, text.encode())
     except OSError as error:
         reason = error.strerror or str(error)
         raise ArgumentError(f"--out: cannot write {target}: {reason}; choose another place") from None
@@ -256,11 +258,11 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     return facts
 
 
-def _numbers(folder: RunFolder) -> results.Table:
+def _numbers(folder: RunFolder) -> Table:
     """Impact speeds; scores as well where there are any, unless the matrix has a line per scenario."""
     if by_scenario(folder.runs) or folder.runs["score"].isna().all():
-        return results.impact_table(folder.runs)
-    return results.comparison_table(folder.runs, PUBLISHED if folder.published else None)
+        return impact_table(folder.runs)
+    return comparison_table(folder.runs, PUBLISHED if folder.published else None)
 
 
 def _first(views: list[RunView]) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.errors import ArgumentError
-from evaluation.results import rows as results
+from evaluation.results.files import LOGS_FOLDER
 from evaluation.views.page.explain import explain
 from evaluation.views.page.film import Film, film_times, write_gif, write_mp4
 from evaluation.views.page.folder import read_folder
@@ -21,7 +21,7 @@ def split_run(run: Path) -> tuple[Path, str]:
     """Folder of results and name of the log, from `DIR/NAME` or `DIR/logs/NAME.parquet`."""
     name = run.name.removesuffix(_SUFFIX)
     folder = run.parent
-    return (folder.parent if folder.name == results.LOGS_FOLDER else folder), name
+    return (folder.parent if folder.name == LOGS_FOLDER else folder), name
 
 
 def replay(

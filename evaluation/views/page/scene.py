@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.views.plots.ground import Area
 from evaluation.views.plots.log_rows import of_kind
 from smartmot.area.monitored_area import MonitoredAreaStrategy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.results.rows import ResultsError, ordered_strategies, varying_conditions
+from evaluation.results.files import ResultsError
+from evaluation.results.rows import ordered_strategies, varying_conditions
 from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, of_kind
 from evaluation.views.plots.strategies import strategy_looks
 from evaluation.views.plots.style import (

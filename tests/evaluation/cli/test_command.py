@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from evaluation.cli import main
-from evaluation.results.rows import read_log
+from evaluation.results.logs import read_log
 from scenarios.catalogue.library import DEFINITIONS
 from scenarios.catalogue.maps import shipped_map
 

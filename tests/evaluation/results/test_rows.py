@@ -18,28 +18,13 @@ import pandas as pd
 import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import pytest
 
-from evaluation.results.rows import (
-    LOG_COLUMNS,
-    RUN_COLUMNS,
-    SINCE_0_2,
-    ResultsError,
-    RunRow,
-    Table,
-    avoided,
-    comparison_table,
-    impact_table,
-    log_path,
-    markdown_table,
-    read_log,
-    read_logs,
-    read_runs,
-    rich_table,
-    told_notes,
-    told_runs,
-    write_log,
-    write_runs,
-)
+from evaluation.results.by_speed import comparison_table, impact_table
+from evaluation.results.files import ResultsError, log_path
+from evaluation.results.logs import LOG_COLUMNS, read_log, read_logs, write_log
+from evaluation.results.notes import told_notes, told_runs
+from evaluation.results.rows import RUN_COLUMNS, SINCE_0_2, RunRow, avoided, read_runs, write_runs
 from evaluation.results.seal import check_seal
+from evaluation.results.tables import Table, markdown_table, rich_table
 from scenarios.reading import ReadError
 
 DOCUMENTED_RUNS = (

@@ -16,8 +16,10 @@ import pytest
 from typer.testing import CliRunner
 
 from evaluation.cli import app, main
-from evaluation.results import rows as results
-from evaluation.results.rows import ResultsError, write_runs
+from evaluation.results.files import ResultsError
+from evaluation.results.logs import read_log, write_log
+from evaluation.results.rows import write_runs
+from evaluation.runs import logged
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import SHIPPED, configuration_of, read_configuration
 from evaluation.studies.reference.cpna import CpnaPart
@@ -429,13 +431,13 @@ def test_old_tables_do_not_stand_beside_new_logs(
     """Logs of another preset have the same names; the second command ends after its first log."""
     options = ("--strategy", "map", "--workers", "1", "--out", str(tmp_path))
     call(*words, "--preset", "paper", *options)
-    write = results.write_log
+    write = write_log
 
     def once(path: Path, table: Any) -> None:
         write(path, table)
         raise ResultsError("ended")
 
-    monkeypatch.setattr(results, "write_log", once)
+    monkeypatch.setattr(logged, "write_log", once)
     assert CliRunner().invoke(app, [*words, "--preset", "physical", *options, "-q"]).exit_code
     with pytest.raises(ResultsError, match=r"runs\.csv: no such file"):
         read_folder(tmp_path)
@@ -452,7 +454,7 @@ def test_a_log_without_an_ego_is_told_by_its_name(
     own: Path, change: Callable[[Any], Any], message: str
 ) -> None:
     (path,) = (own / "logs").iterdir()
-    change(results.read_log(path)).to_parquet(path)
+    change(read_log(path)).to_parquet(path)
     for act in (lambda: write_page(own), lambda: draw_again(own, None, "png")):
         with pytest.raises(ResultsError, match=message) as error:
             act()

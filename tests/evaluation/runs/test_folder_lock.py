@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import ResultsError, write_bytes
+from evaluation.results.files import ResultsError, write_bytes
 from evaluation.runs.folder_lock import LOCK, locked, writable_folder
 
 COMMAND = (sys.executable, "-c", "from evaluation.cli import main; main()")

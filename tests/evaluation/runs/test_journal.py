@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.journal import RUNS, TIMES, Journal
 from evaluation.studies.growth import GrowthRun

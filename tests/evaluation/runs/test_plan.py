@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.results.rows import ResultsError, write_runs
+from evaluation.results.files import ResultsError
+from evaluation.results.rows import write_runs
 from evaluation.runs.configuration import configuration_of, read_configuration, read_specs
 from evaluation.runs.execution import RunRecord
 from evaluation.runs.plan import (

@@ -11,7 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from evaluation.errors import ArgumentError
-from evaluation.results import rows as results
+from evaluation.results.files import log_path
+from evaluation.results.logs import read_logs, write_log
+from evaluation.results.rows import read_runs, write_runs
 from evaluation.runs import plan as runner
 from evaluation.views import plots
 from evaluation.views.pictures import save_map, save_picture, save_pictures
@@ -45,11 +47,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     rows = []
     for record in runner.run_suite(SUITE, site):
         assert record.row.log is not None
-        results.write_log(results.log_path(folder, record.row.log), record.log)
+        write_log(log_path(folder, record.row.log), record.log)
         rows.append(record.row)
-    results.write_runs(folder, rows, runner.suite_configuration(SUITE, site, folder))
-    runs = results.read_runs(folder)
-    return Finished(site, runs, results.read_logs(folder, runs))
+    write_runs(folder, rows, runner.suite_configuration(SUITE, site, folder))
+    runs = read_runs(folder)
+    return Finished(site, runs, read_logs(folder, runs))
 
 
 @dataclass

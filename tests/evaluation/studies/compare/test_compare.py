@@ -14,7 +14,7 @@ import rich.console
 
 from evaluation.cli.options import PICTURE_FORMATS
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.journal import RUNS, Journal
 from evaluation.studies.compare.answer import answer, best, curves

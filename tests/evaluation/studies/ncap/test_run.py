@@ -11,7 +11,8 @@ from rich.console import Console
 from evaluation.protocols.assessment import CellScore
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
 from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
-from evaluation.results import rows as results
+from evaluation.results.logs import read_logs
+from evaluation.results.rows import read_runs
 from evaluation.runs.execution import execute
 from evaluation.runs.plan import Conditions
 from evaluation.studies.ncap.grid import grid_of_shipped
@@ -51,7 +52,7 @@ def test_runs_without_a_cell_are_counted_and_listed(cpna: Path, tmp_path: Path) 
     (line,) = (out / "left_out.txt").read_text().splitlines()
     assert line.startswith("cpna.xosc: run 0 (scenario CPNA, v_test_kmh 45.0")
     assert "the protocol tests CPNA at 10, 20, 30, 40, 50, 60 km/h" in line
-    runs = results.read_runs(out)
+    runs = read_runs(out)
     # two cells, each with five conditions
     assert len(runs) == 2 + 2 * 5
     assert runs["log"].isna().all()
@@ -64,7 +65,7 @@ def test_runs_without_a_cell_are_counted_and_listed(cpna: Path, tmp_path: Path) 
 def test_robustness_can_be_left_out(cpna: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     shown = run([str(cpna)], "2026", HELD, out, robustness=False)
-    assert len(results.read_runs(out)) == 2
+    assert len(read_runs(out)) == 2
     assert "Robustness was left out as asked (--no-robustness), and has no points." in shown
     assert "CPNA day, robustness" not in shown
     assert "robustness 0 of 0.125" in shown
@@ -76,9 +77,9 @@ def test_logs_are_kept_for_the_report_and_the_film(cpna: Path, tmp_path: Path) -
     out = tmp_path / "out"
     shown = run([str(cpna)], "2023", HELD, out, keep_logs=True, form="svg")
     assert "<svg" in (out / "matrix_2023.svg").read_text()
-    runs = results.read_runs(out)
+    runs = read_runs(out)
     assert len(runs) == runs["log"].nunique() == 3
-    logs = results.read_logs(out, runs)
+    logs = read_logs(out, runs)
     assert set(logs) == set(runs["log"])
     assert "logs/" in shown
     page, _ = write_page(out, None, lambda done, total: None)
@@ -90,7 +91,7 @@ def test_the_fastest_contact_is_named_with_what_shows_it(cpna: Path, tmp_path: P
     """On snow, with 2.2 m/s2, nobody stops in time."""
     out = tmp_path / "out"
     shown = run([str(cpna)], "2023", Conditions(("rectangular",), weather=("snow",), adapts=False), out)
-    worst = results.read_runs(out).sort_values("v_impact_kmh").iloc[-1]
+    worst = read_runs(out).sort_values("v_impact_kmh").iloc[-1]
     assert worst["v_impact_kmh"] > 0
     text = (
         f"{worst['v_test_kmh']:g} km/h, contact at {worst['v_impact_kmh']:.1f} km/h. To see it: give --logs"

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from evaluation.errors import ArgumentError
-from evaluation.results.rows import ResultsError, RunRow
+from evaluation.results.files import ResultsError
+from evaluation.results.rows import RunRow
 from evaluation.runs.plan import CpnaSuite
 from evaluation.studies.reference import command
 from evaluation.studies.reference.cpna import CpnaPart

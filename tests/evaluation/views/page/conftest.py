@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from evaluation.cli import main
-from evaluation.results.rows import LOG_COLUMNS
+from evaluation.results.logs import LOG_COLUMNS
 
 Command = Callable[..., int]
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.views.page.codec import deltas, pack, restored, restored_ring, ring, unpack
 
 METRES = st.floats(-1e6, 1e6)

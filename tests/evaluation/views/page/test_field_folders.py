@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.results.rows import read_log, read_runs
+from evaluation.results.logs import read_log
+from evaluation.results.rows import read_runs
 from evaluation.views.page.scene import read_scene
 
 FIELD = Path(__file__).parents[3] / "data" / "field" / "runs"

@@ -15,7 +15,9 @@ import pytest
 from PIL import Image
 
 from evaluation.errors import ArgumentError
-from evaluation.results import rows as results
+from evaluation.results.files import log_path
+from evaluation.results.logs import read_log
+from evaluation.results.rows import read_runs
 from evaluation.views import video
 from evaluation.views.page.explain import explain
 from evaluation.views.page.film import HOLD_S, Film, film_times
@@ -27,12 +29,12 @@ from evaluation.views.plots.ground import AREA_COLOURS
 
 @pytest.fixture(scope="module")
 def name(folder: Path) -> str:
-    runs = results.read_runs(folder)
+    runs = read_runs(folder)
     return str(runs.loc[runs["collided"], "log"].iloc[0])
 
 
 def end_of(folder: Path, name: str) -> float:
-    log = results.read_log(results.log_path(folder, name))
+    log = read_log(log_path(folder, name))
     return float(log.loc[log["kind"] == "ego", "time_s"].max())
 
 

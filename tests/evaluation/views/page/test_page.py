@@ -12,7 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.results import rows as results
+from evaluation.results.by_speed import comparison_table
+from evaluation.results.files import log_path
+from evaluation.results.logs import read_log
+from evaluation.results.rows import read_runs
 from evaluation.views.page import charts, page
 from evaluation.views.page.codec import unpack
 from evaluation.views.page.folder import read_folder
@@ -75,7 +78,7 @@ def test_controls_have_names(text: str) -> None:
 
 def test_every_run_has_its_finding_and_can_be_opened(text: str, folder: Path) -> None:
     document = parsed(text)
-    runs = results.read_runs(folder)
+    runs = read_runs(folder)
     table = next(t for t in all_of(document, "table") if t.get("class") == "runs")
     lines = [words(row) for row in all_of(table, "tr")[1:]]
     assert len(lines) == len(runs)
@@ -91,7 +94,7 @@ def test_every_run_has_its_finding_and_can_be_opened(text: str, folder: Path) ->
 def test_the_table_is_that_of_the_comparison(text: str, folder: Path) -> None:
     document = parsed(text)
     table = next(t for t in all_of(document, "table") if t.get("class") == "numbers")
-    wanted = results.comparison_table(results.read_runs(folder))
+    wanted = comparison_table(read_runs(folder))
     assert [words(cell) for cell in all_of(table, "th")] == list(wanted.header)
     cells = [words(cell) for cell in all_of(table, "td")]
     assert cells == [cell for row in (*wanted.rows, *wanted.totals) for cell in row]
@@ -119,7 +122,7 @@ def test_texts_of_files_are_escaped(folder: Path, tmp_path: Path) -> None:
     runs["log"] = [f"log{index}" for index in range(len(runs))]
     for name in runs["log"]:
         shutil.copy(next((copy / "logs").glob("CPNA*")), copy / "logs" / f"{name}.parquet")
-    log = results.read_log(copy / "logs" / "log0.parquet")
+    log = read_log(copy / "logs" / "log0.parquet")
     texts = {"label": evil, "category": evil}
     events = log["kind"] == "event"
     log.loc[events, "label"] = evil
@@ -140,12 +143,12 @@ def test_sixty_runs_stay_under_ten_megabytes(folder: Path, tmp_path: Path) -> No
     copy = tmp_path / "sixty"
     (copy / "logs").mkdir(parents=True)
     shutil.copy(folder / "runs.json", copy / "runs.json")
-    runs = results.read_runs(folder)
+    runs = read_runs(folder)
     many = []
     for seed in range(15):
         again = runs.assign(seed=seed, log=[f"{name}-{seed}" for name in runs["log"]])
         for old, new in zip(runs["log"], again["log"], strict=True):
-            shutil.copy(results.log_path(folder, old), results.log_path(copy, new))
+            shutil.copy(log_path(folder, old), log_path(copy, new))
         many.append(again)
     pd.concat(many).to_csv(copy / "runs.csv", index=False)
     written, (note,) = page.write_page(copy)
@@ -167,7 +170,7 @@ def test_a_folder_whose_configuration_is_unknown_still_gets_a_page(folder: Path,
 
 def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
-    runs = results.read_runs(folder)
+    runs = read_runs(folder)
     accounts = {view.log: view.account for view in content.runs}
     matrix = score_matrix(runs, accounts)
     assert matrix.columns == ["30", "60"]

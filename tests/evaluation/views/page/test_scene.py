@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.views.page.scene import read_scene
 from smartmot.area.monitored_area import RectangularArea, RectangularConfig
 from smartmot.decision.braking import BrakingDistance

@@ -5,7 +5,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from evaluation.results.rows import ResultsError, impact_table, read_runs
+from evaluation.results.by_speed import impact_table
+from evaluation.results.files import ResultsError
+from evaluation.results.rows import read_runs
 from evaluation.studies.compare.command import CompareOptions, log_runs
 from evaluation.views.page import charts, page
 from evaluation.views.page.folder import read_folder

@@ -16,7 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from evaluation.results.rows import LOG_COLUMNS, RunRow
+from evaluation.results.logs import LOG_COLUMNS
+from evaluation.results.rows import RunRow
 
 BRAKES_MPS2 = 14.5
 FRAME_S = 0.05

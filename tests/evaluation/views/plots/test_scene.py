@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.results.rows import ResultsError
+from evaluation.results.files import ResultsError
 from evaluation.views.plots import birdseye, map_picture
 
 
