@@ -217,7 +217,9 @@ MOVED = {
     "scenarios.openscenario.distributions": "scenarios.openscenario.reading.distributions",
     "scenarios.openscenario.document": "scenarios.openscenario.reading.document",
     "scenarios.openscenario.engine": "scenarios.openscenario.running.engine",
-    "scenarios.openscenario.holding": "scenarios.openscenario.running.holding",
+    "scenarios.openscenario.holding": "scenarios.openscenario.running.holding "
+    "scenarios.openscenario.running.relative scenarios.openscenario.running.own "
+    "scenarios.openscenario.running.conditions",
     "scenarios.openscenario.initial": "scenarios.openscenario.running.initial",
     "scenarios.openscenario.parameters": "scenarios.openscenario.reading.parameters",
     "scenarios.openscenario.paths": "scenarios.openscenario.motion.paths",

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.values import Immutable
 
 # Positions
 
 
 @dataclass(frozen=True, slots=True)
-class Orientation:
+class Orientation(Immutable):
     """Heading; `relative` to the frame of the position, or absolute in the map frame."""
 
     heading_rad: float = 0.0
@@ -24,7 +25,7 @@ class Orientation:
 
 
 @dataclass(frozen=True, slots=True)
-class WorldPosition:
+class WorldPosition(Immutable):
     """A point of the map frame."""
 
     x_m: float
@@ -33,7 +34,7 @@ class WorldPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class LanePosition:
+class LanePosition(Immutable):
     """A place in a lane, offset from its middle to the left (positive t)."""
 
     road_id: str
@@ -44,7 +45,7 @@ class LanePosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RoadPosition:
+class RoadPosition(Immutable):
     """A place in road coordinates."""
 
     road_id: str
@@ -54,7 +55,7 @@ class RoadPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeLanePosition:
+class RelativeLanePosition(Immutable):
     """A place as many lanes and metres from an entity; `along_lane` measures along the lane, not the road."""
 
     entity: str
@@ -66,7 +67,7 @@ class RelativeLanePosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeRoadPosition:
+class RelativeRoadPosition(Immutable):
     """Road coordinates of an entity plus differences."""
 
     entity: str
@@ -76,7 +77,7 @@ class RelativeRoadPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeObjectPosition:
+class RelativeObjectPosition(Immutable):
     """A point in an entity's own frame."""
 
     entity: str
@@ -86,7 +87,7 @@ class RelativeObjectPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeWorldPosition:
+class RelativeWorldPosition(Immutable):
     """An entity's point plus differences along the axes of the map frame."""
 
     entity: str
@@ -96,7 +97,7 @@ class RelativeWorldPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class RoutePosition:
+class RoutePosition(Immutable):
     """A place on a route; `lane_id` is None for road coordinates (then `offset_m` is t).
 
     Lane ids, offsets and heading are those of a road whose s runs along the route.
@@ -110,7 +111,7 @@ class RoutePosition:
 
 
 @dataclass(frozen=True, slots=True)
-class TrajectoryPosition:
+class TrajectoryPosition(Immutable):
     """A place beside a trajectory, in its own s and t."""
 
     trajectory: Trajectory
@@ -135,7 +136,7 @@ Position: TypeAlias = (
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class Route(Immutable):
     """Waypoints, joined by the shortest way along lanes."""
 
     name: str
@@ -143,7 +144,7 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class Vertex:
+class Vertex(Immutable):
     """Corner of a polyline, with its time if the trajectory has times."""
 
     position: Position
@@ -151,14 +152,14 @@ class Vertex:
 
 
 @dataclass(frozen=True, slots=True)
-class Polyline:
+class Polyline(Immutable):
     """Straight pieces between vertices."""
 
     vertices: tuple[Vertex, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class ClothoidSegment:
+class ClothoidSegment(Immutable):
     """Piece of a clothoid spline; curvature changes linearly along it.
 
     `start` moves the piece there; without it the piece starts where the one before ends.
@@ -172,7 +173,7 @@ class ClothoidSegment:
 
 
 @dataclass(frozen=True, slots=True)
-class ClothoidSpline:
+class ClothoidSpline(Immutable):
     """Clothoid pieces one after the other; without a start the first begins at the entity."""
 
     segments: tuple[ClothoidSegment, ...]
@@ -180,7 +181,7 @@ class ClothoidSpline:
 
 
 @dataclass(frozen=True, slots=True)
-class Nurbs:
+class Nurbs(Immutable):
     """Non-uniform rational B-spline; `order` is degree + 1."""
 
     order: int
@@ -193,7 +194,7 @@ Shape: TypeAlias = Polyline | ClothoidSpline | Nurbs
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(Immutable):
     """A curve to follow."""
 
     name: str
@@ -204,7 +205,7 @@ class Trajectory:
 
 
 @dataclass(frozen=True, slots=True)
-class Performance:
+class Performance(Immutable):
     """Limits of a vehicle, none of them negative."""
 
     max_speed_mps: float
@@ -213,7 +214,7 @@ class Performance:
 
 
 @dataclass(frozen=True, slots=True)
-class EntityDefinition:
+class EntityDefinition(Immutable):
     """A road user or obstacle. The reference point of a vehicle is the middle of its rear axle on the ground.
 
     Args:
@@ -237,7 +238,7 @@ class EntityDefinition:
 
 
 @dataclass(frozen=True, slots=True)
-class Environment:
+class Environment(Immutable):
     """Light and weather as far as the file gives them.
 
     Args:
@@ -269,7 +270,7 @@ Dimension: TypeAlias = Literal["time", "rate", "distance"]
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeSpeed:
+class RelativeSpeed(Immutable):
     """Speed relative to an entity's: difference in m/s, or factor."""
 
     entity: str
@@ -278,7 +279,7 @@ class RelativeSpeed:
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedAction:
+class SpeedAction(Immutable):
     """Change to a speed with given dynamics."""
 
     shape: SpeedShape
@@ -288,7 +289,7 @@ class SpeedAction:
 
 
 @dataclass(frozen=True, slots=True)
-class LongitudinalDistanceAction:
+class LongitudinalDistanceAction(Immutable):
     """Be at a distance (or time gap) from an entity at once, and, if continuous, keep it.
 
     `ahead` tells on which side of the entity: in front of it, behind, or (None) on the side where it is now.
@@ -303,7 +304,7 @@ class LongitudinalDistanceAction:
 
 
 @dataclass(frozen=True, slots=True)
-class SteadyState:
+class SteadyState(Immutable):
     """Last part of a synchronised approach, at the final speed: a distance or a duration."""
 
     distance_m: float | None
@@ -311,7 +312,7 @@ class SteadyState:
 
 
 @dataclass(frozen=True, slots=True)
-class SynchronizeAction:
+class SynchronizeAction(Immutable):
     """Be at a place when another entity (the master) is at its place.
 
     `final_speed` is None where the file asks for none.
@@ -325,7 +326,7 @@ class SynchronizeAction:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeReference:
+class TimeReference(Immutable):
     """How times of a trajectory become times of the run."""
 
     relative: bool
@@ -334,7 +335,7 @@ class TimeReference:
 
 
 @dataclass(frozen=True, slots=True)
-class FollowTrajectoryAction:
+class FollowTrajectoryAction(Immutable):
     """Follow a trajectory: at the entity's own speed, or (with `timing`) by the times of its vertices.
 
     `steers`: it drives to the trajectory from where it is; else it is on it at once.
@@ -347,21 +348,21 @@ class FollowTrajectoryAction:
 
 
 @dataclass(frozen=True, slots=True)
-class AssignRouteAction:
+class AssignRouteAction(Immutable):
     """Follow a route."""
 
     route: Route
 
 
 @dataclass(frozen=True, slots=True)
-class TeleportAction:
+class TeleportAction(Immutable):
     """Be at a place at once."""
 
     position: Position
 
 
 @dataclass(frozen=True, slots=True)
-class VisibilityAction:
+class VisibilityAction(Immutable):
     """Whether sensors see the entity."""
 
     graphics: bool
@@ -370,7 +371,7 @@ class VisibilityAction:
 
 
 @dataclass(frozen=True, slots=True)
-class LightStateAction:
+class LightStateAction(Immutable):
     """Switch a light."""
 
     light: str
@@ -378,21 +379,21 @@ class LightStateAction:
 
 
 @dataclass(frozen=True, slots=True)
-class EnvironmentAction:
+class EnvironmentAction(Immutable):
     """Change light and weather."""
 
     environment: Environment
 
 
 @dataclass(frozen=True, slots=True)
-class DeleteEntityAction:
+class DeleteEntityAction(Immutable):
     """Take an entity out of the scenario."""
 
     entity: str
 
 
 @dataclass(frozen=True, slots=True)
-class SetVariableAction:
+class SetVariableAction(Immutable):
     """Give a variable a value."""
 
     variable: str
@@ -400,7 +401,7 @@ class SetVariableAction:
 
 
 @dataclass(frozen=True, slots=True)
-class ModifyVariableAction:
+class ModifyVariableAction(Immutable):
     """Add to a variable or multiply it."""
 
     variable: str
@@ -428,7 +429,7 @@ Distance: TypeAlias = Literal["longitudinal", "lateral", "euclidianDistance"]
 
 
 @dataclass(frozen=True, slots=True)
-class SimulationTimeCondition:
+class SimulationTimeCondition(Immutable):
     """Time of the run."""
 
     rule: str
@@ -436,7 +437,7 @@ class SimulationTimeCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterCondition:
+class ParameterCondition(Immutable):
     """A parameter's value, which is fixed."""
 
     actual: Value
@@ -445,7 +446,7 @@ class ParameterCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class VariableCondition:
+class VariableCondition(Immutable):
     """A variable's value."""
 
     variable: str
@@ -454,7 +455,7 @@ class VariableCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class StoryboardElementStateCondition:
+class StoryboardElementStateCondition(Immutable):
     """State or transition of an element, named by its path from the storyboard's stories."""
 
     kind: str
@@ -463,14 +464,14 @@ class StoryboardElementStateCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class CollisionCondition:
+class CollisionCondition(Immutable):
     """Overlap with an entity."""
 
     entity: str
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedCondition:
+class SpeedCondition(Immutable):
     """Speed in a direction of the entity; without direction its amount."""
 
     rule: str
@@ -479,7 +480,7 @@ class SpeedCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeSpeedCondition:
+class RelativeSpeedCondition(Immutable):
     """Velocity less another entity's, in a direction of the first; without direction speed less speed."""
 
     entity: str
@@ -489,7 +490,7 @@ class RelativeSpeedCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class AccelerationCondition:
+class AccelerationCondition(Immutable):
     """Acceleration in a direction of the entity; without direction its amount."""
 
     rule: str
@@ -498,7 +499,7 @@ class AccelerationCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeDistanceCondition:
+class RelativeDistanceCondition(Immutable):
     """Distance to another entity: between reference points, or between outlines if `freespace`."""
 
     entity: str
@@ -509,7 +510,7 @@ class RelativeDistanceCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeToCollisionCondition:
+class TimeToCollisionCondition(Immutable):
     """Distance to another entity over the speed at which it shrinks; does not hold while it does not."""
 
     entity: str
@@ -520,7 +521,7 @@ class TimeToCollisionCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeHeadwayCondition:
+class TimeHeadwayCondition(Immutable):
     """Distance to another entity over the own speed."""
 
     entity: str
@@ -531,21 +532,21 @@ class TimeHeadwayCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class StandStillCondition:
+class StandStillCondition(Immutable):
     """Speed zero for a time."""
 
     duration_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class TraveledDistanceCondition:
+class TraveledDistanceCondition(Immutable):
     """Distance gone since the start of the run."""
 
     value: float
 
 
 @dataclass(frozen=True, slots=True)
-class AngleCondition:
+class AngleCondition(Immutable):
     """Heading in the map frame, within a tolerance."""
 
     angle_rad: float
@@ -553,7 +554,7 @@ class AngleCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class ReachPositionCondition:
+class ReachPositionCondition(Immutable):
     """Reference point within a tolerance of a position."""
 
     position: Position
@@ -579,7 +580,7 @@ EntityConditionKind: TypeAlias = (
 
 
 @dataclass(frozen=True, slots=True)
-class EntityCondition:
+class EntityCondition(Immutable):
     """A condition on triggering entities: any or all of them."""
 
     entities: tuple[str, ...]
@@ -588,7 +589,7 @@ class EntityCondition:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(Immutable):
     """A condition with edge and delay."""
 
     name: str
@@ -604,7 +605,7 @@ Trigger: TypeAlias = tuple[tuple[Condition, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class NamedAction:
+class NamedAction(Immutable):
     """An action of an event; `entities` are those that carry it out, none for a global action."""
 
     name: str
@@ -613,7 +614,7 @@ class NamedAction:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class Event(Immutable):
     """Actions started together. `start` None: as soon as the event may."""
 
     name: str
@@ -624,7 +625,7 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class Maneuver:
+class Maneuver(Immutable):
     """Events."""
 
     name: str
@@ -632,7 +633,7 @@ class Maneuver:
 
 
 @dataclass(frozen=True, slots=True)
-class ManeuverGroup:
+class ManeuverGroup(Immutable):
     """Maneuvers of the same actors."""
 
     name: str
@@ -641,7 +642,7 @@ class ManeuverGroup:
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class Act(Immutable):
     """Maneuver groups, started and stopped together."""
 
     name: str
@@ -651,7 +652,7 @@ class Act:
 
 
 @dataclass(frozen=True, slots=True)
-class Story:
+class Story(Immutable):
     """Acts."""
 
     name: str
@@ -659,7 +660,7 @@ class Story:
 
 
 @dataclass(frozen=True, slots=True)
-class ScenarioDefinition:
+class ScenarioDefinition(Immutable):
     """A scenario that can be run.
 
     Args:

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from scenarios.openscenario.values import Immutable
 from smartmot.types import FloatArray
 
 SPACING_M = 0.05
@@ -22,7 +23,7 @@ SPACING_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(Immutable):
     """Point and heading, map frame."""
 
     x_m: float
@@ -37,7 +38,7 @@ class Pose:
         )
 
 
-class Path:
+class Path(Immutable):
     """A curve by arc length.
 
     Args:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from scenarios.openscenario.model import Performance, SpeedShape
+from scenarios.openscenario.values import Immutable
 
 NEVER_S = math.inf
 
@@ -15,7 +16,7 @@ SLOPES = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class Piece(Immutable):
     """Change from one speed to another; every shape covers the mean of both speeds times the duration."""
 
     duration_s: float
@@ -46,7 +47,7 @@ class Piece:
         return self.start_mps * time_s + 0.5 * change * part * time_s, self.start_mps + change * part
 
 
-class SpeedProfile:
+class SpeedProfile(Immutable):
     """Speed from a time on: pieces one after the other, then the last speed for ever.
 
     Args:

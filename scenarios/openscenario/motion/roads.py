@@ -14,6 +14,7 @@ from opendrive import RoadNetwork, load_map
 from opendrive.errors import OpenDriveError
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, joined, straight
+from scenarios.openscenario.values import Immutable
 from smartmot.types import FloatArray
 
 MAX_WAY_M = 5000.0
@@ -24,7 +25,7 @@ ON_LANE_RAD = math.pi / 4
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(Immutable):
     """A stretch of a lane in the direction of travel (`s_end_m` < `s_start_m`: against s)."""
 
     lane: int
@@ -43,7 +44,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class LanePlace:
+class LanePlace(Immutable):
     """Where a pose lies in the network."""
 
     lane: int
@@ -55,7 +56,7 @@ class LanePlace:
     along_s: int
 
 
-class Roads:
+class Roads(Immutable):
     """Queries on one network.
 
     Args:

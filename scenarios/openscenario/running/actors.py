@@ -38,6 +38,9 @@ class State(NamedTuple):
         """Point and heading."""
         return Pose(self.x_m, self.y_m, self.yaw_rad)
 
+    def __deepcopy__(self, memo: dict[int, object]) -> State:
+        return self
+
 
 @dataclass(frozen=True, slots=True)
 class Tow:

@@ -5,12 +5,82 @@ from __future__ import annotations
 import math
 
 from scenarios.openscenario import model
+from scenarios.openscenario.motion.positions import references
+from scenarios.openscenario.reading.parameters import compare
+from scenarios.openscenario.running import holding, own, relative
 from scenarios.openscenario.running.actors import Actor
-from scenarios.openscenario.running.holding import Holding, Mark, holding, referred
-from scenarios.openscenario.running.world import Instant, World
+from scenarios.openscenario.running.holding import Holding, Mark
+from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
 
-TIME_EPSILON_S = 1e-9
-"""Times closer than this are the same."""
+
+def bare(kind: model.ValueConditionKind | model.EntityCondition, world: World) -> Holding:
+    """A condition as read, without edge and delay."""
+    match kind:
+        case model.EntityCondition():
+            return _on_entities(kind, world)
+        case model.SimulationTimeCondition():
+            return holding.TimeIs(kind)
+        case model.ParameterCondition():
+            return holding.Fixed(compare(kind.rule, kind.actual, kind.value))
+        case model.VariableCondition():
+            return holding.VariableIs(kind, world)
+        case model.StoryboardElementStateCondition():
+            return holding.ElementStateIs(kind, world)
+
+
+def _on_entities(condition: model.EntityCondition, world: World) -> Holding:
+    actors = [world.actors[name] for name in condition.entities]
+    parts = [(actor, _on_entity(condition.kind, actor, world)) for actor in actors]
+    others = [world.actors[name] for name in referred(condition.kind)]
+    if len(parts) == 1:
+        return holding.OnEntity(*parts[0], others)
+    return holding.OnEntities(parts, condition.every, others)
+
+
+def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> Holding:
+    """The bare condition on one entity that exists, as all that it refers to."""
+    match kind:
+        case model.SpeedCondition():
+            return own.Speed(kind, actor)
+        case model.AccelerationCondition():
+            return own.Acceleration(kind, actor)
+        case model.StandStillCondition():
+            return own.StandStill(kind, actor)
+        case model.TraveledDistanceCondition():
+            return own.TraveledDistance(kind, actor)
+        case model.AngleCondition():
+            return own.Angle(kind, actor)
+        case model.ReachPositionCondition():
+            return own.ReachPosition(kind, actor, world)
+    other = world.actors[kind.entity]
+    match kind:
+        case model.CollisionCondition():
+            return holding.Fixed(False) if other is actor else relative.Touching(actor, other)
+        case model.RelativeSpeedCondition():
+            return relative.RelativeSpeed(kind, actor, other)
+        case model.RelativeDistanceCondition():
+            return relative.RelativeDistance(kind, actor, other)
+        case model.TimeToCollisionCondition():
+            return relative.TimeToCollision(kind, actor, other)
+        case model.TimeHeadwayCondition():
+            return relative.TimeHeadway(kind, actor, other)
+
+
+def referred(kind: model.EntityConditionKind) -> frozenset[str]:
+    """Entities that a condition refers to beside the triggering ones."""
+    match kind:
+        case (
+            model.CollisionCondition()
+            | model.RelativeSpeedCondition()
+            | model.RelativeDistanceCondition()
+            | model.TimeToCollisionCondition()
+            | model.TimeHeadwayCondition()
+        ):
+            return frozenset({kind.entity})
+        case model.ReachPositionCondition():
+            return references(kind.position)
+    return frozenset()
+
 
 WORTH_S, RETRY_S = 0.02, 0.1
 """Where a condition is settled for less than the first, that is worked out again only after the second."""
@@ -23,12 +93,10 @@ class Observed:
         holding: the condition.
     """
 
-    __slots__ = ("_before", "_retry_s", "flips", "holding", "settled_s")
+    __slots__ = ("_before", "_retry_s", "holding", "settled_s")
 
     def __init__(self, holding: Holding) -> None:
         self.holding = holding
-        self.flips = holding.flips
-        """Whether it may change and change back between two instants at which it is the same; None: never."""
         self._before: Mark = False
         self._retry_s = -math.inf
         self.settled_s = -math.inf
@@ -49,7 +117,7 @@ class Observed:
 
     def next_s(self, after_s: float) -> float:
         """When it may change by the clock next."""
-        time_s = math.inf if self.holding.next_s is None else self.holding.next_s()
+        time_s = self.holding.next_s()
         return time_s if time_s > after_s else math.inf
 
     def settle(self, now: Instant) -> None:
@@ -76,7 +144,7 @@ class Watch(Observed):
     )  # fmt: skip
 
     def __init__(self, condition: model.Condition, world: World) -> None:
-        super().__init__(holding(condition.kind, world))
+        super().__init__(bare(condition.kind, world))
         self._edge, self._delay_s = condition.edge, condition.delay_s
         self._last: bool | None = None
         self._history: list[tuple[float, bool]] = []

@@ -7,7 +7,8 @@ touch inside a step, the instant is found by bisection and the step is split the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from scenarios.openscenario.motion.trajectories import starts_at_entity
 from scenarios.openscenario.running.actions import referred
 from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.conditions import Observed
-from scenarios.openscenario.running.holding import touching
 from scenarios.openscenario.running.initial import in_order
+from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import BoolArray, Boxes, FloatArray, StrArray, unchecked
@@ -130,8 +131,24 @@ class Run:
     exists: BoolArray
 
 
+@dataclass(slots=True)
+class Samples:
+    """What a run came to so far, one entry for each sampling time: times, states, who exists."""
+
+    time_s: list[float] = field(default_factory=list)
+    states: list[list[State]] = field(default_factory=list)
+    exists: list[list[bool]] = field(default_factory=list)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Samples:
+        """Lists of its own, of the same samples, which are never changed."""
+        return Samples(self.time_s.copy(), self.states.copy(), self.exists.copy())
+
+
 class Engine:
-    """One run of a scenario.
+    """One run of a scenario. A copy (`copy.deepcopy`, `pickle`) goes on with the same bytes.
+
+    Copies share what is never changed: the scenario and the network. A pickle holds both, so that it goes on
+    also where their files have changed or are missing.
 
     Args:
         definition: the scenario.
@@ -169,17 +186,15 @@ class Engine:
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
         self.contact: Contact | None = None
-        self._names = _read_only([entity.name for entity in definition.entities])
-        self._categories = _read_only([entity.category for entity in definition.entities])
+        self._names = tuple(entity.name for entity in definition.entities)
+        self._categories = tuple(entity.category for entity in definition.entities)
         self._others = [actor for actor in self._actors.values() if actor is not self.ego]
-        self._touches = [(other, Observed(touching(self.ego, other))) for other in self._others]
+        self._touches = [(other, Observed(Touching(self.ego, other))) for other in self._others]
         self._watching: list[Observed] = []
         self._open: list[Observed] = []
         self._looks = 0
         self._kink_s = math.inf
-        self._times: list[float] = []
-        self._samples: list[list[State]] = []
-        self._existing: list[list[bool]] = []
+        self._samples = Samples()
         self._target_at_contact: float | None = None
         try:
             self._begin(ego_controller)
@@ -387,9 +402,8 @@ class Engine:
 
     def _may_flip(self, a: Instant, b: Instant) -> bool:
         """Whether something that is the same at two instants may differ between them."""
-        for watch in self._open:
-            flips = watch.flips
-            if flips is not None and flips(a, b) and not watch.changed(b):
+        for watch in self._open:  # noqa: SIM110 - asked at each step, where a generator costs twice
+            if watch.holding.flips(a, b) and not watch.changed(b):
                 return True
         return False
 
@@ -431,9 +445,9 @@ class Engine:
     # Results
 
     def _sample(self) -> None:
-        self._times.append(self.time_s)
-        self._samples.append([self._now.state(name) for name in self._actors])
-        self._existing.append([actor.exists for actor in self._actors.values()])
+        self._samples.time_s.append(self.time_s)
+        self._samples.states.append([self._now.state(name) for name in self._actors])
+        self._samples.exists.append([actor.exists for actor in self._actors.values()])
 
     @property
     def ego_speed_mps(self) -> float:
@@ -448,8 +462,8 @@ class Engine:
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
         return Entities(
             time_s=self.time_s,
-            name=self._names,
-            category=self._categories,
+            name=_read_only(self._names),
+            category=_read_only(self._categories),
             reference_m=np.array([(state.x_m, state.y_m) for state in states]),
             boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
             speed_mps=np.array([state.speed_mps for state in states]),
@@ -470,7 +484,7 @@ class Engine:
         steady = (
             self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
         )
-        table = np.array(self._samples)
+        table = np.array(self._samples.states)
         return Run(
             contact_time_s=contact.time_s if contact else None,
             contact_entity=contact.entity if contact else None,
@@ -482,17 +496,18 @@ class Engine:
             impact_location_percent=contact.impact_location_percent if contact else None,
             end_time_s=self.time_s,
             stopped=self.over,
-            names=self._names,
-            time_s=np.array(self._times),
+            names=_read_only(self._names),
+            time_s=np.array(self._samples.time_s),
             x_m=table[..., 0],
             y_m=table[..., 1],
             yaw_rad=table[..., 2],
             speed_mps=table[..., 3],
-            exists=np.array(self._existing),
+            exists=np.array(self._samples.exists),
         )
 
 
-def _read_only(names: list[str]) -> StrArray:
+@lru_cache(maxsize=64)
+def _read_only(names: tuple[str, ...]) -> StrArray:
     array = np.array(names, dtype=np.str_)
     array.setflags(write=False)
     return array

@@ -12,6 +12,9 @@ from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.running.actors import Actor, State
 from smartmot.geometry import signed_gap_scalar
 
+TIME_EPSILON_S = 1e-9
+"""Times closer than this are the same."""
+
 
 @dataclass(slots=True)
 class Instant:

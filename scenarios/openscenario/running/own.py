@@ -1,0 +1,188 @@
+"""Bare conditions on the place and the motion of one entity."""
+
+from __future__ import annotations
+
+import math
+
+from scenarios.openscenario import model
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.paths import Pose
+from scenarios.openscenario.motion.positions import references
+from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.holding import SLACK, Compared, Holding, settled_for_s
+from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
+
+MOMENT_S = 1e-3
+"""Over which velocities change for an acceleration, and how often is looked where it follows a curvature."""
+
+
+class StandStill(Holding):
+    """StandStillCondition."""
+
+    def __init__(self, condition: model.StandStillCondition, actor: Actor) -> None:
+        self._duration_s, self._actor = condition.duration_s, actor
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether the entity has stood long enough."""
+        since = self._actor.standing_since(instant.time_s, instant.state(self._actor.name))
+        return since is not None and instant.time_s - since >= self._duration_s - TIME_EPSILON_S
+
+    def next_s(self) -> float:
+        """When it will have, if it goes on to stand."""
+        since = self._actor.standing_since_s
+        return math.inf if since is None else since + self._duration_s
+
+
+class TraveledDistance(Holding):
+    """TraveledDistanceCondition."""
+
+    def __init__(self, condition: model.TraveledDistanceCondition, actor: Actor) -> None:
+        self._distance_m, self._actor = condition.value, actor
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether the entity has gone that far."""
+        return instant.state(self._actor.name).travelled_m >= self._distance_m
+
+    def settled_s(self, now: Instant) -> float:
+        """Until it can have."""
+        left_m = self._distance_m - now.state(self._actor.name).travelled_m
+        return settled_for_s(now, left_m, self._actor.fastest_mps(now.time_s))
+
+
+class Angle(Compared):
+    """AngleCondition: the heading's difference from an angle."""
+
+    def __init__(self, condition: model.AngleCondition, actor: Actor) -> None:
+        super().__init__("lessOrEqual", condition.tolerance_rad)
+        self._angle_rad, self._actor = condition.angle_rad, actor
+
+    def quantity(self, instant: Instant) -> float:
+        """The difference, not negative."""
+        yaw_rad = instant.state(self._actor.name).yaw_rad
+        return abs(math.remainder(yaw_rad - self._angle_rad, 2 * math.pi))
+
+    def reach(self, a: Instant, b: Instant) -> float:
+        """How much the entity turns."""
+        name = self._actor.name
+        return self._actor.turn_rad(a.state(name), b.state(name))
+
+    def settled_s(self, now: Instant) -> float:
+        """As long as the entity rests."""
+        return math.inf if self._actor.rests(now.time_s) else now.time_s
+
+
+class Speed(Compared):
+    """SpeedCondition; within a step a speed only grows or only falls."""
+
+    def __init__(self, condition: model.SpeedCondition, actor: Actor) -> None:
+        super().__init__(condition.rule, condition.value)
+        self._direction, self._actor = condition.direction, actor
+
+    def quantity(self, instant: Instant) -> float:
+        """Speed in the direction: entities move along their own x axis, nothing is left for the others."""
+        if self._direction is None:
+            return abs(instant.state(self._actor.name).speed_mps)
+        return instant.state(self._actor.name).speed_mps if self._direction == "longitudinal" else 0.0
+
+    def reach(self, a: Instant, b: Instant) -> float:
+        """An amount is smallest where the entity turns round inside the step."""
+        if self._direction is not None:
+            return 0.0
+        speed_mps, later_mps = a.state(self._actor.name).speed_mps, b.state(self._actor.name).speed_mps
+        return abs(later_mps - speed_mps) if speed_mps * later_mps < 0.0 else 0.0
+
+    def settled_s(self, now: Instant) -> float:
+        """As long as the speed stays as it is."""
+        if self._direction in ("lateral", "vertical"):
+            return math.inf
+        return math.inf if self._actor.steady(now.time_s) else now.time_s
+
+
+class Acceleration(Compared):
+    """AccelerationCondition."""
+
+    def __init__(self, condition: model.AccelerationCondition, actor: Actor) -> None:
+        super().__init__(condition.rule, condition.value)
+        self._direction, self._actor = condition.direction, actor
+
+    def quantity(self, instant: Instant) -> float:
+        """Acceleration in the direction."""
+        return acceleration_mps2(self._actor, instant, self._direction)
+
+    def flips(self, a: Instant, b: Instant) -> bool:
+        """In a bend the acceleration follows the curvature, which is looked at every millisecond."""
+        name = self._actor.name
+        if self._direction == "longitudinal" or self._actor.turn_rad(a.state(name), b.state(name)) <= SLACK:
+            return False
+        count = int((b.time_s - a.time_s) / MOMENT_S)
+        before, step_s = self.mark(a), (b.time_s - a.time_s) / max(count, 1)
+        return any(self.mark(Instant(a.time_s + k * step_s, a.actors)) != before for k in range(1, count))
+
+
+def acceleration_mps2(actor: Actor, instant: Instant, direction: model.Direction | None) -> float:
+    """Acceleration of an entity in a direction of it, or its amount, from its velocities within a moment."""
+    now, soon = instant.state(actor.name), actor.state(instant.time_s + MOMENT_S)
+    turn = soon.yaw_rad - now.yaw_rad
+    along = (soon.speed_mps * math.cos(turn) - now.speed_mps) / MOMENT_S
+    left = soon.speed_mps * math.sin(turn) / MOMENT_S
+    if direction is None:
+        return math.hypot(along, left)
+    return {"longitudinal": along, "lateral": left, "vertical": 0.0}[direction]
+
+
+class ReachPosition(Compared):
+    """ReachPositionCondition: the distance from a place, which may move with other entities."""
+
+    def __init__(self, condition: model.ReachPositionCondition, actor: Actor, world: World) -> None:
+        super().__init__("lessOrEqual", condition.tolerance_m)
+        self._position, self._actor, self._world = condition.position, actor, world
+        self._leaders = [world.actors[name] for name in sorted(references(condition.position))]
+        self._fixed: Pose | None = None
+
+    def quantity(self, instant: Instant) -> float:
+        """The distance, worked out once for an instant."""
+        distance_m: float | None = instant.memo.get(self)
+        if distance_m is None:
+            distance_m = instant.memo[self] = self._distance_m(instant)
+        return distance_m
+
+    def _distance_m(self, instant: Instant) -> float:
+        pose, locator = self._fixed, self._world.locator
+        if pose is None and not self._leaders:
+            pose = self._fixed = locator.pose(self._position)
+        elif pose is None:
+            try:
+                pose = locator.at(lambda entity: instant.state(entity).pose).pose(self._position)
+            except RunError:  # there is no such place while the other is there
+                return math.inf
+        state = instant.state(self._actor.name)
+        return math.hypot(pose.x_m - state.x_m, pose.y_m - state.y_m)
+
+    def reach(self, a: Instant, b: Instant) -> float:
+        """The way of the entity, and that of the place."""
+        seconds = b.time_s - a.time_s
+        way_m = _faster_mps(self._actor, a, b) * seconds
+        for leader in self._leaders:
+            # a place beside or ahead of another swings with it, and covers more way outside a bend
+            way_m += 2.0 * _faster_mps(leader, a, b) * seconds
+            way_m += leader.turn_rad(a.state(leader.name), b.state(leader.name)) * _offset_m(self._position)
+        return way_m
+
+    def settled_s(self, now: Instant) -> float:
+        """Until a place that is fixed can be reached or left."""
+        if self._leaders:
+            return now.time_s
+        left_m = abs(self.quantity(now) - self._value)
+        return settled_for_s(now, left_m, self._actor.fastest_mps(now.time_s))
+
+
+def _faster_mps(actor: Actor, a: Instant, b: Instant) -> float:
+    return max(abs(a.state(actor.name).speed_mps), abs(b.state(actor.name).speed_mps))
+
+
+def _offset_m(position: model.Position) -> float:
+    """How far a place is from the entity that it is relative to; 0 along the road, whatever the heading."""
+    match position:
+        case model.RelativeObjectPosition() | model.RelativeWorldPosition():
+            return math.hypot(position.dx_m, position.dy_m)
+    return 0.0
