@@ -237,6 +237,9 @@ MOVED = {
     "scenarios.recording": "scenarios.simulation.log",
     "scenarios.scenes.traffic_scenes": "scenarios.scenes.traffic",
     "smartmot.aeb": "smartmot.decision.aeb",
+    "smartmot.area.monitored_area": (
+        "smartmot.area.monitored smartmot.area.lanes smartmot.area.rectangle smartmot.area.everything"
+    ),
     "smartmot.assignment": "smartmot.tracking.assignment",
     "smartmot.association": "smartmot.tracking.association",
     "smartmot.braking": "smartmot.decision.braking",
@@ -244,12 +247,14 @@ MOVED = {
     "smartmot.collision": "smartmot.decision.collision",
     "smartmot.kalman": "smartmot.filters.kalman",
     "smartmot.lifecycle": "smartmot.tracking.lifecycle",
-    "smartmot.monitored_area": "smartmot.area.monitored_area",
+    "smartmot.monitored_area": (
+        "smartmot.area.monitored smartmot.area.lanes smartmot.area.rectangle smartmot.area.everything"
+    ),
     "smartmot.motion_models": "smartmot.filters.motion_models",
     "smartmot.own_tracker": "smartmot.tracking.own",
     "smartmot.regulatory": "smartmot.maps.regulatory",
-    "smartmot.route": "smartmot.maps.route",
-    "smartmot.strips": "smartmot.maps.strips",
+    "smartmot.route": "smartmot.maps.route smartmot.maps.follow",
+    "smartmot.strips": "smartmot.maps.strips smartmot.maps.walks",
     "smartmot.tracker": "smartmot.tracking.tracker",
     "smartmot.tracker_configs": "smartmot.tracking.configs",
     "smartmot.tracker_state": "smartmot.tracking.state",

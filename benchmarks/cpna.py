@@ -100,7 +100,7 @@ def stage_shares(directory: Path) -> dict[str, float]:
     from scenarios.simulation.log import RunLog
     from scenarios.simulation.simulation import Simulation
     from smartmot import pipeline
-    from smartmot.area import monitored_area
+    from smartmot.area import lanes, rectangle
     from smartmot.tracking import tracker
 
     stages = Stages()
@@ -115,9 +115,9 @@ def stage_shares(directory: Path) -> dict[str, float]:
     stages.wrap(Sensor, "observe", "sensor")
     stages.wrap(pipeline.Pipeline, "step", "forecast, threats, decision")
     stages.wrap(tracker.Tracker, "step", "tracking")
-    for area in (monitored_area.MapArea, monitored_area.RectangularArea):
+    for area in (lanes.MapArea, rectangle.RectangularArea):
         stages.wrap(area, "at", "monitored area")
-    for area in (monitored_area.MonitoredLanes, monitored_area._Rectangle):
+    for area in (lanes.MonitoredLanes, rectangle._Rectangle):
         for name in ("kept", "relevance", "on_lane"):
             stages.wrap(area, name, "monitored area")
     for name in ("frame", "perception", "table"):

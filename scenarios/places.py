@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import _smartmot
 from opendrive import RoadNetwork
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.motion.paths import Pose
 from smartmot.maps.route import Route, route_ahead
-from smartmot.maps.strips import KERBSIDE_TYPES, SIDEWALK_TYPES
+from smartmot.maps.walks import kerb, lanes_under
 
 STRAIGHT_M = 0.05
 """A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle
@@ -35,8 +36,8 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
-    """Map and route of perception.
+class MapView:
+    """Map and route of perception: what a monitored area is made from.
 
     Args:
         network: the map.
@@ -48,7 +49,7 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Site(Scene):
+class Site(MapView):
     """Where a test takes place: a stretch of a map, straight before and after a line across the ego's lane.
 
     Args:
@@ -77,17 +78,17 @@ def lane_at(network: RoadNetwork, place: Place) -> int:
     if place.road_id not in roads:
         some = ", ".join(sorted(roads, key=lambda r: (len(r), r))[:12])
         raise ScenarioError(f"the map has no road {place.road_id!r}; it has {len(roads)} roads: {some} ...")
-    found: list[str] = []
+    road_lanes: list[str] = []
     for index, key in enumerate(network.lanes.key):
         if key.road_id != place.road_id:
             continue
         low, high = float(network.lanes.s_start_m[index]), float(network.lanes.s_end_m[index])
         if key.lane_id == place.lane_id and low <= place.s_m <= high:
             return index
-        found.append(f"{key.lane_id} ({network.lanes.lane_type[index]!s}, s {low:g}..{high:g})")
+        road_lanes.append(f"{key.lane_id} ({network.lanes.lane_type[index]!s}, s {low:g}..{high:g})")
     raise ScenarioError(
         f"road {place.road_id} has no lane {place.lane_id} at s = {place.s_m:g} m; "
-        f"it has: {'; '.join(found[:12])}"
+        f"it has: {'; '.join(road_lanes[:12])}"
     )
 
 
@@ -97,11 +98,9 @@ def lane_under(network: RoadNetwork, pose: Pose) -> tuple[int, float]:
     Raises:
         ScenarioError: there is none.
     """
-    hits = network.locate([[pose.x_m, pose.y_m]])
-    for lane, s_m in zip(hits.lane.tolist(), hits.s_m.tolist(), strict=True):
-        heading = float(network.center_line(lane, s_m)[3])
-        if network.lanes.lane_type[lane] == "driving" and np.cos(heading - pose.yaw_rad) > 0.5:
-            return lane, s_m
+    under = lanes_under(network, np.array([[pose.x_m, pose.y_m]]), np.array([pose.yaw_rad]))
+    for lane, s_m in zip(under.lane.tolist(), under.s_m.tolist(), strict=True):
+        return lane, s_m
     raise ScenarioError(
         f"no driving lane runs at x = {pose.x_m:g} m, y = {pose.y_m:g} m "
         f"with heading {np.degrees(pose.yaw_rad):g} degrees"
@@ -128,11 +127,11 @@ def site_at(network: RoadNetwork, lane: int, s_m: float, approach_m: float) -> S
     route = route_ahead(network, lane, s_m, ahead_m=RUN_OUT_M + 60.0, behind_m=approach_m + 5.0)
     index = route.lanes.index(lane)
     line = float(route.entry_m[index]) + route.strips[index].station_at(s_m)
-    free = straight_around(route, line)
-    if free[0] < approach_m or free[1] < RUN_OUT_M:
+    before, after = straight_around(route, line)
+    if before < approach_m or after < RUN_OUT_M:
         raise ScenarioError(
-            f"no straight stretch: at lane {name}, s = {s_m:g} m the route is straight for {free[0]:.0f} m "
-            f"before and {free[1]:.0f} m after; the test needs {approach_m:.0f} m and {RUN_OUT_M:.0f} m"
+            f"no straight stretch: at lane {name}, s = {s_m:g} m the route is straight for {before:.0f} m "
+            f"before and {after:.0f} m after; the test needs {approach_m:.0f} m and {RUN_OUT_M:.0f} m"
         )
     return Site(network, route, line, near_side(network, lane))
 
@@ -194,25 +193,17 @@ def kerb_m(
         side: +1 to the left of the lane's travel direction, -1 to the right.
         over_lanes: go on over further driving lanes; else the search ends at the first.
     """
-    along = int(network.lanes.direction[lane])
-    here = np.array([s_m])
-    distance = float(network.lane_width(lane, here)[0]) / 2
-    current = lane
-    while True:
-        same_way = int(network.lanes.direction[current]) == along
-        outward = network.left_neighbour if (side > 0) == same_way else network.right_neighbour
-        following = outward(current)
-        if following is None:
-            return distance, False
-        kind = str(network.lanes.lane_type[following])
-        if kind in SIDEWALK_TYPES:
-            return distance, True
-        if kind not in KERBSIDE_TYPES and not (over_lanes and kind == "driving"):
-            return distance, False
-        distance += float(network.lane_width(following, here)[0])
-        current = following
+    s = np.array([s_m])
+    half_width = network.lane_width(lane, s) / 2
+    distance, has_sidewalk = kerb(
+        network, lane, s, "left" if side > 0 else "right", half_width, over_lanes=over_lanes
+    )
+    return float(distance[0]), has_sidewalk
 
 
 def near_side(network: RoadNetwork, lane: int) -> int:
     """Side of a lane's near side: -1 (right) where traffic keeps right, +1 (left) where it keeps left."""
     return 1 if int(network.lanes.direction[lane]) * network.lanes.key[lane].lane_id > 0 else -1
+
+
+__getattr__ = _smartmot.renamed(__name__, {"Scene": "scenarios.places.MapView"})

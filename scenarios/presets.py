@@ -10,7 +10,7 @@ from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import Environment
 from scenarios.sensors.sensor import SensorConfig
-from smartmot.area.monitored_area import MapAreaConfig, RectangularConfig
+from smartmot.area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin
 

@@ -25,7 +25,7 @@ from scenarios.openscenario.model import (
 from scenarios.openscenario.motion.roads import load_roads
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
-from scenarios.places import Scene
+from scenarios.places import MapView
 from scenarios.presets import (
     Preset,
     named_light,
@@ -44,7 +44,7 @@ from scenarios.simulation.simulation import (
     is_motion,
 )
 from scenarios.strategies import make_strategy
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 from smartmot.plugins import is_plugin
 
 NO_AEB = "none"
@@ -250,7 +250,7 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
     preset = preset_of(spec, definition)
     name = perception_map(definition, spec.map_name)
 
-    def strategy(scene: Scene) -> MonitoredAreaStrategy:
+    def strategy(scene: MapView) -> MonitoredAreaStrategy:
         return make_strategy(spec.strategy, preset, scene)
 
     return Simulation(
@@ -265,6 +265,6 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
     )
 
 
-def scene_of(spec: RunSpec) -> Scene:
+def scene_of(spec: RunSpec) -> MapView:
     """Map and route of a run, without running it; see `simulation_of` for what it raises."""
     return simulation_of(spec).scene()

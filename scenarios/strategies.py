@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 from scenarios.errors import ScenarioError
-from scenarios.places import Scene
+from scenarios.places import MapView
 from scenarios.presets import Preset
-from smartmot.area.monitored_area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
+from smartmot.area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
 from smartmot.plugins import is_plugin, plugin, require
 
 STRATEGIES = ("rectangular", "map", "all")
 """Shipped ones; one of the user's own is named `package.module:name`."""
 
 
-def make_strategy(name: str, preset: Preset, scene: Scene) -> MonitoredAreaStrategy:
+def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStrategy:
     """Build a monitored-area strategy.
 
     Args:
-        name: one of `STRATEGIES`, or `package.module:name` of what makes one from a scene and a preset.
+        name: one of `STRATEGIES`, or `package.module:name` of what makes one from a `MapView` and a preset.
         preset: its settings.
-        scene: map and route of perception.
+        view: map and route of perception.
 
     Raises:
         ScenarioError: there is none of that name.
         smartmot.errors.PluginError: the user's own cannot be loaded or made.
     """
     if is_plugin(name):
-        own: MonitoredAreaStrategy = require(plugin(name)(scene, preset), "at", name)
+        own: MonitoredAreaStrategy = require(plugin(name)(view, preset), "at", name)
         return own
     if name == "rectangular":
         return RectangularArea(preset.rectangular, preset.pipeline.braking_distance)
     if name == "map":
-        return MapArea(scene.network, scene.route, preset.map_area)
+        return MapArea(view.network, view.route, preset.map_area)
     if name == "all":
         return EverythingArea()
     raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")

@@ -7,7 +7,7 @@ import _smartmot
 
 _smartmot.check(__name__)  # before `opendrive` is imported, which may be another
 
-from smartmot.area.monitored_area import (
+from smartmot.area import (
     EverythingArea,
     MapArea,
     MapAreaConfig,

@@ -9,13 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmot.area.monitored_area import (
-    MapArea,
-    MonitoredArea,
-    MonitoredAreaStrategy,
-    ego_extent,
-    is_vulnerable,
-)
+from smartmot.area import MapArea, MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats

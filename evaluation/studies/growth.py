@@ -32,11 +32,11 @@ from scenarios.openscenario.model import (
     TeleportAction,
     WorldPosition,
 )
-from scenarios.places import Scene
+from scenarios.places import MapView
 from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, preset_of
 from scenarios.strategies import make_strategy
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -161,7 +161,7 @@ def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
     definition = with_others(definition_of(spec), others, spec.seed)
     preset = preset_of(spec, definition)
 
-    def maker(scene: Scene) -> MonitoredAreaStrategy:
+    def maker(scene: MapView) -> MonitoredAreaStrategy:
         return make_strategy(spec.strategy, preset, scene)
 
     # all are seen: what grows is the number of objects, not of those hidden behind others

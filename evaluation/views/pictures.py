@@ -13,7 +13,7 @@ from opendrive import RoadNetwork
 from scenarios.places import Site
 from scenarios.presets import named_preset
 from scenarios.strategies import make_strategy
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 from smartmot.types import EgoState
 
 if TYPE_CHECKING:

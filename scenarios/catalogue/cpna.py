@@ -16,7 +16,7 @@ from scenarios.places import Site
 from scenarios.presets import Preset
 from scenarios.simulation.simulation import Simulation, StopRule
 from scenarios.strategies import STRATEGIES, make_strategy
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 
 __all__ = ["ADVERSARIES", "STRATEGIES", "CpnaTest", "Site", "build", "find_site", "make_strategy"]
 

@@ -27,14 +27,14 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.running.engine import Contact, Engine, Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
-from scenarios.places import Scene
+from scenarios.places import MapView
 from scenarios.presets import Preset
 from scenarios.sensors.sensor import ObjectDetector, Sensor
 from scenarios.simulation.drive import Asked, EgoDrive
 from scenarios.simulation.log import RunLog
-from smartmot.area.monitored_area import MonitoredAreaStrategy, RectangularArea, ego_extent
+from smartmot.area import MonitoredAreaStrategy, RectangularArea, ego_extent
 from smartmot.errors import PluginError
-from smartmot.maps.route import route_along
+from smartmot.maps.follow import route_along
 from smartmot.pipeline import FrameResult, Pipeline, PipelineState
 from smartmot.plugins import require
 from smartmot.types import NOTHING_DROPPED, Detections, Dropped, EgoState, FloatArray
@@ -64,7 +64,7 @@ SOME_DETECTIONS = 5
 """A quarter of a second of one object at 20 Hz: if none of so many detections has the score that the tracker
 asks for, the fault is the detector's or the threshold's and not that of a single weak detection."""
 
-StrategyMaker = Callable[[Scene], MonitoredAreaStrategy]
+StrategyMaker = Callable[[MapView], MonitoredAreaStrategy]
 
 
 class EndReason(StrEnum):
@@ -322,7 +322,7 @@ class Simulation:
             frame_time_ms=np.array(self._spent_ns, dtype=np.float64) / 1e6,
         )
 
-    def scene(self) -> Scene:
+    def scene(self) -> MapView:
         """Map and route of perception for the way that the ego is on now.
 
         Raises:
@@ -334,7 +334,7 @@ class Simulation:
         stations = np.linspace(station, station + length, max(2, math.ceil(length / WAY_STEP_M) + 1))
         points = np.array([way.pose(s)[:2] for s in stations.tolist()])
         route = route_along(self.network, points, ROUTE_AHEAD_M, ROUTE_BEHIND_M)
-        return Scene(self.network, route)
+        return MapView(self.network, route)
 
     def _world(self) -> Entities:
         """Everybody now; made once for all who ask at the same time."""

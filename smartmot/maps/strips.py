@@ -12,7 +12,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from smartmot.maps.lane_map import LaneMap
+from smartmot.maps.lane_map import LaneMap, Side
+from smartmot.maps.walks import kerb
+from smartmot.path import chord_stations
 from smartmot.types import BoolArray, FloatArray, IntArray
 
 MAX_STEP_M = 20.0
@@ -21,13 +23,9 @@ MAX_SAGITTA_M = 0.01
 """Sampling: greatest length, turn and distance from the true centre line of a chord. At 60 m radius 0.03 rad
 gives chords of 1.8 m, 7 mm off; on wider bends the sagitta rules."""
 MAX_WIDTH_CHANGE_M = 0.02
+"""Greatest change of the widths over a chord, between whose ends they are taken for linear."""
 _FINE_STEP_M = 0.5
-
-KERBSIDE_TYPES = frozenset(
-    {"parking", "shoulder", "border", "curb", "stop", "biking", "none", "restricted", "median"}
-)
-"""Lane types a pedestrian crosses between the sidewalk and the driving lane."""
-SIDEWALK_TYPES = frozenset({"sidewalk", "walking"})
+"""Spacing at which a lane is looked at before most of the samples are left out again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +33,7 @@ class LaneStrip:
     """One lane sampled in travel direction, map frame.
 
     Args:
-        lane: index of the lane in its network.
+        lane: index of the lane in its map.
         s_m: (P,) road coordinate of the samples (falls along the strip where traffic runs against s).
         center_m: (P, 2) lane centre.
         station_m: (P,) distance along the centre from the lane's entry.
@@ -88,27 +86,27 @@ class LaneStrip:
 
 
 _STRIPS: WeakKeyDictionary[LaneMap, dict[tuple[int, float], LaneStrip]] = WeakKeyDictionary()
+"""Strips by map, lane and margin."""
 
 
 def lane_strip(network: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
-    """Sample a lane in travel direction, as densely as its curvature and width ask for; once per network."""
-    known = _STRIPS.setdefault(network, {})  # a network never changes
+    """Sample a lane in travel direction, as densely as its curvature and width ask for; once per map."""
+    known = _STRIPS.setdefault(network, {})  # a map never changes
     strip = known.get((lane, vru_margin_m))
     if strip is None:
         strip = known[lane, vru_margin_m] = _sampled(network, lane, vru_margin_m)
     return strip
 
 
-def _sampled(network: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
-    s0, s1 = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
-    count = max(2, int(np.ceil((s1 - s0) / _FINE_STEP_M)) + 1)
-    s = np.linspace(s0, s1, count)
-    if network.lanes.direction[lane] < 0:
+def _sampled(lane_map: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
+    low, high = float(lane_map.lanes.s_start_m[lane]), float(lane_map.lanes.s_end_m[lane])
+    s = np.linspace(low, high, max(2, int(np.ceil((high - low) / _FINE_STEP_M)) + 1))
+    if lane_map.lanes.direction[lane] < 0:
         s = s[::-1]
-    x, y, _, heading = network.center_line(lane, s)
-    width = network.lane_width(lane, s)
-    vru_left = _vru_reach(network, lane, s, "left", vru_margin_m)
-    vru_right = _vru_reach(network, lane, s, "right", vru_margin_m)
+    x, y, _, heading = lane_map.center_line(lane, s)
+    width = lane_map.lane_width(lane, s)
+    vru_left = _vru_reach(lane_map, lane, s, "left", vru_margin_m)
+    vru_right = _vru_reach(lane_map, lane, s, "right", vru_margin_m)
     course = np.unwrap(heading)
     turned = _travelled(course)
     # the sagitta of a chord is length x turn / 8, so its root adds up along the chord
@@ -127,12 +125,11 @@ def _sampled(network: LaneMap, lane: int, vru_margin_m: float) -> LaneStrip:
     keep[:-1] |= entered > 1  # a sudden change must not be spread over the chord before it
     s, width = s[keep], width[keep]
     center = np.column_stack((x[keep], y[keep]))
-    station = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(center, axis=0).T))))
     return LaneStrip(
         lane=lane,
         s_m=s,
         center_m=center,
-        station_m=station,
+        station_m=chord_stations(center),
         half_width_m=width / 2,
         vru_left_m=vru_left[keep],
         vru_right_m=vru_right[keep],
@@ -144,28 +141,13 @@ def _travelled(values: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(values)))))
 
 
-def _vru_reach(network: LaneMap, lane: int, s_m: FloatArray, side: str, margin_m: float) -> FloatArray:
+def _vru_reach(lane_map: LaneMap, lane: int, s_m: FloatArray, side: Side, margin_m: float) -> FloatArray:
     """(P,) width beside the lane in which VRUs count: kerbside strips up to the sidewalk, plus margin.
 
     Where no sidewalk follows, the margin is measured from the lane's own border.
     """
-    along = int(network.lanes.direction[lane])
-    passed = np.zeros_like(s_m)
-    current: int | None = lane
-    while True:
-        assert current is not None
-        # "left" is seen in the lane's own travel direction, which turns round across the road's centre
-        same_way = int(network.lanes.direction[current]) == along
-        outward = network.left_neighbour if (side == "left") == same_way else network.right_neighbour
-        current = outward(current)
-        if current is None:
-            return np.full_like(s_m, margin_m)
-        kind = str(network.lanes.lane_type[current])
-        if kind in SIDEWALK_TYPES:
-            return passed + margin_m
-        if kind not in KERBSIDE_TYPES:
-            return np.full_like(s_m, margin_m)
-        passed = passed + network.lane_width(current, s_m)
+    passed, has_sidewalk = kerb(lane_map, lane, s_m, side)
+    return passed + margin_m if has_sidewalk else np.full_like(s_m, margin_m)
 
 
 class StripSet:

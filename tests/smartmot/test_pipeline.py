@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from opendrive import load_map
-from smartmot.area.monitored_area import (
-    EverythingArea,
-    MapArea,
-    MapAreaConfig,
-    RectangularArea,
-    RectangularConfig,
-)
+from smartmot.area import EverythingArea, MapArea, MapAreaConfig, RectangularArea, RectangularConfig
 from smartmot.decision.braking import BrakingDistance
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, TimeOrderError

@@ -10,6 +10,7 @@ from opendrive import RoadNetwork
 from scenarios.errors import DatasetError
 from smartmot.geometry import wrap_angle
 from smartmot.maps.route import Route, route_ahead
+from smartmot.maps.walks import lane_ends, lane_headings, lane_length_m
 from smartmot.types import FloatArray, IntArray
 
 FOLLOWERS = ("car", "truck", "motorcycle", "cyclist", "unknown")
@@ -58,7 +59,7 @@ class LaneForecast:
                 station = station_offset[rows[chosen], 0] + distance[chosen]
                 inside = station <= route.length_m
                 chosen, station = chosen[inside], station[inside]
-                positions[chosen] = _points(route, station, station_offset[rows[chosen], 1])
+                positions[chosen] = route.poses(station, station_offset[rows[chosen], 1])[0]
             return positions
 
         return carry
@@ -76,24 +77,20 @@ class LaneForecast:
         inside = nearest.found & (nearest.distance_m <= 0.0)
         rows, lanes, s_m = rows[inside], nearest.lane[inside], nearest.s_m[inside]
         course = np.arctan2(tracks.velocity_mps[rows, 1], tracks.velocity_mps[rows, 0])
-        for index in np.unique(lanes).tolist():
-            chosen = lanes == index
-            heading = self._network.center_line(index, s_m[chosen])[3]
-            same = np.abs(wrap_angle(course[chosen] - heading)) <= MAX_TURN_RAD
-            own = rows[chosen][same]
-            lane[own] = index
-            route = self._route(index)
-            for k in own.tolist():
-                place[k] = route.project(*tracks.center_m[k].tolist())
+        turn = wrap_angle(course - lane_headings(self._network, lanes, s_m))
+        along = np.abs(turn) <= MAX_TURN_RAD
+        lane[rows[along]] = lanes[along]
+        for index in np.unique(lanes[along]).tolist():
+            on_it = rows[along][lanes[along] == index]
+            place[on_it] = np.column_stack(self._route(index).place(tracks.center_m[on_it]))
         return lane, place
 
     def _route(self, lane: int) -> Route:
         """The way ahead from the entry of a lane."""
         if lane not in self._routes:
-            lanes = self._network.lanes
-            entry = lanes.s_start_m if lanes.direction[lane] > 0 else lanes.s_end_m
-            length = float(lanes.s_end_m[lane] - lanes.s_start_m[lane])
-            self._routes[lane] = route_ahead(self._network, lane, float(entry[lane]), length + AHEAD_M)
+            entry_s_m, _ = lane_ends(self._network, lane)
+            ahead = lane_length_m(self._network, lane) + AHEAD_M
+            self._routes[lane] = route_ahead(self._network, lane, entry_s_m, ahead)
         return self._routes[lane]
 
 
@@ -105,16 +102,6 @@ def _driven(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> Flo
     until_stop_s = np.where(along < 0.0, speed / np.maximum(-along, 1e-9), np.inf)
     moving_s = np.minimum(time_s, until_stop_s)
     return np.asarray(speed * moving_s + 0.5 * along * moving_s**2)
-
-
-def _points(route: Route, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
-    """(R, 2) points beside a route's centre line, offsets positive to the left."""
-    k = np.clip(np.searchsorted(route.station_m, station_m) - 1, 0, len(route.station_m) - 2)
-    step = route.center_m[k + 1] - route.center_m[k]
-    unit = step / np.linalg.norm(step, axis=1, keepdims=True)
-    normal = np.column_stack((-unit[:, 1], unit[:, 0]))
-    ahead = (station_m - route.station_m[k])[:, None]
-    return np.asarray(route.center_m[k] + ahead * unit + offset_m[:, None] * normal)
 
 
 def require_cover(network: RoadNetwork, points_m: FloatArray, what: str) -> None:

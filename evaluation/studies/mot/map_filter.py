@@ -10,14 +10,13 @@ from evaluation.studies.mot.lanes import require_cover
 from opendrive import RoadNetwork
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
-from smartmot.area.monitored_area import MapArea, MapAreaConfig, MonitoredLanes
-from smartmot.maps.route import route_ahead
+from smartmot.area import MapArea, MapAreaConfig, MonitoredLanes
+from smartmot.maps.follow import MAX_FROM_LANE_M, routes_from_poses
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray
 
-MAX_FROM_LANE_M = 3.0
-"""A vehicle farther from every driving lane than a lane's width is off the map."""
-
-_BEHIND_M = 100.0
+_NEW_ROUTE_FACTOR, _NEW_ROUTE_MPS = 2.0, 20.0
+"""A new route goes on for twice what is driven within the monitored time at this speed, or at a greater one
+of the vehicle: at 72 km/h it is looked for once in 60 m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,31 +74,22 @@ def filter_by_map(data: Dataset, network: RoadNetwork, config: MapAreaConfig | N
 def _areas(sequence: Sequence, network: RoadNetwork, config: MapAreaConfig) -> list[MonitoredLanes | None]:
     """The monitored lanes of each frame; None off the map."""
     pose = sequence.ego_xy_yaw()
-    nearest = network.nearest_lane(pose[:, :2])
-    on_map = nearest.found & (nearest.distance_m <= MAX_FROM_LANE_M)
     speed = _speeds_mps(sequence.stamp_s, pose)
+    monitored_m = np.maximum(config.min_front_m, config.front_time_s * speed)
+    new_m = config.min_front_m + _NEW_ROUTE_FACTOR * config.front_time_s * np.maximum(speed, _NEW_ROUTE_MPS)
+    routes = routes_from_poses(network, pose[:, :2], monitored_m, new_m, config.vru_margin_m)
     areas: list[MonitoredLanes | None] = []
     strategy: MapArea | None = None
-    for k, (x, y, yaw) in enumerate(pose.tolist()):
-        if not on_map[k]:
+    for stamp_s, (x, y, yaw), speed_mps, route in zip(
+        sequence.stamp_s.tolist(), pose.tolist(), speed.tolist(), routes, strict=True
+    ):
+        if route is None:
             areas.append(None)
             continue
-        lane = int(nearest.lane[k])
-        if strategy is None or lane not in strategy.route.lanes or _ends(strategy, x, y, float(speed[k])):
-            ahead = config.min_front_m + 2.0 * config.front_time_s * max(float(speed[k]), 20.0)
-            route = route_ahead(
-                network, lane, float(nearest.s_m[k]), ahead, _BEHIND_M, vru_margin_m=config.vru_margin_m
-            )
+        if strategy is None or strategy.route is not route:
             strategy = MapArea(network, route, config)
-        areas.append(strategy.at(EgoState(float(sequence.stamp_s[k]), x, y, yaw, float(speed[k]))))
+        areas.append(strategy.at(EgoState(stamp_s, x, y, yaw, speed_mps)))
     return areas
-
-
-def _ends(strategy: MapArea, x_m: float, y_m: float, speed_mps: float) -> bool:
-    """Whether the route ends within the monitored length and may go on."""
-    station, _ = strategy.route.project(x_m, y_m)
-    short = strategy.route.length_m - station < strategy.front_m(speed_mps)
-    return short and bool(strategy.network.successors(strategy.route.lanes[-1]))
 
 
 def _speeds_mps(stamp_s: FloatArray, pose: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from evaluation.views.page.scene import Scene, boxes_in
 from evaluation.views.plots.style import MPS_TO_KMH
 from scenarios.presets import Preset
 from scenarios.simulation.simulation import CUT_OFF, EndReason
-from smartmot.area.monitored_area import MonitoredLanes, ego_extent, ego_frame, is_vulnerable
+from smartmot.area import MonitoredLanes, ego_extent, ego_frame, is_vulnerable
 from smartmot.decision.rules import STANDING_MPS
 from smartmot.forecast import forecast_ego
 from smartmot.geometry import signed_gap

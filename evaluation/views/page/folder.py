@@ -22,18 +22,12 @@ from evaluation.runs.configuration import (
 from opendrive import OpenDriveError, RoadNetwork
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import ScenarioDefinition
-from scenarios.places import Scene
+from scenarios.places import MapView
 from scenarios.presets import Preset
 from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, load_named_map, perception_map
 from scenarios.strategies import STRATEGIES, make_strategy
-from smartmot.area.monitored_area import (
-    EverythingArea,
-    MapArea,
-    MonitoredArea,
-    MonitoredAreaStrategy,
-    RectangularArea,
-)
+from smartmot.area import EverythingArea, MapArea, MonitoredArea, MonitoredAreaStrategy, RectangularArea
 from smartmot.errors import PluginError, SmartMotError
 from smartmot.maps.route import Route
 from smartmot.plugins import failure, is_plugin, require, source_digest
@@ -213,7 +207,7 @@ def read_settings(
 
     """
     named = set(runs["log"].dropna())
-    scenes: dict[object, Scene] = {}
+    scenes: dict[object, MapView] = {}
     settings: dict[str, Setting] = {}
     missing: Counter[str] = Counter()
     notes: dict[str, None] = {}
@@ -244,7 +238,7 @@ def _share(count: int, whole: int) -> str:
 
 
 def _setting(
-    run: StoredRun, plugins: Mapping[str, str], scenes: dict[object, Scene], allow_plugins: bool
+    run: StoredRun, plugins: Mapping[str, str], scenes: dict[object, MapView], allow_plugins: bool
 ) -> tuple[Setting, str]:
     """Where a run took place, and what is to be said of its monitored area."""
     spec = run.spec
@@ -266,7 +260,7 @@ def _setting(
     return Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must), note
 
 
-def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> Scene:
+def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> MapView:
     """Map and route of a run; nothing of the user's own is made."""
     name = perception_map(definition, spec.map_name)
     network = load_named_map(name) if name else None
@@ -274,7 +268,7 @@ def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> Sce
 
 
 def _strategy(
-    name: str, preset: Preset, scene: Scene, plugins: Mapping[str, str], allow_plugins: bool
+    name: str, preset: Preset, scene: MapView, plugins: Mapping[str, str], allow_plugins: bool
 ) -> tuple[MonitoredAreaStrategy | None, str]:
     """What made the monitored area, and what is to be said of it."""
     if name not in STRATEGIES and not is_plugin(name):

@@ -11,7 +11,7 @@ import numpy as np
 from evaluation.results.files import ResultsError
 from evaluation.views.plots.ground import Area
 from evaluation.views.plots.log_rows import of_kind
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 from smartmot.geometry import wrap_angle
 from smartmot.types import Boxes, EgoState, FloatArray
 

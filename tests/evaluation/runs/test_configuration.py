@@ -28,7 +28,7 @@ from evaluation.views.page.folder import RunFolder, read_folder
 from evaluation.views.page.page import write_page
 from scenarios.catalogue.library import DEFINITIONS
 from scenarios.spec import RunSpec, definition_of, preset_of
-from smartmot.area.monitored_area import MapArea
+from smartmot.area import MapArea
 
 FIELD = Path(__file__).parents[2] / "data" / "field" / "runs"
 LOG = "cpna_paper_map_dry_none_50kmh_seed0"

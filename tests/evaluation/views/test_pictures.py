@@ -19,7 +19,7 @@ from evaluation.views import plots
 from evaluation.views.pictures import save_map, save_picture, save_pictures
 from scenarios.catalogue.cpna import Site
 from scenarios.strategies import make_strategy
-from smartmot.area.monitored_area import MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy
 
 SUITE = runner.CpnaSuite((20.0, 50.0, 60.0), ("map",), "paper", ("dry",), "urban_street")
 

@@ -45,12 +45,12 @@ from scenarios.openscenario.model import (
 )
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
-from scenarios.places import Scene, Site
+from scenarios.places import MapView, Site
 from scenarios.presets import PAPER, PHYSICAL, Preset
 from scenarios.sensors.sensor import SensorConfig
 from scenarios.simulation.simulation import EndReason, Outcome, Simulation, StopRule, is_avoided
 from scenarios.strategies import make_strategy
-from smartmot.area.monitored_area import EverythingArea
+from smartmot.area import EverythingArea
 from smartmot.decision.rules import Command
 from smartmot.maps.route import RouteError
 from smartmot.path import PlannedPath
@@ -571,7 +571,7 @@ def lead_runs() -> dict[str, Outcome]:
     others = {"standing": car_at(220.0), "slower": car_at(160.0, speed_mps=20 * KMH)}
     rule = StopRule(time_limit_s=18.0)
 
-    def strategy(scene: Scene):  # type: ignore[no-untyped-def]
+    def strategy(scene: MapView):  # type: ignore[no-untyped-def]
         return make_strategy("map", PHYSICAL, scene)
 
     return {

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from opendrive import RoadNetwork, load_map
-from smartmot.area.monitored_area import (
+from smartmot.area import (
     EverythingArea,
     MapArea,
     MapAreaConfig,
@@ -21,7 +21,8 @@ from smartmot.area.monitored_area import (
 from smartmot.decision.braking import BrakingDistance
 from smartmot.errors import ConfigError, ShapeError
 from smartmot.geometry import corners
-from smartmot.maps.route import route_ahead, route_along, route_from_lanes
+from smartmot.maps.follow import route_along
+from smartmot.maps.route import route_ahead, route_from_lanes
 from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray
 
 MAPS = Path(__file__).parents[3] / "scenarios" / "maps"

@@ -4,7 +4,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmot.area.monitored_area import ego_extent
+from smartmot.area import ego_extent
 from smartmot.decision.collision import IOU_THRESHOLD, collision_times, threats
 from smartmot.geometry import corners
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, Forecast, Tracks

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from opendrive import RoadNetwork, load_map
 from scenarios.scenes.scenes import SCENES
 from smartmot.errors import ShapeError, SmartMotError
-from smartmot.maps.route import Route, RouteError, route_ahead, route_along, route_from_lanes
+from smartmot.maps.follow import route_along
+from smartmot.maps.route import Route, RouteError, route_ahead, route_from_lanes
 
 MAPS = Path(__file__).parents[3] / "scenarios" / "maps"
 TOWN = Path(__file__).parents[4] / "shared" / "opendrive" / "maps" / "Town03.xodr"

@@ -12,7 +12,7 @@ from evaluation.views.page.explain import explain
 from evaluation.views.page.folder import RunFolder, read_folder
 from evaluation.views.page.scene import Scene, read_scene
 from scenarios.presets import PAPER, PHYSICAL
-from smartmot.area.monitored_area import EverythingArea, RectangularArea
+from smartmot.area import EverythingArea, RectangularArea
 
 BYSTANDER = {
     "id": 4, "category": "pedestrian", "x_m": 18.0, "y_m": -2.4, "yaw_rad": 0.0, "length_m": 0.5,

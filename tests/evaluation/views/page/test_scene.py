@@ -8,7 +8,7 @@ import pytest
 
 from evaluation.results.files import ResultsError
 from evaluation.views.page.scene import read_scene
-from smartmot.area.monitored_area import RectangularArea, RectangularConfig
+from smartmot.area import RectangularArea, RectangularConfig
 from smartmot.decision.braking import BrakingDistance
 
 

@@ -1,0 +1,111 @@
+"""Which objects matter: what a monitored area answers, and how objects lie to the ego.
+
+A strategy gives, for an ego state, an area that answers two questions about object boxes: is the object kept
+(tracked), and how does it relate to the ego's route.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray, frozen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relevance:
+    """How N objects relate to the ego's route now.
+
+    Args:
+        in_route: (N,) which count as being in the ego's route; VRUs also beside it, in the margin.
+        on_way: (N,) which are in the ego's way. With a map: VRUs on its lane, others on its path. The
+            baseline knows neither: whoever is in its rectangle is in its way, also on the sidewalk.
+        within_reach: (N,) which are near enough in front of the ego to count at all.
+
+    Raises:
+        ShapeError: Shapes disagree.
+    """
+
+    in_route: BoolArray
+    on_way: BoolArray
+    within_reach: BoolArray
+
+    def __post_init__(self) -> None:
+        n = np.size(self.in_route)
+        for name in ("in_route", "on_way", "within_reach"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_, (n,), name))
+
+
+class MonitoredArea(Protocol):
+    """The area at one moment.
+
+    VRUs are placed by their centres, since margins widen the area for them; all others by their outlines.
+    """
+
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) which objects are tracked at all."""
+
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
+        """How objects relate to the ego's route."""
+
+    def on_lane(self, center_m: FloatArray) -> BoolArray:
+        """(N,) which points, (N, 2) map frame, lie on the ego's lane ahead, without any margin."""
+
+    def polygons(self) -> list[tuple[str, FloatArray]]:
+        """Outlines to draw: (role, (P, 2) ring in the map frame)."""
+
+
+class MonitoredAreaStrategy(Protocol):
+    """Makes the area for an ego state.
+
+    It may have `uses_path = True`: then the ego is forecast along its planned path where the settings ask for
+    that, and if `at` has a parameter `path`, it gets the path there (None while it is not known).
+    """
+
+    name: str
+
+    def at(self, ego: EgoState) -> MonitoredArea:
+        """The monitored area around `ego`."""
+
+
+def is_vulnerable(category: StrArray) -> BoolArray:
+    """(N,) whether each category is a vulnerable road user."""
+    return np.array([name in VULNERABLE for name in category.tolist()], dtype=np.bool_)
+
+
+_NINE_POINTS = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
+"""Corners, middles of the edges and centre of a box, in half lengths and half widths."""
+
+
+def outline_points(boxes: Boxes) -> FloatArray:
+    """(N * 9, 2) centre, corners and edge middles of boxes, map frame, one box after the other."""
+    half = boxes.size_m[:, None, :] / 2 * _NINE_POINTS
+    c, s = np.cos(boxes.yaw_rad)[:, None], np.sin(boxes.yaw_rad)[:, None]
+    x = boxes.center_m[:, 0, None] + c * half[..., 0] - s * half[..., 1]
+    y = boxes.center_m[:, 1, None] + s * half[..., 0] + c * half[..., 1]
+    return np.stack((x, y), axis=-1).reshape(-1, 2)
+
+
+def ego_frame(points_m: FloatArray, ego: EgoState) -> tuple[FloatArray, FloatArray]:
+    """(N,) x ahead and (N,) y to the left of points, (N, 2) map frame, from the ego's centre, metres."""
+    c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
+    dx, dy = points_m[:, 0] - ego.x_m, points_m[:, 1] - ego.y_m
+    return c * dx + s * dy, c * dy - s * dx
+
+
+def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Extent of boxes along and across the ego's heading, from the ego's centre.
+
+    Returns:
+        x_min, x_max, y_min, y_max: (N,) metres, ego frame (x ahead, y left).
+    """
+    x, y = ego_frame(boxes.center_m, ego)
+    turn = boxes.yaw_rad - ego.yaw_rad
+    # a turned rectangle reaches as far along an axis as the shadows of its two half sides add up to
+    ct, st = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    half_x = 0.5 * (boxes.size_m[:, 0] * ct + boxes.size_m[:, 1] * st)
+    half_y = 0.5 * (boxes.size_m[:, 0] * st + boxes.size_m[:, 1] * ct)
+    return x - half_x, x + half_x, y - half_y, y + half_y
