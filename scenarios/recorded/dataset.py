@@ -134,6 +134,11 @@ class Objects:
         """(F + 1,) rows at which the frames start, and the number of rows."""
         return np.searchsorted(self.frame, np.arange(frame_count + 1)).astype(np.int64)
 
+    def frame_rows(self, frame_count: int) -> list[slice]:
+        """F slices: the rows of each frame."""
+        start = self.frame_starts(frame_count).tolist()
+        return [slice(first, last) for first, last in zip(start[:-1], start[1:], strict=True)]
+
     def usable(self) -> BoolArray:
         """(K,) rows whose box is possible (as in `smartmot.detections_from_arrays`) and has a score."""
         box = np.column_stack((self.center_m, self.size_m, self.yaw_rad))
@@ -192,10 +197,8 @@ class Sequence:
     def frames(self) -> Iterator[Detections]:
         """The detections of each frame, as the tracker takes them."""
         objects = self.detections
-        start = objects.frame_starts(len(self))
         measured = bool(np.isfinite(objects.velocity_mps).any())
-        for k, stamp_s in enumerate(self.stamp_s.tolist()):
-            rows = slice(start[k], start[k + 1])
+        for stamp_s, rows in zip(self.stamp_s.tolist(), objects.frame_rows(len(self)), strict=True):
             boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
             velocity = objects.velocity_mps[rows] if measured else None
             yield Detections(stamp_s, boxes, objects.score[rows], objects.category[rows], velocity)

@@ -10,6 +10,8 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Objects, Sequence
+from scenarios.sources.frames import frames
+from scenarios.sources.recorded import RecordedSource
 from smartmot.errors import SmartMotError
 from smartmot.tracking.own import ObjectTracker, update_own
 from smartmot.tracking.tracker import Tracker, box_filter
@@ -60,21 +62,21 @@ def track_sequence(
     """
     reported: list[Tracks] = []
     update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
-    for k, detections in enumerate(sequence.frames()):
+    for k, frame in enumerate(frames(RecordedSource(sequence, needs_odometry=False))):
         try:
-            reported.append(update(detections))
+            reported.append(update(frame.detections))
         except SmartMotError as error:
             raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
         done()
     if not reported:
         return TrackedSequence(sequence, Objects.empty(), np.zeros(0), np.zeros((0, 2)), np.zeros(0))
-    frame = np.repeat(np.arange(len(reported)), [len(t) for t in reported])
+    frame_index = np.repeat(np.arange(len(reported)), [len(t) for t in reported])
 
     def column(name: str) -> FloatArray:
         return np.concatenate([getattr(t, name) for t in reported])
 
     tracks = Objects.of(
-        frame,
+        frame_index,
         np.concatenate([t.boxes.center_m for t in reported]),
         size_m=np.concatenate([t.boxes.size_m for t in reported]),
         yaw_rad=np.concatenate([t.boxes.yaw_rad for t in reported]),
@@ -130,17 +132,13 @@ def _with_heights(tracks: Objects, matched: BoolArray, detections: Objects, fram
 
 def _nearest(tracks: Objects, detections: Objects, frame_count: int) -> IntArray:
     """(K,) row of the detection nearest to each track in its frame, -1 in a frame without detections."""
-    found = np.full(len(tracks), -1, dtype=np.int64)
-    track_start, start = (
-        tracks.frame_starts(frame_count).tolist(),
-        detections.frame_starts(frame_count).tolist(),
-    )
-    for k in range(frame_count):
-        own, others = slice(track_start[k], track_start[k + 1]), slice(start[k], start[k + 1])
-        if own.start == own.stop or others.start == others.stop:
+    nearest = np.full(len(tracks), -1, dtype=np.int64)
+    track_rows, detection_rows = tracks.frame_rows(frame_count), detections.frame_rows(frame_count)
+    for at, seen in zip(track_rows, detection_rows, strict=True):
+        if at.start == at.stop or seen.start == seen.stop:
             continue
-        offset = tracks.center_m[own, None] - detections.center_m[None, others]
+        offset = tracks.center_m[at, None] - detections.center_m[None, seen]
         distance = np.einsum("ijk,ijk->ij", offset, offset)
-        distance[tracks.category[own, None] != detections.category[None, others]] += _FAR_M**2
-        found[own] = others.start + distance.argmin(axis=1)
-    return found
+        distance[tracks.category[at, None] != detections.category[None, seen]] += _FAR_M**2
+        nearest[at] = seen.start + distance.argmin(axis=1)
+    return nearest

@@ -1,0 +1,255 @@
+"""Recorded drives as a source of frames: odometry by differences, and the closed loop's parts on them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opendrive import load_map
+from scenarios.errors import DatasetError, ScenarioError
+from scenarios.recorded.dataset import Objects, Sequence
+from scenarios.recorded.poses import rigid, turned_about
+from scenarios.recorded.table import read_csv
+from scenarios.simulation.log import RunLog
+from scenarios.sources import Frame, FrameSource, StepResult, frames
+from scenarios.sources.recorded import END_OF_RECORDING, RecordedSource, pose_rates, spaced
+from smartmot.area.monitored_area import EverythingArea, MapArea, MapAreaConfig, MonitoredAreaStrategy
+from smartmot.decision.braking import BrakingDistance
+from smartmot.decision.rules import Command
+from smartmot.detection_input import detections_from_arrays
+from smartmot.forecast import ForecastConfig
+from smartmot.maps.route import route_along
+from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
+from smartmot.types import Boxes, EgoState
+
+MAPS = Path(__file__).parents[3] / "scenarios" / "maps"
+FRAME_S = 0.1
+SPEED_MPS = 10.0
+PEDESTRIAN_X_M, SIDE_M = 150.03, 0.5
+LANE_Y_M = -1.75
+HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,category,score"
+
+
+def poses(stamp_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, yaw_rad: np.ndarray) -> np.ndarray:
+    return rigid(turned_about(2, yaw_rad), np.column_stack((x_m, y_m, np.zeros(len(stamp_s)))))
+
+
+def recording(stamp_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, yaw_rad: np.ndarray) -> Sequence:
+    """A drive on which nothing is seen."""
+    names = tuple(map(str, range(len(stamp_s))))
+    return Sequence("a", stamp_s, names, Objects.empty(), None, poses(stamp_s, x_m, y_m, yaw_rad))
+
+
+@pytest.fixture
+def towards_a_pedestrian(tmp_path: Path) -> Sequence:
+    """CSV files of an ego at 10 m/s that drives over where a pedestrian stands, 50 m ahead."""
+    times = [FRAME_S * k for k in range(60)]
+    person = f"{PEDESTRIAN_X_M},{LANE_Y_M},{SIDE_M},{SIDE_M},0,pedestrian,0.9"
+    (tmp_path / "detections.csv").write_text(
+        "\n".join([HEADER, *(f"{t:.1f},{person}" for t in times)]) + "\n"
+    )
+    ego = [f"{t:.1f},{100 + SPEED_MPS * t:.1f},{LANE_Y_M},0" for t in times]
+    (tmp_path / "ego.csv").write_text("\n".join(["stamp_s,x_m,y_m,yaw_rad", *ego]) + "\n")
+    [sequence] = read_csv(tmp_path).sequences
+    return sequence
+
+
+def drive(source: FrameSource, pipeline: Pipeline) -> list[tuple[Frame, FrameResult]]:
+    """What perception and decision make of a source, which is given every command."""
+    state, decided = pipeline.initial(), []
+    at = source.start()
+    while at.frame is not None:
+        state, result = pipeline.step(state, at.frame.detections, at.frame.ego, at.frame.path)
+        decided.append((at.frame, result))
+        at = source.step(result.command)
+    return decided
+
+
+# --- odometry -----------------------------------------------------------------------------------------------
+
+
+def test_speed_and_turn_rate_are_differences_of_the_poses() -> None:
+    """A circle of 20 m at 0.25 rad/s: the chord over one frame, and the turn rate itself."""
+    stamp_s = np.arange(40) * FRAME_S
+    angle = 0.25 * stamp_s + 3.0  # the heading passes 180 degrees
+    source = RecordedSource(recording(stamp_s, 20.0 * np.sin(angle), -20.0 * np.cos(angle), angle))
+    states = [frame.ego for frame in frames(source)]
+    chord_mps = 2.0 * 20.0 * math.sin(0.25 * FRAME_S / 2.0) / FRAME_S
+    assert [s.speed_mps for s in states] == pytest.approx([chord_mps] * 40)
+    assert [s.yaw_rate_radps for s in states] == pytest.approx([0.25] * 40)
+
+
+def test_the_first_frame_has_the_motion_of_the_second() -> None:
+    speed, turn = pose_rates(np.array([0.0, 0.5, 1.0]), np.array([[0, 0, 0], [1, 0, 0.1], [4, 0, 0.1]]))
+    assert speed == pytest.approx([2.0, 2.0, 6.0])
+    assert turn == pytest.approx([0.2, 0.2, 0.0])
+
+
+def test_a_vehicle_that_backs_has_a_negative_speed() -> None:
+    stamp_s = np.arange(5) * 0.2
+    source = RecordedSource(recording(stamp_s, np.zeros(5), -3.0 * stamp_s, np.full(5, np.pi / 2)))
+    assert [frame.ego.speed_mps for frame in frames(source)] == pytest.approx([-3.0] * 5)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_recording_too_short_for_a_difference_stands(count: int) -> None:
+    nothing = np.zeros(count)
+    assert [frame.ego.speed_mps for frame in frames(RecordedSource(recording(*[nothing] * 4)))] == [
+        0.0
+    ] * count
+
+
+def test_the_outline_lies_ahead_of_the_recorded_point() -> None:
+    stamp_s = np.arange(3) * FRAME_S
+    still = np.zeros(3)
+    source = RecordedSource(
+        recording(stamp_s, still, still, np.full(3, np.pi / 2)),
+        *(None,),
+        length_m=5.0,
+        width_m=2.0,
+        center_ahead_m=1.4,
+    )
+    ego = next(frames(source)).ego
+    assert (ego.x_m, ego.y_m) == pytest.approx((0.0, 1.4))
+    assert (ego.length_m, ego.width_m) == (5.0, 2.0)
+
+
+def test_without_odometry_only_tracking_gets_frames() -> None:
+    blind = Sequence("b", np.arange(3) * FRAME_S, ("0", "1", "2"), Objects.empty())
+    with pytest.raises(DatasetError, match="sequence b has no ego poses"):
+        RecordedSource(blind)
+    states = [frame.ego for frame in frames(RecordedSource(blind, needs_odometry=False))]
+    assert [(s.x_m, s.y_m, s.yaw_rad, s.speed_mps) for s in states] == [(0.0, 0.0, 0.0, 0.0)] * 3
+
+
+def test_impossible_poses_are_refused() -> None:
+    stamp_s = np.arange(2) * FRAME_S
+    with pytest.raises(DatasetError, match=r"sequence a: ego poses must be within 1e\+08 m"):
+        RecordedSource(recording(stamp_s, np.array([0.0, 1e300]), np.zeros(2), np.zeros(2)))
+
+
+# --- the protocol -------------------------------------------------------------------------------------------
+
+
+def test_each_frame_once_then_the_end(towards_a_pedestrian: Sequence) -> None:
+    source: FrameSource = RecordedSource(towards_a_pedestrian)
+    with pytest.raises(ScenarioError, match="not started"):
+        source.step(None)
+    at, stamps = source.start(), []
+    while at.frame is not None:
+        stamps.append(at.frame.stamp_s)
+        at = source.step(Command(emergency=True))
+    assert stamps == towards_a_pedestrian.stamp_s.tolist()
+    assert at.end_reason == END_OF_RECORDING
+    with pytest.raises(ScenarioError, match="at its end"):
+        source.step(None)
+    with pytest.raises(ScenarioError, match="already started"):
+        source.start()
+
+
+def test_the_path_is_known_only_in_hindsight_and_up_to_its_horizon(towards_a_pedestrian: Sequence) -> None:
+    assert all(frame.path is None for frame in frames(RecordedSource(towards_a_pedestrian)))
+    known = list(frames(RecordedSource(towards_a_pedestrian, hindsight_s=2.0)))
+    assert len({id(frame.path) for frame in known}) == 3
+    for frame in known[:30]:
+        assert frame.path is not None
+        station_m, offset_m = frame.path.project(frame.ego.x_m, frame.ego.y_m)
+        assert offset_m == pytest.approx(0.0)
+        # as far as the horizon, at most twice as far; the last point is up to a frame before that
+        assert 2.0 * SPEED_MPS - 1.0 <= frame.path.length_m - station_m <= 4.0 * SPEED_MPS
+
+
+def test_a_vehicle_that_stands_has_no_path() -> None:
+    standing = recording(np.arange(5) * FRAME_S, *[np.zeros(5)] * 3)
+    assert [frame.path for frame in frames(RecordedSource(standing, hindsight_s=1.0))] == [None] * 5
+    with pytest.raises(ScenarioError, match="hindsight_s must be positive"):
+        RecordedSource(standing, hindsight_s=0.0)
+
+
+def test_points_of_a_path_keep_their_distance() -> None:
+    points = np.column_stack((np.array([0.0, 0.1, 0.4, 0.6, 0.7, 1.3]), np.zeros(6)))
+    assert spaced(points, 0.5)[:, 0].tolist() == [0.0, 0.6, 1.3]
+
+
+# --- area, tracker, forecast, decision and log --------------------------------------------------------------
+
+
+def map_area(sequence: Sequence) -> MapArea:
+    network = load_map(MAPS / "urban_street.xodr")
+    route = route_along(network, sequence.ego_xy_yaw()[:, :2], 60.0, 30.0)
+    return MapArea(network, route, MapAreaConfig(min_front_m=60.0))  # the forecast is what limits the view
+
+
+@pytest.mark.parametrize("area", ["all", "map"])
+def test_threat_and_emergency_come_when_the_closed_form_says(
+    towards_a_pedestrian: Sequence, area: str
+) -> None:
+    """The forecasts meet within 3 s, boxes of 0.1 s; the brake waits for the braking distance of 36 km/h."""
+    strategy: MonitoredAreaStrategy = EverythingArea() if area == "all" else map_area(towards_a_pedestrian)
+    decided = drive(
+        RecordedSource(towards_a_pedestrian, hindsight_s=3.0), Pipeline(strategy, PipelineConfig())
+    )
+    edge_m = PEDESTRIAN_X_M - 100.0 - SIDE_M / 2.0
+    front_m = EgoState(0.0, 0.0, 0.0, 0.0, 0.0).length_m / 2.0
+    # 1 % of the union of both boxes must overlap
+    union_m2 = 4.4 * 1.8 + SIDE_M**2
+    overlap_m = 0.01 * union_m2 / 1.01 / SIDE_M
+    touch_s = (edge_m - front_m + overlap_m) / SPEED_MPS
+    threat_s = math.ceil((touch_s - ForecastConfig().min_horizon_s) / FRAME_S) * FRAME_S
+    brake_s = math.ceil((edge_m - BrakingDistance().at(SPEED_MPS)) / SPEED_MPS / FRAME_S) * FRAME_S
+    threats = [frame.stamp_s for frame, result in decided if len(result.threats.track_id)]
+    braked = [frame.stamp_s for frame, result in decided if result.command.emergency]
+    assert threats[0] == pytest.approx(threat_s)
+    assert braked[0] == pytest.approx(brake_s)
+    [first] = [result for frame, result in decided if frame.stamp_s == braked[0]]
+    assert [event.name for event in first.events] == ["unexpected", "collision", "predicted_collision"]
+    # the frame's forecast: the first box, 0.1 s apart, that overlaps
+    [ttc_s] = first.threats.time_to_collision_s.tolist()
+    assert ttc_s == pytest.approx(math.ceil((touch_s - brake_s) / 0.1) * 0.1)
+
+
+def test_a_recorded_drive_is_logged_as_a_run_is(towards_a_pedestrian: Sequence) -> None:
+    log = RunLog(np.zeros(0, dtype=np.str_), np.zeros(0, dtype=np.str_))
+    none = Boxes(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    for frame, result in drive(
+        RecordedSource(towards_a_pedestrian), Pipeline(EverythingArea(), PipelineConfig())
+    ):
+        log.frame(frame.ego, none, np.zeros(0), np.zeros(0, dtype=np.int64))
+        log.perception(frame.ego, result)
+    table = log.table()
+    ego = table["kind"] == "ego"
+    assert table["speed_mps"][ego] == pytest.approx([SPEED_MPS] * 60)
+    assert np.unique(table["label"][table["kind"] == "track"]).tolist() == ["static", "threat"]
+    assert "predicted_collision" in table["label"][table["kind"] == "event"]
+
+
+# --- another source -----------------------------------------------------------------------------------------
+
+
+class Playback:
+    """A third source in one class: a pedestrian ahead, made up frame by frame, as a live topic would give."""
+
+    def __init__(self, count: int) -> None:
+        self._frames = iter([self._seen(FRAME_S * k) for k in range(count)])
+
+    @staticmethod
+    def _seen(now: float) -> Frame:
+        detections, _ = detections_from_arrays(now, [[50.0, 0.0]], [[0.5, 0.5]], [0.0], [0.9], ["pedestrian"])
+        return Frame(now, EgoState(now, SPEED_MPS * now, 0.0, 0.0, SPEED_MPS), detections)
+
+    def start(self) -> StepResult:
+        return self.step(None)
+
+    def step(self, command: Command | None) -> StepResult:
+        frame = next(self._frames, None)
+        return StepResult(frame, None if frame else "topic closed")
+
+
+def test_another_source_needs_nothing_but_frames() -> None:
+    decided = drive(Playback(60), Pipeline(EverythingArea(), PipelineConfig()))
+    assert len(decided) == 60
+    assert not decided[0][1].command.emergency
+    assert decided[-20][1].command.emergency
