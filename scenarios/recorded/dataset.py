@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,7 @@ class Objects:
     def frame_rows(self, frame_count: int) -> list[slice]:
         """F slices: the rows of each frame."""
         start = self.frame_starts(frame_count).tolist()
-        return [slice(first, last) for first, last in zip(start[:-1], start[1:], strict=True)]
+        return [slice(first, last) for first, last in pairwise(start)]
 
     def usable(self) -> BoolArray:
         """(K,) rows whose box is possible (as in `smartmot.detections_from_arrays`) and has a score."""

@@ -16,7 +16,7 @@ from scenarios.recorded.table import read_csv
 from scenarios.simulation.log import RunLog
 from scenarios.sources import Frame, FrameSource, StepResult, frames
 from scenarios.sources.recorded import END_OF_RECORDING, RecordedSource, pose_rates, spaced
-from smartmot.area.monitored_area import EverythingArea, MapArea, MapAreaConfig, MonitoredAreaStrategy
+from smartmot.area import EverythingArea, MapArea, MapAreaConfig, MonitoredAreaStrategy
 from smartmot.decision.braking import BrakingDistance
 from smartmot.decision.rules import Command
 from smartmot.detection_input import detections_from_arrays
