@@ -21,7 +21,7 @@ from smartmot.decision.braking import BrakingDistance
 from smartmot.decision.rules import Command
 from smartmot.detection_input import detections_from_arrays
 from smartmot.forecast import ForecastConfig
-from smartmot.maps.route import route_along
+from smartmot.maps.follow import route_along
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
 from smartmot.types import Boxes, EgoState
 
