@@ -89,3 +89,12 @@ def test_pins_satisfy_the_declared_dependencies(project: dict[str, Any]) -> None
     for declared, pinned in ((project["dependencies"], run), (optional, run | pins("dev.txt"))):
         for requirement in (r for r in map(Requirement, declared) if r.name != project["name"]):
             assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+
+
+def test_nothing_lies_beside_the_checkout() -> None:
+    """A user has no folder next to the project: the package and its pages name none."""
+    pages = [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    sources = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    outside = re.compile(r"\.\./shared|/ ['\"]shared['\"]")
+    assert len(sources) > 200
+    assert [path for path in (*pages, *sources) if outside.search(path.read_text(encoding="utf-8"))] == []

@@ -41,8 +41,12 @@ def command(
         typer.Option(help="Only these scenes, comma-separated; see docs/study.md. Default: all."),
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Every variant of the scenes, and outer maps where there are any.")
+        bool, typer.Option("--full", help="Every variant of the scenes; those of outer maps with --maps.")
     ] = False,
+    maps: Annotated[
+        Path | None,
+        typer.Option(help="With --full: folder with CARLA's towns and the campus maps.", metavar="DIR"),
+    ] = None,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Repetitions, each with its own noise.")] = 2,
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Change the paper's choices one at a time.")
@@ -81,6 +85,10 @@ def command(
     only = options.parse_names(scenes, scene_names(), "--scenes") if scenes is not None else ()
     if growth and (only or full or logs or len(conditions) > 1):
         raise ArgumentError("--growth: takes one --weather, and neither --scenes, --full nor --logs")
+    if maps is not None and not full:
+        raise ArgumentError("--maps: only --full runs scenes on outer maps; add --full")
+    if maps is not None and not maps.is_dir():
+        raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
     processes = workers or available_cores()
     with locked(writable_folder(out)):
         if growth:
@@ -94,6 +102,7 @@ def command(
                 weather=conditions,
                 scenes=only,
                 full=full,
+                maps=maps,
                 seeds=seeds,
                 workers=processes,
                 out=out,

@@ -4,7 +4,7 @@ How to use it::
 
     from scenarios.recorded.kitti import read_kitti
 
-    data = read_kitti(Path("../shared/kitti"))
+    data = read_kitti(Path("kitti/training"))
     for sequence in data.sequences:
         tracker = smartmot.Tracker(config)
         for detections in sequence.frames():  # smartmot.Detections, world frame, in the order of time

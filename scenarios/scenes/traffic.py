@@ -6,12 +6,14 @@ random traffic of rising seeds those are taken in which nobody touches anybody, 
 and the ego always keeps its distance to who is ahead and behind. Recorded vehicles do not react to an ego
 that brakes: one that brakes unnecessarily may be hit from behind.
 
-``python -m scenarios.scenes.traffic`` writes all of them again, byte by byte the same; those on outer
-maps only where the maps are.
+``python -m scenarios.scenes.traffic [MAPS]`` writes all of them again, byte by byte the same; those on outer
+maps only where the folder MAPS has the maps. `scenes.toml` says what is recorded.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -26,11 +28,9 @@ from lxml import etree
 from opendrive import RoadNetwork, load_map
 from scenarios.highway_road import MapLane, MapRoadNetwork, highway_road_network
 from scenarios.scenes.scene_maps import MAPS
-from scenarios.scenes.scenes import OUTER_MAPS
+from scenarios.scenes.scenes import SCENES, recordings
 from smartmot.maps.route import route_from_lanes
 from smartmot.types import FloatArray
-
-SCENES = Path(__file__).parent
 
 STEP_S, VERTEX_EVERY = 0.1, 5
 """Step of highway-env, and how many make the time between two vertices of a trajectory."""
@@ -50,31 +50,33 @@ class TrafficScene:
     Args:
         name: of the file.
         description: in the file.
-        map_name: of the map's file, without its ending.
+        map_name: of the map's file.
+        road_id: of the road.
         lane_id, start_s: where the ego starts on the road.
         speed_kmh: of the ego.
         number: which of the admissible random seeds, from 0.
         groups: lane, number of vehicles, lowest and highest place ahead of the ego, lowest and highest
             desired speed in km/h.
-        road_id: of the road.
         outer: whether the map is an outer one, whose place the file does not know: it declares it as `Map`.
     """
 
     name: str
     description: str
     map_name: str
+    road_id: str
     lane_id: int
     start_s: float
     speed_kmh: float
     number: int
-    groups: tuple[tuple[int, int, tuple[float, float], tuple[float, float]], ...]
-    road_id: str = "1"
-    outer: bool = False
+    groups: tuple[tuple[int, int, Sequence[float], Sequence[float]], ...]
+    outer: bool
 
-    @property
-    def map_path(self) -> Path:
-        """The map's file; an outer one may be absent."""
-        return (OUTER_MAPS if self.outer else MAPS) / f"{self.map_name}.xodr"
+    def map_path(self, maps: Path | None) -> Path | None:
+        """The map's file; None where it is an outer one that is not in the folder of outer maps."""
+        if not self.outer:
+            return MAPS / self.map_name
+        path = maps / self.map_name if maps else None
+        return path if path and path.is_file() else None
 
     @property
     def driven_m(self) -> float:
@@ -82,51 +84,25 @@ class TrafficScene:
         return DRIVEN_IN_TOWN_M if self.outer else DRIVEN_M
 
 
-def _on_two_lanes(number: int) -> TrafficScene:
-    return TrafficScene(
-        f"traffic_two_lanes_{number + 1}",
-        "Traffic on two lanes each way overtakes the ego, changes lanes and comes towards it",
-        "street_two_lanes", -2, 60.0, 50.0, number,
-        ((-1, 4, (-12.0, 90.0), (55.0, 75.0)), (-2, 2, (35.0, 120.0), (52.0, 60.0)),
-         (1, 4, (60.0, 430.0), (40.0, 60.0)), (2, 3, (60.0, 430.0), (35.0, 50.0))),
-    )  # fmt: skip
+def _scenes_of(entry: Mapping[str, Any]) -> Iterator[TrafficScene]:
+    """The recordings that an entry of the data file asks for."""
+    outer = "outer" in entry
+    for number in range(entry["count"]):
+        yield TrafficScene(
+            name=f"{entry['name']}_{number + 1}",
+            description=entry["description"],
+            map_name=entry["outer" if outer else "map"],
+            road_id=entry["road"],
+            lane_id=entry["lane"],
+            start_s=float(entry["start_s"]),
+            speed_kmh=float(entry["speed_kmh"]),
+            number=number,
+            groups=tuple(map(tuple, entry["groups"])),
+            outer=outer,
+        )
 
 
-def _in_a_bend(number: int) -> TrafficScene:
-    return TrafficScene(
-        f"traffic_bend_{number + 1}",
-        "Traffic comes towards the ego in a bend, and a car drives ahead of it",
-        "bend_60", -1, 90.0, 40.0, number,
-        ((-1, 1, (30.0, 50.0), (42.0, 50.0)), (1, 6, (40.0, 390.0), (35.0, 50.0))),
-    )  # fmt: skip
-
-
-def _in_a_town(number: int) -> TrafficScene:
-    return TrafficScene(
-        f"traffic_town_{number + 1}",
-        "Traffic comes towards the ego on a street of a town, and others drive ahead of it and behind it",
-        "Town01", -1, 32.0, 40.0, number,
-        ((-1, 1, (24.0, 32.0), (40.0, 44.0)), (-1, 1, (-27.0, -23.0), (36.0, 40.0)),
-         (1, 4, (135.0, 230.0), (28.0, 36.0))),
-        road_id="15", outer=True,
-    )  # fmt: skip
-
-
-def _on_a_campus(number: int) -> TrafficScene:
-    return TrafficScene(
-        f"traffic_campus_{number + 1}",
-        "On two lanes one way a car overtakes the ego, one behind it changes lanes, a slower car is ahead",
-        "CampusUAH_v1_7", -2, 30.0, 50.0, number,
-        ((-1, 1, (-14.0, -8.0), (62.0, 68.0)), (-2, 1, (45.0, 60.0), (44.0, 48.0)),
-         (-2, 1, (-27.0, -25.0), (54.0, 58.0))),
-        road_id="33", outer=True,
-    )  # fmt: skip
-
-
-TRAFFIC = (
-    *(make(number) for make in (_on_two_lanes, _in_a_bend) for number in range(3)),
-    *(make(number) for make in (_in_a_town, _on_a_campus) for number in range(2)),
-)
+TRAFFIC = tuple(scene for entry in recordings() for scene in _scenes_of(entry))
 
 
 class _SampledLane(MapLane):
@@ -189,7 +165,7 @@ class _Traffic:
             sign = 1.0 if lane.direction == self._own.direction else -1.0
             share = (np.arange(vehicles) + rng.uniform(0.1, 0.9, vehicles)) / vehicles
             for at in places[0] + share * (places[1] - places[0]):
-                station, wanted = begin + sign * at, float(rng.uniform(*speeds)) / 3.6
+                station, wanted = begin + sign * at, float(rng.uniform(speeds[0], speeds[1])) / 3.6
                 self._road.vehicles.append(
                     IDMVehicle(
                         self._road, lane.position(station, 0.0), lane.heading_at(station), wanted,
@@ -227,31 +203,31 @@ class _Traffic:
 
     def _is_free(self) -> bool:
         """Whether nobody is near ahead of the ego in its lane, or behind it."""
-        here = self._own.local_coordinates(self._ego.position)[0]
+        own = self._own.local_coordinates(self._ego.position)[0]
         for vehicle in self._road.vehicles[1:]:
             along, aside = self._own.local_coordinates(vehicle.position)
             if abs(aside) > (self._own.width + vehicle.WIDTH) / 2:
                 continue
-            gap = abs(along - here) - vehicle.LENGTH
-            if gap < FREE_S * (self._ego.speed if along > here else vehicle.speed):
+            gap = abs(along - own) - vehicle.LENGTH
+            if gap < FREE_S * (self._ego.speed if along > own else vehicle.speed):
                 return False
         return True
 
 
-def build_scene(scene: TrafficScene) -> bytes:
-    """The scene as an OpenSCENARIO file.
+def build_scene(scene: TrafficScene, map_path: Path) -> bytes:
+    """The scene as an OpenSCENARIO file, recorded on a map.
 
     Raises:
         opendrive.errors.OpenDriveError: there is no map.
     """
-    network = _sampled(load_map(scene.map_path), scene.road_id)
+    network = _sampled(load_map(map_path), scene.road_id)
     driven_s = scene.driven_m / (scene.speed_kmh / 3.6)
-    left = scene.number
+    admissible = scene.number
     for seed in count():
         ways = _Traffic(scene, network, seed).run(driven_s + AFTER_S, driven_s)
-        if ways is not None and left == 0:
+        if ways is not None and admissible == 0:
             return _file(scene, ways)
-        left -= ways is not None
+        admissible -= ways is not None
     raise AssertionError("seeds do not end")
 
 
@@ -261,12 +237,12 @@ def _file(scene: TrafficScene, ways: list[FloatArray]) -> bytes:
          description=scene.description)  # fmt: skip
     declared = _add(root, "ParameterDeclarations")
     if scene.outer:
-        _add(declared, "ParameterDeclaration", name="Map", parameterType="string", value=scene.map_path.name)
+        _add(declared, "ParameterDeclaration", name="Map", parameterType="string", value=scene.map_name)
     for name, value in (("Ego_length", 4.4), ("Ego_width", 1.8)):
         _add(declared, "ParameterDeclaration", name=name, parameterType="double", value=value)
     catalogs = _add(root, "CatalogLocations")
     _add(_add(catalogs, "VehicleCatalog"), "Directory", path="../definitions/catalogs/vehicles")
-    map_file = "$Map" if scene.outer else f"maps/{scene.map_name}.xodr"
+    map_file = "$Map" if scene.outer else f"maps/{scene.map_name}"
     _add(_add(root, "RoadNetwork"), "LogicFile", filepath=map_file)
     entities = _add(root, "Entities")
     ego = _add(_add(entities, "ScenarioObject", name="Ego"), "CatalogReference", catalogName="Vehicles",
@@ -323,13 +299,18 @@ def _add(parent: etree._Element, tag: str, **attributes: Any) -> etree._Element:
     return etree.SubElement(parent, tag, values)
 
 
-def write_scenes(directory: Path = SCENES) -> None:
-    """Write all scenes whose maps are there into a directory, which is made if it is missing."""
+def write_scenes(directory: Path = SCENES, maps: Path | None = None) -> None:
+    """Write all scenes whose maps are there into a directory, which is made if it is missing.
+
+    Args:
+        directory: to write to.
+        maps: folder of outer maps.
+    """
     directory.mkdir(parents=True, exist_ok=True)
     for scene in TRAFFIC:
-        if scene.map_path.is_file():
-            (directory / f"{scene.name}.xosc").write_bytes(build_scene(scene))
+        if path := scene.map_path(maps):
+            (directory / f"{scene.name}.xosc").write_bytes(build_scene(scene, path))
 
 
 if __name__ == "__main__":
-    write_scenes()
+    write_scenes(maps=Path(sys.argv[1]) if len(sys.argv) > 1 else None)

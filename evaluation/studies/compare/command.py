@@ -56,7 +56,7 @@ from scenarios.catalogue.library import scenario_path
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset, named_weather, preset_in_weather
-from scenarios.scenes.scenes import SceneRun, choose_scenes
+from scenarios.scenes.scenes import SceneRun, choose_scenes, left_out
 from scenarios.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
 from scenarios.spec import definition_of, preset_of
 from smartmot.errors import ConfigError
@@ -79,6 +79,7 @@ class CompareOptions:
     quiet: bool
     formats: tuple[str, ...] = figures.FORMATS
     logs: bool = False
+    maps: Path | None = None
 
 
 def compare(options: CompareOptions) -> list[Summary]:
@@ -92,7 +93,7 @@ def compare(options: CompareOptions) -> list[Summary]:
         ArgumentError: a setting is out of range.
         ResultsError: the folder cannot be written.
     """
-    chosen = choose_scenes(options.scenes, full=options.full)
+    chosen = choose_scenes(options.scenes, full=options.full, maps=options.maps)
     points = points_for(options)
     scenes, reasons = valid_scenes(chosen, options.workers)
     invalid = told_invalid_scenes(reasons, sum(scene.must == "brake" for scene in chosen))
@@ -112,7 +113,7 @@ def compare(options: CompareOptions) -> list[Summary]:
     if options.logs:
         folder = log_runs(options, scenes)
         console.print(f"logs: {folder}; smartmot-eval report {folder} makes a page of them", highlight=False)
-    for line in invalid:
+    for line in [*invalid, *left_out(options.scenes, full=options.full, maps=options.maps)]:
         console.print(line, highlight=False, soft_wrap=True)
     return rows
 

@@ -529,6 +529,9 @@ def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPa
         (("--growth", "--weather", "dry,rain"), "--growth: takes one --weather, and neither"),
         (("--growth", "--scenes", "two at once"), "--growth: takes one --weather, and neither"),
         (("--growth", "--vary", "margin_m=1"), "exclude one another"),
+        (("--maps", "."), "--maps: only --full runs scenes on outer maps; add --full"),
+        (("--full", "--maps", "nowhere"), "--maps: nowhere is no folder"),
+        (("--full", "--scenes", "crosses"), "only outer maps have crosses: give their folder with --maps"),
     ],
 )
 def test_options_of_compare_that_do_not_go_together(

@@ -1,6 +1,7 @@
 """Scenes of the full comparison on maps of towns and of a campus, where these lie beside the project."""
 
 import math
+import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -12,23 +13,32 @@ from scenarios.catalogue.library import scenario_path
 from scenarios.errors import ScenarioError
 from scenarios.openscenario import Engine, load
 from scenarios.places import Place
-from scenarios.scenes.scenes import (
-    OUTER_MAPS,
-    STRETCHES,
-    TOWN_TURNS,
-    SceneRun,
-    Street,
-    all_scenes,
-    choose_scenes,
-    place_values,
-)
+from scenarios.scenes.placement import Street, read_place
+from scenarios.scenes.scenes import DATA, SceneRun, all_scenes, choose_scenes
 
-FILES = {Path(s.street.map_file) for s in STRETCHES} | {Path(street.map_file) for street in TOWN_TURNS}
-OUTER = [run for run in all_scenes() if Path(str(dict(run.parameters).get("Map", ""))) in FILES]
+OUTER_MAPS = (Path(__file__).parents[3].parent / "shared" / "opendrive" / "maps").resolve()
+PLACES = {
+    key: entry
+    for key, entry in tomllib.loads(DATA.read_text(encoding="utf-8"))["places"].items()
+    if "outer" in entry and "at" in entry and "beside" not in entry
+}
+"""Stretches and turns."""
+FILES = {OUTER_MAPS / entry["outer"] for entry in PLACES.values()}
 
-pytestmark = pytest.mark.skipif(
-    not all(path.is_file() for path in FILES), reason=f"no maps of towns in {OUTER_MAPS}"
-)
+if not all(path.is_file() for path in FILES):
+    pytest.skip(f"no maps of towns in {OUTER_MAPS}", allow_module_level=True)
+
+OUTER = [run for run in all_scenes(OUTER_MAPS) if Path(str(dict(run.parameters).get("Map", ""))) in FILES]
+
+
+def street(key: str) -> Street:
+    """A place of the data file."""
+    place = read_place(key, PLACES[key], str(OUTER_MAPS / PLACES[key]["outer"]))
+    assert isinstance(place, Street)
+    return place
+
+
+TURNS = [street(key) for key, entry in PLACES.items() if "come_from" in entry]
 
 
 def unbraked(run: SceneRun) -> Engine:
@@ -44,13 +54,13 @@ def test_the_unbraked_run_shows_what_must_happen(run: SceneRun) -> None:
     assert engine.over
 
 
-@pytest.mark.parametrize("street", TOWN_TURNS, ids=lambda street: street.name)
-def test_the_ego_turns_by_a_right_angle_before_the_people(street: Street) -> None:
-    run = next(r for r in OUTER if r.scene == "people around a turn" and r.variant.startswith(street.name))
+@pytest.mark.parametrize("turn", TURNS, ids=lambda turn: turn.name)
+def test_the_ego_turns_by_a_right_angle_before_the_people(turn: Street) -> None:
+    run = next(r for r in OUTER if r.scene == "people around a turn" and r.variant.startswith(turn.name))
     values = dict(run.parameters)
     engine = unbraked(run)
     turned = math.remainder(float(engine.entities.boxes.yaw_rad[0]) - float(values["Start_yaw"]), 2 * math.pi)
-    assert math.degrees(turned) == pytest.approx(90.0 if "left" in street.name else -90.0, abs=3.0)
+    assert math.degrees(turned) == pytest.approx(90.0 if "left" in turn.name else -90.0, abs=3.0)
 
 
 @pytest.mark.parametrize(
@@ -120,21 +130,21 @@ def test_every_stretch_has_scenes_of_both_kinds() -> None:
 
 
 def test_people_stand_on_the_side_they_are_said_to() -> None:
-    near, far = (place_values(STRETCHES[0].street, side, 50.0) for side in ("near", "far"))
+    near, far = (street("Town01 straight").values(side, 50.0) for side in ("near", "far"))
     # Town01, road 8: lanes of 4 m and a gutter of 0.3 m on either side; the ego keeps right
     assert (near["Kerb"], far["Kerb"]) == pytest.approx((-4.3, 4.3))
     assert (near["Out"], far["Out"]) == (-1.0, 1.0)
 
 
 def test_a_line_that_the_ego_does_not_come_to_is_refused() -> None:
-    left, right = TOWN_TURNS[:2]
+    left, right = TURNS[:2]
     with pytest.raises(ScenarioError, match="from road 24 the ego comes to other roads"):
-        place_values(Street("wrong", left.map_file, right.place, left.come_from), "near", 20.0)
+        Street("wrong", left.map_file, right.place, left.come_from).values("near", 20.0)
     with pytest.raises(ScenarioError, match="no lane 9"):
-        place_values(Street("wrong", left.map_file, Place("6", 9, 12.0), left.come_from), "near", 20.0)
+        Street("wrong", left.map_file, Place("6", 9, 12.0), left.come_from).values("near", 20.0)
 
 
-def test_scenes_that_only_the_full_comparison_has_are_named() -> None:
-    with pytest.raises(ScenarioError, match=r"only the full comparison has crosses: add --full"):
-        choose_scenes(("two at once", "crosses"))
-    assert {run.scene for run in choose_scenes(("crosses",), full=True)} == {"crosses"}
+def test_the_full_comparison_has_them() -> None:
+    chosen = choose_scenes(("crosses",), full=True, maps=OUTER_MAPS)
+    assert {run.scene for run in chosen} == {"crosses"}
+    assert len(chosen) == 7

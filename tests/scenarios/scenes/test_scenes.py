@@ -1,6 +1,7 @@
 """Scenes: what must happen in them happens when nobody brakes; places; maps."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,13 @@ from scenarios.catalogue.library import scenario_path
 from scenarios.errors import ScenarioError
 from scenarios.openscenario import Engine, load
 from scenarios.places import Place
+from scenarios.scenes import scenes
+from scenarios.scenes.placement import Street, read_place
 from scenarios.scenes.scene_maps import MAPS, SPIRAL_M, STRAIGHT_M, bend_length_m, build_maps
-from scenarios.scenes.scenes import OUTER_MAPS, SceneRun, Street, all_scenes, choose_scenes, place_values
+from scenarios.scenes.scenes import SceneRun, all_scenes, choose_scenes, left_out
 from scenarios.scenes.traffic import TRAFFIC, TrafficScene, build_scene
 
+OUTER_MAPS = Path(__file__).parents[3].parent / "shared" / "opendrive" / "maps"
 SHORT = choose_scenes()
 REST = [run for run in all_scenes() if not run.default]
 
@@ -90,15 +94,16 @@ def test_shipped_maps_are_what_the_builder_writes() -> None:
 def test_place_values_of_the_straight_street() -> None:
     # lane -1 of the urban street: centre at y = -1.75, kerbs at -3.5 and 3.5
     street = Street("straight", "../maps/urban_street.xodr", Place("1", -1, 400.0))
-    near, far = (place_values(street, side, 70.0) for side in ("near", "far"))
+    near, far = (street.values(side, 70.0) for side in ("near", "far"))
     assert (near["Kerb"], near["Out"], near["Lane_to_kerb"]) == (-3.5, -1.0, 1.75)
     assert (far["Kerb"], far["Out"], far["Lane_to_kerb"]) == (3.5, 1.0, 5.25)
     assert (near["Start_x"], near["Start_y"], near["Along"]) == (330.0, -1.75, 1.0)
+    assert street.computed("near") == {"lane_t": -1.75, "other_kerb": 3.5, "other_to_kerb": 5.25}
 
 
 def test_place_values_against_s() -> None:
     street = Street("back", "../maps/urban_street.xodr", Place("1", 1, 400.0))
-    values = place_values(street, "near", 70.0)
+    values = street.values("near", 70.0)
     assert (values["Along"], values["Kerb"], values["Out"]) == (-1.0, 3.5, 1.0)
     assert (values["Start_x"], values["Start_y"]) == (470.0, 1.75)
 
@@ -106,27 +111,29 @@ def test_place_values_against_s() -> None:
 def test_a_way_that_does_not_fit_is_refused() -> None:
     street = Street("short", "../maps/urban_street.xodr", Place("1", -1, 50.0))
     with pytest.raises(ScenarioError, match="begins 50 m before the line; the scene needs 70"):
-        place_values(street, "near", 70.0)
+        street.values("near", 70.0)
 
 
-def recording(name: str) -> TrafficScene:
-    (scene,) = (found for found in TRAFFIC if found.name == name)
-    if not scene.map_path.is_file():
-        pytest.skip(f"no {scene.map_path.name} in {OUTER_MAPS}")
-    return scene
+def recording(name: str) -> tuple[TrafficScene, Path]:
+    """A scene with its map."""
+    (scene,) = (scene for scene in TRAFFIC if scene.name == name)
+    path = scene.map_path(OUTER_MAPS)
+    if path is None:
+        pytest.skip(f"no {scene.map_name} in {OUTER_MAPS}")
+    return scene, path
 
 
 @pytest.mark.parametrize("name", ["traffic_bend_1", "traffic_town_1", "traffic_campus_1"])
 def test_recorded_traffic_is_what_the_recorder_writes(name: str) -> None:
-    assert build_scene(recording(name)) == (MAPS.parent / f"{name}.xosc").read_bytes()
+    assert build_scene(*recording(name)) == (MAPS.parent / f"{name}.xosc").read_bytes()
 
 
 @pytest.mark.parametrize(
     "name", ["traffic_two_lanes_1", "traffic_bend_2", "traffic_town_1", "traffic_campus_1"]
 )
 def test_recorded_traffic_moves_and_keeps_clear_of_the_ego(name: str) -> None:
-    scene = recording(name)
-    values = {"Map": str(scene.map_path.resolve())} if scene.outer else {}
+    scene, path = recording(name)
+    values = {"Map": str(path.resolve())} if scene.outer else {}
     engine = Engine(load(MAPS.parent / f"{name}.xosc", values))
     start = engine.entities.boxes.center_m.copy()
     length = engine.entities.boxes.size_m[0, 0]
@@ -155,5 +162,88 @@ def test_unknown_scene() -> None:
 def test_every_scene_file_is_used() -> None:
     files = {Path(run.file).stem for run in all_scenes()}
     shipped = {path.stem for path in MAPS.parent.glob("*.xosc")}
-    absent = {scene.name for scene in TRAFFIC if not scene.map_path.is_file()}
-    assert shipped - absent <= files
+    outer = {scene.name for scene in TRAFFIC if scene.outer}
+    assert shipped - outer == {name for name in files if name in shipped}
+
+
+# ---- the data file -----------------------------------------------------------------------------------------
+
+
+def test_without_outer_maps_it_is_said_what_is_left_out(tmp_path: Path) -> None:
+    lines = left_out(full=True)
+    assert [line.split(" (")[0] for line in lines] == [
+        "left out: 36 variants on Town01.xodr",
+        "left out: 30 variants on Town03.xodr",
+        "left out: 11 variants on c0910_Town10HD.xodr",
+        "left out: 25 variants on CampusUAH_v1_7.xodr",
+    ]
+    assert all(line.endswith("; give its folder with --maps") for line in lines)
+    (tmp_path / "Town01.xodr").touch()
+    assert [line.split(" (")[0] for line in left_out(full=True, maps=tmp_path)] == [
+        line.split(" (")[0] for line in lines[1:]
+    ]
+    assert left_out(("crosses",), full=True, maps=tmp_path)[0] == (
+        f"left out: 2 variants on Town03.xodr (crosses); it is not in {tmp_path}"
+    )
+    assert left_out() == []
+
+
+def test_scenes_of_outer_maps_alone_are_refused_without_them() -> None:
+    with pytest.raises(ScenarioError, match="only the full comparison has crosses: add --full"):
+        choose_scenes(("crosses", "two at once"))
+    with pytest.raises(ScenarioError, match="only outer maps have crosses: give their folder with --maps"):
+        choose_scenes(("crosses", "two at once"), full=True)
+
+
+ROW = """
+[places]
+"here" = { map = "../maps/urban_street.xodr", at = ["1", -1, 400] }
+[[table]]
+scene = "a"
+must = "nothing"
+file = "standing.xosc"
+columns = ["place", "side", "Ego_speed_kmh"]
+rows = [["here", "near", 50]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "instead", "message"),
+    [
+        ('must = "nothing"', 'must = "wait"', "must is 'wait'; write one of: brake, nothing"),
+        ('"near", 50', '"left", 50', "side is 'left'; write near or far"),
+        ('[["here"', '[["there"', "there is no place 'there'"),
+        ("standing.xosc", "sitting.xosc", "there is no file sitting.xosc"),
+        ('"near", 50', '"near"', "zip"),
+        ('scene = "a"', 'scene = "a"\nlead = 5', "lead is not understood"),
+        ('scene = "a"', "", "scene"),
+        ('"near", 50', '"near", true', "expected a number or a text, got True"),
+    ],
+)
+def test_mistakes_in_the_data_file_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, instead: str, message: str
+) -> None:
+    path = tmp_path / "scenes.toml"
+    path.write_text(ROW.replace(text, instead))
+    monkeypatch.setattr(scenes, "DATA", path)
+    scenes._data.cache_clear()
+    scenes._rows.cache_clear()
+    try:
+        with pytest.raises(ScenarioError, match=rf"table 1, row 1: .*{re.escape(message)}"):
+            choose_scenes()
+    finally:
+        scenes._data.cache_clear()
+        scenes._rows.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"at": ["1", -1, 400], "speed": 3}, "place 'x': speed is not understood"),
+        ({"at": ["1", -1]}, "place 'x': not enough values"),
+        ({"bend_m": 45, "turn": "left", "into_m": 20}, "place 'x': 45"),
+    ],
+)
+def test_mistakes_in_a_place_are_named(entry: dict[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        read_place("x", entry, "maps/street_cycle.xodr")
