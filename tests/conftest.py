@@ -8,6 +8,9 @@ import pytest
 
 from scenarios.recorded.dataset import Camera, Objects, Sequence
 
+collect_ignore = ["data"]
+"""Files of users; tests/test_moved.py runs those that are tests."""
+
 KITTI = Path(__file__).parents[1].parent / "shared" / "kitti"
 
 Rows = list[tuple[int, int, float, float]]

@@ -16,7 +16,7 @@ import dataclasses
 
 import numpy as np
 import smartmot
-from scenarios.sensors.sensor import Sensor
+from scenarios.sensors import Sensor
 
 
 class Nobody:
@@ -169,7 +169,7 @@ def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
 PERCENT = """
 import numpy as np
 
-from scenarios.sensors.sensor import Sensor
+from scenarios.sensors import Sensor
 from smartmot import detections_from_arrays
 
 
