@@ -34,11 +34,13 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.metrics.mot import MotScore, compare, evaluate
-from evaluation.studies.mot.run import read_dataset, track_dataset
+from evaluation.metrics.matching import compare
+from evaluation.metrics.mot import MotScore, evaluate
+from evaluation.studies.mot.run import track_dataset
 from evaluation.studies.mot.tracking import TrackedSequence
 from scenarios.recorded.camera import from_camera, to_camera
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
+from scenarios.recorded.formats import read_dataset
 from smartmot import PerCategory, TrackerConfig, tracker_config
 from smartmot.types import CATEGORIES, FloatArray
 

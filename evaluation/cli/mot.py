@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evaluation.cli import options
+from evaluation.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import rich.console
+
+    from evaluation.studies.mot.run import MotResult, MotStudy, Progress
 
 EXAMPLES = options.examples(
     "`smartmot-eval mot kitti/training --out results/mot`",
@@ -71,24 +80,100 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Track recorded detections (KITTI, nuScenes, CSV); score the tracks where there are labels."""
-    from evaluation.studies.mot.command import MotOptions, run_mot
+    import rich.console
 
-    run_mot(
-        MotOptions(
-            directory=directory,
-            form=form,
-            config=config,
-            area=area,
-            map_file=map_file,
-            out=out,
-            write=write,
-            similarity=similarity,
-            threshold=threshold,
-            sequence=sequence,
-            gif=gif,
-            video=video,
-            frames=frames,
-            forecast=forecast,
-            quiet=quiet,
-        )
+    from evaluation.metrics.matching import SIMILARITIES
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.mot import run
+    from evaluation.studies.mot.film import write_gif, write_video
+    from scenarios.recorded.formats import FORMATS
+    from smartmot.plugins import is_plugin, plugin
+    from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
+
+    form = options.parse_name(form, FORMATS, "--format") if form else None
+    config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
+    tracker = plugin(config) if is_plugin(config) else tracker_config(config)
+    by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
+    similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
+    best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
+    forms = options.parse_names(write, FORMATS, "--write") if write else None
+    span = parse_frames(frames)
+    if by_map and map_file is None:
+        raise ArgumentError(run.NEEDS_MAP)
+    films = [(path, draw) for path, draw in ((gif, write_gif), (video, write_video)) if path is not None]
+    out = writable_folder(out)
+    console = rich.console.Console(quiet=quiet)
+    with locked(out):
+        study = run.prepare(directory, tracker, form, sequence, map_file, by_map)
+        for note in study.notes:
+            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        with _progress(console) as progress:
+            result = run.carry_out(study, out, forms, similarities, best, forecast, progress)
+            for path, draw in films:
+                film = run.film(study, result.tracked[0], span)
+                progress.begin("drawing", len(film.frames))
+                draw(film, path, progress.done)
+        _print(console, study, result, similarities)
+        console.print(f"written to {out}: {_listed(result.written)}", highlight=False, soft_wrap=True)
+        for path, _ in films:
+            console.print(f"film: {path}", highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def _progress(console: rich.console.Console) -> Iterator[Progress]:
+    """A progress bar, as the study sees it."""
+    import rich.progress
+
+    with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as bar:
+        task = bar.add_task("", total=None)
+
+        class Bar:
+            def begin(self, description: str, total: int) -> None:
+                bar.reset(task, total=total, description=description)
+
+            def done(self) -> None:
+                bar.advance(task)
+
+        yield Bar()
+
+
+def _print(
+    console: rich.console.Console, study: MotStudy, result: MotResult, similarities: Sequence[str]
+) -> None:
+    """What the study came to."""
+    from evaluation.studies.mot.tables import forecast_table, score_table, summary
+
+    frame_count = max(study.data.frame_count, 1)
+    console.print(summary(study.data, result.tracked), highlight=False, soft_wrap=True)
+    console.print(
+        f"tracking: {1e3 * result.tracking_s / frame_count:.2f} ms of processor time per frame",
+        highlight=False,
     )
+    for similarity in similarities if result.scores else ():
+        console.print(score_table(result.scores, similarity), "")
+    if result.forecasts:
+        console.print(forecast_table(result.forecasts), "")
+    if all(sequence.labels is None for sequence in study.data.sequences):
+        console.print("no labels: tracks only, no metrics", highlight=False)
+
+
+def _listed(paths: Sequence[Path], most: int = 6) -> str:
+    """Names of files, the middle of a long list left out."""
+    names = [path.name for path in paths]
+    if len(names) > most:
+        names = [names[0], "...", *names[1 - most :]]
+    return ", ".join(names)
+
+
+def parse_frames(text: str | None) -> slice:
+    """`0..200` as a slice that includes both ends.
+
+    Raises:
+        ArgumentError: Not of that form.
+    """
+    if text is None:
+        return slice(None)
+    match = re.fullmatch(r"\s*(\d+)\s*\.\.\s*(\d+)\s*", text)
+    if match is None or int(match[2]) < int(match[1]):
+        raise ArgumentError(f"--frames: expected FIRST..LAST such as 0..200, got {text!r}")
+    return slice(int(match[1]), int(match[2]) + 1)

@@ -1,14 +1,6 @@
 """Accuracy of tracks against labels: HOTA, CLEAR and identity metrics, per category.
 
-trackeval computes them; this module decides what is compared. Two similarities on the ground plane:
-
-- `distance`: 1 - d / 4 m, not below 0, for centres d apart; a match needs 0.5, so d <= 2 m.
-- `iou`: intersection over union; a match needs 0.5 for cars and trucks, 0.25 for the others.
-
-What is left out, as KITTI's tracking evaluation does (Geiger et al., CVPR 2012, and its devkit): labels that
-are marked as ignored, tracks on them, and, where a camera is known, unmatched tracks that are at most 25 px
-high in the image, outside it, or more than half inside a region without labels. The image boxes are always
-projected from the boxes in space, so no tracker gains by not writing any.
+trackeval computes them; `matching` says what is compared.
 
 sAMOTA and AMOTA are the means over 40 recall values (Weng et al., AB3DMOT, IROS 2020); the score
 threshold of each comes from the tracks' mean scores. The other numbers are those at one threshold: the one
@@ -26,29 +18,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from evaluation.errors import ArgumentError
-from scenarios.errors import DatasetError
-from scenarios.recorded.camera import from_camera, image_boxes, to_camera
-from scenarios.recorded.dataset import Objects, Sequence
-from smartmot.geometry import iou_pairs
-from smartmot.types import BoolArray, FloatArray, IntArray
+from evaluation.metrics.matching import Comparison, assigned_pairs, match_threshold
+from smartmot.types import BoolArray, IntArray
 
-SIMILARITIES = ("distance", "iou")
-MATCH_DISTANCE_M = 2.0
-"""Centres farther apart are no match (nuScenes detection and tracking challenges)."""
-
-MATCH_IOU = {"car": 0.5, "truck": 0.5}
-"""Least overlap of a match; others: `OTHER_MATCH_IOU`. AB3DMOT's evaluation on KITTI has 0.25, 0.5, 0.7."""
-OTHER_MATCH_IOU = 0.25
-
-MIN_IMAGE_HEIGHT_PX = 25.0
-MAX_DONT_CARE_SHARE = 0.5
 RECALL_POINTS = 40
 _RECALL_MARGIN = 0.02
 """The recall of a point may differ a little from that at its threshold: fewer tracks match otherwise."""
-_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,143 +68,10 @@ class MotScore:
 SCORE_COLUMNS = tuple(item.name for item in fields(MotScore))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """Labels and tracks of one category in one sequence: G label rows, T track rows, P pairs in a frame.
-
-    Args:
-        frame_count: F frames.
-        label_frame: (G,) frames, ascending.
-        label_id: (G,) identities.
-        label_counts: (G,) labels that are not ignored.
-        track_frame: (T,) frames, ascending.
-        track_id: (T,) identities.
-        track_score: (T,) mean score of the row's track.
-        track_ignored: (T,) tracks that do not count unless they match a label.
-        pair_label: (P,) label rows; all pairs of a frame, as a matrix of labels times tracks, row by row.
-        pair_track: (P,) track rows.
-        similarity: (P,) values in [0, 1].
-    """
-
-    frame_count: int
-    label_frame: IntArray
-    label_id: IntArray
-    label_counts: BoolArray
-    track_frame: IntArray
-    track_id: IntArray
-    track_score: FloatArray
-    track_ignored: BoolArray
-    pair_label: IntArray
-    pair_track: IntArray
-    similarity: FloatArray
-
-
-def match_threshold(category: str, similarity: str) -> float:
-    """Least similarity of a match."""
-    return 0.5 if similarity == "distance" else MATCH_IOU.get(category, OTHER_MATCH_IOU)
-
-
-def compare(sequence: Sequence, tracks: Objects, category: str, similarity: str) -> Comparison:
-    """Labels and tracks of a category side by side.
-
-    Raises:
-        DatasetError: The sequence has no labels, or a track or a label appears twice in a frame.
-    """
-    if sequence.labels is None:
-        raise DatasetError(f"sequence {sequence.name}: has no labels to compare with")
-    labels = sequence.labels[sequence.labels.category == category]
-    tracks = tracks[tracks.category == category]
-    for name, objects in (("label", labels), ("track", tracks)):
-        _require_unique(sequence, objects, name)
-    start = [objects.frame_starts(len(sequence)) for objects in (labels, tracks)]
-    pair_label, pair_track = pairs_of_frames(*start)
-    value = _similarity(
-        _on_ground(sequence, labels), _on_ground(sequence, tracks), pair_label, pair_track, similarity
-    )
-    return Comparison(
-        frame_count=len(sequence),
-        label_frame=labels.frame,
-        label_id=labels.object_id,
-        label_counts=~labels.ignored,
-        track_frame=tracks.frame,
-        track_id=tracks.object_id,
-        track_score=_mean_scores(tracks),
-        track_ignored=_outside_image(sequence, tracks),
-        pair_label=pair_label,
-        pair_track=pair_track,
-        similarity=value,
-    )
-
-
-def _require_unique(sequence: Sequence, objects: Objects, name: str) -> None:
-    keys = np.column_stack((objects.frame, objects.object_id))
-    unique, count = np.unique(keys, axis=0, return_counts=True)
-    if np.any(count > 1):
-        frame, identity = unique[np.argmax(count > 1)]
-        where = f"sequence {sequence.name}, frame {sequence.frame_name[frame]}"
-        raise DatasetError(f"{where}: {name} id {identity} appears twice in one category")
-
-
-def pairs_of_frames(a_start: IntArray, b_start: IntArray) -> tuple[IntArray, IntArray]:
-    """Rows of a and rows of b that share a frame: every combination, frame after frame, a's rows outermost.
-
-    Args:
-        a_start: (F + 1,) rows at which the frames start.
-        b_start: (F + 1,) the same of b.
-    """
-    a_count, b_count = np.diff(a_start), np.diff(b_start)
-    of_row = np.repeat(b_count, a_count)  # partners of each row of a
-    first = np.repeat(b_start[:-1], a_count)
-    a = np.repeat(np.arange(a_start[0], a_start[-1]), of_row)
-    within = np.arange(of_row.sum()) - np.repeat(np.cumsum(of_row) - of_row, of_row)
-    return a, np.repeat(first, of_row) + within
-
-
-def _mean_scores(tracks: Objects) -> FloatArray:
-    """(K,) mean score of each row's track."""
-    _, inverse, count = np.unique(tracks.object_id, return_inverse=True, return_counts=True)
-    total = np.bincount(inverse, weights=tracks.score, minlength=len(count))
-    return np.asarray((total / np.maximum(count, 1))[inverse])
-
-
-def _on_ground(sequence: Sequence, objects: Objects) -> Objects:
-    """Boxes on the plane of comparison: the camera's x-z plane for KITTI, else the world's ground."""
-    if sequence.camera is None or sequence.world_SE3_ego is None:
-        return objects
-    return from_camera(objects.frame, to_camera(objects, sequence.world_SE3_ego), None)
-
-
-def _similarity(labels: Objects, tracks: Objects, i: IntArray, j: IntArray, similarity: str) -> FloatArray:
-    """(P,) similarity of label i and track j."""
-    if similarity == "distance":
-        distance = np.linalg.norm(labels.center_m[i] - tracks.center_m[j], axis=1)
-        return np.asarray(np.maximum(0.0, 1.0 - distance / (2.0 * MATCH_DISTANCE_M)))
-    return iou_pairs(
-        *(labels.center_m[i], labels.size_m[i], labels.yaw_rad[i]),
-        *(tracks.center_m[j], tracks.size_m[j], tracks.yaw_rad[j]),
-    )
-
-
-def _outside_image(sequence: Sequence, tracks: Objects) -> BoolArray:
-    """(K,) tracks too small in the image, outside it, or in a region without labels."""
-    camera = sequence.camera
-    if camera is None:
-        return np.zeros(len(tracks), dtype=np.bool_)
-    box = image_boxes(to_camera(tracks, sequence.world_SE3_ego), camera.projection)
-    outside = (box[:, 3] - box[:, 1] <= MIN_IMAGE_HEIGHT_PX) | (box[:, 2] <= box[:, 0])
-    start = [np.searchsorted(f, np.arange(len(sequence) + 1)) for f in (tracks.frame, camera.dont_care_frame)]
-    i, j = pairs_of_frames(*start)
-    a, b = box[i], camera.dont_care_px[j]
-    edges = np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2])
-    area = (a[:, 2] - a[:, 0]) * (a[:, 3] - a[:, 1])
-    inside = np.clip(edges, 0.0, None).prod(axis=1) > MAX_DONT_CARE_SHARE * np.maximum(area, 1e-9)
-    outside[i[inside]] = True
-    return outside
-
-
 def _counted(c: Comparison, least_score: float, least: float) -> tuple[BoolArray, dict[str, Any]]:
     """What counts when tracks with a lower mean score are left out: (T,) flags and trackeval's input."""
     counts = c.track_score >= least_score
+    # a track that matches an ignored label is no mistake and no success: both leave the comparison
     row, column = assigned_pairs(c, np.ones(len(c.label_id), dtype=np.bool_), counts, least)
     ignored = c.track_ignored.copy()
     ignored[column] = ~c.label_counts[row]
@@ -264,37 +108,6 @@ def _split(values: NDArray[Any], lengths: IntArray) -> list[NDArray[Any]]:
     return [values[a:b] for a, b in zip((stop - lengths).tolist(), stop.tolist(), strict=True)]
 
 
-def assigned_pairs(
-    c: Comparison, labels: BoolArray, tracks: BoolArray, least: float
-) -> tuple[IntArray, IntArray]:
-    """Label and track rows of the assignment with the greatest similarity in each frame.
-
-    Args:
-        c: What is compared.
-        labels: (G,) labels that take part.
-        tracks: (T,) tracks that take part.
-        least: Less similar pairs do not match.
-    """
-    possible = (c.similarity >= max(least - _EPS, _EPS)) & labels[c.pair_label] & tracks[c.pair_track]
-    label, track, value = c.pair_label[possible], c.pair_track[possible], c.similarity[possible]
-    # pairs for which nothing competes are matched; the others need an assignment
-    alone = np.bincount(label, minlength=len(labels))[label] == 1
-    alone &= np.bincount(track, minlength=len(tracks))[track] == 1
-    rows, columns = [label[alone]], [track[alone]]
-    label, track, value = label[~alone], track[~alone], value[~alone]
-    stops = np.flatnonzero(np.diff(c.label_frame[label])) + 1
-    for part in np.split(np.arange(len(label)), stops) if len(label) else []:
-        own_label, i = np.unique(label[part], return_inverse=True)
-        own_track, j = np.unique(track[part], return_inverse=True)
-        matrix = np.zeros((len(own_label), len(own_track)))
-        matrix[i, j] = value[part]
-        row, column = linear_sum_assignment(matrix, maximize=True)
-        matched = matrix[row, column] > 0.0
-        rows.append(own_label[row[matched]])
-        columns.append(own_track[column[matched]])
-    return np.concatenate(rows), np.concatenate(columns)
-
-
 class _TrackEval:
     """trackeval's metrics for one threshold of similarity; it prints, and this keeps it quiet."""
 
@@ -312,8 +125,8 @@ class _TrackEval:
 
     def run(self, metric: Any, counted: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Results per sequence, and of all together under "all"."""
-        found = {name: metric.eval_sequence(data) for name, data in counted.items()}
-        return found | {"all": metric.combine_sequences(found)}
+        results = {name: metric.eval_sequence(data) for name, data in counted.items()}
+        return results | {"all": metric.combine_sequences(results)}
 
 
 class MetricsUnavailableError(ArgumentError):
@@ -356,6 +169,7 @@ def evaluate(
         if score not in known:
             known[score] = tool.run(tool.clear, counted(score))["all"]
         clear = known[score]
+        # MOTA = 1 - errors / labels; sAMOTA's scales it to reach 1 where all that is recalled is right
         errors = clear["CLR_FP"] + clear["CLR_FN"] + clear["IDSW"]
         samota += min(1.0, max(0.0, 1.0 - (errors - (1.0 - recall) * label_count) / (recall * label_count)))
         amota += max(0.0, clear["MOTA"])
@@ -377,12 +191,13 @@ def _recall_points(
     compared: Mapping[str, Comparison], label_count: int, least: float
 ) -> list[tuple[float, float]]:
     """Recall values that are reached, and the mean track score that reaches each."""
-    found = []
+    matched = [np.zeros(0)]
     for c in compared.values():
         counts, _ = _counted(c, -math.inf, least)
         _, column = assigned_pairs(c, c.label_counts, counts, least)
-        found.append(c.track_score[column])
-    scores = np.sort(np.concatenate(found))[::-1] if found else np.zeros(0)
+        matched.append(c.track_score[column])
+    # with the k best of the matched tracks, k labels are recalled
+    scores = np.sort(np.concatenate(matched))[::-1]
     points = []
     for k in range(1, RECALL_POINTS + 1):
         index = math.ceil(k / RECALL_POINTS * label_count) - 1

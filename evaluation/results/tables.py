@@ -68,14 +68,21 @@ def _field(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
-    """The table for the terminal."""
+def rich_table(table: Table, title: str | None = None, texts: int = 0) -> rich.table.Table:
+    """The table for the terminal.
+
+    Args:
+        table: what it holds.
+        title: stands above it, in the middle, or to the left where its first column is.
+        texts: how many of the first columns are texts, to the left; the others are to the right.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table as RichTable
 
     view = RichTable(
         title=title,
+        title_justify="left" if texts else "center",
         box=SIMPLE_HEAD,
         show_edge=False,
         pad_edge=False,
@@ -83,10 +90,11 @@ def rich_table(table: Table, title: str | None = None) -> rich.table.Table:
         caption=table.caption or None,
         caption_justify="left",
     )
-    for name, *cells in zip(table.header, *table.rows, *table.totals, strict=True):
+    columns = zip(table.header, *table.rows, *table.totals, strict=True)
+    for index, (name, *cells) in enumerate(columns):
         # Wide enough for every cell and every word of the header, so that only headers break, at spaces.
         width = max(map(len, [*name.split(), *cells]))
-        view.add_column(escape(name), justify="right", width=width)
+        view.add_column(escape(name), justify="left" if index < texts else "right", width=width)
     for index, row in enumerate(table.rows):
         view.add_row(*map(escape, row), end_section=index == len(table.rows) - 1)
     for row in table.totals:

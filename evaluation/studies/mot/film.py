@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import write_whole
-from evaluation.studies.mot.forecast_quality import Carry
+from evaluation.studies.mot.forecasts import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views import video
 from evaluation.views.plots.style import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.studies.mot.forecast_quality import Carry
+from evaluation.studies.mot.forecasts import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
 from opendrive import RoadNetwork
 from scenarios.errors import DatasetError

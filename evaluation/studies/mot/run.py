@@ -1,114 +1,186 @@
-"""The work of `smartmot-eval mot`: read, track, write, compare."""
+"""The study of recorded data: read, filter by a map, track, compare with labels, forecast, draw."""
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Protocol
 
 from evaluation.errors import ArgumentError
-from evaluation.metrics.mot import SCORE_COLUMNS, MotScore, compare, evaluate
-from evaluation.results.files import write_whole
-from evaluation.results.notes import MANY_DROPPED
-from evaluation.results.tables import csv_bytes
-from evaluation.studies.mot.forecast_quality import FORECAST_COLUMNS, HORIZONS_S, ForecastScore
+from evaluation.metrics.forecast_quality import ForecastScore
+from evaluation.metrics.matching import compare
+from evaluation.metrics.mot import MotScore, evaluate
+from evaluation.studies.mot.film import Film
+from evaluation.studies.mot.forecasts import MODELS, carried_on, motions, score_forecasts
+from evaluation.studies.mot.lanes import LaneForecast, require_cover
+from evaluation.studies.mot.map_filter import filter_by_map
+from evaluation.studies.mot.notes import notes_on
+from evaluation.studies.mot.tables import write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
+from opendrive import RoadNetwork, load_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, log_odds
-from scenarios.recorded.kitti import read_kitti, tracking_text
-from scenarios.recorded.nuscenes import read_nuscenes, submission_text
-from scenarios.recorded.table import DETECTIONS, read_csv, tracks_text
+from scenarios.recorded.formats import read_dataset
+from smartmot.plugins import Plugin
 from smartmot.tracking.own import ObjectTracker, own
-from smartmot.tracking.tracker import ScoreLimits, Tracker, TrackerConfig
+from smartmot.tracking.tracker import Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
-if TYPE_CHECKING:
-    from rich.table import Table
+NEEDS_MAP = "--filter map: needs --map FILE.xodr"
 
-READERS: dict[str, Callable[[Path], Dataset]] = {
-    "kitti": read_kitti,
-    "nuscenes": read_nuscenes,
-    "csv": read_csv,
-}
-FORMATS = tuple(READERS)
-METRICS_CSV, FORECAST_CSV, TRACKS_CSV = "metrics.csv", "forecast.csv", "tracks.csv"
-TRACKS_NUSCENES = "tracks_nuscenes.json"
-
-LEAST_SHARE = 0.1
-"""Users are told when a smaller share of their detections can start a track; on KITTI it is over a half."""
+OF_VELOCITY = ("cv", "ctrv")
+"""Forecasts that need no more than the velocity and turn rate that every tracker tells."""
 
 
-def read_dataset(folder: Path, form: str | None = None) -> Dataset:
-    """Read a folder in a given format, or in the one that its files show.
+class Progress(Protocol):
+    """What is told how far the study has come."""
+
+    def begin(self, description: str, total: int) -> None:
+        """A part of the study begins, with so many steps."""
+
+    def done(self) -> None:
+        """One of the steps is done."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotStudy:
+    """What is studied and how.
+
+    Args:
+        data: The recordings.
+        config: Settings of the tracker, or one of the user's own.
+        network: The map, in the frame of the data; None: there is none.
+        filtered: Whether the map chose the detections.
+        notes: What a user should know about them, a line each.
+    """
+
+    data: Dataset
+    config: TrackerConfig | Plugin
+    network: RoadNetwork | None
+    filtered: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotResult:
+    """What a study came to.
+
+    Args:
+        tracked: The sequences with their tracks.
+        tracking_s: Processor time of the tracker.
+        scores: Accuracy; empty without labels.
+        forecasts: Quality of forecasts; empty without labels, or if they are not asked for.
+        written: The files.
+    """
+
+    tracked: list[TrackedSequence]
+    tracking_s: float
+    scores: list[MotScore]
+    forecasts: list[ForecastScore]
+    written: list[Path]
+
+
+def prepare(
+    folder: Path,
+    config: TrackerConfig | Plugin,
+    form: str | None = None,
+    names: str | None = None,
+    map_file: Path | None = None,
+    by_map: bool = False,
+) -> MotStudy:
+    """Read recordings, and choose from them.
+
+    Args:
+        folder: Where they are.
+        config: Settings of the tracker, or one of the user's own.
+        form: Their format; None: what the files look like.
+        names: Only these sequences, comma-separated; None: all.
+        map_file: OpenDRIVE file.
+        by_map: Keep only what is on lanes that matter to the vehicle.
 
     Raises:
-        DatasetError: The format is not recognised, or a file is missing or wrong.
+        ArgumentError: There is no map to keep it by.
+        DatasetError: A file is wrong, a sequence is missing, or the map does not cover the data.
     """
-    if not folder.exists():
-        raise DatasetError(f"{folder}: no such folder or file")
-    return READERS[form or _recognised(folder)](folder)
+    data = chosen(read_dataset(folder, form), names)
+    network = load_map(map_file) if map_file is not None else None
+    notes = list(data.notes)
+    if by_map:
+        if network is None:
+            raise ArgumentError(NEEDS_MAP)
+        filtered = filter_by_map(data, network)
+        data = filtered.data
+        notes.append(f"{filtered.dropped} detections outside the monitored lanes left out")
+        if filtered.off_map:
+            notes.append(f"{filtered.off_map} frames off the map: everything kept in them")
+    elif network is not None:
+        for sequence in data.sequences:
+            require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
+    return MotStudy(data, config, network, by_map, (*notes, *notes_on(data, config)))
 
 
-def _recognised(folder: Path) -> str:
-    """Name of the format."""
-    if folder.is_file():
-        return "csv" if folder.suffix == ".csv" else "nuscenes"
-    if (folder / "detections").is_dir():
-        return "kitti"
-    if (folder / DETECTIONS).is_file():
-        return "csv"
-    if any(folder.glob("*.json")):
-        return "nuscenes"
-    raise DatasetError(
-        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv) or *.json (nuscenes) in it; see docs/mot.md"
-    )
+def chosen(data: Dataset, names: str | None) -> Dataset:
+    """Only the sequences that the user named.
+
+    Raises:
+        DatasetError: There is no such sequence.
+    """
+    if names is None:
+        return data
+    known = {sequence.name: sequence for sequence in data.sequences}
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    for name in wanted:
+        if name not in known:
+            raise DatasetError(f"--sequence: no {name!r}; there are: {', '.join(list(known)[:20])}")
+    return replace(data, sequences=tuple(known[name] for name in dict.fromkeys(wanted)))
 
 
-def weak_categories(data: Dataset, config: TrackerConfig) -> list[str]:
-    """What to tell users of a detector whose scores hardly start a track, by category."""
-    least = Tracker(config).score_limits.start
-    notes = []
-    for code, category in enumerate(CATEGORIES):
-        found = [s.detections.score[s.detections.category == category] for s in data.sequences]
-        score = np.concatenate([np.zeros(0), *found])
-        share = float(np.mean(score >= least[code])) if len(score) else 1.0
-        if share < LEAST_SHARE:
-            notes.append(
-                f"{100.0 * share:.0f} % of the {category} detections have a score of {least[code]:g} or more"
-                f"{' (as probability)' if data.log_odds else ''}; others start no track: fit the "
-                "configuration to the detector (docs/tracking.md)"
-            )
-    return notes
+def carry_out(
+    study: MotStudy,
+    out: Path,
+    forms: Iterable[str] | None,
+    similarities: Sequence[str],
+    best_threshold: bool,
+    with_forecasts: bool,
+    progress: Progress,
+) -> MotResult:
+    """Track, write, compare with the labels if there are any.
 
+    Args:
+        study: What is studied.
+        out: Folder for tracks and tables.
+        forms: Formats of the tracks; None: CSV and that of the data.
+        similarities: distance, iou.
+        best_threshold: See `evaluation.metrics.mot.evaluate`.
+        with_forecasts: Whether to score forecasts.
+        progress: Is told how far the study has come.
 
-def told_dropped(data: Dataset, limits: ScoreLimits) -> list[str]:
-    """What to tell users of detections under the tracker's score threshold: many of them, or all."""
-    counts = [limits.counts(frame) for s in data.sequences for frame in s.frames()]
-    dropped, usable = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
-    total = sum(len(s.detections) for s in data.sequences)
-    scale = " (as probability)" if data.log_odds else ""
-    if total and not usable:
-        highest = max(float(s.detections.score.max(initial=0.0)) for s in data.sequences)
-        return [
-            f"no tracks: none of {total} detections has the score of {float(limits.start.min()):g}{scale} "
-            f"that the tracker needs to start one (highest: {highest:.3g}); scale the scores, or give a "
-            "configuration with lower thresholds (--config)"
-        ]
-    if dropped > MANY_DROPPED * total:
-        return [f"{dropped} of {total} detections dropped: their scores are under the tracker's threshold"]
-    return []
-
-
-def unscored_categories(data: Dataset) -> list[str]:
-    """What to tell users whose labels have categories that the detector never reports."""
-    labels = {name for s in data.sequences if s.labels is not None for name in s.labels.category.tolist()}
-    found = {name for s in data.sequences for name in s.detections.category.tolist()}
-    missing = [name for name in CATEGORIES if name in labels - found and name != "unknown"]
-    return [f"labels, but no detections, of {', '.join(missing)}: not scored"] if missing else []
+    Raises:
+        ArgumentError: A file cannot be written.
+        DatasetError: The tracker refuses a frame.
+    """
+    data = study.data
+    progress.begin("tracking", data.frame_count)
+    start_s = time.thread_time()  # without the thread that draws the bar
+    tracked = track_dataset(data, study.config, progress.done)
+    tracking_s = time.thread_time() - start_s
+    forms = forms or dict.fromkeys((data.kind, "csv"))
+    written = write_tracks(out, data, tracked, forms, use_map=study.filtered)
+    scores: list[MotScore] = []
+    forecasts: list[ForecastScore] = []
+    if any(sequence.labels is not None for sequence in data.sequences):
+        categories = labelled_categories(tracked)
+        progress.begin("scoring", len(categories) * len(similarities))
+        scores = score_tracks(tracked, similarities, best_threshold, progress.done)
+        written.append(write_scores(out, scores))
+        if with_forecasts:
+            along_lanes = LaneForecast(study.network).along_lanes if study.network is not None else None
+            by_model = _tracked_by_model(study, tracked, progress)
+            forecasts = score_forecasts(by_model, categories, along_lanes)
+            written.append(write_forecasts(out, forecasts))
+    return MotResult(tracked, tracking_s, scores, forecasts, written)
 
 
 def track_dataset(
@@ -130,91 +202,21 @@ def track_dataset(
     tracked = []
     for sequence in data.sequences:
         tracker = Tracker(config) if isinstance(config, TrackerConfig) else own(config)
-        one = track_sequence(sequence, tracker, done)
+        each = track_sequence(sequence, tracker, done)
         if data.log_odds:
-            one = replace(one, tracks=replace(one.tracks, score=log_odds(one.tracks.score)))
-        tracked.append(one)
+            each = replace(each, tracks=replace(each.tracks, score=log_odds(each.tracks.score)))
+        tracked.append(each)
     return tracked
-
-
-def write_tracks(
-    folder: Path,
-    data: Dataset,
-    tracked: Sequence[TrackedSequence],
-    forms: Iterable[str],
-    use_map: bool = False,
-) -> list[Path]:
-    """Write the tracks in some formats.
-
-    Args:
-        folder: Where to.
-        data: What was tracked.
-        tracked: Its sequences with their tracks.
-        forms: kitti, csv, nuscenes.
-        use_map: Whether a map chose the detections, for the header of nuScenes' format.
-
-    Returns:
-        What was written.
-
-    Raises:
-        ArgumentError: A file cannot be written.
-    """
-    written = []
-    for form in forms:
-        if form == "kitti":
-            _require_own_files(data)
-            written += [
-                _write(
-                    folder / f"{_file_name(one.sequence.name)}.txt", tracking_text(one.sequence, one.tracks)
-                )
-                for one in tracked
-            ]
-        elif form == "csv":
-            text = tracks_text((one.sequence, one.tracks) for one in tracked)
-            written.append(_write(folder / TRACKS_CSV, text))
-        else:
-            text = submission_text(
-                ((one.sequence, one.tracks) for one in tracked), data.kind == "nuscenes", use_map
-            )
-            written.append(_write(folder / TRACKS_NUSCENES, text))
-    return written
-
-
-def _require_own_files(data: Dataset) -> None:
-    """See that no two sequences would be written to one file."""
-    first: dict[str, str] = {}
-    for sequence in data.sequences:
-        other = first.setdefault(_file_name(sequence.name), sequence.name)
-        if other != sequence.name:
-            raise DatasetError(
-                f"sequences {other!r} and {sequence.name!r} have the same file name; write csv or nuscenes"
-            )
-
-
-def _file_name(sequence: str) -> str:
-    """A sequence's name without what would lead to another folder, or is no name of a file."""
-    return "".join("_" if c in "/\\" or not c.isprintable() else c for c in sequence)
-
-
-def _write(path: Path, text: str) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, text.encode())
-    except OSError as error:
-        raise ArgumentError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another --out"
-        ) from None
-    return path
 
 
 def labelled_categories(tracked: Sequence[TrackedSequence]) -> list[str]:
     """Categories of which there are labels that count and detections, in the order of `CATEGORIES`."""
     labelled: set[str] = set()
     detected: set[str] = set()
-    for one in tracked:
-        detected |= set(one.sequence.detections.category.tolist())
-        if one.sequence.labels is not None:
-            labels = one.sequence.labels
+    for each in tracked:
+        detected |= set(each.sequence.detections.category.tolist())
+        labels = each.sequence.labels
+        if labels is not None:
             labelled |= set(labels.category[~labels.ignored].tolist())
     return [name for name in CATEGORIES if name in labelled & detected]
 
@@ -233,131 +235,48 @@ def score_tracks(
         best_threshold: See `evaluate`.
         done: Called after every similarity and category.
     """
-    labelled = [one for one in tracked if one.sequence.labels is not None]
+    labelled = [each for each in tracked if each.sequence.labels is not None]
     scores: list[MotScore] = []
     for similarity in similarities:
         for category in labelled_categories(labelled):
             compared = {
-                one.sequence.name: compare(one.sequence, one.tracks, category, similarity) for one in labelled
+                each.sequence.name: compare(each.sequence, each.tracks, category, similarity)
+                for each in labelled
             }
             scores += evaluate(compared, category, similarity, best_threshold)
             done()
     return scores
 
 
-def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Any]) -> Path:
-    """Write dataclasses as CSV; NaN becomes an empty field."""
-    return _write(path, csv_bytes(columns, (map(_cell, astuple(row)) for row in rows)).decode())
+def _tracked_by_model(
+    study: MotStudy, tracked: list[TrackedSequence], progress: Progress
+) -> dict[str, list[TrackedSequence]]:
+    """The tracks that each model's forecasts start from: ours with its filter, another's as they are."""
+    config = study.config
+    if not isinstance(config, TrackerConfig):
+        return dict.fromkeys(OF_VELOCITY, tracked)
+    progress.begin("forecasting", study.data.frame_count * (len(MODELS) - 1))
+    return {
+        name: tracked
+        if model == config.motion
+        else track_dataset(study.data, replace(config, motion=model), progress.done)
+        for name, model in motions(config.motion).items()
+    }
 
 
-def write_scores(folder: Path, scores: Iterable[MotScore]) -> Path:
-    """Write `metrics.csv`."""
-    return write_rows(folder / METRICS_CSV, SCORE_COLUMNS, scores)
+def film(study: MotStudy, tracked: TrackedSequence, span: slice) -> Film:
+    """What to draw of a sequence: the forecast of its tracker's own model, along the lanes of the map.
 
-
-def write_forecasts(folder: Path, scores: Iterable[ForecastScore]) -> Path:
-    """Write `forecast.csv`."""
-    return write_rows(folder / FORECAST_CSV, FORECAST_COLUMNS, scores)
-
-
-def forecast_table(scores: Iterable[ForecastScore]) -> Table:
-    """Forecast quality over all sequences, for the terminal: one line per category, objects and model."""
-    lines: dict[tuple[str, ...], list[ForecastScore]] = {}
-    for score in scores:
-        way = f"{score.model} map" if score.with_map else score.model
-        lines.setdefault((score.category, score.objects, way), []).append(score)
-    header = ["category", "objects", "model"]
-    header += [f"{name} {h:g}s" for name in ("ADE", "FDE", "miss") for h in HORIZONS_S]
-    rows = []
-    for key, three in lines.items():
-        errors = [_fixed(s.ade_m, 2) for s in three] + [_fixed(s.fde_m, 2) for s in three]
-        rows.append([*key, *errors, *(_fixed(s.miss_rate_percent, 1) for s in three)])
-    return rich_table("Forecasts: errors in m, misses (over 2 m) in %", header, rows, texts=3)
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, float):
-        return "" if np.isnan(value) else f"{value:.6g}"
-    return str(value)
-
-
-_SHOWN = {
-    "category": "category",
-    "hota": "HOTA",
-    "deta": "DetA",
-    "assa": "AssA",
-    "mota": "MOTA",
-    "motp": "MOTP",
-    "idf1": "IDF1",
-    "samota": "sAMOTA",
-    "amota": "AMOTA",
-    "id_switches": "IDs",
-    "fragmentations": "Frag",
-}
-
-
-def score_table(scores: Iterable[MotScore], similarity: str) -> Table:
-    """Accuracy over all sequences, for the terminal."""
-    rule = "centres at most 2 m apart" if similarity == "distance" else "overlap on the ground"
-    return rich_table(
-        f"Tracking accuracy in %, match: {rule}",
-        list(_SHOWN.values()),
-        [
-            [_shown(getattr(score, name)) for name in _SHOWN]
-            for score in scores
-            if score.sequence == "all" and score.similarity == similarity
-        ],
-    )
-
-
-def _shown(value: object) -> str:
-    return _fixed(value, 2) if isinstance(value, float) else str(value)
-
-
-def _fixed(value: float, digits: int) -> str:
-    """A number for the terminal; a dash where there is none."""
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"
-
-
-def rich_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> Table:
-    """A plain table: the first columns are texts, the others numbers. Only headers break, at spaces."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table as RichTable
-
-    view = RichTable(
-        title=title, box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 0), title_justify="left"
-    )
-    for index, name in enumerate(header):
-        width = max(map(len, [*name.split(), *(row[index] for row in rows)]))
-        view.add_column(name, justify="right" if index >= texts else "left", width=width)
-    for row in rows:
-        view.add_row(*row)
-    return view
-
-
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """What a run says about itself in one line."""
-
-    sequences: int
-    frames: int
-    detections: int
-    rejected: int
-    tracks: int
-
-    def __str__(self) -> str:
-        return (
-            f"{self.sequences} sequences, {self.frames} frames, {self.detections} detections "
-            f"({self.rejected} impossible ones rejected), {self.tracks} tracks"
-        )
-
-
-def summary(data: Dataset, tracked: Sequence[TrackedSequence]) -> Summary:
-    """Count what was read and found."""
-    return Summary(
-        sequences=len(data.sequences),
-        frames=data.frame_count,
-        detections=sum(len(s.detections) for s in data.sequences),
-        rejected=data.rejected,
-        tracks=sum(len(np.unique(one.tracks.object_id)) for one in tracked),
-    )
+    Raises:
+        ArgumentError: The sequence has none of the frames.
+    """
+    frames = range(len(tracked.sequence))[span]
+    if not frames:
+        raise ArgumentError(f"--frames: sequence {tracked.sequence.name} has {len(tracked.sequence)} frames")
+    carry = carried_on("ctrv")
+    if isinstance(study.config, TrackerConfig):
+        kind = type(study.config.motion)
+        carry = carried_on(next(name for name, model in MODELS.items() if type(model) is kind))
+    if study.network is not None:
+        carry = LaneForecast(study.network).along_lanes(carry)
+    return Film(tracked, carry, frames, study.network)

@@ -15,16 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.metrics import mot as metrics
-from evaluation.metrics.mot import MotScore, compare, evaluate, pairs_of_frames
+from evaluation.metrics.matching import compare, pairs_of_frames
+from evaluation.metrics.mot import MotScore, evaluate
 from evaluation.studies.mot.run import (
     labelled_categories,
-    read_dataset,
     score_tracks,
     track_dataset,
-    write_tracks,
 )
+from evaluation.studies.mot.tables import write_tracks
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Camera, Objects
+from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.kitti import read_tracks
 from smartmot.tracking.configs import tracker_config
 

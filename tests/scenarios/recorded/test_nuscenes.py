@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.studies.mot.run import read_dataset, track_dataset
+from evaluation.studies.mot.run import track_dataset
 from scenarios.errors import DatasetError
-from scenarios.recorded.nuscenes import MAX_BOXES_PER_SAMPLE, read_nuscenes, rotation_matrix, submission_text
+from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.nuscenes import MAX_BOXES_PER_SAMPLE, read_nuscenes, submission_text
+from scenarios.recorded.poses import rotation_matrix
 from smartmot.tracking.tracker import TrackerConfig
 
 TOKENS = [f"{k:032x}" for k in range(6)]

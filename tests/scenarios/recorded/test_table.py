@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluation.studies.mot.run import read_dataset, track_dataset, write_tracks
+from evaluation.studies.mot.run import track_dataset
+from evaluation.studies.mot.tables import write_tracks
 from scenarios.errors import DatasetError
+from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.table import read_csv
 from smartmot.tracking.configs import tracker_config
 from smartmot.tracking.tracker import TrackerConfig

@@ -11,7 +11,7 @@ from PIL import Image
 
 from evaluation.errors import ArgumentError
 from evaluation.studies.mot.film import Film, write_gif, write_video
-from evaluation.studies.mot.forecast_quality import carried_on
+from evaluation.studies.mot.forecasts import carried_on
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views.video import ffmpeg
 from opendrive import load_map

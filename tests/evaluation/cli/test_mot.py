@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from evaluation.cli import main
-from evaluation.studies.mot.run import TRACKS_NUSCENES
+from evaluation.studies.mot.tables import TRACKS_NUSCENES
 from scenarios.catalogue.maps import shipped_map
 
 needs_trackeval = pytest.mark.skipif(

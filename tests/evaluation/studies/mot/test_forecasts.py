@@ -7,21 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.studies.mot.forecast_quality import (
+from evaluation.metrics.forecast_quality import ForecastScore
+from evaluation.studies.mot.forecasts import (
     MODELS,
-    ForecastScore,
     carried_on,
     motions,
     score_forecasts,
 )
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
-from evaluation.studies.mot.run import read_dataset, track_dataset
+from evaluation.studies.mot.run import track_dataset
 from evaluation.studies.mot.tracking import TrackedSequence
 from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
+from scenarios.recorded.formats import read_dataset
 from smartmot.filters.motion_models import ConstantVelocity
 from smartmot.tracking.configs import tracker_config
 from smartmot.types import FloatArray

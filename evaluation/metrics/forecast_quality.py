@@ -1,0 +1,163 @@
+"""How well forecasts tell where objects go: displacement errors against the labels' later positions.
+
+- ADE: mean distance between forecast and label over the label's frames up to the horizon.
+- FDE: distance at the horizon.
+- miss rate: share of forecasts whose distance at the horizon exceeds 2 m.
+
+Source of the three: Chang et al., Argoverse, CVPR 2019 (miss: endpoint error over 2 m). They hold
+for one forecast per object. Distances are between centres on the ground of the world frame, and contain the
+track's own error of position. `moving` takes the objects that really move, 0.5 m/s on average up to the
+horizon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+HORIZONS_S = (1.0, 2.0, 3.0)
+MISS_M = 2.0
+MOVING_MPS = 0.5
+"""Slower objects count as standing (the paper's threshold between static and dynamic)."""
+
+Positions = Callable[[IntArray, FloatArray], FloatArray]
+"""(N, 2) positions that N of the forecasts, by their indices, give for (N,) times after their beginning."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastScore:
+    """Quality of forecasts for one category.
+
+    Args:
+        category: Category of the objects.
+        objects: all, or moving.
+        model: cv, ctrv or ca.
+        with_map: Whether forecasts followed the lanes of a map.
+        horizon_s: How far ahead.
+        ade_m, fde_m: Mean errors.
+        miss_rate_percent: Share of forecasts that miss.
+        forecasts: Number of forecasts.
+    """
+
+    category: str
+    objects: str
+    model: str
+    with_map: bool
+    horizon_s: float
+    ade_m: float
+    fde_m: float
+    miss_rate_percent: float
+    forecasts: int
+
+
+FORECAST_COLUMNS = tuple(item.name for item in fields(ForecastScore))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementErrors:
+    """Errors of R forecasts at each of H horizons.
+
+    Args:
+        ade_m: (R, H) mean errors up to the horizon; NaN where the label is not known at it.
+        fde_m: (R, H) errors at the horizon; NaN in the same places.
+        moving: (R, H) objects that move on average up to it.
+    """
+
+    ade_m: FloatArray
+    fde_m: FloatArray
+    moving: BoolArray
+
+
+def displacement_errors(
+    stamp_s: FloatArray,
+    object_id: IntArray,
+    center_m: FloatArray,
+    start: IntArray,
+    positions: Positions,
+    tolerance_s: float,
+) -> DisplacementErrors:
+    """Errors of forecasts, each of which begins at one row of the labels.
+
+    Args:
+        stamp_s: (L,) times of the labels; rows of an object stand together, in the order of time.
+        object_id: (L,) identities.
+        center_m: (L, 2) centres.
+        start: (R,) rows at which the forecasts begin.
+        positions: The forecasts.
+        tolerance_s: A label is at a horizon if it is no farther from it in time.
+    """
+    shape = (len(start), len(HORIZONS_S))
+    ade, fde, mean_speed = (np.full(shape, np.nan) for _ in range(3))
+    total, count = np.zeros(len(start)), np.zeros(len(start))
+    # all forecasts go on by one label at a time, until their object or the longest horizon ends
+    active = np.arange(len(start))
+    step = 0
+    while len(active):
+        step += 1
+        active = active[start[active] + step < len(stamp_s)]
+        now, then = start[active], start[active] + step
+        elapsed = stamp_s[then] - stamp_s[now]
+        goes_on = (object_id[then] == object_id[now]) & (elapsed <= HORIZONS_S[-1] + tolerance_s)
+        active, now, then, elapsed = active[goes_on], now[goes_on], then[goes_on], elapsed[goes_on]
+        error = np.linalg.norm(positions(active, elapsed) - center_m[then], axis=1)
+        total[active] += error
+        count[active] += 1
+        for k, horizon_s in enumerate(HORIZONS_S):
+            at = np.abs(elapsed - horizon_s) <= tolerance_s
+            ade[active[at], k] = total[active[at]] / count[active[at]]
+            fde[active[at], k] = error[at]
+            gone_m = np.linalg.norm(center_m[then[at]] - center_m[now[at]], axis=1)
+            mean_speed[active[at], k] = gone_m / elapsed[at]
+    with np.errstate(invalid="ignore"):
+        return DisplacementErrors(ade, fde, mean_speed >= MOVING_MPS)
+
+
+def forecast_scores(
+    errors: Iterable[DisplacementErrors], category: str, model: str, with_map: bool
+) -> list[ForecastScore]:
+    """Scores over some sequences: of all objects and of the moving ones, at each horizon.
+
+    Args:
+        errors: Of each sequence.
+        category: For the result.
+        model: For the result.
+        with_map: For the result.
+    """
+    parts = list(errors)
+    ade, fde, moving = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("ade_m", "fde_m", "moving")
+    )
+    known = np.isfinite(fde)
+    return [
+        _score(category, objects, model, with_map, horizon_s, ade[rows[:, k], k], fde[rows[:, k], k])
+        for objects, rows in (("all", known), ("moving", known & moving))
+        for k, horizon_s in enumerate(HORIZONS_S)
+    ]
+
+
+def _score(
+    category: str,
+    objects: str,
+    model: str,
+    with_map: bool,
+    horizon_s: float,
+    ade_m: FloatArray,
+    fde_m: FloatArray,
+) -> ForecastScore:
+    """One score; its errors are NaN without forecasts."""
+    some = len(fde_m) > 0
+    return ForecastScore(
+        category=category,
+        objects=objects,
+        model=model,
+        with_map=with_map,
+        horizon_s=horizon_s,
+        ade_m=float(ade_m.mean()) if some else np.nan,
+        fde_m=float(fde_m.mean()) if some else np.nan,
+        miss_rate_percent=float(100.0 * (fde_m > MISS_M).mean()) if some else np.nan,
+        forecasts=len(fde_m),
+    )

@@ -1,0 +1,135 @@
+"""Forecasts of recorded tracks: each motion model carries on what its own filter estimates, and is scored.
+
+A forecast is made for every confirmed track that matches a label (centres at most 2 m apart, as in
+`evaluation.metrics.matching`), in every frame from which the label is known one, two or three seconds later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from evaluation.metrics.forecast_quality import (
+    DisplacementErrors,
+    ForecastScore,
+    displacement_errors,
+    forecast_scores,
+)
+from evaluation.metrics.matching import MATCH_DISTANCE_M, assigned_pairs, compare, match_threshold
+from evaluation.studies.mot.tracking import TrackedSequence
+from smartmot.filters.motion_models import (
+    ConstantAcceleration,
+    ConstantTurnRate,
+    ConstantVelocity,
+    LinearMotion,
+    ctrv_positions,
+)
+from smartmot.forecast import ForecastConfig
+from smartmot.types import FloatArray, IntArray
+
+MAX_YAW_RATE_RADPS = ForecastConfig().max_yaw_rate_radps
+"""Turn rates of tracks are limited to this, as in `smartmot.forecast`."""
+
+MODELS: dict[str, LinearMotion | ConstantTurnRate] = {
+    "cv": ConstantVelocity(),
+    "ctrv": ConstantTurnRate(),
+    "ca": ConstantAcceleration(),
+}
+"""Motion models by name, with their default noise."""
+
+assert MATCH_DISTANCE_M == 2.0  # the module's text says so
+
+Carry = Callable[[TrackedSequence, IntArray, FloatArray], FloatArray]
+"""Positions (R, 2) of some track rows (R,) after some times (R,)."""
+
+
+def motions(own: LinearMotion | ConstantTurnRate) -> dict[str, LinearMotion | ConstantTurnRate]:
+    """`MODELS`, the one of the tracker's own kind with the tracker's noise."""
+    return {name: own if type(own) is type(model) else model for name, model in MODELS.items()}
+
+
+def carried_on(model: str) -> Carry:
+    """How a model moves tracks on."""
+    return {"cv": _constant_velocity, "ctrv": _constant_turn_rate, "ca": _constant_acceleration}[model]
+
+
+def _constant_velocity(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    tracks = tracked.tracks
+    return tracks.center_m[rows] + time_s[:, None] * tracks.velocity_mps[rows]
+
+
+def _constant_turn_rate(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    center, velocity = tracked.tracks.center_m[rows], tracked.tracks.velocity_mps[rows]
+    positions, _ = ctrv_positions(
+        center[:, 0],
+        center[:, 1],
+        np.arctan2(velocity[:, 1], velocity[:, 0]),
+        np.hypot(velocity[:, 0], velocity[:, 1]),
+        np.clip(tracked.yaw_rate_radps[rows], -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS),
+        time_s[:, None],
+    )
+    return positions[:, 0]
+
+
+def _constant_acceleration(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    moved = _constant_velocity(tracked, rows, time_s)
+    return moved + 0.5 * time_s[:, None] ** 2 * tracked.acceleration_mps2[rows]
+
+
+def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> DisplacementErrors:
+    """Compare forecasts of a sequence with its labels.
+
+    Args:
+        tracked: A sequence with labels, and its tracks.
+        category: Category of tracks and labels.
+        carry: The forecast.
+    """
+    sequence = tracked.sequence
+    assert sequence.labels is not None
+    labels = sequence.labels[sequence.labels.category == category]
+    track_rows = np.flatnonzero(tracked.tracks.category == category)
+    compared = compare(sequence, tracked.tracks, category, "distance")
+    label, track = assigned_pairs(
+        compared,
+        compared.label_counts,
+        np.ones(len(track_rows), dtype=np.bool_),
+        match_threshold(category, "distance"),
+    )
+    by_object = np.lexsort((labels.frame, labels.object_id))
+    place = np.empty_like(by_object)
+    place[by_object] = np.arange(len(by_object))
+    rows = track_rows[track]
+    return displacement_errors(
+        sequence.stamp_s[labels.frame[by_object]],
+        labels.object_id[by_object],
+        labels.center_m[by_object],
+        place[label],
+        lambda forecasts, elapsed_s: carry(tracked, rows[forecasts], elapsed_s),
+        0.5 * float(np.median(np.diff(sequence.stamp_s))) if len(sequence) > 1 else 0.0,
+    )
+
+
+def score_forecasts(
+    tracked_by_model: Mapping[str, Iterable[TrackedSequence]],
+    categories: Sequence[str],
+    along_lanes: Callable[[Carry], Carry] | None = None,
+) -> list[ForecastScore]:
+    """Quality of every model's forecasts, per category.
+
+    Args:
+        tracked_by_model: What the tracker made of the sequences with each of `MODELS`.
+        categories: Categories to score.
+        along_lanes: Makes a forecast follow the lanes of a map; None without a map.
+    """
+    scores: list[ForecastScore] = []
+    for model, sequences in tracked_by_model.items():
+        labelled = [tracked for tracked in sequences if tracked.sequence.labels is not None]
+        carries = [carried_on(model)]
+        if along_lanes is not None:
+            carries.append(along_lanes(carries[0]))
+        for with_map, carry in enumerate(carries):
+            for category in categories:
+                errors = [forecast_errors(tracked, category, carry) for tracked in labelled]
+                scores += forecast_scores(errors, category, model, bool(with_map))
+    return sorted(scores, key=lambda s: (categories.index(s.category), s.objects))

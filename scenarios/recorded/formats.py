@@ -1,0 +1,45 @@
+"""The formats of recordings: which one a folder has, and what reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.dataset import Dataset
+from scenarios.recorded.kitti import read_kitti
+from scenarios.recorded.nuscenes import read_nuscenes
+from scenarios.recorded.table import DETECTIONS, read_csv
+
+READERS: dict[str, Callable[[Path], Dataset]] = {
+    "kitti": read_kitti,
+    "nuscenes": read_nuscenes,
+    "csv": read_csv,
+}
+FORMATS = tuple(READERS)
+
+
+def read_dataset(folder: Path, form: str | None = None) -> Dataset:
+    """Read a folder in a given format, or in the one that its files show.
+
+    Raises:
+        DatasetError: The format is not recognised, or a file is missing or wrong.
+    """
+    if not folder.exists():
+        raise DatasetError(f"{folder}: no such folder or file")
+    return READERS[form or _recognised(folder)](folder)
+
+
+def _recognised(folder: Path) -> str:
+    """Name of the format."""
+    if folder.is_file():
+        return "csv" if folder.suffix == ".csv" else "nuscenes"
+    if (folder / "detections").is_dir():
+        return "kitti"
+    if (folder / DETECTIONS).is_file():
+        return "csv"
+    if any(folder.glob("*.json")):
+        return "nuscenes"
+    raise DatasetError(
+        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv) or *.json (nuscenes) in it; see docs/mot.md"
+    )
