@@ -16,7 +16,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # nothing is imported yet but what Python has loaded by itself, see _smartmot
     from collections.abc import Callable
     from importlib.machinery import ModuleSpec
-    from types import ModuleType
+    from types import CodeType, ModuleType
     from typing import Any
 
 PACKAGES = ("opendrive", "smartmot", "scenarios", "evaluation")
@@ -37,8 +37,8 @@ def foreign(name: str) -> str | None:
     module = sys.modules.get(name)
     spec = module.__spec__ if module is not None else None
     if spec is None:
-        found = (finder.find_spec(name, None) for finder in list(sys.meta_path) if finder is not _named)
-        spec = next((spec for spec in found if spec is not None), None)
+        specs = (finder.find_spec(name, None) for finder in list(sys.meta_path) if finder is not _named)
+        spec = next((spec for spec in specs if spec is not None), None)
     if spec is None:
         return None
     theirs = spec.origin or next(iter(spec.submodule_search_locations or ()), "?")
@@ -61,9 +61,9 @@ def check(importing: str) -> None:
         ImportError: Another file or folder of that name comes first; the message names both.
     """
     for name in PACKAGES[: PACKAGES.index(importing)]:
-        told = foreign(name)
-        if told is not None:
-            raise ImportError(f"{importing} cannot be imported: {told}", name=name)
+        message = foreign(name)
+        if message is not None:
+            raise ImportError(f"{importing} cannot be imported: {message}", name=name)
 
 
 class _Named:
@@ -75,13 +75,13 @@ class _Named:
         Raises:
             ImportError: Its package is somebody else's.
         """
-        package, _, rest = name.partition(".")
-        if rest and package in PACKAGES:
+        package, _, inner = name.partition(".")
+        if inner and package in PACKAGES:
             file = os.path.join(_HOME, *name.split("."))  # noqa: PTH118
             ours = os.path.isfile(f"{file}.py") or os.path.isdir(file)  # noqa: PTH112, PTH113
-            told = foreign(package) if ours else None
-            if told is not None:
-                raise ImportError(f"{name} cannot be imported: {told}", name=name)
+            message = foreign(package) if ours else None
+            if message is not None:
+                raise ImportError(f"{name} cannot be imported: {message}", name=name)
 
 
 _named = _Named()
@@ -210,7 +210,7 @@ MOVED = {
     "scenarios.ego_drive": "scenarios.simulation.drive",
     "scenarios.follower": "scenarios.simulation.follower",
     "scenarios.library": "scenarios.catalogue.library",
-    "scenarios.map_builder": "scenarios.catalogue.map_builder",
+    "scenarios.map_builder": "scenarios.catalogue.map_builder scenarios.catalogue.maps",
     "scenarios.openscenario.actions": "scenarios.openscenario.running.actions",
     "scenarios.openscenario.actors": "scenarios.openscenario.running.actors",
     "scenarios.openscenario.catalogs": "scenarios.openscenario.reading.catalogs",
@@ -276,8 +276,9 @@ def _warn(old: str, new: str) -> None:
 class _Alias:
     """Loads a module by its old name: the one of the new name."""
 
-    def __init__(self, new: str) -> None:
+    def __init__(self, old: str, new: str) -> None:
         self.new = new
+        self.old_spec: ModuleSpec = type(sys.__spec__)(old, self)  # type: ignore[arg-type]
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         import importlib
@@ -294,6 +295,17 @@ class _Alias:
     def exec_module(self, module: ModuleType) -> None:
         module.__spec__ = self.spec
 
+    def get_code(self, name: str) -> CodeType | None:
+        """The code of the new module, for `python -m` with the old name."""
+        import importlib.util
+
+        new = self.new.split()[0]
+        spec = importlib.util.find_spec(new)
+        self.old_spec.origin = spec.origin if spec is not None else None  # its __file__
+        loader: Any = spec.loader if spec is not None else None
+        code: CodeType | None = loader.get_code(new) if loader is not None else None
+        return code
+
 
 class _Moved:
     """Finds modules by their old names."""
@@ -303,7 +315,7 @@ class _Moved:
         if new is None:
             return None
         _warn(name, new)
-        return type(sys.__spec__)(name, _Alias(new))  # type: ignore[arg-type]
+        return _Alias(name, new).old_spec
 
 
 def names_of(package: str, *modules: str) -> Callable[[str], Any]:
@@ -344,9 +356,9 @@ sys.meta_path.insert(0, _Moved())
 def main() -> None:
     """Entry point: the command; or one line and status 2 where a package of ours is not the one found."""
     for name in PACKAGES:
-        told = foreign(name)
-        if told is not None:
-            print(f"smartmot-eval: {told}", file=sys.stderr)  # noqa: T201 - nothing else is loaded yet
+        message = foreign(name)
+        if message is not None:
+            print(f"smartmot-eval: {message}", file=sys.stderr)  # noqa: T201 - nothing else is loaded yet
             sys.exit(2)
     from evaluation.cli import main as command
 

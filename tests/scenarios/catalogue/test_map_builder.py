@@ -54,10 +54,10 @@ def test_shipped_file_is_what_the_builder_writes(name: str) -> None:
     assert shipped_map(name).read_bytes() == build_map(name)
 
 
-def test_command_writes_all_maps(tmp_path: Path) -> None:
-    subprocess.run(
-        [sys.executable, "-m", "scenarios.catalogue.map_builder", str(tmp_path / "maps")], check=True
-    )
+@pytest.mark.parametrize("module", ["scenarios.catalogue.map_builder", "scenarios.map_builder"])
+def test_command_writes_all_maps(tmp_path: Path, module: str) -> None:
+    """By its name, and by its old one."""
+    subprocess.run([sys.executable, "-m", module, str(tmp_path / "maps")], check=True)
     written = {path.name: path.read_bytes() for path in (tmp_path / "maps").iterdir()}
     assert written == {f"{name}.xodr": build_map(name) for name in SHIPPED_MAPS}
 
