@@ -32,7 +32,7 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Film a run from above, with what happens in words."""
-    from evaluation.views.page.replay import replay
+    from evaluation.views.film.replay import replay
 
     with counting("drawing", quiet) as done:
         written, notes = replay(run, gif, mp4, fps, speed, done, allow_plugins)

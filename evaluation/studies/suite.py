@@ -164,7 +164,7 @@ def draw_again(
         ResultsError: the folder cannot be read.
         ArgumentError: it has no such run, or a picture cannot be written.
     """
-    from evaluation.views.page.folder import read_run_log, read_settings, refuse_comparison
+    from evaluation.runs.folder import UNKNOWN_SETUP, read_run_log, read_setups, refuse_comparison
     from evaluation.views.pictures import run_to_show, save_pictures
 
     refuse_comparison(directory)
@@ -176,11 +176,10 @@ def draw_again(
     if name not in set(runs["log"]):
         raise ResultsError(f"--run: no run {name!r}; the folder has: {', '.join(runs['log'])}")
     stored = read_configuration(directory)
-    settings, notes = read_settings(directory, stored, runs[runs["log"] == name], allow_plugins)
-    setting = settings.get(name)
+    setups, notes = read_setups(directory, stored, runs[runs["log"] == name], allow_plugins)
+    setup = setups.get(name, UNKNOWN_SETUP)
     logs = {str(log): read_run_log(directory, str(log)) for log in runs["log"]}
-    network, strategy = (setting.network, setting.strategy) if setting else (None, None)
-    return save_pictures(directory, runs, logs, network, strategy, shown=name, suffix=form), notes
+    return save_pictures(directory, runs, logs, setup.network, setup.strategy, shown=name, suffix=form), notes
 
 
 def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: str) -> list[Path]:

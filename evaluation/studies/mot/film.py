@@ -1,60 +1,21 @@
-"""Films of tracks from above: histories, identities, forecasts and labels, frame by frame."""
+"""Films of a tracked sequence, in the directory that a user names."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from evaluation.errors import ArgumentError
-from evaluation.results.files import write_whole
 from evaluation.studies.mot.forecasts import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
-from evaluation.views import video
-from evaluation.views.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SMALL_PT,
-    VERMILLION,
-    WINE,
-    plain_figure,
-)
-from scenarios.recorded.dataset import Objects
-from smartmot.geometry import corners, to_frame
-from smartmot.types import FloatArray
+from evaluation.views.film import maker
+from evaluation.views.film.tracks import TracksDrawing, film_of
 
 if TYPE_CHECKING:
-    from matplotlib.collections import Collection
-    from PIL import Image
-
     from opendrive import RoadNetwork
-
-C = TypeVar("C", bound="Collection")
-
-HISTORY_S = 2.0
-FORECAST_S = 2.0
-FORECAST_STEPS = 4
-TRACK_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, WINE)
-"""Colour of a track: its identity, modulo their number."""
-
-_SIZE_IN, _DPI = (8.0, 5.2), 100
-_AXES = (0.075, 0.15, 0.915, 0.79)
-_SHARE = (1.0, 99.0)
-"""Percentiles of the tracks' places that the picture shows; single far objects would shrink all others."""
-_MARGIN_M = 5.0
-_LEAST_M = 30.0
-_EGO_SIZE_M = (4.4, 1.8)
-_GIF_STEP_S = 0.01
-_GIF_LEAST_S = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +34,24 @@ class Film:
     frames: range
     network: RoadNetwork | None = None
 
+    def write(self, path: Path, option: str, done: Callable[[], None]) -> None:
+        """Draw the frames and write them, in a new folder if need be.
+
+        Raises:
+            ArgumentError: There is no ffmpeg, or the file cannot be written.
+        """
+        sequence, tracked = self.tracked.sequence, self.tracked
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            drawing = TracksDrawing(sequence, tracked.tracks, partial(self.carry, tracked), self.network)
+            film = film_of(drawing, self.frames, sequence.stamp_s[self.frames.start : self.frames.stop])
+            if option == "--gif":
+                maker.write_gif(path, film, done)
+            else:
+                maker.write_film(path, film, option, done)
+        except OSError as error:
+            raise ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}") from None
+
 
 def write_gif(film: Film, path: Path, done: Callable[[], None] = lambda: None) -> None:
     """Write an animated GIF that plays in real time.
@@ -80,29 +59,7 @@ def write_gif(film: Film, path: Path, done: Callable[[], None] = lambda: None) -
     Raises:
         ArgumentError: The file cannot be written.
     """
-
-    def pictures() -> Iterator[Image.Image]:
-        for scene in _drawn(film):
-            yield scene.picture()
-            done()
-
-    images = pictures()
-    durations = [round(1000 * step_s) for step_s in _durations_s(film).tolist()]
-    content = io.BytesIO()
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        next(images).save(
-            content,
-            save_all=True,
-            append_images=images,
-            duration=durations,
-            loop=0,
-            format="GIF",
-            optimize=False,
-        )
-        write_whole(path, content.getvalue())
-    except OSError as error:
-        raise ArgumentError(f"--gif: cannot write {path}: {error.strerror or error}") from None
+    film.write(path, "--gif", done)
 
 
 def write_video(film: Film, path: Path, done: Callable[[], None] = lambda: None) -> None:
@@ -111,277 +68,4 @@ def write_video(film: Film, path: Path, done: Callable[[], None] = lambda: None)
     Raises:
         ArgumentError: There is no ffmpeg, or the file cannot be written.
     """
-
-    def pictures() -> Iterator[NDArray[np.uint8]]:
-        for scene in _drawn(film):
-            yield scene.pixels()
-            done()
-
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"--video: cannot write {path}: {error.strerror or error}") from None
-    video.write_mp4(path, pictures(), 1.0 / float(np.mean(_durations_s(film))), "--video")
-
-
-def _durations_s(film: Film) -> FloatArray:
-    """How long each frame is shown, in steps that a GIF knows."""
-    stamp_s = film.tracked.sequence.stamp_s[film.frames.start : film.frames.stop]
-    steps = np.diff(stamp_s)
-    last = np.median(steps) if len(steps) else 0.1
-    shown = np.round(np.append(steps, last) / _GIF_STEP_S) * _GIF_STEP_S
-    return np.asarray(np.maximum(shown, _GIF_LEAST_S))
-
-
-def _unannotated(canvas: object) -> Any:
-    """Matplotlib's canvas has no types."""
-    return canvas
-
-
-def _drawn(film: Film) -> Iterator[_Scene]:
-    """The same scene once for each frame."""
-    scene = _Scene(film)
-    for frame in film.frames:
-        scene.show(frame)
-        yield scene
-
-
-class _Scene:
-    """The artists of a film, moved from frame to frame.
-
-    With ego poses the picture moves and turns with the vehicle, which looks to the right.
-    """
-
-    def __init__(self, film: Film) -> None:
-        self.figure = plain_figure(_SIZE_IN, _DPI)
-        self._canvas = _unannotated(self.figure.canvas)
-        self._axes = self.figure.add_axes(_AXES)
-        self._film = film
-        sequence, tracks = film.tracked.sequence, film.tracked.tracks
-        self._with_ego = sequence.world_SE3_ego is not None
-        self._ego = sequence.ego_xy_yaw()
-        self._tracks = _Frames(tracks, len(sequence))
-        self._detections = _Frames(sequence.detections, len(sequence))
-        self._labels = None if sequence.labels is None else _Frames(sequence.labels, len(sequence))
-        self._view = _view(tracks if len(tracks) else sequence.detections, self._ego)
-        self._place_axes()
-        if self._with_ego:
-            self._add_ego()
-        self._add_legend()
-        self._add_artists()
-        # all that stays is drawn once and copied under every frame
-        self._canvas.draw()
-        self._background = self._canvas.copy_from_bbox(self.figure.bbox)
-
-    def _add_artists(self) -> None:
-        """What moves: animated artists, which the canvas itself does not draw."""
-        from matplotlib.collections import LineCollection, PathCollection, PolyCollection
-
-        def add(collection: C) -> C:
-            self._axes.add_collection(collection)
-            return collection
-
-        open_box: dict[str, Any] = {"facecolors": "none", "animated": True}
-        self._found = add(PolyCollection([], edgecolors=GREY, linewidths=0.7, **open_box))
-        self._true = add(PolyCollection([], edgecolors=BLACK, linewidths=0.9, linestyles="--", **open_box))
-        self._boxes = add(PolyCollection([], linewidths=1.3, animated=True))
-        self._noses = add(LineCollection([], linewidths=1.3, animated=True))
-        self._history = add(LineCollection([], linewidths=1.2, animated=True))
-        self._forecast = add(LineCollection([], linewidths=1.2, linestyles=":", animated=True))
-        self._points: PathCollection = self._axes.scatter([], [], s=9.0, linewidths=0.0, animated=True)
-        self._title = self._axes.set_title("", fontsize=SMALL_PT + 1, animated=True)
-        self._texts: list[Any] = []
-        self._ground: list[Any] = []
-
-    def picture(self) -> Image.Image:
-        """The frame shown, with a palette of its own."""
-        from PIL import Image
-
-        return Image.fromarray(self.pixels()).quantize(
-            colors=128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
-        )
-
-    def pixels(self) -> NDArray[np.uint8]:
-        """(H, W, 3) colours of the frame shown."""
-        self._canvas.restore_region(self._background)
-        lines = [
-            self._found,
-            self._true,
-            self._boxes,
-            self._noses,
-            self._history,
-            self._forecast,
-            self._points,
-        ]
-        for artist in [*self._ground, *lines, *self._texts, self._title]:
-            self._axes.draw_artist(artist)
-        # a copy: the canvas goes on to draw into its buffer
-        return np.asarray(self._canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
-
-    def _add_ego(self) -> None:
-        from matplotlib.collections import PolyCollection
-
-        half_x, half_y = (0.5 * edge for edge in _EGO_SIZE_M)
-        outline = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
-        self._axes.add_collection(PolyCollection([outline], facecolors="#4d4d4d", edgecolors=BLACK))
-
-    def _place_axes(self) -> None:
-        axes = self._axes
-        axes.set_xlim(self._view[0], self._view[2])
-        axes.set_ylim(self._view[1], self._view[3])
-        axes.set_aspect("equal")
-        axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
-        axes.set_axisbelow(True)
-        axes.tick_params(labelsize=SMALL_PT)
-        moving = self._with_ego
-        axes.set_xlabel("ahead of the vehicle (m)" if moving else "x (m)", fontsize=SMALL_PT)
-        axes.set_ylabel("to its left (m)" if moving else "y (m)", fontsize=SMALL_PT)
-
-    def _add_legend(self) -> None:
-        """Say what the lines are."""
-        from matplotlib.lines import Line2D
-        from matplotlib.patches import Patch
-
-        handles: list[Any] = [
-            Patch(facecolor="#b3d4e8", edgecolor=BLUE, label="track with its id"),
-            Line2D([], [], color=BLUE, label=f"last {HISTORY_S:g} s"),
-            Line2D(
-                [], [], color=BLUE, linestyle=":", marker="o", markersize=3, label=f"next {FORECAST_S:g} s"
-            ),
-            Patch(facecolor="none", edgecolor=GREY, label="detection"),
-        ]
-        if self._labels is not None:
-            handles.append(Patch(facecolor="none", edgecolor=BLACK, linestyle="--", label="label"))
-        if self._with_ego:
-            handles.append(Patch(facecolor="#4d4d4d", edgecolor=BLACK, label="vehicle"))
-        self.figure.legend(
-            handles=handles,
-            loc="lower center",
-            ncols=len(handles),
-            frameon=False,
-            fontsize=SMALL_PT,
-            handlelength=1.6,
-        )
-
-    def show(self, frame: int) -> None:
-        """Move everything to a frame."""
-        sequence, pose = self._film.tracked.sequence, self._ego[frame]
-        self._found.set_verts(list(self._outlines(self._detections.at(frame), pose)))
-        if self._labels is not None:
-            self._true.set_verts(list(self._outlines(self._labels.at(frame), pose)))
-        rows = self._tracks.rows(frame)
-        tracks = self._tracks.objects[rows]
-        colours = [TRACK_COLOURS[i % len(TRACK_COLOURS)] for i in tracks.object_id.tolist()]
-        outlines = self._outlines(tracks, pose)
-        self._boxes.set_verts(list(outlines))
-        self._boxes.set_edgecolor(colours)
-        self._boxes.set_facecolor([_faded(colour) for colour in colours])
-        center = to_frame(tracks.center_m, *pose)
-        turn = tracks.yaw_rad - pose[2]
-        front = center + 0.5 * tracks.size_m[:, :1] * np.column_stack((np.cos(turn), np.sin(turn)))
-        self._noses.set_segments(list(np.stack((center, front), axis=1)))
-        self._noses.set_color(colours)
-        self._history.set_segments(self._past(frame, tracks, pose))
-        self._history.set_color(colours)
-        ways = self._future(np.arange(rows.start, rows.stop), pose)
-        self._forecast.set_segments(list(ways))
-        self._forecast.set_color(colours)
-        self._points.set_offsets(ways[:, 1:].reshape(-1, 2))
-        self._points.set_color([c for c in colours for _ in range(FORECAST_STEPS)])
-        self._name(tracks, outlines, colours)
-        self._draw_ground(pose)
-        elapsed_s = sequence.stamp_s[frame] - sequence.stamp_s[0]
-        self._title.set_text(f"{sequence.name}, frame {frame}, {elapsed_s:.1f} s")
-
-    def _outlines(self, objects: Objects, pose: FloatArray) -> FloatArray:
-        """(N, 4, 2) corners in the picture's frame."""
-        return to_frame(corners(objects.center_m, objects.size_m, objects.yaw_rad), *pose)
-
-    def _past(self, frame: int, tracks: Objects, pose: FloatArray) -> list[FloatArray]:
-        """Where each track has been."""
-        stamp_s = self._film.tracked.sequence.stamp_s
-        first = int(np.searchsorted(stamp_s, stamp_s[frame] - HISTORY_S - 1e-6))
-        before = self._tracks.objects[self._tracks.start[first] : self._tracks.start[frame + 1]]
-        place = to_frame(before.center_m, *pose)
-        return [place[before.object_id == i] for i in tracks.object_id.tolist()]
-
-    def _future(self, rows: Any, pose: FloatArray) -> FloatArray:
-        """(N, steps + 1, 2) where each track will be."""
-        times = np.linspace(0.0, FORECAST_S, FORECAST_STEPS + 1)
-        tracked = self._film.tracked
-        ways = [self._film.carry(tracked, rows, np.full(len(rows), t)) for t in times.tolist()]
-        return to_frame(np.stack(ways, axis=1), *pose)
-
-    def _name(self, tracks: Objects, outlines: FloatArray, colours: list[str]) -> None:
-        """Identities beside the boxes, inside the picture only."""
-        for text in self._texts:
-            text.remove()
-        low_x, high_x = self._axes.get_xlim()
-        low_y, high_y = self._axes.get_ylim()
-        self._texts = []
-        for identity, outline, colour in zip(tracks.object_id.tolist(), outlines, colours, strict=True):
-            x, y = outline[:, 0].max() + 0.3, outline[:, 1].max() + 0.3
-            if low_x < x < high_x - 1.0 and low_y < y < high_y - 1.0:
-                self._texts.append(
-                    self._axes.text(
-                        x, y, str(identity), color=colour, fontsize=SMALL_PT, clip_on=True, animated=True
-                    )
-                )
-
-    def _draw_ground(self, pose: FloatArray) -> None:
-        """The map around the vehicle."""
-        if self._film.network is None:
-            return
-        from evaluation.views.plots.ground import draw_map
-
-        for artist in self._ground:
-            artist.remove()
-        axes = self._axes
-        before = set(axes.get_children())
-        view = (*axes.get_xlim(), *axes.get_ylim())
-        draw_map(axes, self._film.network, tuple(pose.tolist()), (view[0], view[2], view[1], view[3]))
-        self._ground = [artist for artist in axes.get_children() if artist not in before]
-        for artist in self._ground:
-            artist.set_animated(True)
-
-
-class _Frames:
-    """Objects of a sequence by frame."""
-
-    def __init__(self, objects: Objects, frame_count: int) -> None:
-        self.objects = objects
-        self.start = objects.frame_starts(frame_count)
-
-    def rows(self, frame: int) -> slice:
-        """Rows of a frame."""
-        return slice(int(self.start[frame]), int(self.start[frame + 1]))
-
-    def at(self, frame: int) -> Objects:
-        """Objects of a frame."""
-        return self.objects[self.rows(frame)]
-
-
-def _view(objects: Objects, ego: FloatArray) -> tuple[float, float, float, float]:
-    """Low and high x and y that show nearly all objects, and the vehicle."""
-    x, y, yaw = ego[objects.frame].T
-    dx, dy = objects.center_m[:, 0] - x, objects.center_m[:, 1] - y
-    place = np.column_stack((np.cos(yaw) * dx + np.sin(yaw) * dy, np.cos(yaw) * dy - np.sin(yaw) * dx))
-    if not len(place):
-        return (-_LEAST_M, -_LEAST_M, _LEAST_M, _LEAST_M)
-    low, high = np.percentile(place, _SHARE, axis=0)
-    if ego.any():
-        low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-    short = np.maximum(_LEAST_M - (high - low), 0.0) / 2
-    low, high = low - short - _MARGIN_M, high + short + _MARGIN_M
-    # the shorter side is made longer until the picture is full
-    wanted = _SIZE_IN[0] * _AXES[2] / (_SIZE_IN[1] * _AXES[3])
-    width, height = high - low
-    grow = np.array([max(wanted * height - width, 0.0), max(width / wanted - height, 0.0)]) / 2
-    low, high = low - grow, high + grow
-    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-
-
-def _faded(colour: str) -> tuple[float, float, float, float]:
-    """The colour, nearly transparent."""
-    red, green, blue = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
-    return (red, green, blue, 0.25)
+    film.write(path, "--video", done)

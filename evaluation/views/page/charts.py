@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.views.page.folder import Run
-from evaluation.views.page.scene import Scene
+from evaluation.runs.folder import Run
+from evaluation.views.frames import LogFrames
 from evaluation.views.plots.speed import panels_of, speed_before_t0, speed_style, time_step
 from evaluation.views.plots.style import BLACK, BLUE, GREY, MPS_TO_KMH, VERMILLION, WINE
 from evaluation.views.plots.temporal import LAYERS, STATE_COLOURS, Event, event_text, latest_cause
@@ -46,17 +46,17 @@ def plotly_script() -> str:
     return str(get_plotlyjs())
 
 
-def temporal_spec(scene: Scene, run: Run) -> Spec:
+def temporal_spec(frames: LogFrames, run: Run) -> Spec:
     """Events of each layer over time, with causes and effects, above the ego's speed."""
     height = {layer: len(LAYERS) - 1 - rank for rank, layer in enumerate(LAYERS)}
     events: list[Event] = [
         (float(time), str(layer), str(name))
         for time, layer, name in zip(
-            scene.events["time_s"], scene.events["category"], scene.events["label"], strict=True
+            frames.events["time_s"], frames.events["category"], frames.events["label"], strict=True
         )
         if layer in height
     ]
-    end = float(scene.time_s[-1])
+    end = float(frames.time_s[-1])
     data = []
     for layer in LAYERS:
         own = [event for event in events if event[1] == layer]
@@ -64,19 +64,19 @@ def temporal_spec(scene: Scene, run: Run) -> Spec:
             if name in STATE_COLOURS:
                 data.append(_state(time, until, height[layer], name))
     data.append(_events(events, height, end))
-    speed = scene.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
+    speed = frames.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
     data.append(
         {
             "type": "scatter",
             "mode": "lines",
-            "x": _rounded(scene.time_s, 3),
+            "x": _rounded(frames.time_s, 3),
             "y": _rounded(speed, 2),
             "line": {"color": WINE, "width": 2},
             "hovertemplate": "%{x:.2f} s: %{y:.1f} km/h<extra></extra>",
             **_BELOW,
         }
     )
-    data += _marks(scene, run)
+    data += _marks(frames, run)
     layout = _layout(330) | {
         "annotations": _arrows(events, height),
         "xaxis": _axis(range=[-0.02 * end, 1.02 * end], matches="x2", showticklabels=False, anchor="y"),
@@ -149,7 +149,7 @@ def _arrows(events: Sequence[Event], height: dict[str, int]) -> list[dict[str, A
     return arrows
 
 
-def _marks(scene: Scene, run: Run) -> list[dict[str, Any]]:
+def _marks(frames: LogFrames, run: Run) -> list[dict[str, Any]]:
     """Brake request, stop and contact on the speed."""
     end = "contact" if run["collided"] else "stop"
     marks = [
@@ -157,15 +157,15 @@ def _marks(scene: Scene, run: Run) -> list[dict[str, Any]]:
         (run["contact_time_s"], "contact", "circle-open", VERMILLION, "bottom left"),
         (run["t0_s"], "stop", "square-open", BLACK, "middle left"),
     ]
-    speed = scene.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
+    speed = frames.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
     return [
         {
             "type": "scatter",
             "mode": "markers+text",
             "x": [round(float(time), 3)],
-            "y": [round(float(np.interp(time, scene.time_s, speed)), 2)],
+            "y": [round(float(np.interp(time, frames.time_s, speed)), 2)],
             "text": [name],
-            "textposition": place if time > 0.5 * scene.time_s[-1] else "top right",
+            "textposition": place if time > 0.5 * frames.time_s[-1] else "top right",
             "textfont": {"size": 11},
             "marker": {"symbol": symbol, "size": 10, "color": colour, "line": {"width": 2, "color": colour}},
             "hovertemplate": f"{name}<br>%{{x:.2f}} s, %{{y:.1f}} km/h<extra></extra>",

@@ -16,11 +16,11 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import comparison_table, impact_table
 from evaluation.results.files import write_whole
 from evaluation.results.tables import Table
+from evaluation.runs.folder import RunFolder, read_folder
+from evaluation.views.account.explain import Account, explain
+from evaluation.views.frames import frames_of
 from evaluation.views.page import charts
-from evaluation.views.page.explain import Account, explain
-from evaluation.views.page.folder import RunFolder, read_folder
 from evaluation.views.page.payload import pack_map, pack_run
-from evaluation.views.page.scene import read_scene
 from evaluation.views.page.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
 from evaluation.views.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
 from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
@@ -129,19 +129,19 @@ def page_content(
         name = str(run["log"])
         log = folder.log(name)
         curves[name] = log[log["kind"] == "ego"]
-        setting = folder.settings.get(name)
-        scene = read_scene(log, setting.strategy if setting else None)
-        way = scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        setup = folder.setup(name)
+        frames = frames_of(log, setup.strategy)
+        way = frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
         origin = np.rint(way[0]) if origin is None else origin
         map_index = -1
-        if setting is not None:
-            if setting.network not in networks:
-                networks.append(setting.network)
+        if setup.network is not None:
+            if setup.network not in networks:
+                networks.append(setup.network)
                 ways.append([])
-            map_index = networks.index(setting.network)
+            map_index = networks.index(setup.network)
             ways[map_index].append(way)
-        account = explain(scene, run, setting)
-        packed = pack_run(scene, account, origin, charts.temporal_spec(scene, run))
+        account = explain(frames, run, setup)
+        packed = pack_run(frames, account, origin, charts.temporal_spec(frames, run))
         views.append(RunView(name, str(run["strategy"]), _title(run, distinct), account, packed, map_index))
         progress(len(views), len(rows))
     accounts = {view.log: view.account for view in views}
@@ -240,12 +240,12 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     }
     facts["Scenario"] = _subject(runs)
     facts["Runs"] = str(len(runs))
-    maps = dict.fromkeys(filter(None, (setting.map_name for setting in folder.settings.values())))
+    maps = dict.fromkeys(filter(None, (setup.map_name for setup in folder.setups.values())))
     if maps:
         facts["Map"] = ", ".join(maps)
     for name in ("detector", "tracker"):
         of = PARAMETERS[name].of
-        used = {setting.preset.name: of(setting.preset) for setting in folder.settings.values()}
+        used = {s.preset.name: of(s.preset) for s in folder.setups.values() if s.preset is not None}
         own = [
             str(value)
             for preset, value in used.items()

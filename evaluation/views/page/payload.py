@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from evaluation.views.account.explain import Account
+from evaluation.views.frames import SEEN, TRUTH, LogFrames
 from evaluation.views.page.codec import (
     PER_METRE,
     PER_RADIAN,
@@ -19,8 +21,6 @@ from evaluation.views.page.codec import (
     ring,
     unpack,
 )
-from evaluation.views.page.explain import Account
-from evaluation.views.page.scene import SEEN, TRUTH, Scene
 from evaluation.views.plots.ground import lane_outlines
 from evaluation.views.plots.temporal import event_text
 from opendrive import RoadNetwork
@@ -68,30 +68,30 @@ def pack_map(network: RoadNetwork, ways_m: Sequence[FloatArray], origin_m: Float
     )
 
 
-def pack_run(scene: Scene, account: Account, origin_m: FloatArray, diagram: Mapping[str, object]) -> str:
+def pack_run(frames: LogFrames, account: Account, origin_m: FloatArray, diagram: Mapping[str, object]) -> str:
     """A run: its frames, what was in them, what was monitored, and its temporal diagram."""
     roles: list[str] = []
     areas = []
-    for frame in range(len(scene)):
-        outlines = scene.areas(frame)
+    for frame in range(len(frames)):
+        outlines = frames.areas(frame)
         roles += [role for role, _ in dict(outlines).items() if role not in roles]
         areas.append([[roles.index(role), *ring(points, origin_m)] for role, points in outlines])
     stories = list(dict.fromkeys(account.story))
     return pack(
         {
-            "t": deltas(scene.time_s, PER_SECOND),
+            "t": deltas(frames.time_s, PER_SECOND),
             "first": account.frame,
-            "ego": _columns(scene.ego, origin_m) | {"b": deltas(scene.ego["accel_mps2"], PER_METRE)},
-            "objects": {kind: _objects(scene.objects[kind], origin_m) for kind in (*TRUTH, *SEEN)},
+            "ego": _columns(frames.ego, origin_m) | {"b": deltas(frames.ego["accel_mps2"], PER_METRE)},
+            "objects": {kind: _objects(frames.objects[kind], origin_m) for kind in (*TRUTH, *SEEN)},
             "roles": roles,
             "areas": areas,
             "stories": stories,
             "story": deltas([stories.index(text) for text in account.story]),
             "status": list(account.status),
             "events": [
-                [scene.frame_at(float(time)), round(float(time), 3), str(layer), event_text(str(name))]
+                [frames.frame_at(float(time)), round(float(time), 3), str(layer), event_text(str(name))]
                 for time, layer, name in zip(
-                    scene.events["time_s"], scene.events["category"], scene.events["label"], strict=True
+                    frames.events["time_s"], frames.events["category"], frames.events["label"], strict=True
                 )
             ],
             "diagram": diagram,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from evaluation.results.rows import ordered_strategies, varying_conditions
-from evaluation.views.page.explain import KINDS, Account
+from evaluation.views.account.explain import KINDS, Account
 
 if TYPE_CHECKING:
     import pandas as pd

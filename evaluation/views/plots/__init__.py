@@ -5,7 +5,7 @@ Sizes are chosen so that the texts stay readable when a figure is printed 85 mm 
 colour-blind readers (Okabe and Ito) and mean the same in every picture.
 """
 
-from evaluation.views.plots.scene import birdseye, map_picture
+from evaluation.views.plots.birdseye import birdseye, map_picture
 from evaluation.views.plots.speed import speed_curves, speed_style
 from evaluation.views.plots.temporal import temporal_diagram
 

@@ -22,9 +22,9 @@ from evaluation.results.rows import write_runs
 from evaluation.runs import logged
 from evaluation.runs import plan as runner
 from evaluation.runs.configuration import SHIPPED, configuration_of, read_configuration
+from evaluation.runs.folder import RunFolder, read_folder
 from evaluation.studies.reference.cpna import CpnaPart
 from evaluation.studies.suite import draw_again
-from evaluation.views.page.folder import RunFolder, read_folder
 from evaluation.views.page.page import write_page
 from scenarios.catalogue.library import DEFINITIONS
 from scenarios.spec import RunSpec, definition_of, preset_of
@@ -100,16 +100,16 @@ def test_what_a_command_stored_is_used(made: Callable[[Path], Path], tmp_path: P
     edit(folder, other)
     read = read_folder(folder)
     assert read.notes == ()
-    assert set(read.settings) == set(read.runs["log"])
-    for setting in read.settings.values():
-        preset = setting.preset
+    assert set(read.setups) == set(read.runs["log"])
+    for setup in read.setups.values():
+        preset = setup.preset
         assert preset.brakes.max_decel_mps2 == 3.21
         assert preset.sensor.range_m == 47.0
         assert preset.pipeline.forecast.min_horizon_s == 2.5
         assert preset.pipeline.tracker.score_threshold == 0.11  # type: ignore[union-attr]
         assert preset.pipeline.aeb.near_m == 7.0
-        assert isinstance(setting.strategy, MapArea)
-        assert setting.strategy.config.vru_margin_m == 8.0
+        assert isinstance(setup.strategy, MapArea)
+        assert setup.strategy.config.vru_margin_m == 8.0
     call("report", folder)
     assert draw_again(folder, None, "png")[1] == []
 
@@ -188,7 +188,7 @@ def test_a_folder_is_moved_with_its_inputs(
     monkeypatch.chdir(moved / "results")
     read = read_folder(Path())
     assert read.notes == ()
-    assert [setting.network.name for setting in read.settings.values()] == ["urban_street"]
+    assert [setup.network.name for setup in read.setups.values()] == ["urban_street"]
 
 
 def test_a_folder_that_was_moved_without_its_inputs_is_drawn_without_lanes(own: Path, tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_an_input_that_has_changed_is_not_drawn(own: Path, name: str) -> None:
     path.write_text(path.read_text() + "<!-- -->")
     (note,) = notes_of(own)
     assert note.endswith(f"{name} has changed since the run")
-    assert read_folder(own).settings == {}
+    assert read_folder(own).setups == {}
 
 
 def test_a_catalog_that_was_added_is_told(own: Path) -> None:
@@ -227,7 +227,7 @@ def field(tmp_path: Path, name: str) -> Path:
 
 def test_a_folder_of_the_first_version_is_read(tmp_path: Path) -> None:
     read = read_folder(field(tmp_path, "good"))
-    assert list(read.settings) == [LOG]
+    assert list(read.setups) == [LOG]
     assert read.notes == (
         "Made by version 0.1.0, which wrote no hashes: scenario and map may have changed since.",
     )
@@ -235,10 +235,10 @@ def test_a_folder_of_the_first_version_is_read(tmp_path: Path) -> None:
 
 def test_the_preset_of_the_first_version_is_used(tmp_path: Path) -> None:
     """Its runs.json has a margin of 8 m where today's preset has 1.8 m."""
-    setting = read_folder(field(tmp_path, "run_preset_ignored")).settings[LOG]
-    assert setting.preset.map_area.vru_margin_m == 8.0
-    assert isinstance(setting.strategy, MapArea)
-    assert setting.strategy.config.vru_margin_m == 8.0
+    setup = read_folder(field(tmp_path, "run_preset_ignored")).setups[LOG]
+    assert setup.preset.map_area.vru_margin_m == 8.0
+    assert isinstance(setup.strategy, MapArea)
+    assert setup.strategy.config.vru_margin_m == 8.0
 
 
 def test_a_comparison_of_the_first_version_is_read() -> None:
@@ -324,8 +324,8 @@ def test_code_that_is_allowed_is_that_of_the_run(
     command("cpna", *options, "--tracker", "preset", "--out", "out")
     stored = read_configuration(tmp_path / "out")
     assert set(stored.plugins) == {"corridor_a:make"}
-    (setting,) = read_folder(tmp_path / "out", allow_plugins=True).settings.values()
-    assert isinstance(setting.strategy, MapArea)
+    (setup,) = read_folder(tmp_path / "out", allow_plugins=True).setups.values()
+    assert isinstance(setup.strategy, MapArea)
     assert notes_of(tmp_path / "out") == (
         "The monitored area of corridor_a:make is not drawn: it is code of your own, which is run with "
         "--allow-plugins only.",
@@ -406,7 +406,7 @@ def test_an_area_that_is_allowed_and_fails_is_one_line(
     del sys.modules[module]
     invalidate_caches()
     edit(tmp_path / "o", lambda content: content["configuration"]["plugins"].clear())  # no hash to compare
-    (log,) = read_folder(tmp_path / "o").settings
+    (log,) = read_folder(tmp_path / "o").setups
     words = (name, f"o/{log}", "--fps", "1") if name == "replay" else (name, "o")
     monkeypatch.setattr(sys, "argv", ["smartmot-eval", *words, "--allow-plugins", "--quiet"])
     with pytest.raises(SystemExit) as stop:

@@ -13,7 +13,7 @@ from evaluation.errors import ArgumentError
 from evaluation.studies.mot.film import Film, write_gif, write_video
 from evaluation.studies.mot.forecasts import carried_on
 from evaluation.studies.mot.tracking import TrackedSequence
-from evaluation.views.video import ffmpeg
+from evaluation.views.film.maker import ffmpeg
 from opendrive import load_map
 from scenarios.catalogue.maps import shipped_map
 from scenarios.recorded.dataset import Sequence

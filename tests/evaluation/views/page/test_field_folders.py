@@ -11,7 +11,7 @@ import pytest
 
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
-from evaluation.views.page.scene import read_scene
+from evaluation.views.frames import frames_of
 
 FIELD = Path(__file__).parents[3] / "data" / "field" / "runs"
 LOG = "cpna_paper_map_dry_none_50kmh_seed0"
@@ -38,4 +38,4 @@ def test_columns_that_are_read_only_arrays_are_arranged_by_frames(monkeypatch: p
     monkeypatch.setattr(pd.Series, "to_numpy", read_only)
     log = read_log(FIELD / "good" / "logs" / f"{LOG}.parquet")
     # frames at 20 Hz from 0 to 7.80 s
-    assert len(read_scene(log, None)) == 157
+    assert len(frames_of(log, None)) == 157

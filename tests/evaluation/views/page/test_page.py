@@ -16,9 +16,9 @@ from evaluation.results.by_speed import comparison_table
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
+from evaluation.runs.folder import read_folder
 from evaluation.views.page import charts, page
 from evaluation.views.page.codec import unpack
-from evaluation.views.page.folder import read_folder
 from evaluation.views.page.summary import score_matrix, verdicts
 
 tinyhtml5 = pytest.importorskip("tinyhtml5", reason="tinyhtml5 is not installed: HTML is not checked")

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluation.runs.folder import read_folder
+from evaluation.views.account.explain import explain
+from evaluation.views.frames import frames_of
 from evaluation.views.page.charts import temporal_spec
-from evaluation.views.page.explain import explain
-from evaluation.views.page.folder import read_folder
 from evaluation.views.page.payload import pack_run, read_run
-from evaluation.views.page.scene import read_scene
 
 ORIGIN = np.array([120.0, -3.0])
 TOLERANCE = {
@@ -23,9 +23,9 @@ def test_every_row_of_a_run_comes_back(folder: Path, index: int) -> None:
     results = read_folder(folder)
     run = results.runs.to_dict("records")[index]
     log = results.log(str(run["log"]))
-    setting = results.settings[str(run["log"])]
-    scene = read_scene(log, setting.strategy)
-    packed = pack_run(scene, explain(scene, run, setting), ORIGIN, temporal_spec(scene, run))
+    setup = results.setups[str(run["log"])]
+    frames = frames_of(log, setup.strategy)
+    packed = pack_run(frames, explain(frames, run, setup), ORIGIN, temporal_spec(frames, run))
     read = read_run(packed, ORIGIN)
 
     times = log.loc[log["kind"] == "ego", "time_s"].to_numpy()
@@ -52,12 +52,12 @@ def test_every_row_of_a_run_comes_back(folder: Path, index: int) -> None:
 def test_monitored_areas_come_back(folder: Path) -> None:
     results = read_folder(folder)
     for run in results.runs.to_dict("records"):
-        setting = results.settings[str(run["log"])]
-        scene = read_scene(results.log(str(run["log"])), setting.strategy)
-        packed = pack_run(scene, explain(scene, run, setting), ORIGIN, {})
+        setup = results.setups[str(run["log"])]
+        frames = frames_of(results.log(str(run["log"])), setup.strategy)
+        packed = pack_run(frames, explain(frames, run, setup), ORIGIN, {})
         areas = read_run(packed, ORIGIN)["areas"]
-        for frame in (0, len(scene) // 2, len(scene) - 1):
-            truth = scene.areas(frame)
+        for frame in (0, len(frames) // 2, len(frames) - 1):
+            truth = frames.areas(frame)
             assert [role for role, _ in areas[frame]] == [role for role, _ in truth]
             for (_, found), (_, wanted) in zip(areas[frame], truth, strict=True):
                 assert np.abs(found - wanted).max() <= 0.00501
@@ -69,14 +69,14 @@ def test_redrawn_areas_agree_with_what_the_runs_kept(folder: Path) -> None:
     results = read_folder(folder)
     checked = 0
     for run in results.runs.to_dict("records"):
-        scene = read_scene(results.log(str(run["log"])), results.settings[str(run["log"])].strategy)
-        assert scene.strategy is not None
-        for frame in range(len(scene) - 1):
-            rows = scene.rows("detection", frame)
+        frames = frames_of(results.log(str(run["log"])), results.setups[str(run["log"])].strategy)
+        assert frames.strategy is not None
+        for frame in range(len(frames) - 1):
+            rows = frames.rows("detection", frame)
             boxes = rows[["x_m", "y_m", "length_m", "width_m", "yaw_rad"]].to_numpy(float)
             from smartmot.types import Boxes
 
-            kept = scene.strategy.at(scene.ego_state(frame)).kept(
+            kept = frames.strategy.at(frames.ego_state(frame)).kept(
                 Boxes(boxes[:, :2], boxes[:, 2:4], boxes[:, 4]), rows["category"].to_numpy(np.str_)
             )
             assert kept.tolist() == (rows["label"] == "kept").tolist()

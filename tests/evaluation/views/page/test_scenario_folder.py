@@ -6,8 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 from evaluation.cli import app
-from evaluation.views.page.folder import read_folder
-from evaluation.views.page.scene import read_scene
+from evaluation.runs.folder import read_folder
+from evaluation.views.frames import frames_of
 from smartmot.types import Boxes, EgoState
 
 
@@ -24,18 +24,18 @@ def test_maps_and_areas_are_found_again(folder: Path) -> None:
     read = read_folder(folder)
     assert read.notes == ()
     assert not read.published
-    assert {s.strategy.name for s in read.settings.values() if s.strategy} == {"rectangular", "map"}
-    assert {s.network.name for s in read.settings.values()} == {"urban_street"}
+    assert {s.strategy.name for s in read.setups.values() if s.strategy} == {"rectangular", "map"}
+    assert {s.network.name for s in read.setups.values()} == {"urban_street"}
 
 
 def test_redrawn_areas_keep_what_the_log_says_was_kept(folder: Path) -> None:
     read = read_folder(folder)
     checked = 0
-    for name, setting in read.settings.items():
-        assert setting.strategy is not None
+    for name, setup in read.setups.items():
+        assert setup.strategy is not None
         log = read.log(name)
-        scene = read_scene(log, setting.strategy)
-        assert len(scene.time_s) > 10
+        frames = frames_of(log, setup.strategy)
+        assert len(frames.time_s) > 10
         seen = log[log["kind"] == "detection"]
         ego = log[log["kind"] == "ego"].drop_duplicates("time_s").set_index("time_s")
         for time_s, rows in seen.groupby("time_s"):
@@ -46,7 +46,7 @@ def test_redrawn_areas_keep_what_the_log_says_was_kept(folder: Path) -> None:
                 rows[["length_m", "width_m"]].to_numpy(),
                 rows["yaw_rad"].to_numpy(),
             )
-            kept = setting.strategy.at(state).kept(boxes, rows["category"].to_numpy().astype(str))
+            kept = setup.strategy.at(state).kept(boxes, rows["category"].to_numpy().astype(str))
             assert kept.tolist() == (rows["label"] == "kept").tolist()
             checked += len(rows)
     assert checked > 50

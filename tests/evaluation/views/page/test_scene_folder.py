@@ -8,9 +8,9 @@ import pytest
 from evaluation.results.by_speed import impact_table
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import read_runs
+from evaluation.runs.folder import read_folder
 from evaluation.studies.compare.command import CompareOptions, log_runs
 from evaluation.views.page import charts, page
-from evaluation.views.page.folder import read_folder
 from evaluation.views.page.summary import score_matrix, verdicts
 from scenarios.scenes.scenes import all_scenes
 

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from evaluation.views.page.explain import KINDS, Account
+from evaluation.views.account.explain import KINDS, Account
 from evaluation.views.page.summary import MARKS, score_matrix, verdicts
 
 

@@ -18,12 +18,12 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
-from evaluation.views import video
-from evaluation.views.page.explain import explain
-from evaluation.views.page.film import HOLD_S, Film, film_times
-from evaluation.views.page.folder import read_folder
-from evaluation.views.page.replay import replay, split_run
-from evaluation.views.page.scene import read_scene
+from evaluation.runs.folder import read_folder
+from evaluation.views.account.explain import explain
+from evaluation.views.film import maker
+from evaluation.views.film.replay import replay, split_run
+from evaluation.views.film.run import HOLD_S, RunDrawing, film_times
+from evaluation.views.frames import frames_of
 from evaluation.views.plots.ground import AREA_COLOURS
 
 
@@ -61,7 +61,7 @@ def test_a_gif_lasts_as_long_as_the_run(folder: Path, name: str, tmp_path: Path)
 @pytest.mark.parametrize(("fps", "speed", "count"), [(20, 1, 21), (20, 0.5, 41), (20, 2, 11), (30, 1, 31)])
 def test_number_of_pictures_and_their_moments(drive: Any, fps: float, speed: float, count: int) -> None:
     """A drive of 1 s at 20 frames per second."""
-    times = film_times(read_scene(drive().log(), None), fps, speed)
+    times = film_times(frames_of(drive().log()), fps, speed)
     assert len(times.frame) == count
     assert times.frame[0] == 0
     assert times.frame[-1] == 20
@@ -75,16 +75,16 @@ def test_number_of_pictures_and_their_moments(drive: Any, fps: float, speed: flo
 @pytest.mark.parametrize(("fps", "speed", "option"), [(0, 1, "--fps"), (60, 1, "--fps"), (20, 0, "--speed")])
 def test_impossible_numbers_are_refused(drive: Any, fps: float, speed: float, option: str) -> None:
     with pytest.raises(ArgumentError, match=f"{option}: must lie in"):
-        film_times(read_scene(drive().log(), None), fps, speed)
+        film_times(frames_of(drive().log()), fps, speed)
 
 
 def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
     results_folder = read_folder(folder)
     run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
-    setting = results_folder.settings[name]
-    scene = read_scene(results_folder.log(name), setting.strategy)
-    film = Film(scene, explain(scene, run, setting), setting.network, "title")
-    first, flag = film.picture(0), film.picture(scene.frame_at(run["flag_time_s"]))
+    setup = results_folder.setups[name]
+    frames = frames_of(results_folder.log(name), setup.strategy)
+    film = RunDrawing(frames, explain(frames, run, setup), setup.network, "title")
+    first, flag = film.picture(0), film.picture(frames.frame_at(run["flag_time_s"]))
     assert first.shape == flag.shape == (720, 960, 3)
     vermillion = np.array([0xD5, 0x5E, 0x00])
     # threats are drawn in one colour only: none at first, a ring at the flag
@@ -97,11 +97,11 @@ def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
 def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:
     results_folder = read_folder(folder)
     run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
-    scene = read_scene(results_folder.log(name), None)
-    account = explain(scene, run, None)
+    frames = frames_of(results_folder.log(name))
+    account = explain(frames, run)
     word = "Emergency brake for somebody wide, who moves in a margin. "
-    told = dataclasses.replace(account, story=tuple(word * (k % 9) for k in range(len(scene))))
-    film = Film(scene, told, None, "people at the kerb, 60 m bend left, near side, 0.4 m, " * 2)
+    told = dataclasses.replace(account, story=tuple(word * (k % 9) for k in range(len(frames))))
+    film = RunDrawing(frames, told, None, "people at the kerb, 60 m bend left, near side, 0.4 m, " * 2)
     for frame in range(9):
         image = film.picture(frame).astype(int)
         # nothing but white at the edges beside the title and below the view, where the texts are
@@ -127,15 +127,15 @@ def test_texts_do_not_stand_over_each_other(folder: Path, name: str, strategy: A
     """Speed, acceleration and a long count of what perception holds share a line; the legend may be long."""
     results_folder = read_folder(folder)
     run = results_folder.runs[results_folder.runs["log"] == name].to_dict("records")[0]
-    scene = read_scene(results_folder.log(name), None)
+    frames = frames_of(results_folder.log(name))
     story = "Emergency brake for another pedestrian, who stayed on the sidewalk, 12.3 m ahead then. " * 4
     status = "115.5 km/h, speeding up at 2.8 m/s² · 103 of 110 detections kept · 103 tracked, 10 on a "
     account = dataclasses.replace(
-        explain(scene, run, None),
-        status=(f"{status}collision course",) * len(scene),
-        story=(story,) * len(scene),
+        explain(frames, run),
+        status=(f"{status}collision course",) * len(frames),
+        story=(story,) * len(frames),
     )
-    film = Film(dataclasses.replace(scene, strategy=strategy), account, None, "title", "#d55e00")
+    film = RunDrawing(dataclasses.replace(frames, strategy=strategy), account, None, "title", "#d55e00")
     film.picture(0)
     figure = film._figure
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -153,7 +153,7 @@ def test_texts_do_not_stand_over_each_other(folder: Path, name: str, strategy: A
 
 def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
     try:
-        program = video.ffmpeg("--mp4")
+        program = maker.ffmpeg("--mp4")
     except ArgumentError as error:
         pytest.skip(str(error))
     path = tmp_path / "run.mp4"
@@ -166,10 +166,10 @@ def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
 
 
 def test_without_ffmpeg_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video.shutil, "which", lambda _: None)
+    monkeypatch.setattr(maker.shutil, "which", lambda _: None)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(ArgumentError, match=r"--mp4: no ffmpeg found; .*pip install imageio-ffmpeg"):
-        video.ffmpeg("--mp4")
+        maker.ffmpeg("--mp4")
 
 
 @pytest.mark.parametrize("run", ["out/a_30.5kmh_seed0", "out/logs/a_30.5kmh_seed0.parquet"])

@@ -1,4 +1,4 @@
-"""One run, frame by frame: the ego, what is around it, and the area that was monitored then."""
+"""A log by frames: the ego, what is around it, and the area that was monitored then."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from evaluation.results.files import ResultsError
 from evaluation.views.plots.ground import Area
-from evaluation.views.plots.log_rows import of_kind
+from evaluation.views.plots.log_rows import boxes_of, of_kind
 from smartmot.area import MonitoredAreaStrategy
 from smartmot.geometry import wrap_angle
 from smartmot.types import Boxes, EgoState, FloatArray
@@ -30,7 +30,7 @@ _ODOMETRY = [
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class LogFrames:
     """A run as F frames: one per decision, and the end of the run.
 
     Args:
@@ -77,22 +77,18 @@ class Scene:
 
 
 def boxes_in(rows: pd.DataFrame) -> Boxes:
-    """Boxes of rows."""
-    return Boxes(
-        rows[["x_m", "y_m"]].to_numpy(np.float64),
-        rows[["length_m", "width_m"]].to_numpy(np.float64),
-        rows["yaw_rad"].to_numpy(np.float64),
-    )
+    """Boxes of rows, map frame."""
+    return Boxes(*boxes_of(rows))
 
 
-def read_scene(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None) -> Scene:
+def frames_of(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None = None) -> LogFrames:
     """Arrange a log by frames.
 
     Frames without a decision are left out, but for the last. There, what was perceived before still stands.
 
     Args:
         log: as from `results.read_log`.
-        strategy: makes the monitored area.
+        strategy: makes the monitored area; None where it is not known.
 
     Raises:
         ResultsError: the log holds no ego.
@@ -119,7 +115,7 @@ def read_scene(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None) -> Sce
             objects[kind] = _held(objects[kind], len(time) - 1)
     for kind, rows in objects.items():
         starts[kind] = np.searchsorted(rows["frame"].to_numpy(), np.arange(len(time) + 1))
-    return Scene(
+    return LogFrames(
         ego,
         ego[_ODOMETRY].to_numpy(np.float64),
         objects,

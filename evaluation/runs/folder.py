@@ -1,4 +1,4 @@
-"""A folder of runs, and what its configuration says about map, route and monitored areas."""
+"""A folder of results, and what its configuration says about map, route and monitored area of each run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,13 @@ from scenarios.presets import Preset
 from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, load_named_map, perception_map
 from scenarios.strategies import STRATEGIES, make_strategy
-from smartmot.area import EverythingArea, MapArea, MonitoredArea, MonitoredAreaStrategy, RectangularArea
+from smartmot.area import (
+    EverythingArea,
+    MapArea,
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    RectangularArea,
+)
 from smartmot.errors import PluginError, SmartMotError
 from smartmot.maps.route import Route
 from smartmot.plugins import failure, is_plugin, require, source_digest
@@ -41,8 +47,8 @@ Run = Mapping[Hashable, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Setting:
-    """Where a run took place and how it was set up.
+class RunSetup:
+    """Where a run took place and how it was set up, as far as that is known; of a log alone nothing is.
 
     Args:
         map_name: file or shipped map.
@@ -53,12 +59,15 @@ class Setting:
         must: what the ego must do, brake or nothing, where that is known.
     """
 
-    map_name: str
-    network: RoadNetwork
-    route: Route
-    preset: Preset
-    strategy: MonitoredAreaStrategy | None
+    map_name: str = ""
+    network: RoadNetwork | None = None
+    route: Route | None = None
+    preset: Preset | None = None
+    strategy: MonitoredAreaStrategy | None = None
     must: str = ""
+
+
+UNKNOWN_SETUP = RunSetup()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +77,7 @@ class RunFolder:
     Args:
         path: the folder.
         runs: its table of runs.
-        settings: by name of the log; empty where map and areas cannot be had again.
+        setups: by name of the log; empty where map and areas cannot be had again.
         published: whether the paper printed results for these conditions.
         version: of the program that made them, if known.
         notes: what the reader has to know about what is missing, one line each.
@@ -76,7 +85,7 @@ class RunFolder:
 
     path: Path
     runs: pd.DataFrame
-    settings: Mapping[str, Setting]
+    setups: Mapping[str, RunSetup]
     published: bool
     version: str
     notes: tuple[str, ...]
@@ -88,6 +97,10 @@ class RunFolder:
             ResultsError: it is missing or broken, or has no ego that can be shown.
         """
         return read_run_log(self.path, name)
+
+    def setup(self, name: str) -> RunSetup:
+        """How the run of a log was set up; `UNKNOWN_SETUP` where that is not known."""
+        return self.setups.get(name, UNKNOWN_SETUP)
 
 
 @dataclass(slots=True, eq=False)
@@ -163,16 +176,16 @@ def read_folder(path: Path, allow_plugins: bool = False) -> RunFolder:
     notes = []
     if runs["log"].isna().any():
         notes.append(f"{int(runs['log'].isna().sum())} runs have no log and cannot be replayed.")
-    settings: dict[str, Setting] = {}
+    setups: dict[str, RunSetup] = {}
     published, version = False, ""
     try:
         stored = read_configuration(path)
         published, version = stored.published, stored.version
-        settings, told = read_settings(path, stored, runs, allow_plugins)
-        notes += told
+        setups, missing_notes = read_setups(path, stored, runs, allow_plugins)
+        notes += missing_notes
     except (ResultsError, OpenDriveError, ScenarioError, SmartMotError) as error:
         notes.append(f"Lanes and monitored areas are not drawn: {error}")
-    return RunFolder(path, runs, settings, published, version, tuple(notes))
+    return RunFolder(path, runs, setups, published, version, tuple(notes))
 
 
 def refuse_comparison(path: Path) -> None:
@@ -189,9 +202,9 @@ def refuse_comparison(path: Path) -> None:
     raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
 
 
-def read_settings(
+def read_setups(
     path: Path, stored: Stored, runs: pd.DataFrame, allow_plugins: bool = False
-) -> tuple[dict[str, Setting], list[str]]:
+) -> tuple[dict[str, RunSetup], list[str]]:
     """Map, route and conditions of runs of a folder, by the names of their logs, from `runs.json`.
 
     A run whose files are missing or have changed has none, nor has one whose map cannot be read.
@@ -203,64 +216,65 @@ def read_settings(
         allow_plugins: whether code of the user's own may make monitored areas again.
 
     Returns:
-        The settings, and why others are missing, one line each.
-
+        The setups, and why others are missing, one line each.
     """
     named = set(runs["log"].dropna())
-    scenes: dict[object, MapView] = {}
-    settings: dict[str, Setting] = {}
+    views: dict[object, MapView] = {}
+    setups: dict[str, RunSetup] = {}
     missing: Counter[str] = Counter()
     notes: dict[str, None] = {}
     for run in stored.runs:
         if run.spec.log not in named:
             continue
         try:
-            setting, note = _setting(run, stored.plugins, scenes, allow_plugins)
+            setup, note = _setup(run, stored.plugins, views, allow_plugins)
         except (ResultsError, OpenDriveError, ScenarioError, SmartMotError, OSError, RecursionError) as error:
             missing[" ".join(str(error).split())] += 1
             continue
-        settings[run.spec.log] = setting
+        setups[run.spec.log] = setup
         notes |= {note: None} if note else {}
-    lost = len(named - {run.spec.log for run in stored.runs})
-    if lost:
-        missing[f"{path / RUNS_JSON} does not have them; run the test again"] = lost
-    told = [
+    unlisted = len(named - {run.spec.log for run in stored.runs})
+    if unlisted:
+        missing[f"{path / RUNS_JSON} does not have them; run the test again"] = unlisted
+    reasons = [
         f"Lanes and monitored areas are not drawn{_share(count, len(named))}: {reason}"
         for reason, count in missing.items()
     ]
-    if settings and any(run.files is None for run in stored.runs):
-        told.append("Made by version 0.1.0, which wrote no hashes: scenario and map may have changed since.")
-    return settings, [*told, *notes]
+    if setups and any(run.files is None for run in stored.runs):
+        reasons.append(
+            "Made by version 0.1.0, which wrote no hashes: scenario and map may have changed since."
+        )
+    return setups, [*reasons, *notes]
 
 
-def _share(count: int, whole: int) -> str:
-    return "" if count == whole else f" for {count} of {whole} runs"
+def _share(count: int, total: int) -> str:
+    return "" if count == total else f" for {count} of {total} runs"
 
 
-def _setting(
-    run: StoredRun, plugins: Mapping[str, str], scenes: dict[object, MapView], allow_plugins: bool
-) -> tuple[Setting, str]:
-    """Where a run took place, and what is to be said of its monitored area."""
+def _setup(
+    run: StoredRun, plugins: Mapping[str, str], views: dict[object, MapView], allow_plugins: bool
+) -> tuple[RunSetup, str]:
+    """How a run was set up, and what is to be said of its monitored area."""
     spec = run.spec
     changed = changed_file(run)
     if changed is not None:
         raise ResultsError(changed)
     definition = definition_of(spec)
-    more = {file.resolve() for file in files_of(spec, definition)} - set(run.files or ())
-    if run.files is not None and more:
-        raise ResultsError(f"{min(more)} was not there when the run took place")
+    added = {file.resolve() for file in files_of(spec, definition)} - set(run.files or ())
+    if run.files is not None and added:
+        raise ResultsError(f"{min(added)} was not there when the run took place")
     preset = in_light_of_run(run, definition)
-    # the place does not depend on what perceives there
+    # map and route do not depend on what perceives there
     place = (spec.file, spec.parameters, spec.map_name, spec.adversaries)
-    scene = scenes.get(place)
-    if scene is None:
-        scene = scenes[place] = _scene(spec, definition, preset)
-    strategy, note = _strategy(spec.strategy, preset, scene, plugins, allow_plugins)
-    name = spec.map_name or scene.network.name or str(dict(spec.parameters).get("Map", ""))
-    return Setting(Path(name).name, scene.network, scene.route, preset, strategy, spec.must), note
+    view = views.get(place)
+    if view is None:
+        view = views[place] = _map_view(spec, definition, preset)
+    strategy, note = _strategy(spec.strategy, preset, view, plugins, allow_plugins)
+    name = spec.map_name or view.network.name or str(dict(spec.parameters).get("Map", ""))
+    return RunSetup(Path(name).name, view.network, view.route, preset, strategy, spec.must), note
 
 
-def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> MapView:
+def _map_view(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> MapView:
     """Map and route of a run; nothing of the user's own is made."""
     name = perception_map(definition, spec.map_name)
     network = load_named_map(name) if name else None
@@ -268,7 +282,7 @@ def _scene(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> Map
 
 
 def _strategy(
-    name: str, preset: Preset, scene: MapView, plugins: Mapping[str, str], allow_plugins: bool
+    name: str, preset: Preset, view: MapView, plugins: Mapping[str, str], allow_plugins: bool
 ) -> tuple[MonitoredAreaStrategy | None, str]:
     """What made the monitored area, and what is to be said of it."""
     if name not in STRATEGIES and not is_plugin(name):
@@ -285,7 +299,7 @@ def _strategy(
         elif source_digest(name) != plugins[name]:
             return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
-        made = make_strategy(name, preset, scene)
+        made = make_strategy(name, preset, view)
         shipped = type(made) in (RectangularArea, MapArea, EverythingArea)
         return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:

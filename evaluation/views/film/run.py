@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import io
-import itertools
+import functools
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import ArgumentError
-from evaluation.results.files import write_whole
-from evaluation.views import video
-from evaluation.views.page.explain import Account
-from evaluation.views.page.scene import Scene
+from evaluation.views.account.explain import Account
+from evaluation.views.film.maker import Film, Image, pixels
+from evaluation.views.frames import LogFrames
 from evaluation.views.plots.ground import (
     AREA_COLOURS,
     LANE_COLOURS,
@@ -41,9 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
     from matplotlib.transforms import Affine2D
     from PIL import Image as Pillow
-
-Image = NDArray[np.uint8]
-"""(H, W, 3) colours of a picture."""
 
 HOLD_S = 1.5
 """The last picture stays this long, so that the outcome can be read."""
@@ -85,11 +79,11 @@ class FilmTimes:
         return stay
 
 
-def film_times(scene: Scene, fps: float, speed: float) -> FilmTimes:
+def film_times(frames: LogFrames, fps: float, speed: float) -> FilmTimes:
     """Choose the frames of a film.
 
     Args:
-        scene: the run.
+        frames: the run.
         fps: pictures per second, 1 to 50 (a GIF's clock counts hundredths of a second).
         speed: 1 for real time, 0.5 for half of it.
 
@@ -100,27 +94,27 @@ def film_times(scene: Scene, fps: float, speed: float) -> FilmTimes:
         raise ArgumentError(f"--fps: must lie in 1..50, got {fps:g}")
     if not 0.05 <= speed <= 20:
         raise ArgumentError(f"--speed: must lie in 0.05..20, got {speed:g}")
-    start, end = float(scene.time_s[0]), float(scene.time_s[-1])
+    start, end = float(frames.time_s[0]), float(frames.time_s[-1])
     times = start + np.arange(int(np.floor((end - start) * fps / speed + 1e-6)) + 1) * speed / fps
-    frames = [scene.frame_at(float(time)) for time in times]
-    if frames[-1] != len(scene) - 1:
-        frames.append(len(scene) - 1)
-    return FilmTimes(np.array(frames, dtype=np.int64), fps)
+    shown = [frames.frame_at(float(time)) for time in times]
+    if shown[-1] != len(frames) - 1:
+        shown.append(len(frames) - 1)
+    return FilmTimes(np.array(shown, dtype=np.int64), fps)
 
 
 @dataclass(slots=True, eq=False)
-class Film:
+class RunDrawing:
     """Draws frames of one run onto one figure whose artists are moved, not made again.
 
     Args:
-        scene: the run.
+        frames: the run.
         account: what happens, in words.
         network: the map; None: without lanes.
         title: heading.
         colour: of the strategy, a bar above the heading; empty: none.
     """
 
-    scene: Scene
+    frames: LogFrames
     account: Account
     network: RoadNetwork | None
     title: str
@@ -153,14 +147,13 @@ class Film:
     def picture(self, frame: int) -> Image:
         """The picture of one frame."""
         self._move_to(frame)
-        canvas: Any = self._figure.canvas
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[:, :, :3].copy()
+        self._figure.canvas.draw()
+        return pixels(self._figure)
 
     def _add_ground(self) -> None:
         """Lanes and the way of the ego, in the map frame: the transform alone moves them."""
         transform = self._ego_map + self._axes.transData
-        way = self.scene.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        way = self.frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
         if self.network is not None and len(lane_outlines(self.network)):
             margin = max(abs(v) for v in _VIEW)
             view = (*(way.min(axis=0) - margin), *(way.max(axis=0) + margin))
@@ -213,7 +206,7 @@ class Film:
         self._texts["speed"] = write(0.015, below - 0.015, "", va="top", fontsize=SMALL_PT + 1, weight="bold")
         self._texts["seen"] = write(0.985, below - 0.015, "", va="top", ha="right", fontsize=SMALL_PT)
         self._texts["story"] = write(0.015, below - _STORY_TOP, "", va="top", fontsize=SMALL_PT)
-        shown = {role for frame in range(len(self.scene)) for role, _ in self.scene.areas(frame)}
+        shown = {role for frame in range(len(self.frames)) for role, _ in self.frames.areas(frame)}
         types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
         handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
                    for t, c in LANE_COLOURS.items() if t in types & {"driving", "sidewalk"}]  # fmt: skip
@@ -242,23 +235,23 @@ class Film:
 
     def _move_to(self, frame: int) -> None:
         """Put every artist where it belongs in a frame."""
-        scene = self.scene
-        ego = scene.ego_state(frame)
+        frames = self.frames
+        ego = frames.ego_state(frame)
         self._ego_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
-        paths = area_paths(scene.areas(frame))
+        paths = area_paths(frames.areas(frame))
         for role, area in self._areas.items():
             area.set_paths([paths[role]] if role in paths else [])
-        detections, tracks = scene.rows("detection", frame), scene.rows("track", frame)
-        forecasts = scene.rows("forecast", frame)
+        detections, tracks = frames.rows("detection", frame), frames.rows("track", frame)
+        forecasts = frames.rows("forecast", frame)
         for label in DETECTION_COLOURS:
             self._show(f"detection {label}", detections[detections["label"] == label])
         for state in TRACK_COLOURS:
             own = tracks[tracks["label"] == state]
             self._show(f"track {state}", own)
             self._show(f"forecast {state}", forecasts[forecasts["id"].isin(own["id"])])
-        self._show("ego forecast", scene.rows("ego_forecast", frame))
-        self._show("ground truth", scene.rows("actor", frame))
-        self._show("ego", scene.ego.iloc[[frame]])
+        self._show("ego forecast", frames.rows("ego_forecast", frame))
+        self._show("ground truth", frames.rows("actor", frame))
+        self._show("ego", frames.ego.iloc[[frame]])
         threats = tracks[tracks["label"] == "threat"]
         self._texts["ring"].set_data(threats["x_m"].to_numpy(), threats["y_m"].to_numpy())
         speed, _, seen = self.account.status[frame].partition(" · ")
@@ -303,39 +296,22 @@ class Film:
         self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])
 
 
-def pictures(film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> Iterator[Image]:
-    """The pictures of a film; a frame that stays is drawn once."""
-    shown, image = -1, np.zeros((0, 0, 3), dtype=np.uint8)
-    for frame in times.frame.tolist():
-        if frame != shown:
-            shown, image = frame, film.picture(frame)
-        progress()
-        yield image
-
-
-def write_gif(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
-    """Write an animated GIF with one palette, that of the first, the middle and the last picture.
-
-    Raises:
-        ArgumentError: the file cannot be written.
-    """
+def film_of(drawing: RunDrawing, times: FilmTimes) -> Film:
+    """A run as a film; its GIF has one palette, that of the first, the middle and the last picture."""
     from PIL import Image as Pillow
 
-    key_frames = [film.picture(int(times.frame[k])) for k in (0, len(times.frame) // 2, -1)]
-    palette = _palette(key_frames)
-    images = (
-        Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
-        for image in pictures(film, times, progress)
+    frames = times.frame.tolist()
+
+    @functools.cache
+    def palette() -> Pillow.Image:
+        return _palette([drawing.picture(frames[k]) for k in (0, len(frames) // 2, -1)])
+
+    def reduce(image: Image) -> Pillow.Image:
+        return Pillow.fromarray(image).quantize(palette=palette(), dither=Pillow.Dither.NONE)
+
+    return Film(
+        drawing.picture, reduce, frames, times.durations_ms(), times.fps, repeats=round(HOLD_S * times.fps)
     )
-    content = io.BytesIO()
-    try:
-        next(images).save(
-            content, format="GIF", save_all=True, append_images=images, duration=times.durations_ms(), loop=0,
-            optimize=False,
-        )  # fmt: skip
-        write_whole(path, content.getvalue())
-    except OSError as error:
-        raise _not_written("--gif", path, error) from None
 
 
 def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
@@ -348,30 +324,7 @@ def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
     # forecasts are half transparent, mostly on the road
     colours += [(np.array(to_rgb(c)) + to_rgb(LANE_COLOURS["driving"])) / 2 for c in TRACK_COLOURS.values()]
     fixed = np.rint(np.array(colours) * 255).astype(np.uint8)
-    found = Pillow.fromarray(np.concatenate(key_frames)).quantize(_COLOURS).getpalette() or []
+    frequent = Pillow.fromarray(np.concatenate(key_frames)).quantize(_COLOURS).getpalette() or []
     palette = Pillow.new("P", (1, 1))
-    palette.putpalette([*fixed.ravel().tolist(), *found[: 3 * _COLOURS]])
+    palette.putpalette([*fixed.ravel().tolist(), *frequent[: 3 * _COLOURS]])
     return palette
-
-
-def write_mp4(path: Path, film: Film, times: FilmTimes, progress: Callable[[], None] = lambda: None) -> None:
-    """Write an H.264 film with ffmpeg.
-
-    Raises:
-        ArgumentError: there is no ffmpeg, or the file cannot be written.
-    """
-    held = _held(pictures(film, times, progress), round(HOLD_S * times.fps))
-    video.write_mp4(path, held, times.fps, "--mp4")
-
-
-def _held(images: Iterator[Image], times: int) -> Iterator[Image]:
-    """Pictures, the last of them repeated."""
-    image: Image | None = None
-    for image in images:
-        yield image
-    if image is not None:
-        yield from itertools.repeat(image, times)
-
-
-def _not_written(option: str, path: Path, error: OSError) -> ArgumentError:
-    return ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}; choose another place")

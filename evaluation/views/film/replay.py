@@ -8,10 +8,11 @@ from typing import Any
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import LOGS_FOLDER
-from evaluation.views.page.explain import explain
-from evaluation.views.page.film import Film, film_times, write_gif, write_mp4
-from evaluation.views.page.folder import read_folder
-from evaluation.views.page.scene import read_scene
+from evaluation.runs.folder import read_folder
+from evaluation.views.account.explain import explain
+from evaluation.views.film.maker import write_film, write_gif
+from evaluation.views.film.run import RunDrawing, film_of, film_times
+from evaluation.views.frames import frames_of
 from evaluation.views.plots.strategies import strategy_colour
 
 _SUFFIX = ".parquet"
@@ -59,25 +60,30 @@ def replay(
         more = f" and {len(known) - 3} more" if len(known) > 3 else ""
         raise ArgumentError(f"RUN: no run {name!r} in {directory}; it has: {', '.join(known[:3])}{more}")
     row: dict[Any, Any] = match.to_dict("records")[0]
-    setting = folder.settings.get(name)
-    scene = read_scene(folder.log(name), setting.strategy if setting else None)
-    times = film_times(scene, fps, speed)
+    setup = folder.setup(name)
+    frames = frames_of(folder.log(name), setup.strategy)
+    times = film_times(frames, fps, speed)
     test = f"{row['v_test_kmh']:g} km/h"
     tested = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
     strategy = str(row["strategy"])
     title = ", ".join([strategy, *tested, str(row["weather"])])
     colour = strategy_colour(strategy, map(str, folder.runs["strategy"]))
-    film = Film(scene, explain(scene, row, setting), setting.network if setting else None, title, colour)
-    wanted: list[tuple[Path, Callable[..., None]]] = [(gif, write_gif)] if gif else []
-    wanted += [(mp4, write_mp4)] if mp4 else []
-    wanted = wanted or [(directory / f"{name}.gif", write_gif)]
-    done, total = 0, len(wanted) * len(times.frame)
+    account = explain(frames, row, setup)
+    film = film_of(RunDrawing(frames, account, setup.network, title, colour), times)
+    # without a file name a GIF in the folder of results
+    files = [(path, option) for path, option in ((gif, "--gif"), (mp4, "--mp4")) if path is not None]
+    files = files or [(directory / f"{name}.gif", "--gif")]
+    done, total = 0, len(files) * len(times.frame)
 
     def drawn() -> None:
         nonlocal done
         done += 1
         progress(done, total)
 
-    for path, write in wanted:
-        write(path, film, times, drawn)
-    return [path for path, _ in wanted], folder.notes
+    for path, option in files:
+        try:
+            write_gif(path, film, drawn) if option == "--gif" else write_film(path, film, option, drawn)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise ArgumentError(f"{option}: cannot write {path}: {reason}; choose another place") from None
+    return [path for path, _ in files], folder.notes

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.views.page.explain import explain
-from evaluation.views.page.folder import RunFolder, read_folder
-from evaluation.views.page.scene import Scene, read_scene
+from evaluation.runs.folder import RunFolder, read_folder
+from evaluation.views.account.explain import explain
+from evaluation.views.frames import LogFrames, frames_of
 from scenarios.presets import PAPER, PHYSICAL
 from smartmot.area import EverythingArea, RectangularArea
 
@@ -25,12 +25,12 @@ def results(folder: Path) -> RunFolder:
     return read_folder(folder)
 
 
-def account_of(results: RunFolder, strategy: str, speed_kmh: float) -> tuple[Any, Any, Scene]:
+def account_of(results: RunFolder, strategy: str, speed_kmh: float) -> tuple[Any, Any, LogFrames]:
     runs = results.runs
     run = runs[(runs["strategy"] == strategy) & (runs["v_test_kmh"] == speed_kmh)].to_dict("records")[0]
-    setting = results.settings[str(run["log"])]
-    scene = read_scene(results.log(str(run["log"])), setting.strategy)
-    return explain(scene, run, setting), run, scene
+    setup = results.setups[str(run["log"])]
+    frames = frames_of(results.log(str(run["log"])), setup.strategy)
+    return explain(frames, run, setup), run, frames
 
 
 def test_a_hit_names_speed_distance_and_what_the_brakes_need(results: RunFolder) -> None:
@@ -60,28 +60,28 @@ def test_a_stop_names_the_distance_left(results: RunFolder) -> None:
 
 
 def test_the_story_follows_the_events(results: RunFolder) -> None:
-    account, run, scene = account_of(results, "map", 60.0)
-    flag = scene.frame_at(run["flag_time_s"])
+    account, run, frames = account_of(results, "map", 60.0)
+    flag = frames.frame_at(run["flag_time_s"])
     assert account.story[0] == "Follows its lane."
     assert account.story[flag].startswith(f"Emergency brake since t = {run['flag_time_s']:.2f} s")
     assert not any(text.startswith("Emergency") for text in account.story[:flag])
-    standing = scene.frame_at(run["t0_s"] + 0.06)
+    standing = frames.frame_at(run["t0_s"] + 0.06)
     assert account.story[standing].startswith("Stands and holds")
-    free = scene.events.loc[scene.events["label"] == "end_unexpected", "time_s"].item()
-    assert account.story[scene.frame_at(free)] == "The way is free: drives on."
+    free = frames.events.loc[frames.events["label"] == "end_unexpected", "time_s"].item()
+    assert account.story[frames.frame_at(free)] == "The way is free: drives on."
 
 
 def test_the_status_counts_what_the_log_counts(results: RunFolder) -> None:
-    account, run, scene = account_of(results, "map", 60.0)
-    frame = scene.frame_at(run["flag_time_s"])
-    rows = scene.rows("detection", frame)
+    account, run, frames = account_of(results, "map", 60.0)
+    frame = frames.frame_at(run["flag_time_s"])
+    rows = frames.rows("detection", frame)
     kept = int((rows["label"] == "kept").sum())
     assert 0 < kept < len(rows)
     assert f"{kept} of {len(rows)} detections kept" in account.status[frame]
     assert account.status[frame].startswith("60.0 km/h")
 
 
-def bystander_scene(drive: Any, strategy: Any, *, moving: bool = False) -> Scene:
+def bystander_scene(drive: Any, strategy: Any, *, moving: bool = False) -> LogFrames:
     """An ego at 10 m/s; from t = 0.8 s on it brakes for a pedestrian 2.4 m to the right of its axis."""
     rows: list[dict[str, Any]] = []
     for time in drive().time_s:
@@ -92,14 +92,14 @@ def bystander_scene(drive: Any, strategy: Any, *, moving: bool = False) -> Scene
             rows.append({"time_s": time, "kind": "forecast", "horizon_s": 0.5} | BYSTANDER)
     events = ("selector", "unexpected"), ("monitors", "collision"), ("unexpected", "predicted_collision")
     rows += [{"time_s": 0.8, "kind": "event", "category": layer, "label": name} for layer, name in events]
-    return read_scene(drive().log(*rows), strategy)
+    return frames_of(drive().log(*rows), strategy)
 
 
 def test_a_false_activation_says_for_what_where_and_why(drive: Any, run_row: Any) -> None:
-    from evaluation.views.page.folder import Setting
+    from evaluation.runs.folder import RunSetup
 
     area = RectangularArea(PHYSICAL.rectangular, PHYSICAL.pipeline.braking_distance)
-    scene = bystander_scene(drive, area)
+    frames = bystander_scene(drive, area)
     run = run_row(false_activation=True, flag_time_s=0.8, t0_s=1.0)
 
     class Empty:
@@ -116,8 +116,8 @@ def test_a_false_activation_says_for_what_where_and_why(drive: Any, run_row: Any
         def place(self, points: Any) -> Any:
             return points[:, 0], points[:, 1]
 
-    setting = Setting("empty", Empty(), AlongX(), PHYSICAL, area)
-    account = explain(scene, run, setting)
+    setup = RunSetup("empty", Empty(), AlongX(), PHYSICAL, area)
+    account = explain(frames, run, setup)
     assert account.kind == "false"
     assert account.finding == (
         "False activation: emergency braking from 36 km/h to 36 km/h for another pedestrian."
@@ -129,7 +129,7 @@ def test_a_false_activation_says_for_what_where_and_why(drive: Any, run_row: Any
 
 
 def test_without_settings_there_are_facts_but_no_reasons(drive: Any, run_row: Any) -> None:
-    account = explain(bystander_scene(drive, None), run_row(false_activation=True, flag_time_s=0.8), None)
+    account = explain(bystander_scene(drive, None), run_row(false_activation=True, flag_time_s=0.8))
     assert account.why == (
         "The brake was requested 7.5 m before another pedestrian, standing, 2.4 m to the right of the ego's "
         "axis."
@@ -137,9 +137,9 @@ def test_without_settings_there_are_facts_but_no_reasons(drive: Any, run_row: An
 
 
 def test_without_an_area_everything_counts(drive: Any, run_row: Any, results: RunFolder) -> None:
-    setting = next(iter(results.settings.values()))
+    setup = next(iter(results.setups.values()))
     run = run_row(strategy="all", flag_time_s=0.8, t0_s=1.0, stop_gap_m=1.5)
-    account = explain(bystander_scene(drive, EverythingArea(), moving=True), run, setting)
+    account = explain(bystander_scene(drive, EverythingArea(), moving=True), run, setup)
     assert account.finding == "Stops with 1.5 m left."
     assert "everything ahead counts, wherever it is" in account.why
 
@@ -153,7 +153,7 @@ def test_an_object_dropped_before_is_named(drive: Any, run_row: Any) -> None:
         if late:
             rows.append({"time_s": time, "kind": "track", "label": "threat"} | BYSTANDER)
     rows.append({"time_s": 0.8, "kind": "event", "category": "unexpected", "label": "predicted_collision"})
-    account = explain(read_scene(drive().log(*rows), None), run_row(flag_time_s=0.8, t0_s=1.0), None)
+    account = explain(frames_of(drive().log(*rows)), run_row(flag_time_s=0.8, t0_s=1.0))
     assert "tracked for only 0.10 s: the monitored area had dropped it before" in account.why
 
 
@@ -177,13 +177,13 @@ def test_a_hit_without_braking_has_a_reason(
     more = [{"time_s": 0.5, "kind": kind, "label": label} | BYSTANDER for kind, label in rows]
     more.append({"time_s": 1.0, "kind": "actor", "label": "target"} | BYSTANDER)
     run = run_row(strategy=strategy, collided=True, v_impact_kmh=36.0, contact_time_s=1.0, t0_s=1.0)
-    account = explain(read_scene(drive().log(*more), None), run, None)
+    account = explain(frames_of(drive().log(*more)), run)
     assert account.finding == "Hits the target pedestrian at 36.0 km/h without braking."
     assert reason in account.why
 
 
 def test_an_ego_that_keeps_its_speed_does_not_brake(drive: Any, run_row: Any) -> None:
-    account = explain(read_scene(drive().log(), None), run_row(), None)
+    account = explain(frames_of(drive().log()), run_row())
     assert (account.kind, account.outcome, account.why) == ("pass", "no braking", "")
     assert account.finding == "Keeps its speed within 1 km/h, and passes without contact."
     assert not account.unnecessary
@@ -225,15 +225,15 @@ class Elsewhere:
 
 
 def setting_of(must: str) -> Any:
-    from evaluation.views.page.folder import Setting
+    from evaluation.runs.folder import RunSetup
 
-    return Setting("map", Sidewalk(), Elsewhere(), PHYSICAL, None, must)
+    return RunSetup("map", Sidewalk(), Elsewhere(), PHYSICAL, None, must)
 
 
 def test_slowing_is_said_with_its_depth_and_its_cause(drive: Any, run_row: Any) -> None:
     """(50 - 12) / 3.6 m/s in 2 s are 5.3 m/s2."""
     run = run_row(false_activation=False, v_test_kmh=50.0)
-    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 12.0)), run, setting_of("nothing"))
     assert account.kind == "unnecessary"
     assert account.unnecessary
     assert account.outcome == "unnecessary braking to 12 km/h"
@@ -250,8 +250,8 @@ def test_slowing_for_an_object_in_the_ego_lane_is_not_unnecessary(drive: Any, ru
     class SameLane:
         lanes = (0,)
 
-    setting = replace(setting_of("nothing"), route=SameLane())
-    account = explain(read_scene(slows(drive, 12.0), None), run_row(), setting)
+    setup = replace(setting_of("nothing"), route=SameLane())
+    account = explain(frames_of(slows(drive, 12.0)), run_row(), setup)
     assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
     assert account.finding == (
         "Slows from 50 to 12 km/h at up to 5.3 m/s² for another pedestrian, who stayed in the ego's lane, "
@@ -261,7 +261,7 @@ def test_slowing_for_an_object_in_the_ego_lane_is_not_unnecessary(drive: Any, ru
 
 def test_slowing_in_a_must_brake_scene_avoids_the_collision(drive: Any, run_row: Any) -> None:
     run = run_row(false_activation=False, v_test_kmh=50.0)
-    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    account = explain(frames_of(slows(drive, 12.0)), run, setting_of("brake"))
     assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
     assert account.finding.startswith(
         "Collision avoided. Slows from 50 to 12 km/h at up to 5.3 m/s² for another"
@@ -269,7 +269,7 @@ def test_slowing_in_a_must_brake_scene_avoids_the_collision(drive: Any, run_row:
 
 
 def test_a_standstill_by_speed_adaptation_is_one(drive: Any, run_row: Any) -> None:
-    account = explain(read_scene(slows(drive, 0.0), None), run_row(), setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 0.0)), run_row(), setting_of("nothing"))
     assert account.outcome == "unnecessary braking to a standstill"
     assert "from 50 km/h to a standstill at up to 6.9 m/s²" in account.finding
 
@@ -285,49 +285,46 @@ def test_a_standstill_by_speed_adaptation_is_one(drive: Any, run_row: Any) -> No
 def test_what_counts_as_braking(
     drive: Any, run_row: Any, to_kmh: float, kind: str, unnecessary: bool
 ) -> None:
-    account = explain(read_scene(slows(drive, to_kmh), None), run_row(), setting_of("nothing"))
+    account = explain(frames_of(slows(drive, to_kmh)), run_row(), setting_of("nothing"))
     assert (account.kind, account.unnecessary) == (kind, unnecessary)
     assert ("Keeps its speed" in account.finding) == (kind == "pass")
     assert ("no braking" in account.outcome) == (kind == "pass")
 
 
 def test_slowing_that_the_scenario_asks_for_is_no_unnecessary_braking(drive: Any, run_row: Any) -> None:
-    account = explain(read_scene(slows(drive, 12.0, tracked=False), None), run_row(), setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 12.0, tracked=False)), run_row(), setting_of("nothing"))
     assert (account.kind, account.outcome, account.unnecessary) == ("stop", "slowed to 12 km/h", False)
     assert account.why == "Nothing that it tracks is in its way then."
     unbraked = run_row(strategy="none")
-    account = explain(read_scene(slows(drive, 12.0), None), unbraked, setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 12.0)), unbraked, setting_of("nothing"))
     assert account.why == "Nothing watches in this run: the scenario slows the ego."
     assert "slows from 50 to 12 km/h at up to 5.3 m/s²" in account.finding.lower()
 
 
 def test_a_must_brake_run_in_which_nothing_braked_has_no_conflict(drive: Any, run_row: Any) -> None:
-    account = explain(read_scene(drive().log(), None), run_row(), setting_of("brake"))
+    account = explain(frames_of(drive().log()), run_row(), setting_of("brake"))
     assert (account.kind, account.outcome) == ("invalid", "no conflict")
     assert "avoided" not in account.finding
     # so is a test with points, and an unbraked run
     for row in (run_row(score=2.0, score_max=2.0), run_row(strategy="none")):
-        assert explain(read_scene(drive().log(), None), row, None).kind == "invalid"
-    assert (
-        explain(read_scene(drive().log(), None), run_row(strategy="none"), setting_of("nothing")).kind
-        == "pass"
-    )
+        assert explain(frames_of(drive().log()), row).kind == "invalid"
+    assert explain(frames_of(drive().log()), run_row(strategy="none"), setting_of("nothing")).kind == "pass"
 
 
 def test_a_run_cut_off_avoids_nothing(drive: Any, run_row: Any) -> None:
     run = run_row(end_reason="time_limit")
-    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    account = explain(frames_of(slows(drive, 12.0)), run, setting_of("brake"))
     assert (account.kind, account.outcome) == ("cut", "cut off")
     assert "avoided" not in account.finding
     assert account.finding.endswith("The time limit ended the run at t = 2.0 s.")
     # what it did wrong before remains
-    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 12.0)), run, setting_of("nothing"))
     assert account.kind == "unnecessary"
 
 
 def test_a_contact_after_slowing_is_mitigated(drive: Any, run_row: Any) -> None:
     run = run_row(collided=True, v_impact_kmh=12.0, contact_time_s=2.0, t0_s=2.0)
-    account = explain(read_scene(slows(drive, 12.0), None), run, setting_of("brake"))
+    account = explain(frames_of(slows(drive, 12.0)), run, setting_of("brake"))
     assert (account.kind, account.outcome) == ("mitigated", "mitigated, 12.0 km/h")
     assert account.finding.startswith(
         "Hits another pedestrian at 12.0 km/h, slowed from 50 to 13 km/h at up to 5.3 m/s² for another "
@@ -337,7 +334,7 @@ def test_a_contact_after_slowing_is_mitigated(drive: Any, run_row: Any) -> None:
 
 def test_a_standing_ego_is_hit(drive: Any, run_row: Any) -> None:
     run = run_row(collided=True, v_impact_kmh=0.0, contact_time_s=2.0, t0_s=2.0)
-    account = explain(read_scene(slows(drive, 0.0), None), run, setting_of("nothing"))
+    account = explain(frames_of(slows(drive, 0.0)), run, setting_of("nothing"))
     assert account.finding == "Is hit by another pedestrian while it stands."
 
 
@@ -350,7 +347,7 @@ def test_an_emergency_that_ends_before_standstill_is_said_with_its_depth(drive: 
         "label": "predicted_collision",
     }
     run = run_row(flag_time_s=0.5, false_activation=False)
-    account = explain(read_scene(log, None), run, setting_of("brake"))
+    account = explain(frames_of(log), run, setting_of("brake"))
     assert (account.kind, account.outcome) == ("stop", "slowed to 12 km/h")
     assert account.finding == (
         "Collision avoided. Slows to 12 km/h in an emergency, and passes without contact."
