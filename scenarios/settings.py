@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from scenarios.presets import Preset
 from scenarios.strategies import STRATEGIES
+from smartmot.decision.aeb import AebConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
@@ -110,6 +111,22 @@ def _put_tracker(preset: Preset, value: Setting) -> Preset:
     if name == OF_PRESET:
         return preset
     return _pipeline(preset, tracker=plugin(name) if is_plugin(name) else tracker_config(name))
+
+
+PAPER_RULE = "paper"
+"""Name of the brake rule that every preset has."""
+
+
+def _rule_of(preset: Preset) -> str:
+    rule = preset.pipeline.aeb
+    return rule.name if isinstance(rule, Plugin) else PAPER_RULE
+
+
+def _put_rule(preset: Preset, value: Setting) -> Preset:
+    name = str(value)
+    if name == PAPER_RULE:
+        return preset if isinstance(preset.pipeline.aeb, AebConfig) else _pipeline(preset, aeb=AebConfig())
+    return _pipeline(preset, aeb=plugin(name))
 
 
 def _put_detector(preset: Preset, value: Setting) -> Preset:
@@ -214,6 +231,15 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             (OF_PRESET,),
             lambda preset: preset.detector.name if preset.detector else OF_PRESET,
             _put_detector,
+            own=True,
+        ),
+        "rule": Parameter(
+            "brake rule",
+            "",
+            STRATEGIES,
+            (PAPER_RULE,),
+            _rule_of,
+            _put_rule,
             own=True,
         ),
     }

@@ -16,6 +16,8 @@ from smartmot.area import (
     RectangularArea,
     RectangularConfig,
 )
+from smartmot.decision.aeb import AebConfig, Event
+from smartmot.decision.rules import Assessment, BrakeRule, Command, LeadObject, PaperRule
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError
 from smartmot.filters.kalman import BevFilterConfig
@@ -27,8 +29,10 @@ from smartmot.filters.motion_models import (
 )
 from smartmot.forecast import ForecastConfig, forecast_tracks
 from smartmot.geometry import bev_iou
+from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.regulatory import RegulatoryElement, regulatory_elements
 from smartmot.maps.route import Route, route_ahead, route_from_lanes
+from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.tracking.association import AssociationConfig
 from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config, tracker_config
@@ -40,9 +44,13 @@ from smartmot.types import Boxes, Detections, Dropped, EgoState, Forecast, Threa
 
 __all__ = [
     "TRACKER_CONFIGS",
+    "AebConfig",
+    "Assessment",
     "AssociationConfig",
     "BevFilterConfig",
     "Boxes",
+    "BrakeRule",
+    "Command",
     "ConfigError",
     "ConstantAcceleration",
     "ConstantTurnRate",
@@ -50,20 +58,25 @@ __all__ = [
     "Detections",
     "Dropped",
     "EgoState",
+    "Event",
     "EverythingArea",
     "Forecast",
     "ForecastConfig",
     "FrameResult",
+    "LaneMap",
+    "LeadObject",
     "LifecycleConfig",
     "MapArea",
     "MapAreaConfig",
     "MonitoredArea",
     "MonitoredAreaStrategy",
     "ObjectTracker",
+    "PaperRule",
     "PerCategory",
     "Pipeline",
     "PipelineConfig",
     "PipelineState",
+    "PlannedPath",
     "PluginError",
     "RectangularArea",
     "RectangularConfig",

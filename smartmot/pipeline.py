@@ -46,22 +46,21 @@ class PipelineConfig:
 
     Args:
         tracker: settings of the tracker, or what makes one of your own (`smartmot.tracking.own`).
-        forecast, aeb, braking_distance: settings of the other parts; `aeb` are those of the paper's rule.
+        forecast, braking_distance: settings of the other parts.
+        aeb: settings of the paper's brake rule, or what makes one of your own (`smartmot.decision.rules`).
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
         filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
             your own are left out while they are outside; the tracker is not told.
-        rule: makes a brake rule of your own, in place of the paper's (`smartmot.decision.rules`).
     """
 
     tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
     forecast: ForecastConfig = field(default_factory=ForecastConfig)
-    aeb: AebConfig = field(default_factory=AebConfig)
+    aeb: AebConfig | Callable[[], BrakeRule] = field(default_factory=AebConfig)
     braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
     iou_threshold: float = IOU_THRESHOLD
     filter_detections: bool = True
     filter_tracks: bool = True
-    rule: Callable[[], BrakeRule] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.iou_threshold < 1:
@@ -130,7 +129,7 @@ class Pipeline:
     def __init__(self, strategy: MonitoredAreaStrategy, config: PipelineConfig) -> None:
         self.strategy, self.config = strategy, config
         self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
-        self._rule = PaperRule(config.aeb) if config.rule is None else own_rule(config.rule)
+        self._rule = PaperRule(config.aeb) if isinstance(config.aeb, AebConfig) else own_rule(config.aeb)
         self._uses_path = bool(getattr(strategy, "uses_path", False))
         self._area_along_path = self._uses_path and "path" in signature(strategy.at).parameters
         # a map's route is planned where it is made, so that callers need not give it a second time

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from scenarios.catalogue.maps import shipped_map
-from smartmot import Boxes, Detections
+from smartmot import Boxes, Detections, EgoState
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -89,12 +89,25 @@ def cpna(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Run]:
 
 
 def test_the_objects_of_the_documentation_run_as_printed(cpna: Callable[..., Run]) -> None:
-    misses, corridor = _blocks(ROOT / "docs" / "plugins.md")
+    misses, corridor, rule, in_python = _blocks(ROOT / "docs" / "plugins.md")
     _, usual = cpna("my_area", corridor, "--strategy", "my_area:corridor")
     row, log = cpna("my_sensor", misses, "--strategy", "map", "--detector", "my_sensor:Misses")
     seen, all_seen = (int((one["kind"] == "detection").sum()) for one in (log, usual))
     assert float(row["v_impact_kmh"]) == 0.0
     assert 0.4 < seen / all_seen < 0.8
+    braked, log = cpna("my_rule", rule, "--strategy", "map", "--rule", "my_rule:TimeToCollision")
+    assert float(braked["v_impact_kmh"]) == 0.0
+    assert float(braked["flag_time_s"]) != float(row["flag_time_s"])
+    assert log.loc[log["kind"] == "event", "label"].tolist() == ["collision"]
+    names = {
+        "detections": Detections(
+            0.0, Boxes(np.array([[8.0, 0.0]]), np.ones((1, 2)), np.zeros(1)), [1], ["car"]
+        ),
+        "ego": EgoState(0.0, 0.0, 0.0, 0.0, 10.0),
+    }
+    exec(rule, names)
+    exec(in_python, names)
+    assert not names["frame"].command.emergency  # one detection shows no velocity yet
 
 
 def test_the_tracker_of_the_readme_brakes_as_printed(cpna: Callable[..., Run]) -> None:

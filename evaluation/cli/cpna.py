@@ -26,6 +26,7 @@ def command(
     preset: options.PresetName = "paper",
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
+    rule: options.RuleName = "paper",
     weather: options.WeatherNames = "dry",
     map_file: Annotated[
         Path | None,
@@ -71,7 +72,7 @@ def command(
         adversaries=adversaries,
         seed=seed,
         phase_s=phase_ms / 1000,
-        settings=options.parse_plugged(tracker, detector),
+        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
     )
     with locked(writable_folder(out)):
         compare_cpna(suite, out, form if pictures else None, workers, quiet)

@@ -30,6 +30,7 @@ def command(
     preset: options.PresetName = "physical",
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
+    rule: options.RuleName = "paper",
     weather: options.WeatherNames = "dry",
     apply_performance: options.ApplyPerformance = False,
     night: options.Night = "lidar",
@@ -64,7 +65,7 @@ def command(
         phase_s=phase_ms / 1000,
         night=options.parse_night(night),
         adapts=name == "paper",
-        settings=options.parse_plugged(tracker, detector),
+        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
         apply_performance=apply_performance,
     )
     form = options.parse_format(form)

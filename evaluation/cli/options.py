@@ -41,6 +41,10 @@ TrackerName = Annotated[
         metavar="NAME",
     ),
 ]
+RuleName = Annotated[
+    str,
+    typer.Option(help="Brake rule: paper, or your own, package.module:name.", metavar="NAME"),
+]
 DetectorName = Annotated[str, typer.Option(help="preset, or your own, package.module:name.", metavar="NAME")]
 AllowPlugins = Annotated[
     bool,
@@ -282,17 +286,20 @@ def _numbers(name: str, text: str) -> list[float]:
     return _range(low, high, step)
 
 
-def parse_plugged(tracker: str, detector: str) -> Settings:
-    """The options `--tracker` and `--detector` as settings; what the preset has anyway is none.
+def parse_plugged(**typed: str) -> Settings:
+    """The options `--tracker`, `--detector` and `--rule` as settings; what the preset has anyway is none.
+
+    Args:
+        typed: the names by option.
 
     Raises:
         ArgumentError: an unknown name.
     """
-    from scenarios.settings import OF_PRESET, PARAMETERS
+    from scenarios.settings import PARAMETERS
 
-    typed = {"tracker": tracker, "detector": detector}
     chosen = {
         name: parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
         for name, text in typed.items()
     }
-    return tuple((name, value) for name, value in chosen.items() if value != OF_PRESET)
+    # the first choice stands for what the preset has
+    return tuple((name, value) for name, value in chosen.items() if value != PARAMETERS[name].choices[0])

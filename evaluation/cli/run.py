@@ -33,6 +33,7 @@ def command(
     preset: options.PresetName = "physical",
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
+    rule: options.RuleName = "paper",
     weather: options.WeatherNames = "dry",
     hold_speed: Annotated[
         bool,
@@ -75,7 +76,7 @@ def command(
         phase_s=phase_ms / 1000,
         night=options.parse_night(night),
         adapts=not hold_speed,
-        settings=options.parse_plugged(tracker, detector),
+        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
         apply_performance=apply_performance,
     )
     specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions)

@@ -1,4 +1,4 @@
-"""A tracker, a detector and a monitored area of the user's own, through the commands."""
+"""A tracker, a detector, a monitored area and a brake rule of the user's own, through the commands."""
 
 import csv
 import json
@@ -102,6 +102,27 @@ class Late:
 
     def observe(self, *told):
         return smartmot.Detections.empty(-1.0)
+
+
+class Paper(smartmot.PaperRule):
+    """As shipped."""
+
+
+class Never:
+    """Brakes for nothing, and follows nobody."""
+
+    def decide(self, state, now):
+        return None, smartmot.Command(False), ()
+
+
+class Wordless:
+    def decide(self, state, now):
+        return True
+
+
+class Breaks:
+    def decide(self, state, now):
+        return now.track_ids
 '''
 
 
@@ -133,7 +154,7 @@ def impacts(
 
 
 def test_without_tracks_or_detections_nobody_brakes(folder: Path) -> None:
-    for option in (("--tracker", "mine:Nobody"), ("--detector", "mine:Blind")):
+    for option in (("--tracker", "mine:Nobody"), ("--detector", "mine:Blind"), ("--rule", "mine:Never")):
         assert impacts(folder, "--strategy", "map", *option) == pytest.approx([40.0, 80.0])
         stored = json.loads((folder / "out" / "runs.json").read_text())["configuration"]
         assert stored["specs"][0]["settings"] == {option[0].removeprefix("--"): option[1]}
@@ -145,6 +166,13 @@ def test_shipped_objects_under_other_names_change_nothing(folder: Path) -> None:
     assert usual[0] == 0.0 < usual[1]
     assert impacts(folder, "--strategy", "mine:corridor") == usual
     assert impacts(folder, "--strategy", "map", "--detector", "mine:Same") == usual
+    assert impacts(folder, "--strategy", "map", "--rule", "mine:Paper") == usual
+    stored = json.loads((folder / "out" / "runs.json").read_text())["configuration"]
+    assert set(stored["plugins"]) == {"mine:Paper"}
+    assert impacts(folder, "--strategy", "map", "--rule", "paper") == usual
+    stored = json.loads((folder / "out" / "runs.json").read_text())["configuration"]
+    assert stored["specs"][0]["settings"] == {}
+    assert list(next(iter(stored["presets"].values()))["pipeline"]["aeb"]) == ["clear_s", "near_m"]
 
 
 LOW_SCORES = (Path(__file__).parents[1] / "data" / "field" / "runs" / "low_scores.py").read_text()
@@ -304,7 +332,11 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
         named = strategy.format(module)
         return fingerprint(RunSpec("CPNA", "crossing", (), named, "physical", "dry", 50.0, settings=put))
 
-    for strategy, settings in (("map", (("tracker", "{}:Nobody"),)), ("{}:corridor", ())):
+    for strategy, settings in (
+        ("map", (("tracker", "{}:Nobody"),)),
+        ("map", (("rule", "{}:Never"),)),
+        ("{}:corridor", ()),
+    ):
         sys.modules.pop("mine", None)
         before = key("mine", strategy, settings)
         assert key("mine", strategy, settings) == before
@@ -328,6 +360,11 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
         (("--detector", "mine:Pair"), "mine:Pair: made Pair, which has no observe(); see docs/plugins.md"),
         (("--detector", "mine:Late"), "mine:Late: detections of -1 s at 0 s; give them the ego's time"),
         (("--tracker", "mine:Unclear"), "Unclear: score_threshold must be a number in [0, 1], got 'high'"),
+        (("--rule", "mild"), "--rule: unknown 'mild'; use one of: paper or package.module:name"),
+        (("--rule", "mine:Nobody"), "mine:Nobody: made Nobody, which has no decide(); see docs/plugins.md"),
+        (("--rule", "mine:Pair"), "mine:Pair: is called with (), but: missing a required argument"),
+        (("--rule", "mine:Wordless"), "frame at 0 s: decide() returned bool; return its state, a smartmot"),
+        (("--rule", "mine:Breaks"), "frame at 0 s: AttributeError: 'Assessment' object has no attribute"),
         (("--strategy", "map,corridor"), "--strategy: unknown 'corridor'"),
         (("--strategy", "absent:corridor"), "no module 'absent'"),
         (("--strategy", "mine:nothing"), "mine:nothing: RuntimeError: not today ("),

@@ -13,6 +13,7 @@ from evaluation.views.account.objects import SAME_OBJECT_M, centers_of, name_of_
 from evaluation.views.frames import LogFrames, boxes_in
 from evaluation.views.plots.style import MPS_TO_KMH
 from smartmot.area import MonitoredLanes, ego_extent, ego_frame
+from smartmot.decision.aeb import AebConfig
 from smartmot.forecast import forecast_ego
 from smartmot.types import FloatArray
 
@@ -158,12 +159,12 @@ def _until(frames: LogFrames, frame: int, track: pd.Series[float], setup: RunSet
         return f"It had been tracked for only {now - first:.2f} s{reason}." if frame > 0 else ""
     threat_since = _start_of_last(history.loc[history["label"] == "threat", "frame"], frame)
     if threat_since < frame and setup.preset is not None:
-        pipeline = setup.preset.pipeline
+        pipeline, since_s = setup.preset.pipeline, frames.time_s[threat_since]
+        collision_course = f"It had been on a collision course since t = {since_s:.2f} s"
+        if not isinstance(pipeline.aeb, AebConfig):
+            return f"{collision_course}; the brake rule {getattr(pipeline.aeb, 'name', '')} waited."
         near = max(pipeline.aeb.near_m, pipeline.braking_distance.at(frames.ego_state(frame).speed_mps))
-        return (
-            f"It had been on a collision course since t = {frames.time_s[threat_since]:.2f} s; the brake "
-            f"waits until it is nearer than {near:.1f} m."
-        )
+        return f"{collision_course}; the brake waits until it is nearer than {near:.1f} m."
     if frames.strategy is None:
         return ""
     area = frames.strategy.at(frames.ego_state(frame - 1))

@@ -243,7 +243,7 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     maps = dict.fromkeys(filter(None, (setup.map_name for setup in folder.setups.values())))
     if maps:
         facts["Map"] = ", ".join(maps)
-    for name in ("detector", "tracker"):
+    for name in ("detector", "tracker", "rule"):
         of = PARAMETERS[name].of
         used = {s.preset.name: of(s.preset) for s in folder.setups.values() if s.preset is not None}
         own = [
@@ -252,7 +252,7 @@ def _facts(folder: RunFolder) -> dict[str, str]:
             if preset not in PRESETS or value != of(PRESETS[preset])
         ]
         if own:
-            facts[name.capitalize()] = ", ".join(dict.fromkeys(own))
+            facts[PARAMETERS[name].text.capitalize()] = ", ".join(dict.fromkeys(own))
     if folder.version:
         facts["Made by"] = f"smartmot {folder.version}"
     return facts
