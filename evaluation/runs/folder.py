@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import _smartmot
 from evaluation.results.files import RUNS_CSV, RUNS_JSON, ResultsError, log_path
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
@@ -97,6 +99,12 @@ class RunFolder:
             ResultsError: it is missing or broken, or has no ego that can be shown.
         """
         return read_run_log(self.path, name)
+
+    @property
+    def settings(self) -> Mapping[str, RunSetup]:
+        """Old name of `setups`, for one version."""
+        warnings.warn("RunFolder.settings is now setups", DeprecationWarning, stacklevel=2)
+        return self.setups
 
     def setup(self, name: str) -> RunSetup:
         """How the run of a log was set up; `UNKNOWN_SETUP` where that is not known."""
@@ -304,3 +312,12 @@ def _strategy(
         return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:
         return None, f"The monitored area of {name} is not drawn: {error}"
+
+
+__getattr__ = _smartmot.renamed(
+    __name__,
+    {
+        "Setting": "evaluation.runs.folder.RunSetup",
+        "read_settings": "evaluation.runs.folder.read_setups",
+    },
+)

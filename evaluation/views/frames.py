@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import _smartmot
 from evaluation.results.files import ResultsError
 from evaluation.views.plots.ground import Area
 from evaluation.views.plots.log_rows import boxes_of, of_kind
@@ -138,3 +139,9 @@ def _yaw_rate(ego: pd.DataFrame) -> FloatArray:
     turn = wrap_angle(np.diff(ego["yaw_rad"].to_numpy(np.float64)))
     rate: FloatArray = np.concatenate(([0.0], turn / np.diff(ego["time_s"].to_numpy(np.float64))))
     return rate
+
+
+__getattr__ = _smartmot.renamed(
+    __name__,
+    {"Scene": "evaluation.views.frames.LogFrames", "read_scene": "evaluation.views.frames.frames_of"},
+)
