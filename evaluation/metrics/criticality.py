@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.results.tables import csv_bytes
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,29 +111,46 @@ def criticality(log: Mapping[str, NDArray[Any]], available_decel_mps2: float) ->
         log: columns as from `RunLog.table`.
         available_decel_mps2: what the brakes give on the road at hand.
     """
-    own = log["kind"] == "ego"
-    time, first = np.unique(log["time_s"][own], return_index=True)
-    ego = _moving(log, np.flatnonzero(own)[first])
-    ttc, needed = np.full(len(time), np.inf), np.zeros(len(time))
-    rows = np.flatnonzero(log["kind"] == "actor")
-    if len(rows):
-        at = np.searchsorted(time, log["time_s"][rows])
-        mine = Moving(ego.center_m[at], ego.size_m[at], ego.yaw_rad[at], ego.speed_mps[at])
-        other = _moving(log, rows)
-        each = time_to_collision_s(mine, other)
-        np.minimum.at(ttc, at, each)
-        np.maximum.at(needed, at, required_decel_mps2(mine, other, each))
-    return Criticality(time, ttc, needed, needed / available_decel_mps2)
+    of_ego = log["kind"] == "ego"
+    time_s, first = np.unique(log["time_s"][of_ego], return_index=True)
+    actors = np.flatnonzero(log["kind"] == "actor")
+    return worst_criticality(
+        time_s,
+        _moving(log, np.flatnonzero(of_ego)[first]),
+        _moving(log, actors),
+        np.searchsorted(time_s, log["time_s"][actors]),
+        available_decel_mps2,
+    )
 
 
-def criticality_csv(found: Criticality) -> bytes:
+def worst_criticality(
+    time_s: FloatArray, ego: Moving, actors: Moving, at: IntArray, available_decel_mps2: float
+) -> Criticality:
+    """Criticality over time, of all actors the worst.
+
+    Args:
+        time_s: (T,) times.
+        ego: (T,) the ego at them.
+        actors: (K,) all actors at all times.
+        at: (K,) which of the times each is from.
+        available_decel_mps2: what the brakes give on the road at hand.
+    """
+    then = Moving(ego.center_m[at], ego.size_m[at], ego.yaw_rad[at], ego.speed_mps[at])
+    ttc = time_to_collision_s(then, actors)
+    least_s, needed = np.full(len(time_s), np.inf), np.zeros(len(time_s))
+    np.minimum.at(least_s, at, ttc)
+    np.maximum.at(needed, at, required_decel_mps2(then, actors, ttc))
+    return Criticality(time_s, least_s, needed, needed / available_decel_mps2)
+
+
+def criticality_csv(over_time: Criticality) -> bytes:
     """One line per time; a time to collision is empty without a collision course."""
     header = ("time_s", "time_to_collision_s", "required_decel_mps2", "brake_threat_number")
     columns = (
-        found.time_s,
-        np.where(np.isinf(found.time_to_collision_s), np.nan, found.time_to_collision_s),
-        found.required_decel_mps2,
-        found.brake_threat_number,
+        over_time.time_s,
+        np.where(np.isinf(over_time.time_to_collision_s), np.nan, over_time.time_to_collision_s),
+        over_time.required_decel_mps2,
+        over_time.brake_threat_number,
     )
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return csv_bytes(header, ([round(value, 6) for value in row] for row in rows))

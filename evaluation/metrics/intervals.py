@@ -38,6 +38,9 @@ class Estimate:
     count: int
 
 
+NO_SAMPLE = Estimate(math.nan, math.nan, math.nan, 0)
+
+
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Estimate:
     """Rate of a binomial sample with Wilson's score interval.
 
@@ -50,16 +53,14 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Estim
     if not 0 <= successes <= trials:
         raise ValueError(f"wilson: expected 0 <= successes <= trials, got {successes} of {trials}")
     if trials == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
+        return NO_SAMPLE
     rate = successes / trials
     return Estimate(rate, *_score_interval(rate, trials, confidence), trials)
 
 
 def _score_interval(rate: float, trials: float, confidence: float) -> tuple[float, float]:
     """Wilson's interval; the sample size need not be a whole number."""
-    from scipy.special import ndtri
-
-    z2 = float(ndtri(0.5 + confidence / 2)) ** 2
+    z2 = _normal(confidence) ** 2
     middle = (rate + z2 / (2 * trials)) / (1 + z2 / trials)
     half = math.sqrt(z2 * (rate * (1 - rate) + z2 / (4 * trials)) / trials) / (1 + z2 / trials)
     return 0.0 if rate == 0.0 else middle - half, 1.0 if rate == 1.0 else middle + half
@@ -81,18 +82,35 @@ def clustered_rate(
     """
     n = len(outcomes)
     if n == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
+        return NO_SAMPLE
     values = np.asarray(outcomes, dtype=np.float64)
     rate = float(values.mean())
     groups, error = _error_of_mean(values, clusters)
     if groups == 1:
         return Estimate(rate, 0.0, 1.0, n)
-    from scipy.special import ndtri, stdtrit
-
-    half = 0.5 + confidence / 2
     size = float(groups) if rate in (0.0, 1.0) else min(rate * (1 - rate) / max(error**2, 1e-300), float(n))
-    size *= (float(ndtri(half)) / float(stdtrit(groups - 1, half))) ** 2
+    # few clusters do not know their own spread well: Student's quantile in place of the normal one
+    size *= (_normal(confidence) / _student(groups, confidence)) ** 2
     return Estimate(rate, *_score_interval(rate, size, confidence), n)
+
+
+def mean_t(sample: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
+    """Mean of a sample with Student's interval; of one value without an interval (NaN).
+
+    Args:
+        sample: (N,) values; NaN are left out.
+        confidence: share of samples whose interval covers the true mean, if values are normally distributed.
+    """
+    values = np.asarray(sample, dtype=np.float64)
+    values = values[~np.isnan(values)]
+    n = len(values)
+    if n == 0:
+        return NO_SAMPLE
+    mean = float(values.mean())
+    if n == 1:
+        return Estimate(mean, math.nan, math.nan, 1)
+    half = _student(n, confidence) * float(values.std(ddof=1)) / math.sqrt(n)
+    return Estimate(mean, mean - half, mean + half, n)
 
 
 def clustered_mean(
@@ -107,14 +125,12 @@ def clustered_mean(
     """
     values = np.asarray(sample, dtype=np.float64)
     if not len(values):
-        return Estimate(math.nan, math.nan, math.nan, 0)
+        return NO_SAMPLE
     mean = float(values.mean())
     groups, error = _error_of_mean(values, clusters)
     if groups == 1:
         return Estimate(mean, math.nan, math.nan, len(values))
-    from scipy.special import stdtrit
-
-    half = float(stdtrit(groups - 1, 0.5 + confidence / 2)) * error
+    half = _student(groups, confidence) * error
     return Estimate(mean, mean - half, mean + half, len(values))
 
 
@@ -135,20 +151,18 @@ def clustered_difference(
     """
     n = len(changes)
     if n == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
+        return NO_SAMPLE
     values = np.asarray(changes, dtype=np.float64)
     difference = float(values.mean())
     index, groups = _numbered(clusters)
     if groups == 1:
         return Estimate(difference, -1.0, 1.0, n)
-    from scipy.special import stdtrit
-
     size = n / groups
     middle = float(values.sum()) / (n + 2 * size)
-    off = np.bincount(index, values - middle, groups)
-    # of the two clusters more, half a one is better, half a one worse, and one is equal
-    squares = float((off**2).sum()) + size**2 * (1 + 2 * middle**2)
-    half = float(stdtrit(groups - 1, 0.5 + confidence / 2)) * math.sqrt(groups / (groups - 1) * squares)
+    residual = np.bincount(index, values - middle, groups)
+    # of the two clusters more, half a cluster is better, half a cluster worse, and one is equal
+    squares = float((residual**2).sum()) + size**2 * (1 + 2 * middle**2)
+    half = _student(groups, confidence) * math.sqrt(groups / (groups - 1) * squares)
     half /= n + 2 * size
     return Estimate(difference, max(middle - half, -1.0), min(middle + half, 1.0), n)
 
@@ -173,32 +187,26 @@ def _error_of_mean(values: FloatArray, clusters: Sequence[Hashable]) -> tuple[in
     index, groups = _numbered(clusters)
     if groups == 1:
         return 1, 0.0
-    off = np.bincount(index, values - values.mean(), groups)
-    return groups, math.sqrt(groups / (groups - 1) * float((off**2).sum())) / len(values)
+    # deviations within a cluster add up before they are squared: its runs are not independent
+    residual = np.bincount(index, values - values.mean(), groups)
+    return groups, math.sqrt(groups / (groups - 1) * float((residual**2).sum())) / len(values)
+
+
+def _normal(confidence: float) -> float:
+    """Quantile of the normal distribution for a two-sided interval."""
+    from scipy.special import ndtri
+
+    return float(ndtri(0.5 + confidence / 2))
+
+
+def _student(count: int, confidence: float) -> float:
+    """Quantile of Student's distribution for a two-sided interval of the mean of so many values."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(count - 1, 0.5 + confidence / 2))
 
 
 def _numbered(clusters: Sequence[Hashable]) -> tuple[list[int], int]:
     """(N,) number of each cluster, and how many there are."""
     index = {cluster: k for k, cluster in enumerate(dict.fromkeys(clusters))}
     return [index[cluster] for cluster in clusters], len(index)
-
-
-def mean_t(sample: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
-    """Mean of a sample with Student's interval; of one value without an interval (NaN).
-
-    Args:
-        sample: (N,) values; NaN are left out.
-        confidence: share of samples whose interval covers the true mean, if values are normally distributed.
-    """
-    values = np.asarray(sample, dtype=np.float64)
-    values = values[~np.isnan(values)]
-    n = len(values)
-    if n == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
-    mean = float(values.mean())
-    if n == 1:
-        return Estimate(mean, math.nan, math.nan, 1)
-    from scipy.special import stdtrit
-
-    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * float(values.std(ddof=1)) / math.sqrt(n)
-    return Estimate(mean, mean - half, mean + half, n)
