@@ -10,9 +10,11 @@ from evaluation.studies.mot.lanes import require_cover
 from opendrive import RoadNetwork
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
+from scenarios.sources.frames import frames
+from scenarios.sources.recorded import RecordedSource
 from smartmot.area import MapArea, MapAreaConfig, MonitoredLanes
 from smartmot.maps.follow import MAX_FROM_LANE_M, routes_from_poses
-from smartmot.types import BoolArray, Boxes, EgoState, FloatArray
+from smartmot.types import BoolArray, Boxes
 
 _NEW_ROUTE_FACTOR, _NEW_ROUTE_MPS = 2.0, 20.0
 """A new route goes on for twice what is driven within the monitored time at this speed, or at a greater one
@@ -73,40 +75,28 @@ def filter_by_map(data: Dataset, network: RoadNetwork, config: MapAreaConfig | N
 
 def _areas(sequence: Sequence, network: RoadNetwork, config: MapAreaConfig) -> list[MonitoredLanes | None]:
     """The monitored lanes of each frame; None off the map."""
-    pose = sequence.ego_xy_yaw()
-    speed = _speeds_mps(sequence.stamp_s, pose)
+    egos = [frame.ego for frame in frames(RecordedSource(sequence, network))]
+    place = np.array([(ego.x_m, ego.y_m) for ego in egos]).reshape(-1, 2)
+    speed = np.array([abs(ego.speed_mps) for ego in egos])
     monitored_m = np.maximum(config.min_front_m, config.front_time_s * speed)
     new_m = config.min_front_m + _NEW_ROUTE_FACTOR * config.front_time_s * np.maximum(speed, _NEW_ROUTE_MPS)
-    routes = routes_from_poses(network, pose[:, :2], monitored_m, new_m, config.vru_margin_m)
+    routes = routes_from_poses(network, place, monitored_m, new_m, config.vru_margin_m)
     areas: list[MonitoredLanes | None] = []
     strategy: MapArea | None = None
-    for stamp_s, (x, y, yaw), speed_mps, route in zip(
-        sequence.stamp_s.tolist(), pose.tolist(), speed.tolist(), routes, strict=True
-    ):
+    for ego, route in zip(egos, routes, strict=True):
         if route is None:
             areas.append(None)
             continue
         if strategy is None or strategy.route is not route:
             strategy = MapArea(network, route, config)
-        areas.append(strategy.at(EgoState(stamp_s, x, y, yaw, speed_mps)))
+        areas.append(strategy.at(ego))
     return areas
-
-
-def _speeds_mps(stamp_s: FloatArray, pose: FloatArray) -> FloatArray:
-    """(F,) speeds since the frame before; the first frame has the second's."""
-    if len(stamp_s) < 2:
-        return np.zeros(len(stamp_s))
-    elapsed = np.maximum(np.diff(stamp_s), 1e-3)
-    speed = np.linalg.norm(np.diff(pose[:, :2], axis=0), axis=1) / elapsed
-    return np.concatenate((speed[:1], speed))
 
 
 def _inside(areas: list[MonitoredLanes | None], objects: Objects) -> BoolArray:
     """(K,) objects in the monitored area of their frame."""
     inside = np.ones(len(objects), dtype=np.bool_)
-    start = objects.frame_starts(len(areas))
-    for k, area in enumerate(areas):
-        rows = slice(start[k], start[k + 1])
+    for area, rows in zip(areas, objects.frame_rows(len(areas)), strict=True):
         if area is None or rows.start == rows.stop:
             continue
         boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
