@@ -18,8 +18,9 @@ from opendrive.geometry.profiles import CubicTable
 from opendrive.lanes.table import LaneColumns, LaneTable, RoadTable, SectionColumns
 from opendrive.model import RoadLink
 from opendrive.roads.geometry import NetworkGeometry
-from opendrive.xml.lanes import OFF_ROAD_M, SIDES
-from opendrive.xml.roads import LINE, read_link, read_road_type, read_shape
+from opendrive.xml.fields import LENGTH
+from opendrive.xml.lanes import HEIGHT, OFF_ROAD_M, SIDES
+from opendrive.xml.roads import ID, JUNCTION_ID, LINE, LINK, ROAD_TYPE, RULE, read_shape
 from opendrive.xml.values import (
     CUBIC,
     CUBIC_OFFSET,
@@ -31,7 +32,6 @@ from opendrive.xml.values import (
 )
 
 _GEOMETRY = ("s", "x", "y", "hdg", "length")
-_HEIGHT = ("sOffset", "inner", "outer")
 _READ = (
     "geometry", "elevation", "superelevation", "crossfall", "shape", "laneOffset", "laneSection", "lane",
     "link", "predecessor", "successor", "width", "border", "height",
@@ -64,7 +64,7 @@ def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeo
             if (of_road := parts.get(str(part.tag))) is not None:
                 of_road[part] = r
             elif part.tag == "type":
-                read_road_type(values, part)
+                ROAD_TYPE.read(values, part)
     for of_road in parts.values():
         # The records' reader takes the first part of a name.
         _check(len(set(of_road.values())) == len(of_road))
@@ -101,12 +101,12 @@ def _roads(roads: Sequence[Element], links: dict[Element, int], values: Values) 
             of_road = ends.get(str(link.tag))
             if of_road is not None:
                 _check(r not in of_road)
-                of_road[r] = read_link(values, link)
+                of_road[r] = LINK.read(values, link)
     return RoadTable(
-        id=tuple([values.text(road, "id") for road in roads]),
-        length_m=np.array([values.length_m(road) for road in roads]),
-        rule=tuple([values.rule(road) for road in roads]),
-        junction_id=tuple([values.junction_id(road) for road in roads]),
+        id=tuple([ID.read(values, road) for road in roads]),
+        length_m=np.array([LENGTH.read(values, road) for road in roads]),
+        rule=tuple([RULE.read(values, road) for road in roads]),
+        junction_id=tuple([JUNCTION_ID.read(values, road) for road in roads]),
         predecessor=tuple(map(ends["predecessor"].get, range(len(roads)))),
         successor=tuple(map(ends["successor"].get, range(len(roads)))),
     )
@@ -166,7 +166,7 @@ def _lanes(
         successors=linked("successor"),
         width=_records(elements["width"], lane_of, CUBIC_OFFSET),
         border=_records(elements["border"], lane_of, CUBIC_OFFSET),
-        height=_records(elements["height"], lane_of, _HEIGHT),
+        height=_records(elements["height"], lane_of, HEIGHT),
     )
     return LaneTable.build(roads, SectionColumns(road, start_m), columns, lane_offset)
 

@@ -1,147 +1,186 @@
-"""Junctions, their groups, and controllers (chapters "Junctions" and "Signals")."""
+"""Junctions and their groups (chapter "Junctions")."""
+
+from dataclasses import dataclass, replace
 
 from opendrive.errors import WarningKind
 from opendrive.model import (
     Connection,
-    Control,
-    Controller,
+    ContactPoint,
     CrossingRoad,
     CrossPath,
     Junction,
     JunctionController,
     JunctionGroup,
     JunctionPriority,
+    RoadLink,
 )
-from opendrive.xml.roads import read_link
-from opendrive.xml.values import Element, Values, children, first, others, xml_of
+from opendrive.xml.fields import REQUIRED, REST, Field, Table, child, children_of, integer, number, row, text
+from opendrive.xml.roads import CONTACT_POINT, LINK
+from opendrive.xml.values import Element, Values, children, others
 
 JUNCTION_TYPES = ("default", "direct", "virtual", "crossing")
-_CONNECTION_PARTS = ("laneLink", "predecessor", "successor")
 
 
-def read_junction(values: Values, element: Element) -> Junction:
-    """Return a junction."""
-    get = element.get
-    kind = get("type", "default") or "default"
-    if kind not in JUNCTION_TYPES:
-        values.warn(WarningKind.UNKNOWN_VALUE, element, f"junction of type {kind!r:.40}; read as default")
-        kind = "default"
-    connections = [(child, _connection(values, child)) for child in children(element, "connection")]
-    rest = others(element, "connection", "priority", "controller", "roadSection", "crossPath")
-    return Junction(
-        id=values.text(element, "id"),
-        name=get("name", ""),
-        type=kind,
-        connections=tuple(record for _, record in connections if record is not None),
-        priorities=tuple(
-            JunctionPriority(child.get("high", ""), child.get("low", ""))
-            for child in children(element, "priority")
-        ),
-        controllers=tuple(
-            JunctionController(
-                values.text(child, "id"),
-                child.get("type", ""),
-                values.integer(child, "sequence", None),
-            )
-            for child in children(element, "controller")
-        ),
-        main_road=get("mainRoad", ""),
-        orientation=get("orientation", ""),
-        s_start_m=values.number(element, "sStart", None),
-        s_end_m=values.number(element, "sEnd", None),
-        crossing_roads=tuple(
-            CrossingRoad(
-                child.get("id", ""),
-                values.text(child, "roadId"),
-                values.number(child, "sStart"),
-                values.number(child, "sEnd"),
-            )
-            for child in children(element, "roadSection")
-        ),
-        cross_paths=tuple(_cross_path(values, child) for child in children(element, "crossPath")),
-        extra=values.extra(
-            rest
-            + [part for child, record in connections if record for part in others(child, *_CONNECTION_PARTS)]
-        )
-        + tuple(xml_of(child) for child, record in connections if record is None),
-    )
+@dataclass(slots=True)
+class _ConnectionElement:
+    """Connection as it stands in the file, but for its lane links."""
+
+    incoming_road: str | None
+    linked_road: str | None
+    connecting_road: str | None
+    contact_point: ContactPoint | None
+    type: str
+    predecessor: RoadLink | None
+    successor: RoadLink | None
+    id: str
 
 
-def _connection(values: Values, element: Element) -> Connection | None:
-    get = element.get
-    incoming, linked = get("incomingRoad"), get("linkedRoad")
-    connecting = get("connectingRoad", linked)
-    contact_point = values.contact_point(element)
-    kind = get("type", "default") or "default"
-    predecessor = read_link(values, first(element, "predecessor"))
-    successor = read_link(values, first(element, "successor"))
-    if kind == "virtual" and incoming is None and predecessor is not None:
-        incoming = predecessor.element_id
-    if kind == "virtual" and contact_point is None:
-        contact_point = "start"
+_CONNECTION = Table(
+    _ConnectionElement,
+    id=text("id"),
+    type=text("type", "default", omitted="default"),
+    contact_point=CONTACT_POINT,
+    incoming_road=text("incomingRoad", None),
+    linked_road=text("linkedRoad", None),
+    connecting_road=text("connectingRoad", None),
+    predecessor=child("predecessor", LINK),
+    successor=child("successor", LINK),
+)
+_LANE_LINKS = children_of(
+    "laneLink", row(integer("from"), integer("to"), number("overlapZone", 0.0), order=(1, 2, 0))
+)
+
+
+def _read_connection(values: Values, element: Element) -> Connection | None:
+    """Return a connection; None, with a warning, if it does not say what it connects."""
+    raw = _CONNECTION.read(values, element)
+    incoming, contact_point = raw.incoming_road, raw.contact_point
+    connecting = raw.linked_road if raw.connecting_road is None else raw.connecting_road
+    kind = raw.type or "default"
+    if kind == "virtual":
+        if incoming is None and raw.predecessor is not None:
+            incoming = raw.predecessor.element_id
+        contact_point = contact_point or "start"
     if incoming is None or connecting is None or contact_point is None:
-        values.warn(
-            WarningKind.LINK,
-            element,
-            "connection without incomingRoad, connectingRoad or contactPoint; left out",
-        )
+        message = "connection without incomingRoad, connectingRoad or contactPoint; left out"
+        values.warn(WarningKind.LINK, element, message)
+        values.left_out.add(element)
         return None
-    links = children(element, "laneLink")
-    overlaps = tuple(values.number(child, "overlapZone", 0.0) for child in links)
+    links = _LANE_LINKS.read(values, element)
+    overlaps = tuple(overlap for _, _, overlap in links)
     return Connection(
-        id=get("id", ""),
+        id=raw.id,
         incoming_road=incoming,
         connecting_road=connecting,
         contact_point=contact_point,
-        lane_links=tuple((values.integer(child, "from"), values.integer(child, "to")) for child in links),
+        lane_links=tuple((from_lane, to_lane) for from_lane, to_lane, _ in links),
         type=kind,
-        is_linked="connectingRoad" not in element.attrib,
-        predecessor=predecessor,
-        successor=successor,
+        is_linked=raw.connecting_road is None,
+        predecessor=raw.predecessor,
+        successor=raw.successor,
         overlap_zones_m=overlaps if any(overlaps) else (),
     )
 
 
-def _cross_path(values: Values, element: Element) -> CrossPath:
-    def end(tag: str) -> tuple[float, int, int]:
-        link = first(element, tag)
-        if link is None:
-            raise values.error(element, f"<{tag}> is missing; add it")
-        return values.number(link, "s"), values.integer(link, "from"), values.integer(link, "to")
-
-    return CrossPath(
-        id=values.text(element, "id"),
-        crossing_road=values.text(element, "crossingRoad"),
-        road_at_start=values.text(element, "roadAtStart"),
-        road_at_end=values.text(element, "roadAtEnd"),
-        start=end("startLaneLink"),
-        end=end("endLaneLink"),
+def _write_connection(element: Element, connection: Connection) -> None:
+    road = connection.connecting_road
+    raw = _ConnectionElement(
+        incoming_road=connection.incoming_road,
+        linked_road=road if connection.is_linked else None,
+        connecting_road=None if connection.is_linked else road,
+        contact_point=connection.contact_point,
+        type=connection.type,
+        predecessor=connection.predecessor,
+        successor=connection.successor,
+        id=connection.id,
     )
+    _CONNECTION.write(element, raw)
+    overlaps = connection.overlap_zones_m or (None,) * len(connection.lane_links)
+    links = zip(connection.lane_links, overlaps, strict=True)
+    _LANE_LINKS.write(element, tuple((*lanes, overlap) for lanes, overlap in links))
 
 
-def read_controller(values: Values, element: Element) -> Controller:
-    """Return a controller of signals."""
-    return Controller(
-        id=values.text(element, "id"),
-        name=element.get("name", ""),
-        sequence=values.integer(element, "sequence", None),
-        controls=tuple(
-            Control(values.text(child, "signalId"), child.get("type", ""))
-            for child in children(element, "control")
+def _unread(values: Values, element: Element) -> list[Element]:
+    """Return what is kept, but not read, of connections: their other children, or all of one left out."""
+    connections = children(element, "connection")
+    parts = [
+        part
+        for connection in connections
+        if connection not in values.left_out
+        for part in others(connection, (*_CONNECTION.tags, *_LANE_LINKS.tags))
+    ]
+    return parts + [connection for connection in connections if connection in values.left_out]
+
+
+_CONNECTIONS = replace(
+    children_of("connection", Field(_read_connection, _write_connection)).then(
+        lambda connections: tuple(connection for connection in connections if connection is not None)
+    ),
+    leftovers=_unread,
+)
+
+
+def _known_type(values: Values, element: Element, name: str, text: str) -> str:
+    kind = text or "default"
+    if kind in JUNCTION_TYPES:
+        return kind
+    values.warn(WarningKind.UNKNOWN_VALUE, element, f"junction of type {kind!r:.40}; read as default")
+    return "default"
+
+
+_END = row(number("s"), integer("from"), integer("to"), order=(0, 2, 1))
+"""Where a way for pedestrians meets a road."""
+
+JUNCTION = Table(
+    Junction,
+    name=text("name"),
+    type=text("type", "default", convert=_known_type),
+    main_road=text("mainRoad"),
+    orientation=text("orientation"),
+    s_start_m=number("sStart", None),
+    s_end_m=number("sEnd", None),
+    id=text("id", REQUIRED),
+    connections=_CONNECTIONS,
+    priorities=children_of("priority", Table(JunctionPriority, high=text("high"), low=text("low"))),
+    controllers=children_of(
+        "controller",
+        Table(
+            JunctionController,
+            type=text("type"),
+            sequence=integer("sequence", None),
+            controller_id=text("id", REQUIRED),
         ),
-        extra=values.extra(others(element, "control")),
-    )
-
-
-def read_junction_group(values: Values, element: Element) -> JunctionGroup:
-    """Return a group of junctions."""
-    get = element.get
-    return JunctionGroup(
-        id=values.text(element, "id"),
-        name=get("name", ""),
-        type=get("type", ""),
-        junction_ids=tuple(
-            values.text(child, "junction") for child in children(element, "junctionReference")
+    ),
+    crossing_roads=children_of(
+        "roadSection",
+        Table(
+            CrossingRoad,
+            id=text("id"),
+            s_start_m=number("sStart"),
+            s_end_m=number("sEnd"),
+            road_id=text("roadId", REQUIRED),
         ),
-        extra=values.extra(others(element, "junctionReference")),
-    )
+    ),
+    cross_paths=children_of(
+        "crossPath",
+        Table(
+            CrossPath,
+            id=text("id", REQUIRED),
+            crossing_road=text("crossingRoad", REQUIRED),
+            road_at_start=text("roadAtStart", REQUIRED),
+            road_at_end=text("roadAtEnd", REQUIRED),
+            start=child("startLaneLink", _END, required=True),
+            end=child("endLaneLink", _END, required=True),
+        ),
+    ),
+    extra=REST,
+)
+
+JUNCTION_GROUP = Table(
+    JunctionGroup,
+    id=text("id", REQUIRED),
+    name=text("name"),
+    type=text("type"),
+    junction_ids=children_of("junctionReference", text("junction", REQUIRED)),
+    extra=REST,
+)

@@ -1,8 +1,12 @@
-"""Signals, objects, bridges, tunnels and railroads of a road (chapters "Signals", "Objects", "Railroads")."""
+"""Objects, bridges and tunnels (chapter "Objects")."""
+
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from lxml import etree
 
-from opendrive.arrays import FloatArray, read_only
+from opendrive.arrays import read_only
 from opendrive.errors import WarningKind
 from opendrive.model import (
     Change,
@@ -13,338 +17,209 @@ from opendrive.model import (
     ObjectRepeat,
     Outline,
     ParkingSpace,
-    Platform,
-    PlatformSegment,
     RoadObject,
-    Signal,
-    SignalDependency,
-    SignalLink,
-    SignalPosition,
-    SignalReference,
-    Station,
     Structure,
-    Switch,
-    Track,
 )
-from opendrive.xml.values import Element, Values, children, first, other_attributes, others
+from opendrive.xml.fields import (
+    LENGTH,
+    OTHER_ATTRIBUTES,
+    REQUIRED,
+    REST,
+    Field,
+    Table,
+    child,
+    children_of,
+    flag,
+    number,
+    row,
+    text,
+)
+from opendrive.xml.signals import VALIDITY
+from opendrive.xml.values import Element, Values, children
 
-OUTLINE_NAMES = ("id", "closed")
-PLACED_NAMES = (
-    "id", "name", "s", "t", "zOffset", "type", "subtype", "dynamic", "orientation", "height", "width",
-    "length", "pitch", "roll",
-)  # fmt: skip
-"""Attributes that signals and objects have in common."""
-SIGNAL_NAMES = (*PLACED_NAMES, "hOffset", "country", "countryRevision", "value", "unit", "text")
-OBJECT_NAMES = (*PLACED_NAMES, "hdg", "radius", "perpToRoad", "validLength")
-
-
-def read_signal(values: Values, element: Element) -> Signal:
-    """Return a signal."""
-    get = element.get
-    number = values.number
-    known = ("validity", "dependency", "reference", "positionRoad", "positionInertial")
-    return Signal(
-        id=values.text(element, "id"),
-        name=get("name", ""),
-        s_m=number(element, "s"),
-        t_m=number(element, "t"),
-        z_offset_m=number(element, "zOffset", 0.0),
-        heading_offset_rad=number(element, "hOffset", 0.0),
-        type=get("type", ""),
-        subtype=get("subtype", ""),
-        country=get("country", ""),
-        value=number(element, "value", None),
-        unit=get("unit", ""),
-        text=get("text", ""),
-        dynamic=values.flag(element, "dynamic"),
-        orientation=get("orientation", "none"),
-        height_m=number(element, "height", None),
-        width_m=number(element, "width", None),
-        validity=values.validity(element),
-        pitch_rad=number(element, "pitch", 0.0),
-        roll_rad=number(element, "roll", 0.0),
-        length_m=number(element, "length", None),
-        country_revision=get("countryRevision", ""),
-        dependencies=tuple(
-            SignalDependency(values.text(child, "id"), child.get("type", ""))
-            for child in children(element, "dependency")
-        ),
-        links=tuple(
-            SignalLink(
-                child.get("elementType", ""),
-                values.text(child, "elementId"),
-                child.get("type", ""),
-            )
-            for child in children(element, "reference")
-        ),
-        position=_position(values, element),
-        extra=values.extra(others(element, *known)),
-        attributes=other_attributes(element, SIGNAL_NAMES),
-    )
+MATERIAL = Table(
+    LaneMaterial,
+    s_offset_m=number("sOffset", 0.0),
+    surface=text("surface"),
+    friction=number("friction", 0.0),
+    roughness=number("roughness", None),
+)
 
 
-def _position(values: Values, element: Element) -> SignalPosition | None:
-    number = values.number
-    on_road, inertial = first(element, "positionRoad"), first(element, "positionInertial")
-    if on_road is not None:
-        return SignalPosition(
-            values.text(on_road, "roadId"),
-            (number(on_road, "s"), number(on_road, "t"), number(on_road, "zOffset", 0.0)),
-            number(on_road, "hOffset", 0.0),
-            number(on_road, "pitch", 0.0),
-            number(on_road, "roll", 0.0),
-        )
-    if inertial is not None:
-        return SignalPosition(
-            "",
-            (number(inertial, "x"), number(inertial, "y"), number(inertial, "z", 0.0)),
-            number(inertial, "hdg", 0.0),
-            number(inertial, "pitch", 0.0),
-            number(inertial, "roll", 0.0),
-        )
-    return None
+def _corner(*names: str) -> Field[tuple[Any, ...]]:
+    """Return the field of a corner: three coordinates, the height of the object there, an id."""
+    first, second, third = names
+    return row(number(first), number(second), number(third, 0.0), number("height", 0.0), text("id"))
 
 
-def read_signal_reference(values: Values, element: Element) -> SignalReference:
-    """Return a reference to a signal."""
-    return SignalReference(
-        signal_id=values.text(element, "id"),
-        s_m=values.number(element, "s"),
-        t_m=values.number(element, "t"),
-        orientation=element.get("orientation", "none"),
-        validity=values.validity(element),
-        extra=values.extra(others(element, "validity")),
-    )
+_CORNERS = {"cornerRoad": _corner("s", "t", "dz"), "cornerLocal": _corner("u", "v", "z")}
+"""By the name of the element; the first that is there counts."""
 
 
-def read_object(values: Values, element: Element) -> RoadObject:
-    """Return an object."""
-    get = element.get
-    number = values.number
-    known = (
-        "outlines", "outline", "validity", "repeat", "markings", "borders", "material", "parkingSpace",
-    )  # fmt: skip
-    groups = [element, *children(element, "outlines")]
-    parking = first(element, "parkingSpace")
-    return RoadObject(
-        id=get("id", ""),
-        name=get("name", ""),
-        type=get("type", "none"),
-        subtype=get("subtype", ""),
-        s_m=number(element, "s"),
-        t_m=number(element, "t"),
-        z_offset_m=number(element, "zOffset", 0.0),
-        heading_rad=number(element, "hdg", 0.0),
-        orientation=get("orientation", "none"),
-        length_m=number(element, "length", None),
-        width_m=number(element, "width", None),
-        height_m=number(element, "height", None),
-        radius_m=number(element, "radius", None),
-        outlines=tuple(_outline(values, child) for group in groups for child in children(group, "outline")),
-        validity=values.validity(element),
-        pitch_rad=number(element, "pitch", 0.0),
-        roll_rad=number(element, "roll", 0.0),
-        dynamic=values.flag(element, "dynamic"),
-        perpendicular_to_road=values.flag(element, "perpToRoad"),
-        valid_length_m=number(element, "validLength", None),
-        repeats=tuple(_repeat(values, child) for child in children(element, "repeat")),
-        markings=tuple(
-            _marking(values, child)
-            for group in children(element, "markings")
-            for child in children(group, "marking")
-        ),
-        borders=tuple(
-            _border(values, child)
-            for group in children(element, "borders")
-            for child in children(group, "border")
-        ),
-        materials=tuple(read_material(values, child) for child in children(element, "material")),
-        parking_space=None if parking is None else _parking_space(parking),
-        extra=values.extra(
-            others(element, *known)
-            + [
-                child
-                for tag, inner in (("markings", "marking"), ("borders", "border"), ("outlines", "outline"))
-                for group in children(element, tag)
-                for member in (group, *children(group, inner))
-                for child in others(member, inner, "cornerLocal", "cornerRoad", "cornerReference")
-            ]
-        ),
-        attributes=other_attributes(element, OBJECT_NAMES),
-    )
+@dataclass(frozen=True, slots=True)
+class _OutlineElement:
+    """Outline as it stands in the file."""
+
+    corners: tuple[str, list[tuple[Any, ...]]]
+    closed: bool
+    id: str
+    attributes: tuple[tuple[str, str], ...]
 
 
-def read_material(values: Values, element: Element) -> LaneMaterial:
-    """Return the material of a lane or object."""
-    return LaneMaterial(
-        values.number(element, "sOffset", 0.0),
-        element.get("surface", ""),
-        values.number(element, "friction", 0.0),
-        values.number(element, "roughness", None),
-    )
+def _read_corners(values: Values, element: Element) -> tuple[str, list[tuple[Any, ...]]]:
+    on_road, local = (children(element, tag) for tag in _CORNERS)
+    if on_road and local:
+        message = "outline mixes cornerRoad and cornerLocal; only cornerRoad is read"
+        values.warn(WarningKind.IGNORED, element, message)
+    tag = "cornerRoad" if on_road else "cornerLocal"
+    return tag, [_CORNERS[tag].read(values, corner) for corner in on_road or local]
 
 
-def _outline(values: Values, element: Element) -> Outline:
-    local, road = children(element, "cornerLocal"), children(element, "cornerRoad")
-    if local and road:
-        values.warn(
-            WarningKind.IGNORED, element, "outline mixes cornerRoad and cornerLocal; only cornerRoad is read"
-        )
-    corners = road or local
-    names = ("s", "t", "dz") if road else ("u", "v", "z")
-    ids = tuple(corner.get("id", "") for corner in corners)
+def _write_corners(element: Element, corners: tuple[str, list[tuple[Any, ...]]]) -> None:
+    tag, rows = corners
+    for values in rows:
+        _CORNERS[tag].write(etree.SubElement(element, tag), values)
+
+
+_OUTLINE_ELEMENT = Table(
+    _OutlineElement,
+    id=text("id"),
+    closed=flag("closed", True, no="false"),
+    attributes=OTHER_ATTRIBUTES,
+    corners=Field(_read_corners, _write_corners, tags=tuple(_CORNERS)),
+)
+
+
+def _read_outline(values: Values, element: Element) -> Outline:
+    outline = _OUTLINE_ELEMENT.read(values, element)
+    tag, rows = outline.corners
+    ids = tuple(corner[4] for corner in rows)
     return Outline(
-        in_road_frame=bool(road),
-        corners=_table(
-            [
-                [values.number(corner, name) for name in names[:2]] + [values.number(corner, names[2], 0.0)]
-                for corner in corners
-            ]
-        ),
-        closed=values.flag(element, "closed", True),
-        heights_m=read_only(np.array([values.number(corner, "height", 0.0) for corner in corners])),
+        in_road_frame=tag == "cornerRoad",
+        corners=read_only(np.array([corner[:3] for corner in rows], dtype=np.float64).reshape(-1, 3)),
+        closed=outline.closed,
+        heights_m=read_only(np.array([corner[3] for corner in rows])),
         corner_ids=ids if any(ids) else (),
-        id=element.get("id", ""),
-        attributes=other_attributes(element, OUTLINE_NAMES),
+        id=outline.id,
+        attributes=outline.attributes,
     )
 
 
-def _table(rows: list[list[float]]) -> FloatArray:
-    return read_only(np.array(rows, dtype=np.float64).reshape(-1, 3))
+def _write_outline(element: Element, outline: Outline) -> None:
+    tag = "cornerRoad" if outline.in_road_frame else "cornerLocal"
+    ids = outline.corner_ids or ("",) * len(outline.corners)
+    columns = zip(outline.corners.tolist(), outline.heights_m.tolist(), ids, strict=True)
+    corners = tag, [(*place, height, corner_id) for place, height, corner_id in columns]
+    written = _OutlineElement(corners, outline.closed, outline.id, outline.attributes)
+    _OUTLINE_ELEMENT.write(element, written)
 
 
-def _repeat(values: Values, element: Element) -> ObjectRepeat:
-    def change(name: str) -> Change:
-        return Change(
-            values.number(element, f"{name}Start", None), values.number(element, f"{name}End", None)
-        )
-
-    return ObjectRepeat(
-        s_m=values.number(element, "s"),
-        length_m=values.number(element, "length"),
-        distance_m=values.number(element, "distance"),
-        t=change("t"),
-        z_offset=change("zOffset"),
-        width=change("width"),
-        height=change("height"),
-        length=change("length"),
-        radius=change("radius"),
-        detached=values.flag(element, "detachFromReferenceLine"),
-    )
+OUTLINE = Field(_read_outline, _write_outline, tags=_OUTLINE_ELEMENT.tags)
+_OUTLINES = children_of("outline", OUTLINE, within="outlines", kept=True)
 
 
-def _corner_ids(values: Values, element: Element) -> tuple[str, ...]:
-    return tuple(values.text(child, "id") for child in children(element, "cornerReference"))
+def _read_outlines(values: Values, element: Element) -> tuple[Outline, ...]:
+    """Return the outlines; before 1.5 one stood in the object itself."""
+    direct = tuple([OUTLINE.read(values, child) for child in children(element, "outline")])
+    return (*direct, *_OUTLINES.read(values, element))
 
 
-def _marking(values: Values, element: Element) -> ObjectMarking:
-    get = element.get
-    number = values.number
-    return ObjectMarking(
-        side=get("side", ""),
-        color=get("color", ""),
-        weight=get("weight", "standard"),
-        width_m=number(element, "width", None),
-        z_offset_m=number(element, "zOffset", 0.0),
-        line_length_m=number(element, "lineLength", 0.0),
-        space_length_m=number(element, "spaceLength", 0.0),
-        start_offset_m=number(element, "startOffset", 0.0),
-        stop_offset_m=number(element, "stopOffset", 0.0),
-        corner_ids=_corner_ids(values, element),
-    )
+def _change(quantity: str) -> Field[Change]:
+    table = Table(Change, start_m=number(f"{quantity}Start", None), end_m=number(f"{quantity}End", None))
+    return Field(table.read, table.write)
 
 
-def _border(values: Values, element: Element) -> ObjectBorder:
-    get = element.get
-    return ObjectBorder(
-        outline_id=get("outlineId", ""),
-        type=get("type", ""),
-        width_m=values.number(element, "width", 0.0),
-        whole_outline=values.flag(element, "useCompleteOutline"),
-        corner_ids=_corner_ids(values, element),
-    )
+_REPEAT = Table(
+    ObjectRepeat,
+    s_m=number("s"),
+    length_m=number("length"),
+    distance_m=number("distance"),
+    detached=flag("detachFromReferenceLine"),
+    t=_change("t"),
+    z_offset=_change("zOffset"),
+    width=_change("width"),
+    height=_change("height"),
+    length=_change("length"),
+    radius=_change("radius"),
+)
+_CORNER_IDS = children_of("cornerReference", text("id", REQUIRED))
+_MARKING = Table(
+    ObjectMarking,
+    side=text("side"),
+    color=text("color"),
+    weight=text("weight", "standard"),
+    width_m=number("width", None),
+    z_offset_m=number("zOffset", 0.0),
+    line_length_m=number("lineLength", 0.0),
+    space_length_m=number("spaceLength", 0.0),
+    start_offset_m=number("startOffset", 0.0),
+    stop_offset_m=number("stopOffset", 0.0),
+    corner_ids=_CORNER_IDS,
+)
+_BORDER = Table(
+    ObjectBorder,
+    outline_id=text("outlineId"),
+    type=text("type"),
+    width_m=number("width", 0.0),
+    whole_outline=flag("useCompleteOutline"),
+    corner_ids=_CORNER_IDS,
+)
 
+OBJECT = Table(
+    RoadObject,
+    id=text("id"),
+    name=text("name"),
+    type=text("type", "none"),
+    subtype=text("subtype"),
+    s_m=number("s"),
+    t_m=number("t"),
+    z_offset_m=number("zOffset", 0.0),
+    heading_rad=number("hdg", 0.0),
+    pitch_rad=number("pitch", 0.0),
+    roll_rad=number("roll", 0.0),
+    orientation=text("orientation", "none"),
+    length_m=number("length", None),
+    width_m=number("width", None),
+    height_m=number("height", None),
+    radius_m=number("radius", None),
+    dynamic=flag("dynamic", yes="yes"),
+    perpendicular_to_road=flag("perpToRoad"),
+    valid_length_m=number("validLength", None),
+    attributes=OTHER_ATTRIBUTES,
+    repeats=children_of("repeat", _REPEAT),
+    outlines=replace(_OUTLINES, read=_read_outlines, tags=("outlines", "outline")),
+    materials=children_of("material", MATERIAL),
+    validity=VALIDITY,
+    parking_space=child(
+        "parkingSpace", Table(ParkingSpace, access=text("access"), restrictions=text("restrictions"))
+    ),
+    markings=children_of("marking", _MARKING, within="markings", kept=True),
+    borders=children_of("border", _BORDER, within="borders", kept=True),
+    extra=REST,
+)
 
-def _parking_space(element: Element) -> ParkingSpace:
-    get = element.get
-    return ParkingSpace(get("access", ""), get("restrictions", ""))
+OBJECT_REFERENCE = Table(
+    ObjectReference,
+    s_m=number("s"),
+    t_m=number("t"),
+    z_offset_m=number("zOffset", None),
+    valid_length_m=number("validLength", None),
+    orientation=text("orientation", "none"),
+    object_id=text("id", REQUIRED),
+    validity=VALIDITY,
+    extra=REST,
+)
 
-
-def read_object_reference(values: Values, element: Element) -> ObjectReference:
-    """Return a reference to an object."""
-    return ObjectReference(
-        object_id=values.text(element, "id"),
-        s_m=values.number(element, "s"),
-        t_m=values.number(element, "t"),
-        z_offset_m=values.number(element, "zOffset", None),
-        valid_length_m=values.number(element, "validLength", None),
-        orientation=element.get("orientation", "none"),
-        validity=values.validity(element),
-        extra=values.extra(others(element, "validity")),
-    )
-
-
-def read_structure(values: Values, element: Element) -> Structure:
-    """Return a bridge or a tunnel."""
-    get = element.get
-    return Structure(
-        id=values.text(element, "id"),
-        name=get("name", ""),
-        type=get("type", ""),
-        s_m=values.number(element, "s"),
-        length_m=values.length_m(element),
-        lighting=values.number(element, "lighting", None),
-        daylight=values.number(element, "daylight", None),
-        validity=values.validity(element),
-        extra=values.extra(others(element, "validity")),
-    )
-
-
-def read_switch(values: Values, element: Element) -> Switch:
-    """Return a railroad switch."""
-    get = element.get
-    partner = first(element, "partner")
-    return Switch(
-        id=values.text(element, "id"),
-        name=get("name", ""),
-        position=get("position", "dynamic"),
-        main_track=_track(values, element, "mainTrack"),
-        side_track=_track(values, element, "sideTrack"),
-        partner_id="" if partner is None else values.text(partner, "id"),
-        partner_name="" if partner is None else partner.get("name", ""),
-        extra=values.extra(others(element, "mainTrack", "sideTrack", "partner")),
-    )
-
-
-def _track(values: Values, element: Element, tag: str) -> Track:
-    track = first(element, tag)
-    if track is None:
-        raise values.error(element, f"<{tag}> is missing; add it")
-    return Track(values.text(track, "id"), values.number(track, "s"), track.get("dir", "+"))
-
-
-def read_station(values: Values, element: Element) -> Station:
-    """Return a station."""
-    get = element.get
-    platforms = [
-        Platform(
-            values.text(platform, "id"),
-            platform.get("name", ""),
-            tuple(
-                PlatformSegment(
-                    values.text(segment, "roadId"),
-                    values.number(segment, "sStart"),
-                    values.number(segment, "sEnd"),
-                    segment.get("side", ""),
-                )
-                for segment in children(platform, "segment")
-            ),
-        )
-        for platform in children(element, "platform")
-    ]
-    rest = others(element, "platform") + [
-        child for platform in children(element, "platform") for child in others(platform, "segment")
-    ]
-    return Station(
-        values.text(element, "id"), get("name", ""), get("type", ""), tuple(platforms), values.extra(rest)
-    )
+STRUCTURE = Table(
+    Structure,
+    s_m=number("s"),
+    length_m=LENGTH,
+    name=text("name"),
+    type=text("type"),
+    lighting=number("lighting", None),
+    daylight=number("daylight", None),
+    id=text("id", REQUIRED),
+    validity=VALIDITY,
+    extra=REST,
+)
+"""A bridge or a tunnel."""

@@ -1,86 +1,265 @@
-"""Parts of roads that place them: links, types, and the shape of the reference line."""
+"""Roads: links, types, the shape of the reference line, profiles (chapters "Roads" and "Geometry")."""
 
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+from lxml import etree
+
+from opendrive.arrays import FloatArray
 from opendrive.errors import WarningKind
-from opendrive.model import Arc, Line, ParamPoly3, Poly3, RoadLink, RoadType, Shape, Spiral
-from opendrive.xml.values import Element, Values, first
+from opendrive.model import (
+    Arc,
+    Geometry,
+    Line,
+    ParamPoly3,
+    Poly3,
+    Road,
+    RoadDetails,
+    RoadLink,
+    RoadType,
+    Shape,
+    Spiral,
+)
+from opendrive.xml.fields import (
+    LENGTH,
+    OTHER_ATTRIBUTES,
+    REQUIRED,
+    REST,
+    Field,
+    Table,
+    attribute,
+    child,
+    children_of,
+    each,
+    number,
+    numbers,
+    table_of,
+    text,
+    write_rows,
+)
+from opendrive.xml.lanes import LANE_SECTIONS, SPEED
+from opendrive.xml.objects import OBJECT, OBJECT_REFERENCE, STRUCTURE
+from opendrive.xml.railroads import SWITCH
+from opendrive.xml.signals import SIGNAL, SIGNAL_REFERENCE
+from opendrive.xml.values import CUBIC, Element, Values, children, empty_table, first
 
 MAX_TURN_RAD = 100.0
 """A piece of reference line that turns further than this is refused."""
 
+# Links and types
+
+
+def _contact_point(values: Values, element: Element, name: str, text: str) -> str | None:
+    if text not in ("start", "end", "none", ""):
+        raise values.unexpected(element, name, text, "'start' or 'end'")
+    return text if text in ("start", "end") else None
+
+
+CONTACT_POINT = text("contactPoint", None, convert=_contact_point)
+
+
+def _check_link(values: Values, element: Element, link: RoadLink) -> None:
+    if link.element_type == "road" and link.contact_point is None and link.s_m is None:
+        message = f"no contactPoint for road {link.element_id!r}; the link is not followed"
+        values.warn(WarningKind.LINK, element, message)
+
+
+LINK = Table(
+    RoadLink,
+    check=_check_link,
+    element_type=text("elementType", "road"),
+    contact_point=CONTACT_POINT,
+    s_m=number("elementS", None),
+    direction=text("elementDir"),
+    element_id=text("elementId", REQUIRED),
+)
+
+ROAD_TYPE = Table(
+    RoadType,
+    s_m=number("s", 0.0),
+    type=text("type", "unknown"),
+    country=text("country"),
+    speed_mps=SPEED.inside("speed"),
+)
+
+# The reference line
+
 LINE = Line()
+_SHAPE_NAMES = "line, arc, spiral, poly3 or paramPoly3"
 
 
-def read_link(values: Values, element: Element | None) -> RoadLink | None:
-    """Return the link of a road or connection to its predecessor or successor, or None."""
-    if element is None:
-        return None
-    get = element.get
-    element_type = get("elementType", "road")
-    element_id = values.text(element, "elementId")
-    contact_point = values.contact_point(element)
-    s_m = values.number(element, "elementS", None)
-    if element_type == "road" and contact_point is None and s_m is None:
-        values.warn(
-            WarningKind.LINK, element, f"no contactPoint for road {element_id!r}; the link is not followed"
-        )
-    return RoadLink(element_type, element_id, contact_point, s_m, get("elementDir", ""))
+def _is_normalized(values: Values, element: Element, name: str, text: str) -> bool:
+    if text not in ("normalized", "arcLength"):
+        raise values.unexpected(element, name, text, "'normalized' or 'arcLength'")
+    return text == "normalized"
 
 
-def read_road_type(values: Values, element: Element) -> RoadType:
-    """Return a type of a road, with its speed limit."""
-    speed = first(element, "speed")
-    get = element.get
-    return RoadType(
-        s_m=values.number(element, "s", 0.0),
-        type=get("type", "unknown"),
-        country=get("country", ""),
-        speed_mps=None if speed is None else values.speed_mps(speed),
-    )
+_SHAPES: dict[type[Shape], tuple[str, Table[Any]]] = {
+    Line: ("line", Table(Line)),
+    Arc: ("arc", Table(Arc, curvature_per_m=number("curvature"))),
+    Spiral: (
+        "spiral",
+        Table(Spiral, curvature_start_per_m=number("curvStart"), curvature_end_per_m=number("curvEnd")),
+    ),
+    Poly3: ("poly3", Table(Poly3, coefficients=numbers("a", "b", "c", "d"))),
+    ParamPoly3: (
+        "paramPoly3",
+        Table(
+            ParamPoly3,
+            normalized=attribute(
+                # Before 1.4 it did not exist; the range was [0, 1].
+                "pRange",
+                True,
+                _is_normalized,
+                lambda element, value: element.set("pRange", "normalized" if value else "arcLength"),
+            ),
+            u=numbers("aU", "bU", "cU", "dU"),
+            v=numbers("aV", "bV", "cV", "dV"),
+        ),
+    ),
+}
+"""Name of the element and fields of each shape."""
+_TABLE_OF_TAG = dict(_SHAPES.values())
 
 
 def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -> Shape:
-    """Return the shape of a piece of reference line."""
+    """Return the shape of a piece of reference line.
+
+    Raises:
+        MapContentError: there is none, it is of an unknown kind, or it winds up.
+    """
     element = next((child for child in geometry if child.tag != "userData"), None)
     if element is None:
-        raise values.error(geometry, "has no shape; expected line, arc, spiral, poly3 or paramPoly3")
-    number = values.number
-    shape: Shape
+        raise values.error(geometry, f"has no shape; expected {_SHAPE_NAMES}")
+    table = _TABLE_OF_TAG.get(str(element.tag))
+    if table is None:
+        raise values.error(element, f"has the shape <{element.tag:.40}>, expected {_SHAPE_NAMES}")
+    shape: Shape = table.read(values, element)
     turn_rad = 0.0
-    match element.tag:
-        case "line":
-            return LINE
-        case "arc":
-            shape = Arc(number(element, "curvature"))
-            turn_rad = abs(shape.curvature_per_m) * length_m
-            if shape.curvature_per_m == 0.0:
-                kind = WarningKind.ARC_WITHOUT_CURVATURE
-                values.warn(kind, element, "arc of curvature 0; read as a line", s_m)
-        case "spiral":
-            start, end = number(element, "curvStart"), number(element, "curvEnd")
-            shape = Spiral(start, end)
-            turn_rad = max(abs(start), abs(end)) * length_m
-            if start == end:
-                read_as = "an arc" if start else "a line"
-                kind = WarningKind.CONSTANT_SPIRAL
-                values.warn(kind, element, f"spiral of constant curvature; read as {read_as}", s_m)
-        case "poly3":
-            shape = Poly3(
-                (number(element, "a"), number(element, "b"), number(element, "c"), number(element, "d"))
-            )
-        case "paramPoly3":
-            u0, u1, u2, u3 = (number(element, name) for name in ("aU", "bU", "cU", "dU"))
-            v0, v1, v2, v3 = (number(element, name) for name in ("aV", "bV", "cV", "dV"))
-            # Before 1.4 the attribute did not exist; the range was [0, 1].
-            p_range = element.get("pRange", "normalized")
-            if p_range not in ("normalized", "arcLength"):
-                raise values.error(
-                    element, f"attribute 'pRange' is {p_range!r:.40}, expected 'normalized' or 'arcLength'"
-                )
-            shape = ParamPoly3((u0, u1, u2, u3), (v0, v1, v2, v3), p_range == "normalized")
-        case other:
-            raise values.error(
-                element, f"has the shape <{other:.40}>, expected line, arc, spiral, poly3 or paramPoly3"
-            )
+    if isinstance(shape, Arc):
+        turn_rad = abs(shape.curvature_per_m) * length_m
+        if shape.curvature_per_m == 0.0:
+            message = "arc of curvature 0; read as a line"
+            values.warn(WarningKind.ARC_WITHOUT_CURVATURE, element, message, s_m)
+    elif isinstance(shape, Spiral):
+        start, end = shape.curvature_start_per_m, shape.curvature_end_per_m
+        turn_rad = max(abs(start), abs(end)) * length_m
+        if start == end:
+            message = f"spiral of constant curvature; read as {'an arc' if start else 'a line'}"
+            values.warn(WarningKind.CONSTANT_SPIRAL, element, message, s_m)
     if turn_rad > MAX_TURN_RAD:
         raise values.error(element, f"the piece turns by {turn_rad:.3g} rad; check its curvature and length")
     return shape
+
+
+def _read_shape(values: Values, geometry: Element) -> Shape:
+    return read_shape(values, geometry, values.number(geometry, "s"), LENGTH.read(values, geometry))
+
+
+def _write_shape(geometry: Element, shape: Shape) -> None:
+    tag, table = _SHAPES[type(shape)]
+    table.write(etree.SubElement(geometry, tag), shape)
+
+
+_GEOMETRY = Table(
+    Geometry,
+    s_m=number("s"),
+    x_m=number("x"),
+    y_m=number("y"),
+    heading_rad=number("hdg"),
+    length_m=LENGTH,
+    shape=Field(_read_shape, _write_shape),
+)
+_PIECES = children_of("geometry", _GEOMETRY)
+
+
+def _read_pieces(values: Values, road: Element) -> tuple[Geometry, ...]:
+    plan = first(road, "planView")
+    elements = children(plan, "geometry")
+    if plan is None or not elements:
+        raise values.error(road, "<planView> has no <geometry>; a road needs a reference line")
+    pieces = _PIECES.read(values, plan)
+    if any(later.s_m < earlier.s_m for earlier, later in pairwise(pieces)):
+        message = "pieces of the reference line are not in ascending s; sorted"
+        values.warn(WarningKind.ORDER, elements[0], message)
+        pieces = tuple(sorted(pieces, key=lambda piece: piece.s_m))
+    return pieces
+
+
+# Profiles
+
+
+def _crossfall(name: str) -> Field[FloatArray]:
+    """Return the field of the crossfall on one side; a record may hold for both."""
+
+    def read(values: Values, lateral: Element) -> FloatArray:
+        records = children(lateral, "crossfall")
+        for record in records:
+            if (side := record.get("side", "both")) not in ("left", "right", "both"):
+                raise values.unexpected(record, "side", side, "'left', 'right' or 'both'")
+        return values.table(
+            [record for record in records if record.get("side", "both") in (name, "both")], CUBIC
+        )
+
+    def write(lateral: Element, rows: FloatArray) -> None:
+        write_rows("crossfall", CUBIC, lateral, rows, side=name)
+
+    return Field(read, write, tags=("crossfall",), absent=empty_table(len(CUBIC)))
+
+
+def _rule(values: Values, element: Element, name: str, text: str) -> str:
+    if text not in ("RHT", "LHT"):
+        raise values.unexpected(element, name, text, "'RHT' or 'LHT'")
+    return text
+
+
+ID = text("id", REQUIRED)
+JUNCTION_ID = attribute(
+    "junction",
+    None,
+    lambda values, element, name, text: None if text in ("-1", "") else text,
+    lambda element, value: element.set("junction", value or "-1"),
+)
+RULE = text("rule", "RHT", convert=_rule)
+
+ROAD = Table(
+    Road,
+    details=RoadDetails,
+    name=text("name"),
+    length_m=LENGTH,
+    id=ID,
+    junction_id=JUNCTION_ID,
+    rule=RULE,
+    attributes=OTHER_ATTRIBUTES,
+    predecessor=child("predecessor", LINK).inside("link", always=True),
+    successor=child("successor", LINK).inside("link", always=True),
+    types=children_of("type", ROAD_TYPE),
+    geometries=replace(_PIECES.inside("planView", always=True), read=_read_pieces),
+    elevation=table_of("elevation", CUBIC).inside("elevationProfile", always=True),
+    superelevation=table_of("superelevation", CUBIC).inside("lateralProfile", always=True),
+    crossfall_left=_crossfall("left").inside("lateralProfile", always=True),
+    crossfall_right=_crossfall("right").inside("lateralProfile", always=True),
+    shape=table_of("shape", ("s", "t", "a", "b", "c", "d"), keys=2).inside("lateralProfile", always=True),
+    lane_offset=table_of("laneOffset", CUBIC).inside("lanes", always=True),
+    sections=LANE_SECTIONS.inside("lanes", always=True),
+    objects=each("object", OBJECT).inside("objects"),
+    object_references=each("objectReference", OBJECT_REFERENCE).inside("objects"),
+    tunnels=each("tunnel", STRUCTURE).inside("objects"),
+    bridges=each("bridge", STRUCTURE).inside("objects"),
+    signals=each("signal", SIGNAL).inside("signals"),
+    signal_references=each("signalReference", SIGNAL_REFERENCE).inside("signals"),
+    switches=each("switch", SWITCH).inside("railroad"),
+    extra=REST,
+)
+
+
+def read_road(values: Values, element: Element) -> Road:
+    """Return a road.
+
+    Raises:
+        MapContentError: what places it is missing or impossible.
+    """
+    if first(element, "lanes") is None:
+        raise values.error(element, "<lanes> is missing; a road needs at least one lane section")
+    return ROAD.read(values, element)

@@ -1,0 +1,63 @@
+"""What stands in a file: its header, and the tables of everything else."""
+
+from typing import Any
+
+from lxml import etree
+
+from opendrive.model import GeoOffset, Header
+from opendrive.xml.fields import REST, Field, Table, child, integer, number, text
+from opendrive.xml.junctions import JUNCTION, JUNCTION_GROUP
+from opendrive.xml.railroads import STATION
+from opendrive.xml.roads import ROAD
+from opendrive.xml.signals import CONTROLLER
+from opendrive.xml.values import Element, Values, first
+
+
+def _read_geo_reference(values: Values, element: Element) -> str:
+    geo = first(element, "geoReference")
+    return "" if geo is None else (geo.text or "").strip()
+
+
+def _write_geo_reference(element: Element, geo_reference: str) -> None:
+    if geo_reference:
+        etree.SubElement(element, "geoReference").text = geo_reference
+
+
+def _revision(values: Values, element: Element, name: str, text: str) -> int:
+    return values.to_integer(element, name, text) or 1
+
+
+_OFFSET = Table(
+    GeoOffset,
+    x_m=number("x", 0.0),
+    y_m=number("y", 0.0),
+    z_m=number("z", 0.0),
+    heading_rad=number("hdg", 0.0),
+)
+
+HEADER = Table(
+    Header,
+    # There is no revision 0.
+    rev_major=number("revMajor", 1, convert=_revision),
+    rev_minor=integer("revMinor", 4),
+    name=text("name"),
+    version=text("version"),
+    date=text("date"),
+    vendor=text("vendor"),
+    north_m=number("north", None),
+    south_m=number("south", None),
+    east_m=number("east", None),
+    west_m=number("west", None),
+    geo_reference=Field(_read_geo_reference, _write_geo_reference, tags=("geoReference",)),
+    offset=child("offset", _OFFSET),
+    extra=REST,
+)
+
+CONTENT: dict[str, tuple[str, Table[Any]]] = {
+    "road": ("roads", ROAD),
+    "controller": ("controllers", CONTROLLER),
+    "junction": ("junctions", JUNCTION),
+    "junctionGroup": ("junction_groups", JUNCTION_GROUP),
+    "station": ("stations", STATION),
+}
+"""By the name of the element, in the order in which they are written: field of `MapModel` and table."""

@@ -1,0 +1,124 @@
+"""Signals and their controllers (chapter "Signals")."""
+
+from lxml import etree
+
+from opendrive.model import (
+    Control,
+    Controller,
+    LaneRange,
+    Signal,
+    SignalDependency,
+    SignalLink,
+    SignalPosition,
+    SignalReference,
+)
+from opendrive.xml.fields import (
+    OTHER_ATTRIBUTES,
+    REQUIRED,
+    REST,
+    Field,
+    Table,
+    children_of,
+    constant,
+    flag,
+    integer,
+    number,
+    row,
+    text,
+)
+from opendrive.xml.values import Element, Values, first
+
+VALIDITY = children_of("validity", Table(LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane")))
+
+_POSITIONS = {
+    "positionRoad": Table(
+        SignalPosition,
+        road_id=text("roadId", REQUIRED),
+        position_m=row(number("s"), number("t"), number("zOffset", 0.0)),
+        heading_rad=number("hOffset", 0.0),
+        pitch_rad=number("pitch", 0.0),
+        roll_rad=number("roll", 0.0),
+    ),
+    "positionInertial": Table(
+        SignalPosition,
+        road_id=constant(""),
+        position_m=row(number("x"), number("y"), number("z", 0.0)),
+        heading_rad=number("hdg", 0.0),
+        pitch_rad=number("pitch", 0.0),
+        roll_rad=number("roll", 0.0),
+    ),
+}
+"""By the name of the element; the first that is there counts."""
+
+
+def _read_position(values: Values, element: Element) -> SignalPosition | None:
+    for tag, table in _POSITIONS.items():
+        if (child := first(element, tag)) is not None:
+            return table.read(values, child)
+    return None
+
+
+def _write_position(element: Element, position: SignalPosition | None) -> None:
+    if position is not None:
+        tag = "positionRoad" if position.road_id else "positionInertial"
+        _POSITIONS[tag].write(etree.SubElement(element, tag), position)
+
+
+SIGNAL = Table(
+    Signal,
+    name=text("name"),
+    s_m=number("s"),
+    t_m=number("t"),
+    z_offset_m=number("zOffset", 0.0),
+    heading_offset_rad=number("hOffset", 0.0),
+    pitch_rad=number("pitch", 0.0),
+    roll_rad=number("roll", 0.0),
+    dynamic=flag("dynamic", yes="yes", no="no"),
+    country=text("country"),
+    country_revision=text("countryRevision"),
+    type=text("type"),
+    subtype=text("subtype"),
+    value=number("value", None),
+    unit=text("unit"),
+    text=text("text"),
+    height_m=number("height", None),
+    width_m=number("width", None),
+    length_m=number("length", None),
+    id=text("id", REQUIRED),
+    orientation=text("orientation", "none"),
+    attributes=OTHER_ATTRIBUTES,
+    validity=VALIDITY,
+    dependencies=children_of(
+        "dependency", Table(SignalDependency, type=text("type"), signal_id=text("id", REQUIRED))
+    ),
+    links=children_of(
+        "reference",
+        Table(
+            SignalLink,
+            element_type=text("elementType"),
+            type=text("type"),
+            element_id=text("elementId", REQUIRED),
+        ),
+    ),
+    position=Field(_read_position, _write_position, tags=tuple(_POSITIONS)),
+    extra=REST,
+)
+
+SIGNAL_REFERENCE = Table(
+    SignalReference,
+    s_m=number("s"),
+    t_m=number("t"),
+    signal_id=text("id", REQUIRED),
+    orientation=text("orientation", "none"),
+    validity=VALIDITY,
+    extra=REST,
+)
+
+CONTROLLER = Table(
+    Controller,
+    id=text("id", REQUIRED),
+    name=text("name"),
+    sequence=integer("sequence", None),
+    controls=children_of("control", Table(Control, signal_id=text("signalId", REQUIRED), type=text("type"))),
+    extra=REST,
+)
