@@ -125,8 +125,7 @@ def site_at(network: RoadNetwork, lane: int, s_m: float, approach_m: float) -> S
             f"lane {name} is of type {network.lanes.lane_type[lane]!s}; choose a driving lane"
         )
     route = route_ahead(network, lane, s_m, ahead_m=RUN_OUT_M + 60.0, behind_m=approach_m + 5.0)
-    index = route.lanes.index(lane)
-    line = float(route.entry_m[index]) + route.strips[index].station_at(s_m)
+    line = route.station_of(lane, s_m)
     before, after = straight_around(route, line)
     if before < approach_m or after < RUN_OUT_M:
         raise ScenarioError(

@@ -349,9 +349,7 @@ def pose_site(network: RoadNetwork, place: Place) -> Site:
             "choose a driving lane"
         )
     route = route_ahead(network, lane, place.s_m, ahead_m=200.0, behind_m=100.0)
-    index = route.lanes.index(lane)
-    station = float(route.entry_m[index]) + route.strips[index].station_at(place.s_m)
-    return Site(network, route, station, near_side(network, lane))
+    return Site(network, route, route.station_of(lane, place.s_m), near_side(network, lane))
 
 
 def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:

@@ -23,15 +23,9 @@ from evaluation.runs.journal import Journal
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.views.plots.strategies import strategy_looks
 from evaluation.views.plots.style import SMALL_PT, new_figure, set_style, set_title
-from scenarios.catalogue.bystanders import ADULT_LENGTH_M, ADULT_WIDTH_M, CAR_LENGTH_M, CAR_WIDTH_M
-from scenarios.openscenario.model import (
-    Action,
-    EntityDefinition,
-    ScenarioDefinition,
-    SpeedAction,
-    TeleportAction,
-    WorldPosition,
-)
+from scenarios.catalogue.bystanders import Bystander, add_bystanders
+from scenarios.openscenario.model import ScenarioDefinition
+from scenarios.openscenario.motion.paths import Pose
 from scenarios.places import MapView
 from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, preset_of
@@ -126,23 +120,13 @@ def with_others(definition: ScenarioDefinition, count: int, seed: int) -> Scenar
     """
     rng = np.random.default_rng((seed, 7))
     x0, y0 = (float(definition.parameters[name]) for name in ("Line_x", "Line_y"))
-    entities: list[EntityDefinition] = []
-    init: list[tuple[str | None, Action]] = []
-
-    def put(
-        category: str, x_m: float, y_m: float, yaw: float, size: tuple[float, float], speed: float
-    ) -> None:
-        name = f"other {len(entities) + 1}"
-        entities.append(EntityDefinition(name, category, category, *size, 1.6, 0.0, 0.0))
-        init.append((name, TeleportAction(WorldPosition(x0 + x_m, y0 + y_m, yaw))))
-        if speed:
-            init.append((name, SpeedAction("step", "time", 0.0, speed)))
-
+    bystanders: list[Bystander] = []
     cars = 0
     for k in range(count):
         if k % 10 == 9:
             # one after the other, 9 m apart from 30 m behind the line on
-            put("car", -30.0 + 9.0 * cars, FAR_LANE_M, np.pi, (CAR_LENGTH_M, CAR_WIDTH_M), SPEED_KMH / 3.6)
+            pose = Pose(x0 + (-30.0 + 9.0 * cars), y0 + FAR_LANE_M, np.pi)
+            bystanders.append(Bystander("car", pose, SPEED_KMH / 3.6))
             cars += 1
             continue
         side = -1 if rng.random() < 0.5 else 1
@@ -150,9 +134,9 @@ def with_others(definition: ScenarioDefinition, count: int, seed: int) -> Scenar
         along, beyond = rng.uniform(-REACH_M, REACH_M), rng.uniform(0.5, 2.3)
         walks = k % 10 >= 5
         yaw = (0.0 if rng.random() < 0.5 else np.pi) if walks else -side * np.pi / 2
-        speed = 5 / 3.6 if walks else 0.0
-        put("pedestrian", along, kerb + side * beyond, yaw, (ADULT_LENGTH_M, ADULT_WIDTH_M), speed)
-    return replace(definition, entities=(*definition.entities, *entities), init=(*definition.init, *init))
+        pose = Pose(x0 + along, y0 + (kerb + side * beyond), yaw)
+        bystanders.append(Bystander("pedestrian", pose, 5 / 3.6 if walks else 0.0))
+    return add_bystanders(definition, bystanders, "other")
 
 
 def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:

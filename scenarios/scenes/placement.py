@@ -102,8 +102,7 @@ class Street:
             route = route_ahead(network, lane_at(network, start), start.s_m, ahead_m=TO_LINE_M)
             if lane not in route.lanes:
                 raise ScenarioError(f"{self.name}: from road {start.road_id} the ego comes to other roads")
-        index = route.lanes.index(lane)
-        line = float(route.entry_m[index]) + route.strips[index].station_at(place.s_m)
+        line = route.station_of(lane, place.s_m)
         if line < way_m:
             raise ScenarioError(
                 f"{self.name}: the road begins {line:.0f} m before the line; the scene needs {way_m:.0f}"

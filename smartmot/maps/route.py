@@ -60,6 +60,19 @@ class Route(PlannedPath):
         """Indices of the lanes in driving order."""
         return tuple(strip.lane for strip in self.strips)
 
+    def station_of(self, lane: int, s_m: float) -> float:
+        """Station of a place on one of its lanes, metres.
+
+        Args:
+            lane: index of the lane.
+            s_m: road coordinate.
+
+        Raises:
+            ValueError: the lane does not belong to the route.
+        """
+        index = self.lanes.index(lane)
+        return float(self.entry_m[index]) + self.strips[index].station_at(s_m)
+
 
 def route_from_lanes(network: LaneMap, lanes: Sequence[int], vru_margin_m: float = 0.0) -> Route:
     """Join lanes, each a successor of the one before, into a route.
