@@ -48,9 +48,11 @@ class Stages:
 
 def suite() -> Any:
     """The default of `smartmot-eval cpna`."""
-    from evaluation.runs.plan import CpnaSuite
+    from evaluation.runs.cpna import CpnaSuite
+    from evaluation.runs.specs import Conditions
 
-    return CpnaSuite((10, 20, 30, 40, 50, 60), ("rectangular", "map"), "paper", ("dry",), "urban_street")
+    conditions = Conditions(("rectangular", "map"), "paper", ("dry",), "urban_street")
+    return CpnaSuite((10, 20, 30, 40, 50, 60), conditions)
 
 
 def computing(directory: Path) -> tuple[float, float]:
@@ -58,7 +60,8 @@ def computing(directory: Path) -> tuple[float, float]:
     from evaluation.results.files import log_path
     from evaluation.results.logs import write_log
     from evaluation.results.rows import write_runs
-    from evaluation.runs import plan as runner
+    from evaluation.runs import cpna as runner
+    from evaluation.studies.suite import suite_configuration
 
     start = time.perf_counter()
     job = suite()
@@ -70,7 +73,7 @@ def computing(directory: Path) -> tuple[float, float]:
         simulated += float(record.log["time_s"].max())
         write_log(log_path(directory, record.spec.log), record.log)
         rows.append(record.row)
-    write_runs(directory, rows, runner.suite_configuration(job, site, directory))
+    write_runs(directory, rows, suite_configuration(job, site, directory))
     return time.perf_counter() - start, simulated
 
 
@@ -93,7 +96,7 @@ def peer(simulated_s: float) -> float:
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
     from evaluation.results import logs, rows
-    from evaluation.runs import plan as runner
+    from evaluation.runs import cpna as runner
     from scenarios import spec
     from scenarios.openscenario.running.engine import Engine
     from scenarios.sensors.sensor import Sensor

@@ -71,8 +71,9 @@ def command(
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
-    from evaluation.studies.compare.command import CompareOptions, compare
-    from evaluation.studies.growth import compare_growth
+    from evaluation.studies.compare.command import compare
+    from evaluation.studies.compare.study import SceneStudy
+    from evaluation.studies.growth import GrowthStudy, compare_growth
     from scenarios.scenes.scenes import scene_names
 
     if ablation + growth + bool(vary) > 1:
@@ -92,23 +93,19 @@ def command(
     processes = workers or available_cores()
     with locked(writable_folder(out)):
         if growth:
-            compare_growth(chosen, preset, conditions[0], seeds, processes, out, quiet, formats)
+            crowd = GrowthStudy(chosen, preset, conditions[0], seeds, formats=formats)
+            compare_growth(crowd, out, processes, quiet)
             return
-        compare(
-            CompareOptions(
-                strategies=chosen,
-                vary=varied,
-                preset=preset,
-                weather=conditions,
-                scenes=only,
-                full=full,
-                maps=maps,
-                seeds=seeds,
-                workers=processes,
-                out=out,
-                ablation=ablation,
-                logs=logs,
-                formats=formats,
-                quiet=quiet,
-            )
+        study = SceneStudy(
+            strategies=chosen,
+            preset=preset,
+            vary=varied,
+            weather=conditions,
+            scenes=only,
+            full=full,
+            maps=maps,
+            seeds=seeds,
+            ablation=ablation,
+            formats=formats,
         )
+        compare(study, out, processes, quiet, logs)

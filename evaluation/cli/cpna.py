@@ -56,23 +56,26 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
+    from evaluation.runs.cpna import CpnaSuite
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.plan import CpnaSuite
+    from evaluation.runs.specs import Conditions
     from evaluation.studies.suite import compare_cpna
 
     form = options.parse_format(form)
     suite = CpnaSuite(
         speeds_kmh=options.parse_speeds(speeds),
-        strategies=options.parse_strategies(strategy),
-        preset=options.parse_preset(preset),
-        weather=options.parse_weather(weather),
-        map_name=str(map_file) if map_file else DEFAULT_MAP,
+        conditions=Conditions(
+            strategies=options.parse_strategies(strategy),
+            preset=options.parse_preset(preset),
+            weather=options.parse_weather(weather),
+            map_name=str(map_file) if map_file else DEFAULT_MAP,
+            adversaries=adversaries,
+            seed=seed,
+            phase_s=phase_ms / 1000,
+            settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+        ),
         place=options.parse_place(at),
         impact_point_percent=impact_point,
-        adversaries=adversaries,
-        seed=seed,
-        phase_s=phase_ms / 1000,
-        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
     )
     with locked(writable_folder(out)):
         compare_cpna(suite, out, form if pictures else None, workers, quiet)

@@ -34,7 +34,7 @@ def command(
     ] = False,
 ) -> None:
     """Describe a map, and draw it with the monitored area at a pose."""
-    from evaluation.runs.plan import describe_map, pose_site
+    from evaluation.studies.map_description import describe_map, pose_site
     from scenarios.spec import load_named_map
     from scenarios.strategies import STRATEGIES
 

@@ -52,7 +52,7 @@ def command(
 
     from evaluation.protocols.registry import PROTOCOLS
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.plan import Conditions
+    from evaluation.runs.specs import Conditions
     from evaluation.runs.workers import available_cores
     from evaluation.studies.ncap.run import run_grid
 

@@ -61,7 +61,7 @@ def command(
 ) -> None:
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.plan import Conditions, scenario_specs
+    from evaluation.runs.specs import Conditions, scenario_specs
     from evaluation.runs.workers import available_cores
     from evaluation.studies.suite import compare_files
     from scenarios.spec import NO_AEB

@@ -1,4 +1,4 @@
-"""Dataclasses of settings from the plain values that JSON holds."""
+"""Runs and dataclasses of settings from the plain values that JSON holds."""
 
 from __future__ import annotations
 
@@ -7,16 +7,21 @@ import math
 import types
 import typing
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any, TypeVar
 
 from scenarios.reading import ReadError, shown
+from scenarios.spec import RunSpec
 from smartmot.errors import SmartMotError
 from smartmot.filters.motion_models import ConstantAcceleration, ConstantVelocity, LinearMotion
 from smartmot.plugins import Plugin
 
 _CLASSES_OF: Mapping[Any, tuple[type, ...]] = {LinearMotion: (ConstantVelocity, ConstantAcceleration)}
 """Dataclasses that stand where an annotation names a protocol."""
+
+NO_LIMIT = "inf"
+"""An infinite setting, which JSON has no number for."""
 
 T = TypeVar("T")
 
@@ -106,3 +111,47 @@ def _name(kind: Any) -> str:
     if typing.get_origin(kind) is tuple:
         return "a list"
     return names.get(kind, "an object")
+
+
+def object_of(value: object, where: str) -> Mapping[str, Any]:
+    """An object of JSON.
+
+    Raises:
+        ReadError: it is something else.
+    """
+    if not isinstance(value, Mapping):
+        raise ReadError(f"{where} must be an object, got {shown(value)}")
+    return value
+
+
+def list_of(value: object, where: str) -> list[Any]:
+    """A list of JSON; see `object_of`."""
+    if not isinstance(value, list):
+        raise ReadError(f"{where} must be a list, got {shown(value)}")
+    return value
+
+
+def texts_of(value: object, where: str) -> Mapping[str, str]:
+    """An object of JSON that holds texts; see `object_of`."""
+    for name, text in object_of(value, where).items():
+        if not isinstance(text, str):
+            raise ReadError(f"{where}.{name} must be a text, got {shown(text)}")
+    return object_of(value, where)
+
+
+def is_scalar(value: object) -> bool:
+    """Whether a value may be that of a parameter: a text, a truth value or a finite number."""
+    return isinstance(value, (bool, str)) or (isinstance(value, (int, float)) and math.isfinite(value))
+
+
+def decoded_spec(values: Mapping[str, Any], where: str, defaults: bool = False) -> RunSpec:
+    """A run whose files are still named as in the configuration."""
+    plain = {name: value for name, value in values.items() if name not in ("parameters", "settings")}
+    spec = decode(RunSpec, plain | {"parameters": [], "settings": []}, where, defaults)
+    parameters = object_of(values.get("parameters"), f"{where}.parameters")
+    settings = object_of(values.get("settings", {}), f"{where}.settings")
+    for name, value in settings.items():
+        if not is_scalar(value) or isinstance(value, bool):
+            raise ReadError(f"{where}.settings.{name} must be a number or a text, got {shown(value)}")
+    known = tuple((name, math.inf if value == NO_LIMIT else value) for name, value in settings.items())
+    return replace(spec, parameters=tuple(sorted(parameters.items())), settings=known)

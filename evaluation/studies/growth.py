@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,14 +14,12 @@ import numpy as np
 import rich.console
 
 from evaluation.metrics.intervals import Estimate, mean_t
-from evaluation.progress import progress_bar
 from evaluation.results.files import configuration_json, write_files
 from evaluation.results.tables import EMPTY, Table, csv_bytes, markdown_table, rich_table
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
-from evaluation.runs.fingerprint import fingerprint
-from evaluation.runs.journal import Journal
 from evaluation.studies.compare.figures import FORMATS, save
+from evaluation.studies.study import Finished, LabelledRun, Study, done_line
 from evaluation.views.plots.strategies import strategy_looks
 from evaluation.views.plots.style import SMALL_PT, new_figure, set_style, set_title
 from scenarios.catalogue.bystanders import Bystander, add_bystanders
@@ -44,6 +43,8 @@ MIN_VISIBLE = 0.0
 """All others are seen, whoever stands before them."""
 REACH_M = 65.0
 """Others are within so many metres along the road before and behind the crossing."""
+QUICK_OTHERS = 50
+"""A run among at most so many others takes a second or so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,46 +66,6 @@ class GrowthRun:
     flag_time_s: float | None
     false_activation: bool
     v_impact_kmh: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class GrowthTask:
-    """One run to be made: a crossing, and how many others there are."""
-
-    spec: RunSpec
-    others: int
-
-    @property
-    def key(self) -> str:
-        """Hash of everything that determines the run."""
-        return fingerprint(self.spec, "growth", self.others)
-
-
-def growth_tasks(
-    strategies: Sequence[str], preset: str, weather: str, seeds: int, counts: Sequence[int] = COUNTS
-) -> list[GrowthTask]:
-    """Every strategy among every number of others; strategies take turns.
-
-    What else the machine does then strikes all of them.
-    """
-    return [
-        GrowthTask(
-            RunSpec(
-                scenario=SCENARIO,
-                file=SCENARIO,
-                parameters=(("Ego_speed_kmh", SPEED_KMH),),
-                strategy=strategy,
-                preset=preset,
-                weather=weather,
-                v_test_kmh=SPEED_KMH,
-                seed=seed,
-            ),
-            others,
-        )
-        for seed in range(seeds)
-        for others in counts
-        for strategy in strategies
-    ]
 
 
 def with_others(definition: ScenarioDefinition, count: int, seed: int) -> ScenarioDefinition:
@@ -139,9 +100,85 @@ def with_others(definition: ScenarioDefinition, count: int, seed: int) -> Scenar
     return add_bystanders(definition, bystanders, "other")
 
 
-def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
+GrowthItem = LabelledRun[int]
+"""A crossing, and how many others there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthStudy(Study[int, GrowthRun]):
+    """Every strategy among every number of others.
+
+    Args:
+        strategies, preset, weather: what is run.
+        seeds: repetitions.
+        counts: numbers of others.
+        formats: of the figure.
+        name: of the folder.
+    """
+
+    strategies: tuple[str, ...]
+    preset: str
+    weather: str
+    seeds: int
+    counts: tuple[int, ...] = COUNTS
+    formats: tuple[str, ...] = FORMATS
+    name: str = "growth"
+    journal = "growth_"
+    table = "growth.csv"
+    kind = GrowthRun
+
+    def items(self, folder: Path) -> list[GrowthItem]:
+        """The runs; strategies take turns, so that what else the machine does strikes all of them."""
+        return [
+            LabelledRun(
+                RunSpec(
+                    scenario=SCENARIO,
+                    file=SCENARIO,
+                    parameters=(("Ego_speed_kmh", SPEED_KMH),),
+                    strategy=strategy,
+                    preset=self.preset,
+                    weather=self.weather,
+                    v_test_kmh=SPEED_KMH,
+                    seed=seed,
+                ),
+                others,
+                more=("growth", others),
+            )
+            for seed, others, strategy in itertools.product(range(self.seeds), self.counts, self.strategies)
+        ]
+
+    @staticmethod
+    def job(item: GrowthItem) -> tuple[GrowthRun, FrameTime]:
+        """Carry out one of them."""
+        return grow(item)
+
+    def is_quick(self, item: GrowthItem) -> bool:
+        """Those among few others."""
+        return item.label <= QUICK_OTHERS
+
+    def write(self, folder: Path, items: Sequence[GrowthItem], finished: Finished[GrowthRun]) -> list[Path]:
+        """Write table, figure and settings; all that holds times is different in every run.
+
+        Raises:
+            ResultsError: the folder cannot be written.
+        """
+        runs, spent = zip(*(finished[item.key] for item in items), strict=True)
+        # a run is named once for all numbers of others
+        specs = list(dict.fromkeys(item.spec for item in items))
+        more = {"others": sorted({item.label for item in items}), "min_visible": MIN_VISIBLE}
+        contents = {
+            "growth.md": markdown_table(growth_table(runs, spent)).encode(),
+            "growth.csv": growth_csv(runs),
+            "growth_times.csv": times_csv(runs, spent),
+            "growth.json": configuration_json(configuration_of(specs, folder, more=more)),
+        }
+        figure = growth_figure(runs, spent)
+        return [*write_files(folder, contents), *save(figure, folder / "growth", self.formats)]
+
+
+def grow(item: GrowthItem) -> tuple[GrowthRun, FrameTime]:
     """Carry out one run."""
-    spec, others = task.spec, task.others
+    spec, others = item.spec, item.label
     definition = with_others(definition_of(spec), others, spec.seed)
     preset = preset_of(spec, definition)
 
@@ -165,67 +202,21 @@ def grow(task: GrowthTask) -> tuple[GrowthRun, FrameTime]:
     return measured, spent
 
 
-def compare_growth(
-    strategies: Sequence[str],
-    preset: str,
-    weather: str,
-    seeds: int,
-    workers: int,
-    out: Path,
-    quiet: bool,
-    formats: Sequence[str] = FORMATS,
-) -> list[GrowthRun]:
+def compare_growth(study: GrowthStudy, out: Path, workers: int, quiet: bool) -> list[GrowthRun]:
     """Run every strategy among more and more others, or go on with it; write table and figure.
 
     Raises:
         ResultsError: the folder cannot be written.
     """
     console = rich.console.Console(quiet=quiet)
-    tasks = growth_tasks(strategies, preset, weather, seeds)
-    with Journal(out, GrowthRun, "growth_") as journal, progress_bar(console) as progress:
-        bar = progress.add_task("growing", total=len(tasks))
-        found, before = journal.carry_out(
-            grow, {task.key: task for task in tasks}, workers, lambda count: progress.advance(bar, count)
-        )
-    runs, spent = zip(*(found[task.key] for task in tasks), strict=True)
-    written = write_growth(tasks, runs, spent, out, formats)
-    console.print(
-        rich_table(growth_table(runs, spent), f"{SCENARIO} at {SPEED_KMH:g} km/h, preset {preset}, {weather}")
-    )
-    done = f"{len(runs)} runs" + (f", {before} of them from before" if before else "")
-    console.print(f"{done}; in {out}: {', '.join(path.name for path in written)}", highlight=False)
+    items = study.items(out)
+    finished, before = study.carry_out_behind_bar(items, out, study.journal, workers, console, "growing")
+    written = study.write(out, items, finished)
+    runs, spent = zip(*(finished[item.key] for item in items), strict=True)
+    title = f"{SCENARIO} at {SPEED_KMH:g} km/h, preset {study.preset}, {study.weather}"
+    console.print(rich_table(growth_table(runs, spent), title))
+    console.print(done_line(len(runs), before, out, [path.name for path in written]), highlight=False)
     return list(runs)
-
-
-def write_growth(
-    tasks: Sequence[GrowthTask],
-    runs: Sequence[GrowthRun],
-    spent: Sequence[FrameTime],
-    out: Path,
-    formats: Sequence[str] = FORMATS,
-) -> list[Path]:
-    """Write table, figure and settings; all that holds times is different in every run.
-
-    Raises:
-        ResultsError: the folder cannot be written.
-    """
-    files = {
-        "growth.md": markdown_table(growth_table(runs, spent)).encode(),
-        "growth.csv": growth_csv(runs),
-        "growth_times.csv": times_csv(runs, spent),
-        "growth.json": _configuration(tasks, out),
-    }
-    written = write_files(out, files)
-    return [*written, *save(growth_figure(runs, spent), out / "growth", formats)]
-
-
-def _configuration(tasks: Sequence[GrowthTask], out: Path) -> bytes:
-    """Everything that determines the results, as JSON; a run is named once for all numbers of others."""
-    specs = list(dict.fromkeys(task.spec for task in tasks))
-    others = sorted({task.others for task in tasks})
-    return configuration_json(
-        configuration_of(specs, out, more={"others": others, "min_visible": MIN_VISIBLE})
-    )
 
 
 Timed = tuple[GrowthRun, FrameTime]

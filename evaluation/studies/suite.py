@@ -17,10 +17,12 @@ from evaluation.results.logs import read_logs
 from evaluation.results.notes import told_notes, told_runs
 from evaluation.results.rows import RunRow, read_runs, write_runs
 from evaluation.results.tables import Table, markdown_table, rich_table
-from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of, read_configuration
 from evaluation.runs.conflict import conflicts, scored, told_without_conflict, unbraked
+from evaluation.runs.cpna import CpnaSuite, is_published, load_site
 from evaluation.runs.logged import logged_runs
+from evaluation.runs.specs import perception_notes
+from scenarios.places import Site
 from scenarios.settings import settings_text
 from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, scene_of
 from scenarios.strategies import make_strategy
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def compare_cpna(
-    suite: runner.CpnaSuite, out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
+    suite: CpnaSuite, out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
 ) -> None:
     """Run a CPNA comparison.
 
@@ -42,18 +44,38 @@ def compare_cpna(
         workers: processes.
         quiet: print nothing.
     """
-    site = runner.load_site(suite)
+    site = load_site(suite)
     specs = suite.specs(site)
     _compare(
         specs,
-        runner.suite_configuration(suite, site, out),
+        suite_configuration(suite, site, out),
         out,
         pictures,
         workers,
         rich.console.Console(quiet=quiet),
         title=_title(specs),
-        published=PUBLISHED if runner.is_published(suite) else None,
+        published=PUBLISHED if is_published(suite) else None,
     )
+
+
+def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, object]:
+    """Everything that determines the results of a suite, as plain values.
+
+    Args:
+        suite: what is run.
+        site: its place.
+        out: folder of the results.
+    """
+    key = site.network.lanes.key[site.route.lanes[0]]
+    lanes = {
+        "site": {
+            "first_lane": list(key),
+            "lanes": [list(site.network.lanes.key[i]) for i in site.route.lanes],
+            "line_m": site.line_m,
+            "line_xy_m": list(site.route.pose(site.line_m)[:2]),
+        }
+    }
+    return configuration_of(suite.specs(site), out, published=is_published(suite), more=lanes)
 
 
 def compare_files(
@@ -61,7 +83,7 @@ def compare_files(
 ) -> None:
     """Run scenario files; see `compare_cpna`."""
     console = rich.console.Console(quiet=quiet)
-    notes = runner.notes(specs)
+    notes = perception_notes(specs)
     configuration = configuration_of(specs, out, notes)
     rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
     silent = sum(row.avoided and row.flag_time_s is None for row in rows)

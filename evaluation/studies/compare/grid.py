@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from evaluation.runs.fingerprint import fingerprint
+from evaluation.studies.study import LabelledRun
 from scenarios.presets import named_preset, named_weather
 from scenarios.scenes.scenes import SceneRun
 from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
@@ -53,31 +53,22 @@ class Point:
         return settings_text(self.settings)
 
 
-@dataclass(frozen=True, slots=True)
-class StudyRun:
-    """One run of a comparison.
+SceneItem = LabelledRun[SceneRun]
+"""One run of a comparison, and its scene."""
 
-    Args:
-        scene: what happens.
-        spec: the run.
-    """
 
-    scene: SceneRun
-    spec: RunSpec
-
-    @property
-    def key(self) -> str:
-        """Hash of everything that determines the run."""
-        return fingerprint(self.spec, self.scene.must)
+def seeded_phase_s(seed: int) -> float:
+    """Time of the first sensor frame of the runs with a seed."""
+    return round(PHASE_STEP_S * (seed % PHASES), 3)
 
 
 def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) -> tuple[Point, ...]:
     """Every strategy with every combination of the varied parameters that mean anything for it."""
     points: list[Point] = []
     for strategy in strategies:
-        mine = [name for name in vary if PARAMETERS[name].changes(strategy)]
-        combinations = itertools.product(*(vary[name] for name in mine))
-        points += [Point(strategy, tuple(zip(mine, values, strict=True))) for values in combinations]
+        names = [name for name in vary if PARAMETERS[name].changes(strategy)]
+        combinations = itertools.product(*(vary[name] for name in names))
+        points += [Point(strategy, tuple(zip(names, values, strict=True))) for values in combinations]
     return tuple(points)
 
 
@@ -100,7 +91,7 @@ def study_runs(
     preset: str,
     weather: Sequence[str],
     seeds: int,
-) -> list[StudyRun]:
+) -> list[SceneItem]:
     """The runs: by weather, point, scene and seed. Every point meets the same scenes and the same noise.
 
     Raises:
@@ -112,8 +103,7 @@ def study_runs(
     for name in weather:
         named_weather(name)
     return [
-        StudyRun(
-            scene,
+        LabelledRun(
             RunSpec(
                 scenario=scene.name,
                 file=scene.file,
@@ -123,14 +113,12 @@ def study_runs(
                 weather=name,
                 v_test_kmh=scene.speed_kmh,
                 seed=seed,
-                phase_s=round(PHASE_STEP_S * (seed % PHASES), 3),
+                phase_s=seeded_phase_s(seed),
                 paper_points=scene.must == "brake",
                 must=scene.must,
                 settings=point.settings,
             ),
+            scene,
         )
-        for name in weather
-        for point in points
-        for scene in scenes
-        for seed in range(seeds)
+        for name, point, scene, seed in itertools.product(weather, points, scenes, range(seeds))
     ]

@@ -13,7 +13,7 @@ from evaluation.protocols.bands import Colour, impact_colour
 from evaluation.protocols.errors import ProtocolError
 from evaluation.results.notes import MANY_DROPPED
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh, run_points
-from evaluation.studies.compare.grid import StudyRun
+from evaluation.studies.compare.grid import SceneItem
 from scenarios.settings import settings_text
 from scenarios.simulation.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided
 from scenarios.spec import preset_of, simulation_of
@@ -120,14 +120,15 @@ def impact_kmh(run: RunMeasures) -> float | None:
     return run.v_impact_kmh if run.collided or run.avoided else None
 
 
-def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
+def measure(item: SceneItem) -> tuple[RunMeasures, FrameTime]:
     """Carry out one run.
 
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: the scene cannot be run.
         opendrive.OpenDriveError: its map cannot be read.
     """
-    spec, nothing = run.spec, run.scene.must == "nothing"
+    spec, scene = item.spec, item.label
+    nothing = scene.must == "nothing"
     simulation = simulation_of(spec, THROUGH if nothing else None)
     brakes = preset_of(spec, simulation.engine.definition).brakes
     outcome = simulation.run()
@@ -145,9 +146,9 @@ def measure(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
     spent = frame_time(outcome.frame_time_ms)
     frames = max(spent.frames, 1)
     measures = RunMeasures(
-        scene=run.scene.scene,
-        variant=run.scene.variant,
-        must=run.scene.must,
+        scene=scene.scene,
+        variant=scene.variant,
+        must=scene.must,
         strategy=spec.strategy,
         settings=settings_text(spec.settings),
         preset=spec.preset,

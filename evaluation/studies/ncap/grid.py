@@ -17,28 +17,20 @@ from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
 from evaluation.protocols.unece_r152 import R152
+from evaluation.runs.specs import bare_run
 from evaluation.studies.ncap.cells import cell_columns, changed_run, shipped_run
+from evaluation.studies.study import LabelledRun
 from scenarios.catalogue.library import scenario_name, scenario_path, shipped_scenario
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.openscenario.reading.reader import load
-from scenarios.spec import RunSpec
 
 _CPLA_FCW_2026_STEADY_M = 18.0
 """Steady distance of CPLA FCW in Euro NCAP 2026; 10 m in 2023 (Vector's files of both)."""
 
 
-@dataclass(frozen=True, slots=True)
-class GridRun:
-    """A run of a grid.
-
-    Args:
-        columns: what tells its cell, see `cells.cell_columns`.
-        spec: the run; strategy and conditions are filled in later.
-    """
-
-    columns: tuple[tuple[str, object], ...]
-    spec: RunSpec
+GridRun = LabelledRun[tuple[tuple[str, object], ...]]
+"""A run of a grid, and the columns that tell its cell, see `cells.cell_columns`; it has no conditions yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +68,7 @@ class _Found:
     """A run with its cells.
 
     Args:
-        columns: see `GridRun`.
+        columns: what tells its cells, see `cells.cell_columns`.
         variation: the run.
         values: its final parameters.
         cells: that it belongs to.
@@ -252,14 +244,11 @@ def _grid_run(columns: dict[str, object], variation: Variation) -> GridRun:
     words.append(str(columns["lighting"]))
     if "condition" in columns:
         words.append(str(columns["condition"]))
-    spec = RunSpec(
-        scenario=" ".join(words),
-        file=scenario_name(variation.path),
-        parameters=tuple(sorted(variation.parameters.items())),
-        strategy="",
-        preset="",
-        weather="",
-        v_test_kmh=float(str(columns["v_test_kmh"])),
+    spec = bare_run(
+        scenario_name(variation.path),
+        variation.parameters,
+        " ".join(words),
+        float(str(columns["v_test_kmh"])),
         must="brake",  # no protocol here has tests that ask for no reaction
     )
-    return GridRun(tuple(columns.items()), spec)
+    return LabelledRun(spec, tuple(columns.items()))

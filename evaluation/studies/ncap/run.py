@@ -19,12 +19,11 @@ from evaluation.protocols.table import measurements
 from evaluation.results.files import LOGS_FOLDER, write_bytes
 from evaluation.results.notes import told_notes, told_runs
 from evaluation.results.rows import RunRow, write_runs
-from evaluation.runs import plan as runner
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.conflict import Conflict, conflicts, unbraked
 from evaluation.runs.execution import RunRecord
 from evaluation.runs.logged import logged_runs
-from evaluation.runs.plan import Conditions
+from evaluation.runs.specs import Conditions, perception_notes
 from evaluation.studies.ncap.cell_table import CELLS_CSV, cell_table, told_invalid
 from evaluation.studies.ncap.grid import (
     Grid,
@@ -67,10 +66,10 @@ def specs_of(grid: Grid, conditions: Conditions, protocol_name: str) -> list[tup
     paired = []
     for strategy in conditions.strategies:
         for run in grid.runs:
-            told = dict(run.columns)
+            told = dict(run.label)
             weather = str(told["condition"]) if protocol_name == "paper" else conditions.weather[0]
             one = replace(conditions, strategies=(strategy,), weather=(weather,))
-            (spec,) = one.specs(run.spec)
+            (spec,) = one.specs([run.spec])
             paired.append((run, spec))
     return paired
 
@@ -100,7 +99,7 @@ def assess(
     for name, runs in by_strategy.items():
         found = [known[unbraked(record.spec)] for _, record in runs]
         table = [
-            dict(run.columns) | _outcome(record, conflict)
+            dict(run.label) | _outcome(record, conflict)
             for (run, record), conflict in zip(runs, found, strict=True)
         ]
 
@@ -161,7 +160,7 @@ def run_grid(
         grid = grid_of_shipped(protocol, name, robustness)
     paired = specs_of(grid, conditions, name)
     specs = [spec for _, spec in paired]
-    told = runner.notes(specs)
+    told = perception_notes(specs)
     configuration = configuration_of(specs, out, told)  # files as they are before the first run
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
         total = len(specs) + len(set(map(unbraked, specs)))
@@ -211,7 +210,7 @@ def _left_out(grid: Grid, out: Path) -> list[Path]:
 
 def _notes(grid: Grid, specs: Sequence[RunSpec], name: str, perception: Sequence[str]) -> list[str]:
     lines = []
-    own = sum("layer" not in dict(run.columns) for run in grid.runs)
+    own = sum("layer" not in dict(run.label) for run in grid.runs)
     if grid.asked > own + len(grid.strange):
         lines.append(f"The files ask for {grid.asked} runs; equal ones are run once.")
     if grid.strange:

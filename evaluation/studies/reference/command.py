@@ -13,11 +13,10 @@ import rich.console
 from evaluation.errors import ArgumentError
 from evaluation.progress import progress_bar
 from evaluation.results.files import ResultsError
-from evaluation.runs.journal import Journal
 from evaluation.studies.reference.kept import read_rows
-from evaluation.studies.reference.part import Part
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.readme import README, render
+from evaluation.studies.study import Study, done_line
 
 JOURNAL = "journal"
 """Folder of the journals in the folder of the results; what it holds can be made again, and is not kept."""
@@ -30,7 +29,7 @@ TOLERANCE = 1e-6
 the last digits of other processors and libraries."""
 
 
-def choose_parts(names: Sequence[str]) -> tuple[Part, ...]:
+def choose_parts(names: Sequence[str]) -> tuple[Study[Any, Any], ...]:
     """Parts by name; none: all.
 
     Raises:
@@ -58,28 +57,26 @@ def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> 
     """
     console = rich.console.Console(quiet=quiet)
     parts = choose_parts(names)
-    todo = [(part, out / part.name, part.tasks(out / part.name)) for part in parts]
-    total = len({(part.journal, task.key) for part, _, tasks in todo for task in tasks})
+    todo = [(part, out / part.name, part.items(out / part.name)) for part in parts]
+    total = len({(part.journal, item.key) for part, _, items in todo for item in items})
     seen: set[tuple[str, str]] = set()
     before = 0
     (out / JOURNAL).mkdir(parents=True, exist_ok=True)
     with progress_bar(console) as progress:
         bar = progress.add_task("", total=total)
-        for part, folder, tasks in todo:
+        for part, folder, items in todo:
             folder.mkdir(parents=True, exist_ok=True)
             progress.update(bar, description=part.name)
-            items = {task.key: task for task in tasks}
-            shared = sum((part.journal, key) in seen for key in items)
-            seen |= {(part.journal, key) for key in items}
+            keys = {(part.journal, item.key) for item in items}
+            shared = len(keys & seen)
+            seen |= keys
             progress.advance(bar, -shared)
-            with Journal(out / JOURNAL, part.kind, part.journal) as journal:
-                found, old = journal.carry_out(
-                    part.job, items, workers, lambda count: progress.advance(bar, count), part.is_whole
-                )
+            finished, old = part.carry_out(
+                items, out / JOURNAL, part.journal, workers, lambda count: progress.advance(bar, count)
+            )
             before += old - shared
-            part.write(folder, tasks, found)
-    done = f"{total} runs" + (f", {before} of them from before" if before else "")
-    console.print(f"{done}; in {out}: {', '.join(part.name for part in parts)}", highlight=False)
+            part.write(folder, items, finished)
+    console.print(done_line(total, before, out, [part.name for part in parts]), highlight=False)
     missing = [part.name for part in PARTS if not (out / part.name / part.table).is_file()]
     if missing:
         console.print(f"{README} is written when all parts are there; missing: {', '.join(missing)}")
@@ -112,19 +109,19 @@ def check_reports(out: Path, names: Sequence[str], count: int = CHECKED_RUNS) ->
     return lines
 
 
-def drift(part: Part, folder: Path, count: int) -> list[str]:
+def drift(part: Study[Any, Any], folder: Path, count: int) -> list[str]:
     """Differences between what is kept of a part and some of its runs made again.
 
     Raises:
         ResultsError: the part's table is missing.
     """
-    rows, tasks = read_rows(folder / part.table), part.tasks(folder)
-    if len(rows) != len(tasks):
-        return [f"{part.name}: {len(rows)} runs are kept, {len(tasks)} belong to it today"]
+    rows, items = read_rows(folder / part.table), part.items(folder)
+    if len(rows) != len(items):
+        return [f"{part.name}: {len(rows)} runs are kept, {len(items)} belong to it today"]
     lines = []
-    quick = [k for k, task in enumerate(tasks) if part.is_quick(task)]
+    quick = [k for k, item in enumerate(items) if part.is_quick(item)]
     for k in (quick[i] for i in sorted({len(quick) * (2 * n + 1) // (2 * count) for n in range(count)})):
-        measured, _ = part.job(tasks[k])
+        measured, _ = part.job(items[k])
         kept = rows[k]
         lines += [
             f"{part.name}, run {k + 1}, {name}: {kept[name] or 'nothing'} is kept, {value} comes out"

@@ -10,92 +10,73 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.files import RUNS_CSV, log_path
 from evaluation.results.logs import read_logs, write_log
 from evaluation.results.rows import RunRow, read_runs
-from evaluation.runs import plan as runner
+from evaluation.runs.cpna import CpnaSuite, is_published, load_site
 from evaluation.runs.execution import FrameTime, execute
-from evaluation.runs.fingerprint import fingerprint
-from evaluation.studies.reference.part import Finished
-from evaluation.studies.suite import write_folder
+from evaluation.studies.study import Finished, LabelledRun, Study
+from evaluation.studies.suite import suite_configuration, write_folder
 from evaluation.views.pictures import save_picture
-from scenarios.spec import RunSpec
+
+CpnaItem = LabelledRun[Path]
+"""A run, and the folder that keeps its log."""
+
+
+def log_of(item: CpnaItem) -> Path:
+    """File of a run's log."""
+    return log_path(item.label, item.spec.log)
 
 
 @dataclass(frozen=True, slots=True)
-class LoggedRun:
-    """A run whose log is kept in a folder."""
-
-    spec: RunSpec
-    folder: Path
-
-    @property
-    def key(self) -> str:
-        """Hash of everything that determines the run."""
-        return fingerprint(self.spec)
-
-    @property
-    def log(self) -> Path:
-        """File of its log."""
-        return log_path(self.folder, self.spec.log)
-
-
-def run_logged(task: LoggedRun) -> tuple[RunRow, FrameTime]:
-    """Carry out a run and write its log."""
-    record = execute(task.spec)
-    assert record.log is not None
-    write_log(task.log, record.log)
-    return record.row, record.spent
-
-
-@dataclass(frozen=True, slots=True)
-class CpnaPart:
+class CpnaStudy(Study[Path, RunRow]):
     """A comparison in the paper's test.
 
     Args:
         name: of the folder.
         suite: what is run.
-        beside: part whose speed curves are drawn beside those of this one; empty: none.
+        beside: study whose speed curves are drawn beside those of this one; empty: none.
     """
 
     name: str
-    suite: runner.CpnaSuite
+    suite: CpnaSuite
     beside: str = ""
     table = RUNS_CSV
     kind = RunRow
 
     @property
-    def journal(self) -> str:
-        """A journal of its own: a log belongs to the part whose run wrote it."""
+    def journal(self) -> str:  # type: ignore[override]  # the others have the same for every value
+        """A journal of its own: a log belongs to the study whose run wrote it."""
         return f"{self.name}_"
 
-    def tasks(self, folder: Path) -> list[LoggedRun]:
+    def items(self, folder: Path) -> list[CpnaItem]:
         """The runs, by weather, then strategy, then speed."""
-        return [LoggedRun(spec, folder) for spec in self.suite.specs(runner.load_site(self.suite))]
+        return [LabelledRun(spec, folder) for spec in self.suite.specs(load_site(self.suite))]
 
     @staticmethod
-    def job(task: LoggedRun) -> tuple[RunRow, FrameTime]:
-        """Carry out one of them."""
-        return run_logged(task)
+    def job(item: CpnaItem) -> tuple[RunRow, FrameTime]:
+        """Carry out a run and write its log."""
+        record = execute(item.spec)
+        assert record.log is not None
+        write_log(log_of(item), record.log)
+        return record.row, record.spent
 
-    def is_quick(self, task: LoggedRun) -> bool:
-        """All of them."""
-        return True
-
-    def is_whole(self, task: LoggedRun) -> bool:
+    def is_whole(self, item: CpnaItem) -> bool:
         """Whether its log is there."""
-        return task.log.is_file()
+        return log_of(item).is_file()
 
-    def write(self, folder: Path, tasks: Sequence[LoggedRun], found: Finished) -> None:
+    def write(self, folder: Path, items: Sequence[CpnaItem], finished: Finished[RunRow]) -> list[Path]:
         """Write runs, table and pictures, as `smartmot-eval cpna` does."""
-        write_folder(
+        _, drawn = write_folder(
             folder,
-            [task.spec for task in tasks],
-            [found[task.key][0] for task in tasks],
-            runner.suite_configuration(self.suite, runner.load_site(self.suite), folder),
+            [item.spec for item in items],
+            [finished[item.key][0] for item in items],
+            suite_configuration(self.suite, load_site(self.suite), folder),
             "png",
-            PUBLISHED if runner.is_published(self.suite) else None,
+            PUBLISHED if is_published(self.suite) else None,
         )
         other = folder.parent / self.beside
         if self.beside and (other / RUNS_CSV).is_file():
-            draw_beside(other, folder, folder / "figure_5.png")
+            drawn.append(folder / "figure_5.png")
+            draw_beside(other, folder, drawn[-1])
+        return drawn
 
 
 def draw_beside(first: Path, second: Path, path: Path) -> None:

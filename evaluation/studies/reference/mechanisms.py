@@ -11,15 +11,15 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.files import ResultsError, configuration_json, write_files
 from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import configuration_of
+from evaluation.runs.cpna import CpnaSuite, choose_site
 from evaluation.runs.execution import FrameTime, execute
-from evaluation.runs.fingerprint import fingerprint
-from evaluation.runs.plan import CpnaSuite, load_site
-from evaluation.studies.compare.grid import PHASE_STEP_S, PHASES
-from evaluation.studies.reference.part import Finished
+from evaluation.runs.specs import Conditions
+from evaluation.studies.compare.grid import seeded_phase_s
+from evaluation.studies.study import Finished, LabelledRun, Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.presets import PAPER
 from scenarios.settings import Settings, settings_text
-from scenarios.spec import RunSpec
+from scenarios.spec import load_named_map
 
 REACH_M = 22.2
 """Front limit of the authors' detections, as in the preset `paper`."""
@@ -78,21 +78,12 @@ class MechanismRun:
     v_impact_kmh: float
 
 
-@dataclass(frozen=True, slots=True)
-class MechanismTask:
-    """One run to be made, and the condition that it belongs to."""
-
-    condition: Condition
-    spec: RunSpec
-
-    @property
-    def key(self) -> str:
-        """Hash of everything that determines the run."""
-        return fingerprint(self.spec)
+MechanismItem = LabelledRun[Condition]
+"""One run, and the condition that it belongs to."""
 
 
 @dataclass(frozen=True, slots=True)
-class MechanismsPart:
+class MechanismStudy(Study[Condition, MechanismRun]):
     """The paper's test under the conditions, over frame phases and noise seeds.
 
     Args:
@@ -106,34 +97,27 @@ class MechanismsPart:
     table = "runs.csv"
     kind = MechanismRun
 
-    def tasks(self, folder: Path) -> list[MechanismTask]:
+    def items(self, folder: Path) -> list[MechanismItem]:
         """The runs, by condition, speed and seed."""
         fastest = max(speed for condition in CONDITIONS for speed in condition.speeds_kmh)
-        suite = CpnaSuite((fastest,), ("map",), PAPER.name, ("dry",), DEFAULT_MAP)
-        site = load_site(suite)
-        made = []
+        site = choose_site(load_named_map(DEFAULT_MAP), None, fastest)
+        items = []
         for condition in CONDITIONS:
-            for speed in condition.speeds_kmh:
-                here = replace(suite, speeds_kmh=(speed,), strategies=(condition.strategy,))
-                (spec,) = here.specs(site)
-                made += [
-                    MechanismTask(
+            conditions = Conditions((condition.strategy,), PAPER.name, ("dry",), DEFAULT_MAP)
+            for spec in CpnaSuite(condition.speeds_kmh, conditions).specs(site):
+                items += [
+                    LabelledRun(
+                        replace(spec, settings=condition.settings, seed=seed, phase_s=seeded_phase_s(seed)),
                         condition,
-                        replace(
-                            spec,
-                            settings=condition.settings,
-                            seed=seed,
-                            phase_s=round(PHASE_STEP_S * (seed % PHASES), 3),
-                        ),
                     )
                     for seed in range(self.seeds)
                 ]
-        return made
+        return items
 
     @staticmethod
-    def job(task: MechanismTask) -> tuple[MechanismRun, FrameTime]:
+    def job(item: MechanismItem) -> tuple[MechanismRun, FrameTime]:
         """Carry out one of them."""
-        spec = task.spec
+        spec = item.spec
         record = execute(spec, keep_log=False)
         impact = record.row.v_impact_kmh
         if impact is None:
@@ -144,17 +128,11 @@ class MechanismsPart:
         run = MechanismRun(spec.strategy, text, spec.v_test_kmh, spec.seed, spec.phase_s, impact)
         return run, record.spent
 
-    def is_quick(self, task: MechanismTask) -> bool:
-        """All of them."""
-        return True
-
-    def is_whole(self, task: MechanismTask) -> bool:
-        """Nothing is written beside the journal."""
-        return True
-
-    def write(self, folder: Path, tasks: Sequence[MechanismTask], found: Finished) -> None:
+    def write(
+        self, folder: Path, items: Sequence[MechanismItem], finished: Finished[MechanismRun]
+    ) -> list[Path]:
         """Write runs, table and conditions."""
-        runs: list[MechanismRun] = [found[task.key][0] for task in tasks]
+        runs = [finished[item.key][0] for item in items]
         more = {
             "conditions": [
                 asdict(condition) | {"settings": settings_text(condition.settings)}
@@ -163,13 +141,13 @@ class MechanismsPart:
             "seeds": self.seeds,
             "phases_s": sorted({run.phase_s for run in runs}),
         }
-        configuration = configuration_of([task.spec for task in tasks], folder, published=True, more=more)
+        configuration = configuration_of([item.spec for item in items], folder, published=True, more=more)
         contents = {
-            "runs.csv": csv_bytes([field.name for field in fields(MechanismRun)], map(astuple, runs)),
+            "runs.csv": csv_bytes([entry.name for entry in fields(MechanismRun)], map(astuple, runs)),
             "mechanisms.json": configuration_json(configuration),
             "table.md": markdown_table(mechanism_table(runs)).encode(),
         }
-        write_files(folder, contents)
+        return write_files(folder, contents)
 
 
 def mechanism_table(runs: Sequence[MechanismRun]) -> Table:

@@ -1,17 +1,17 @@
-"""The parts of the reference results."""
+"""The studies that the reference results consist of."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from types import MappingProxyType
+from typing import Any
 
-from evaluation.runs.plan import CpnaSuite
-from evaluation.studies.compare.command import CompareOptions
-from evaluation.studies.reference.cpna import CpnaPart
-from evaluation.studies.reference.mechanisms import MechanismsPart
-from evaluation.studies.reference.part import Part
-from evaluation.studies.reference.scenes import GrowthPart, ScenesPart
+from evaluation.runs.cpna import CpnaSuite
+from evaluation.runs.specs import Conditions
+from evaluation.studies.compare.study import SceneStudy
+from evaluation.studies.growth import GrowthStudy
+from evaluation.studies.reference.cpna import CpnaStudy
+from evaluation.studies.reference.mechanisms import MechanismStudy
+from evaluation.studies.study import Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
 from scenarios.strategies import STRATEGIES
@@ -21,32 +21,6 @@ TEN_TO = {top: tuple(float(speed) for speed in range(10, top + 1, 10)) for top i
 URBAN = (30.0, 40.0, 50.0)
 """Speeds of figure 5c and d."""
 
-
-def _scenes(
-    name: str,
-    preset: str,
-    seeds: int,
-    strategies: tuple[str, ...] = STRATEGIES,
-    vary: Mapping[str, tuple[Setting, ...]] = MappingProxyType({}),
-    ablation: bool = False,
-) -> ScenesPart:
-    options = CompareOptions(
-        strategies=strategies,
-        vary=dict(vary),
-        preset=preset,
-        weather=("dry",),
-        scenes=(),
-        full=False,
-        seeds=seeds,
-        workers=1,
-        out=Path(),
-        ablation=ablation,
-        quiet=True,
-        formats=() if vary else ("png",),  # single points make no curve
-    )
-    return ScenesPart(name, options)
-
-
 THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (1.8,),
     "half_width_m": (2.6,),
@@ -54,16 +28,32 @@ THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
 }
 """The paper's widths, with both forecasts of the ego: runs that the curves share."""
 
-PARTS: tuple[Part, ...] = (
-    CpnaPart("paper", CpnaSuite(TEN_TO[80], BOTH, "paper", ("dry",), DEFAULT_MAP)),
-    CpnaPart("static", CpnaSuite(URBAN, BOTH, "paper", ("dry",), DEFAULT_MAP, adversaries="static"), "paper"),
-    MechanismsPart("mechanisms", 5),
-    CpnaPart("physical", CpnaSuite(TEN_TO[80], BOTH, "physical", ("dry",), DEFAULT_MAP)),
-    CpnaPart("weather", CpnaSuite(TEN_TO[60], BOTH, "physical", ("dry", "wet", "rain", "snow"), DEFAULT_MAP)),
-    _scenes("frontier_physical", "physical", 1),
-    _scenes("frontier_paper", "paper", 1),
-    _scenes("seeds", "physical", 3, BOTH, THE_PAPERS),
-    _scenes("ablation", "physical", 1, ("map", "all"), ablation=True),
-    GrowthPart("growth", STRATEGIES, "physical", "dry", 2),
+_PNG = ("png",)
+
+
+def _cpna(
+    name: str,
+    speeds_kmh: tuple[float, ...],
+    preset: str,
+    weather: tuple[str, ...] = ("dry",),
+    adversaries: str = "none",
+    beside: str = "",
+) -> CpnaStudy:
+    conditions = Conditions(BOTH, preset, weather, DEFAULT_MAP, adversaries)
+    return CpnaStudy(name, CpnaSuite(speeds_kmh, conditions), beside)
+
+
+PARTS: tuple[Study[Any, Any], ...] = (
+    _cpna("paper", TEN_TO[80], "paper"),
+    _cpna("static", URBAN, "paper", adversaries="static", beside="paper"),
+    MechanismStudy("mechanisms", 5),
+    _cpna("physical", TEN_TO[80], "physical"),
+    _cpna("weather", TEN_TO[60], "physical", ("dry", "wet", "rain", "snow")),
+    SceneStudy(STRATEGIES, "physical", formats=_PNG, name="frontier_physical"),
+    SceneStudy(STRATEGIES, "paper", formats=_PNG, name="frontier_paper"),
+    # without figures: single points make no curve
+    SceneStudy(BOTH, "physical", THE_PAPERS, seeds=3, formats=(), name="seeds"),
+    SceneStudy(("map", "all"), "physical", ablation=True, formats=_PNG, name="ablation"),
+    GrowthStudy(STRATEGIES, "physical", "dry", seeds=2, formats=_PNG),
 )
 """In the order of the page that tells them."""

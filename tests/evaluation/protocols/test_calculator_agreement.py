@@ -22,7 +22,7 @@ from evaluation.protocols.grid import Cell, Function, Layer, Measurement
 from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import CONDITIONS, LAYERS
 from evaluation.runs.execution import execute
-from evaluation.runs.plan import Conditions
+from evaluation.runs.specs import Conditions
 from evaluation.studies.ncap.grid import grid_of_shipped
 from evaluation.studies.ncap.run import assess, specs_of
 
@@ -202,14 +202,14 @@ def test_real_runs_win_the_calculators_points() -> None:
     conditions = Conditions(("rectangular",), weather=("rain",), adapts=False)
     grid = grid_of_shipped(PROTOCOL, "2026", robustness=False)
     wanted = {("scenario", "CPNA"), ("lighting", "day")}
-    runs = tuple(run for run in grid.runs if wanted <= set(run.columns) and run.spec.v_test_kmh >= 40.0)
+    runs = tuple(run for run in grid.runs if wanted <= set(run.label) and run.spec.v_test_kmh >= 40.0)
     records = [
         (run, execute(spec, keep_log=False))
         for run, spec in specs_of(replace(grid, runs=runs), conditions, "2026")
     ]
     block = assess(PROTOCOL, records)["rectangular"].block(name)
     impact = {
-        (r.spec.v_test_kmh, dict(run.columns)["impact_location_percent"]): r.row.v_impact_kmh
+        (r.spec.v_test_kmh, dict(run.label)["impact_location_percent"]): r.row.v_impact_kmh
         for run, r in records
     }
     colours = set()

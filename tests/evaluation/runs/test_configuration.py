@@ -20,10 +20,11 @@ from evaluation.results.files import ResultsError
 from evaluation.results.logs import read_log, write_log
 from evaluation.results.rows import write_runs
 from evaluation.runs import logged
-from evaluation.runs import plan as runner
 from evaluation.runs.configuration import SHIPPED, configuration_of, read_configuration
+from evaluation.runs.cpna import CpnaSuite, load_site
 from evaluation.runs.folder import RunFolder, read_folder
-from evaluation.studies.reference.cpna import CpnaPart
+from evaluation.runs.specs import Conditions
+from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.suite import draw_again
 from evaluation.views.page.page import write_page
 from scenarios.catalogue.library import DEFINITIONS
@@ -65,9 +66,10 @@ def made_by_compare(out: Path) -> Path:
 
 
 def made_by_reports(out: Path) -> Path:
-    part = CpnaPart("small", runner.CpnaSuite((30.0,), ("map",), "paper", ("rain",), "urban_street"))
-    tasks = part.tasks(out)
-    part.write(out, tasks, {task.key: part.job(task) for task in tasks})
+    conditions = Conditions(("map",), "paper", ("rain",), "urban_street")
+    study = CpnaStudy("small", CpnaSuite((30.0,), conditions))
+    items = study.items(out)
+    study.write(out, items, {item.key: study.job(item) for item in items})
     return out
 
 
@@ -259,8 +261,8 @@ def test_a_comparison_of_the_first_version_is_read() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evaluation.runs.configuration.read_json", lambda path: content)
         stored = read_configuration(here)
-    wanted = runner.CpnaSuite((30.0, 50.0), ("map",), "paper", ("dry", "rain"), "urban_street")
-    specs = wanted.specs(runner.load_site(wanted))
+    wanted = CpnaSuite((30.0, 50.0), Conditions(("map",), "paper", ("dry", "rain"), "urban_street"))
+    specs = wanted.specs(load_site(wanted))
     found = [run.spec for run in stored.runs if run.spec.strategy == "map"]
     assert sorted(found, key=lambda spec: spec.log) == sorted(specs, key=lambda spec: spec.log)
     assert len(stored.runs) == 8

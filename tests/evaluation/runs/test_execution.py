@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evaluation.runs.execution import execute
-from evaluation.runs.plan import notes
+from evaluation.runs.specs import perception_notes
 from evaluation.runs.workers import execute_all
 from scenarios.catalogue.library import DEFINITIONS
 from scenarios.errors import ScenarioError
@@ -116,7 +116,7 @@ def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Pat
         f"weather of the scenario: {told}",
         "not used: the change of weather or light by event 'clears up'; those of Init hold",
     ]
-    assert f"weather of the scenario: {told}" in notes([spec])
+    assert f"weather of the scenario: {told}" in perception_notes([spec])
     # on half the friction the car that stops at 50 km/h does not
     assert execute(CPNA).row.avoided
     assert execute(spec).row.collided

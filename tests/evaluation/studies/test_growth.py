@@ -9,11 +9,10 @@ import pytest
 from evaluation.studies.growth import (
     COUNTS,
     SPEED_KMH,
+    GrowthStudy,
     grow,
     growth_table,
-    growth_tasks,
     with_others,
-    write_growth,
 )
 from scenarios.catalogue.library import shipped_scenario
 from scenarios.openscenario import Engine, load
@@ -30,7 +29,7 @@ def test_the_ego_meets_the_pedestrian_and_none_of_the_others(seed: int) -> None:
 
 
 def test_others_make_tracks_for_all_but_hardly_for_the_map() -> None:
-    tasks = growth_tasks(("map", "all"), "physical", "dry", seeds=1, counts=(25,))
+    tasks = GrowthStudy(("map", "all"), "physical", "dry", seeds=1, counts=(25,)).items(Path())
     runs, spent = zip(*map(grow, tasks), strict=True)
     few, many = (run.tracks_mean for run in runs)
     assert 0 < few < many
@@ -40,9 +39,9 @@ def test_others_make_tracks_for_all_but_hardly_for_the_map() -> None:
 
 
 def test_the_configuration_has_the_schema_of_all_commands(tmp_path: Path) -> None:
-    tasks = growth_tasks(("map",), "physical", "rain", seeds=2, counts=(0, 10))[:1]
-    runs, spent = zip(*map(grow, tasks), strict=True)
-    write_growth(tasks, runs, spent, tmp_path, ())
+    study = GrowthStudy(("map",), "physical", "rain", seeds=2, counts=(0, 10), formats=())
+    items = study.items(tmp_path)[:1]
+    study.write(tmp_path, items, {item.key: study.job(item) for item in items})
     content = json.loads((tmp_path / "growth.json").read_text())
     configuration = content["configuration"]
     assert (content["schema"], configuration["others"], configuration["min_visible"]) == (2, [0], 0.0)

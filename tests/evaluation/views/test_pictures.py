@@ -14,14 +14,16 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_logs, write_log
 from evaluation.results.rows import read_runs, write_runs
-from evaluation.runs import plan as runner
+from evaluation.runs.cpna import CpnaSuite, load_site, run_suite
+from evaluation.runs.specs import Conditions
+from evaluation.studies.suite import suite_configuration
 from evaluation.views import plots
 from evaluation.views.pictures import save_map, save_picture, save_pictures
 from scenarios.catalogue.cpna import Site
 from scenarios.strategies import make_strategy
 from smartmot.area import MonitoredAreaStrategy
 
-SUITE = runner.CpnaSuite((20.0, 50.0, 60.0), ("map",), "paper", ("dry",), "urban_street")
+SUITE = CpnaSuite((20.0, 50.0, 60.0), Conditions(("map",), "paper", ("dry",), "urban_street"))
 
 
 @dataclass
@@ -43,13 +45,13 @@ class Finished:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     folder = tmp_path_factory.mktemp("results")
-    site = runner.load_site(SUITE)
+    site = load_site(SUITE)
     rows = []
-    for record in runner.run_suite(SUITE, site):
+    for record in run_suite(SUITE, site):
         assert record.row.log is not None
         write_log(log_path(folder, record.row.log), record.log)
         rows.append(record.row)
-    write_runs(folder, rows, runner.suite_configuration(SUITE, site, folder))
+    write_runs(folder, rows, suite_configuration(SUITE, site, folder))
     runs = read_runs(folder)
     return Finished(site, runs, read_logs(folder, runs))
 

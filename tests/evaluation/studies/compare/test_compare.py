@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-import rich.console
 
 from evaluation.cli.options import PICTURE_FORMATS
 from evaluation.errors import ArgumentError
@@ -18,14 +17,14 @@ from evaluation.results.files import ResultsError
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.journal import RUNS, Journal
 from evaluation.studies.compare.answer import answer, best, curves
-from evaluation.studies.compare.command import CompareOptions, carry_out, compare, usual_points
+from evaluation.studies.compare.command import compare
 from evaluation.studies.compare.figures import frontier, save
-from evaluation.studies.compare.grid import Point, StudyRun, study_runs
+from evaluation.studies.compare.grid import Point, SceneItem, study_runs
 from evaluation.studies.compare.measures import RunMeasures, measure
-from evaluation.studies.compare.table import summaries, summarise
+from evaluation.studies.compare.study import SceneStudy, usual_points
+from evaluation.studies.compare.table import Summary, summaries, summarise
 from scenarios.scenes.scenes import SceneRun, all_scenes
 
-QUIET = rich.console.Console(quiet=True)
 SCENES = ("lane change at road works", "from behind parked cars")
 
 
@@ -38,21 +37,11 @@ def one(name: str, point: Point) -> RunMeasures:
     return measure(run)[0]
 
 
-def options(out: Path, **changes: object) -> CompareOptions:
-    made = CompareOptions(
-        strategies=("map", "all"),
-        vary={"margin_m": (0.0, 1.8)},
-        preset="physical",
-        weather=("dry",),
-        scenes=SCENES,
-        full=False,
-        seeds=1,
-        workers=1,
-        out=out,
-        ablation=False,
-        quiet=True,
-    )
-    return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
+STUDY = SceneStudy(("map", "all"), "physical", {"margin_m": (0.0, 1.8)}, scenes=SCENES)
+
+
+def make(out: Path, **changes: object) -> list[Summary]:
+    return compare(dataclasses.replace(STUDY, **changes), out, quiet=True)  # type: ignore[arg-type]
 
 
 def test_the_forecast_along_the_route_cures_the_false_stop_in_the_60_m_bend() -> None:
@@ -78,11 +67,11 @@ def test_resuming_gives_the_same_and_repeats_nothing(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     for folder in (whole, parts):
         folder.mkdir()
-    compare(options(whole))
+    make(whole)
     lines = (whole / RUNS).read_bytes().splitlines(keepends=True)
     # as a kill leaves it: some lines, the last one torn
     (parts / RUNS).write_bytes(b"".join(lines[:4]) + lines[4][:25])
-    compare(options(parts))
+    make(parts)
     names = (
         "runs.csv", "table.csv", "differences.csv", "table.md", "compare.json", "frontier.png",
         "frontier.svg",
@@ -106,7 +95,7 @@ def test_a_killed_comparison_goes_on(tmp_path: Path) -> None:
     before = (out / RUNS).read_bytes().count(b"\n")
     again.mkdir()
     for folder in (out, again):
-        compare(options(folder, strategies=("all",), vary={}, seeds=2))
+        make(folder, strategies=("all",), vary={}, seeds=2)
     keys = [json.loads(line)["key"] for line in (out / RUNS).read_text().splitlines()]
     assert before < len(keys) == len(set(keys)) == 3 * 2
     assert (out / "table.md").read_bytes() == (again / "table.md").read_bytes()
@@ -115,14 +104,14 @@ def test_a_killed_comparison_goes_on(tmp_path: Path) -> None:
 
 def test_finished_runs_are_not_carried_out_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs = study_runs([Point("all")], [scene("lane change")], "physical", ["dry"], 1)
-    first, _, before = carry_out(runs, tmp_path, 1, QUIET)
+    first, before = STUDY.carry_out(runs, tmp_path, "", 1)
     assert before == 0
 
-    def never(run: StudyRun) -> tuple[RunMeasures, FrameTime]:
+    def never(run: SceneItem) -> tuple[RunMeasures, FrameTime]:
         raise AssertionError(run)
 
-    monkeypatch.setattr("evaluation.studies.compare.command.measure", never)
-    second, _, before = carry_out(runs, tmp_path, 1, QUIET)
+    monkeypatch.setattr("evaluation.studies.compare.study.measure", never)
+    second, before = STUDY.carry_out(runs, tmp_path, "", 1)
     assert before == 1
     assert second == first
 
@@ -195,20 +184,20 @@ def test_usual_points_are_those_of_the_preset() -> None:
 @pytest.mark.parametrize(("name", "value"), [("margin_m", -1.0), ("range_m", 0.0), ("iou_threshold", 2.0)])
 def test_a_value_out_of_range_is_named_with_its_option(tmp_path: Path, name: str, value: float) -> None:
     with pytest.raises(ArgumentError, match=rf"--vary {name}={value:g}: "):
-        compare(options(tmp_path, vary={name: (0.5, value)}))
+        make(tmp_path, vary={name: (0.5, value)})
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> None:
     both = ("rectangular", "map")
-    compare(options(tmp_path, strategies=both, vary={"margin_m": (1.8,)}, scenes=SCENES[:1], seeds=2))
+    make(tmp_path, strategies=both, vary={"margin_m": (1.8,)}, scenes=SCENES[:1], seeds=2)
     text = (tmp_path / "table.md").read_text()
     assert text.count("over the 2 seeds") == 1
     assert text.count("## Over the seeds") == text.count("## Differences") == 1
     assert "| map margin_m=1.8 | rectangular |" in text
     alone = tmp_path / "alone"
     alone.mkdir()
-    compare(options(alone, strategies=("all",), vary={}, scenes=SCENES[:1]))
+    make(alone, strategies=("all",), vary={}, scenes=SCENES[:1])
     text = (alone / "table.md").read_text()
     assert text.count("With one seed there are none over the seeds.") == 1
     assert "## Over the seeds" not in text
@@ -217,7 +206,7 @@ def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> 
     # with two strategies between which nothing differs there is no empty table either
     same = tmp_path / "same"
     same.mkdir()
-    compare(options(same, strategies=("map", "all"), vary={}, scenes=("car stands in a bend",)))
+    make(same, strategies=("map", "all"), vary={}, scenes=("car stands in a bend",))
     text = (same / "table.md").read_text()
     assert "the strategies do not differ" in text
     assert "## Differences" not in text

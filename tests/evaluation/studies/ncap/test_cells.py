@@ -11,7 +11,7 @@ from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.protocols.grid import Cell, Function, Lighting
 from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
-from evaluation.runs.plan import Conditions
+from evaluation.runs.specs import Conditions
 from evaluation.studies.ncap.cells import cell_columns, changed_run, counted_otherwise, shipped_run
 from evaluation.studies.ncap.grid import all_cells, grid_of_files, grid_of_shipped, scenario_files
 from evaluation.studies.ncap.run import protocol_for, specs_of
@@ -95,7 +95,7 @@ def test_the_files_are_the_cells_of_the_protocol(ncap: Path, name: str, folder: 
     assert grid.strange == ()
     covered = set()
     for run in grid.runs:
-        columns = dict(run.columns)
+        columns = dict(run.label)
         if "layer" in columns or columns.get("condition") == "general requirement":
             continue  # what the protocol adds to the runs of the files
         impact = float(str(columns.get("impact_location_percent", 50.0)))
@@ -117,7 +117,7 @@ def test_the_files_are_the_cells_of_the_protocol(ncap: Path, name: str, folder: 
 def test_equal_runs_of_several_files_are_run_once(ncap: Path) -> None:
     grid = grid_of_files(scenario_files([str(ncap / "AEB_VRU_2023")]), protocol_for("2023", ("dry",)))
     assert grid.asked == 149  # 34 files
-    named = [dict(run.columns) for run in grid.runs if dict(run.columns)["scenario"] == "CPNA"]
+    named = [dict(run.label) for run in grid.runs if dict(run.label)["scenario"] == "CPNA"]
     assert len(named) == 22  # and not 24, with the two files of a single run
     assert len({run.spec.log for run in grid.runs if run.spec.scenario.startswith("CPNA")}) == 22
 
@@ -129,7 +129,7 @@ def test_files_of_another_protocol_are_told_or_refused(ncap: Path) -> None:
         grid_of_files([rear], r152)
     both = grid_of_files([rear, ncap / "CA-FC_2026" / "Variations" / "StandardRange" / "CPNA.xosc"], r152)
     assert len(both.strange) > 0
-    assert {dict(run.columns)["impact_location_percent"] for run in both.runs} == {50.0}
+    assert {dict(run.label)["impact_location_percent"] for run in both.runs} == {50.0}
 
 
 @pytest.mark.parametrize("name", ["r152", "2026"])
@@ -145,7 +145,7 @@ def test_files_told_by_overlap_are_the_cells_of_the_place_that_is_hit(ncap: Path
     grid = grid_of_files(files, protocol_for(name, ("dry",)), robustness=False)
     assert grid.runs
     for run in grid.runs:
-        assert dict(run.columns)["impact_location_percent"] == 50.0
+        assert dict(run.label)["impact_location_percent"] == 50.0
         assert dict(run.spec.parameters)["Overlap"] == "100"
     told = {
         float(match[1])
@@ -162,7 +162,7 @@ def test_files_told_by_impact_location_are_the_cells_of_their_overlap(ncap: Path
     folder = ncap / "CA-FC_2026" / "Variations" / "StandardRange"
     grid = grid_of_files([folder / "CCRs.xosc", folder / "CCRm.xosc"], protocol_for("2023", ("dry",)))
     told = {
-        (dict(r.columns)["impact_location_percent"], dict(r.spec.parameters)["ImpactLocation"])
+        (dict(r.label)["impact_location_percent"], dict(r.spec.parameters)["ImpactLocation"])
         for r in grid.runs
     }
     assert told == {(100.0, "50")}
@@ -190,7 +190,7 @@ def test_shipped_scenarios_are_the_cells_that_they_are_taken_for(name: str) -> N
     protocol = protocol_for(name, ("dry",))
     own = ("CPNA", "CPFA", "CPNCO", "CPLA", "CBNA", "CBLA")
     wanted = [cell for cell in protocol.cells() if cell.scenario in own]
-    runs = [run for run in grid_of_shipped(protocol, name).runs if "condition" not in dict(run.columns)]
+    runs = [run for run in grid_of_shipped(protocol, name).runs if "condition" not in dict(run.label)]
     assert len(runs) == len(wanted)
     for cell, run in zip(wanted, runs, strict=True):
         definition = load(*_path_and_values(cell))
@@ -201,7 +201,7 @@ def test_shipped_scenarios_are_the_cells_that_they_are_taken_for(name: str) -> N
             "scenario": cell.scenario,
             "function": str(cell.function),
         }
-        told = dict(run.columns)
+        told = dict(run.label)
         assert {key: read[key] for key in told} == told
         assert measurements([told | {"v_impact_kmh": 0.0}], [cell]).keys() == {cell}
 
@@ -298,12 +298,12 @@ def test_conditions_and_requirements_are_run_with_the_cells_that_they_change() -
     found = Counter(
         cell.condition
         for run in grid.runs
-        for cell in measurements([dict(run.columns) | {"v_impact_kmh": 0.0}], cells)
+        for cell in measurements([dict(run.label) | {"v_impact_kmh": 0.0}], cells)
     )
     # the shipped grid has 25 and 75 % at 10 to 60 km/h by day
     conditions = protocol.conditions()[protocol.cells("CPNA")[1]]
     assert found == {"": 12, "general requirement": 1, **{cell.condition: 12 for _, cell in conditions}}
-    slow = next(run for run in grid.runs if dict(run.columns).get("condition") == "general requirement")
+    slow = next(run for run in grid.runs if dict(run.label).get("condition") == "general requirement")
     values = dict(slow.spec.parameters)
     told = [float(values[key]) for key in ("Target_speed_kmh", "Ego_speed_kmh", "Impact_percent")]
     assert told == [3.0, 20.0, 75.0]

@@ -14,7 +14,7 @@ from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
 from evaluation.results.logs import read_logs
 from evaluation.results.rows import read_runs
 from evaluation.runs.execution import execute
-from evaluation.runs.plan import Conditions
+from evaluation.runs.specs import Conditions
 from evaluation.studies.ncap.grid import grid_of_shipped
 from evaluation.studies.ncap.run import assess, run_grid, specs_of
 from scenarios.catalogue.library import DEFINITIONS
@@ -153,7 +153,7 @@ def test_cut_off_runs_and_false_activations_of_a_grid_are_not_avoided() -> None:
     run, spec = next(
         (run, spec)
         for run, spec in specs_of(grid, HELD, "2023")
-        if ("scenario", "CPNA") in run.columns and spec.v_test_kmh == 30.0
+        if ("scenario", "CPNA") in run.label and spec.v_test_kmh == 30.0
     )
     record = execute(spec, keep_log=False)
     assert record.row.avoided
@@ -181,7 +181,7 @@ def test_the_speed_reduction_is_that_against_the_run_without_braking() -> None:
     slow = [
         (run, execute(spec, keep_log=False))
         for run, spec in specs_of(grid, HELD, "2026")
-        if ("condition", "general requirement") in run.columns
+        if ("condition", "general requirement") in run.label
     ]
     assert len(slow) == 2
     matrix = assess(protocol, slow)["map"].block("CPNA-75, pedestrian 3 km/h")

@@ -197,7 +197,7 @@ def invalid_of(name: str, folder: Path | None, every: int) -> tuple[int, list[st
     reasons = [
         f"{cell}: {reason}"
         for run in runs
-        for cell in measurements([dict(run.columns) | {"v_impact_kmh": 0.0}], cells)
+        for cell in measurements([dict(run.label) | {"v_impact_kmh": 0.0}], cells)
         if (reason := why_invalid(cell, found[unbraked(run.spec)], overlaps))
     ]
     return len(runs), reasons

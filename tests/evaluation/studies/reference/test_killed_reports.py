@@ -13,21 +13,19 @@ from pathlib import Path
 
 import pytest
 
+from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.reference import command
 from evaluation.studies.reference.parts import PARTS
-from evaluation.studies.reference.scenes import ScenesPart
 
 NARROW = {"half_width_m": (0.9,)}
 
 
-def small(name: str, strategies: tuple[str, ...]) -> ScenesPart:
+def small(name: str, strategies: tuple[str, ...]) -> SceneStudy:
     """A comparison of the reference on one variant, three times."""
     (whole,) = (part for part in PARTS if part.name == "seeds")
-    assert isinstance(whole, ScenesPart)
+    assert isinstance(whole, SceneStudy)
     scenes = ("oncoming car in a bend",)
-    return ScenesPart(
-        name, replace(whole.options, strategies=strategies, vary=NARROW, scenes=scenes, seeds=3)
-    )
+    return replace(whole, name=name, strategies=strategies, vary=NARROW, scenes=scenes, seeds=3)
 
 
 SMALL = (

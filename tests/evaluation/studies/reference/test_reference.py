@@ -5,26 +5,28 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import RunRow
-from evaluation.runs.plan import CpnaSuite
+from evaluation.runs.cpna import CpnaSuite
+from evaluation.runs.specs import Conditions
 from evaluation.studies.reference import command
-from evaluation.studies.reference.cpna import CpnaPart
+from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.reference.kept import read_records
-from evaluation.studies.reference.part import Part
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.readme import README, render
+from evaluation.studies.study import Study
 
 REPORTS = Path(__file__).parents[4] / "reports"
-TINY = CpnaPart("tiny", CpnaSuite((20.0, 30.0), ("map",), "paper", ("dry",), "urban_street"))
+TINY = CpnaStudy("tiny", CpnaSuite((20.0, 30.0), Conditions(("map",), "paper", ("dry",), "urban_street")))
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
-def test_kept_results_do_not_drift(part: Part) -> None:
+def test_kept_results_do_not_drift(part: Study[Any, Any]) -> None:
     assert command.drift(part, REPORTS / part.name, count=2) == []
 
 
@@ -62,7 +64,7 @@ def test_a_finished_part_is_not_run_again_and_what_is_missing_is(
         ran.append(task)
         return job(task)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(CpnaPart, "job", staticmethod(counted))
+    monkeypatch.setattr(CpnaStudy, "job", staticmethod(counted))
     command.make_reports(tiny, (), 1, quiet=True)
     assert ran == []
     journal.write_bytes(first + b'{"key": "torn')  # as a kill leaves it

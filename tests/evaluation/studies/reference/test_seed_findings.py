@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
-from evaluation.studies.compare.command import points_for
 from evaluation.studies.compare.measures import RunMeasures
+from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.reference import seed_findings as seeds
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.scene_findings import SHOWN
-from evaluation.studies.reference.scenes import ScenesPart
 
 NAMES = ("the rectangle", "the map", "the map that knows its way")
 
@@ -62,9 +62,9 @@ def test_outcomes_that_differ_are_counted_and_named() -> None:
 def test_the_part_repeats_what_the_page_shows_and_shares_a_seed_with_the_curves() -> None:
     parts = {part.name: part for part in PARTS}
     part, curves = parts["seeds"], parts["frontier_physical"]
-    assert isinstance(part, ScenesPart)
-    assert [SHOWN[name] for name in NAMES] == list(points_for(part.options))
+    assert isinstance(part, SceneStudy)
+    assert [SHOWN[name] for name in NAMES] == list(part.points)
     assert part.journal == curves.journal
-    tasks = part.tasks(part.options.out)
-    shared = {task.key for task in tasks} & {task.key for task in curves.tasks(part.options.out)}
-    assert len(shared) * part.options.seeds == len(tasks)
+    items = part.items(Path())
+    shared = {item.key for item in items} & {item.key for item in curves.items(Path())}
+    assert len(shared) * part.seeds == len(items)

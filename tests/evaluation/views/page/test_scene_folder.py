@@ -9,7 +9,8 @@ from evaluation.results.by_speed import impact_table
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import read_runs
 from evaluation.runs.folder import read_folder
-from evaluation.studies.compare.command import CompareOptions, log_runs
+from evaluation.studies.compare.command import log_runs
+from evaluation.studies.compare.study import SceneStudy
 from evaluation.views.page import charts, page
 from evaluation.views.page.summary import score_matrix, verdicts
 from scenarios.scenes.scenes import all_scenes
@@ -22,11 +23,8 @@ CROSSES = "crosses in a bend, 60 m bend left, near side, 40 km/h"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of two scenes, as `compare --logs` keeps them."""
     out = tmp_path_factory.mktemp("scenes")
-    options = CompareOptions(
-        strategies=("rectangular", "map"), vary={}, preset="physical", weather=("dry",), scenes=(), full=True,
-        seeds=1, workers=1, out=out, ablation=False, quiet=True, logs=True,
-    )  # fmt: skip
-    return log_runs(options, [run for run in all_scenes() if run.name in (BEND, CROSSES)])
+    study = SceneStudy(("rectangular", "map"), "physical", full=True)
+    return log_runs(study, [run for run in all_scenes() if run.name in (BEND, CROSSES)], out)
 
 
 def test_unnecessary_braking_is_found_and_explained(folder: Path) -> None:

@@ -1,0 +1,164 @@
+"""The runs that a user asks for: scenario files, and the conditions that any run is made in."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from scenarios.catalogue.library import scenario_name, scenario_path
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.reading.distributions import Variation, expand
+from scenarios.presets import named_light, named_preset, named_weather
+from scenarios.settings import Settings, preset_with
+from scenarios.spec import (
+    NO_AEB,
+    RunSpec,
+    definition_of,
+    initial_speed_kmh,
+    is_night,
+    perception_map,
+    told_environment,
+)
+from smartmot.plugins import is_plugin, plugin
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What the user adds to a scenario: several strategies and weathers, and what all runs have in common.
+
+    Args:
+        strategies: names of monitored areas, or `NO_AEB`.
+        preset: name of the preset.
+        weather: names of weather conditions.
+        map_name, adversaries, seed, phase_s, night, adapts, settings, apply_performance: see `RunSpec`.
+
+    Raises:
+        ScenarioError: an unknown name.
+        smartmot.errors.SmartMotError: a setting is out of range, or an object of the user's own is missing.
+    """
+
+    strategies: tuple[str, ...]
+    preset: str = "physical"
+    weather: tuple[str, ...] = ("dry",)
+    map_name: str | None = None
+    adversaries: str = "none"
+    seed: int = 0
+    phase_s: float = 0.0
+    night: str = "lidar"
+    adapts: bool = True
+    settings: Settings = ()
+    apply_performance: bool = False
+
+    def __post_init__(self) -> None:
+        # every name is looked up and what is the user's own is loaded here, before the first run starts
+        preset_with(named_preset(self.preset), self.settings)
+        for name in self.weather:
+            named_weather(name)
+        for strategy in filter(is_plugin, self.strategies):
+            plugin(strategy)
+        named_light(self.night)
+
+    def specs(self, runs: Iterable[RunSpec]) -> list[RunSpec]:
+        """Runs in all conditions: by weather, then strategy, then as they come."""
+        return [
+            replace(
+                run,
+                strategy=strategy,
+                preset=self.preset,
+                weather=weather,
+                map_name=self.map_name,
+                adversaries=self.adversaries,
+                seed=self.seed,
+                phase_s=self.phase_s,
+                night=self.night,
+                adapts=self.adapts,
+                settings=self.settings,
+                apply_performance=self.apply_performance,
+            )
+            for weather, strategy, run in itertools.product(self.weather, self.strategies, runs)
+        ]
+
+
+def bare_run(
+    file: str, parameters: Mapping[str, Value], scenario: str = "", v_test_kmh: float = 0.0, must: str = ""
+) -> RunSpec:
+    """A run that has no conditions yet; see `RunSpec`."""
+    return RunSpec(scenario, file, tuple(sorted(parameters.items())), "", "", "", v_test_kmh, must=must)
+
+
+def scenario_specs(name: str, parameters: Mapping[str, Value], conditions: Conditions) -> list[RunSpec]:
+    """The runs of a scenario or distribution file, by weather, strategy and then as the file has them.
+
+    Args:
+        name: of a shipped scenario, or path of a file.
+        parameters: values in place of the declared and the distributed ones.
+        conditions: see `Conditions`.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the file cannot be read, or a parameter does not fit.
+    """
+    variations: list[Variation] = []
+    for variation in expand(scenario_path(name)):
+        values = {**variation.parameters, **parameters}
+        if all(values != dict(other.parameters) for other in variations):
+            variations.append(replace(variation, parameters=values))
+    bare = [bare_run(scenario_name(v.path), v.parameters) for v in variations]
+    speeds = [initial_speed_kmh(definition_of(run)) for run in bare]
+    names = _names(scenario_path(name).stem, variations, speeds)
+    return conditions.specs(
+        replace(run, scenario=label, v_test_kmh=speed)
+        for run, label, speed in zip(bare, names, speeds, strict=True)
+    )
+
+
+def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[float]) -> list[str]:
+    """A name for each run, the same for those that differ by the test speed alone.
+
+    The scenario's own name, if the parameter Scenario_ID has it, and what else distinguishes runs of one
+    speed; paths are left out.
+    """
+    varied: dict[str, set[Value]] = {}
+    by_speed: dict[tuple[str, float], set[Value]] = {}
+    for variation, speed in zip(variations, speeds_kmh, strict=True):
+        for name, value in variation.parameters.items():
+            varied.setdefault(name, set()).add(value)
+            by_speed.setdefault((name, speed), set()).add(value)
+    distinguishing = [
+        name
+        for name, values in varied.items()
+        if name != "Scenario_ID"
+        and any(len(by_speed.get((name, speed), ())) > 1 for speed in speeds_kmh)
+        and not any("/" in str(value) for value in values)
+    ]
+    return [
+        " ".join(
+            [
+                str(variation.parameters.get("Scenario_ID", stem)),
+                *(f"{name}={variation.parameters[name]}" for name in distinguishing),
+            ]
+        )
+        for variation in variations
+    ]
+
+
+def perception_notes(specs: Sequence[RunSpec]) -> list[str]:
+    """What the reader has to know about maps and light of runs in which somebody perceives, one line each."""
+    lines: dict[str, list[str]] = {}
+    seen: set[tuple[object, ...]] = set()
+    for spec in specs:
+        same = (spec.file, spec.parameters, spec.map_name, spec.night, spec.weather)
+        if same in seen or spec.strategy == NO_AEB:
+            continue
+        seen.add(same)
+        definition = definition_of(spec)
+        used = perception_map(definition, spec.map_name)
+        if used is not None:
+            tracks = lines.setdefault(f"perception uses the map {used}", [])
+            if spec.map_name is None and definition.map_path.name not in tracks:
+                tracks.append(definition.map_path.name)
+        if is_night(definition):
+            lines.setdefault(named_light(spec.night).source, [])
+        for line in told_environment(spec, definition):
+            lines.setdefault(line, [])
+    return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]

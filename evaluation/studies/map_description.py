@@ -1,0 +1,45 @@
+"""A map in words: what it holds, and what the law says on the route ahead of a place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from opendrive import RoadNetwork
+from scenarios.errors import ScenarioError
+from scenarios.places import Place, Site, lane_at, near_side
+from smartmot.maps.regulatory import regulatory_elements
+from smartmot.maps.route import route_ahead
+
+
+def pose_site(network: RoadNetwork, place: Place) -> Site:
+    """A place to look at, which need not be straight."""
+    lane = lane_at(network, place)
+    if network.lanes.lane_type[lane] != "driving":
+        raise ScenarioError(
+            f"lane {place.lane_id} of road {place.road_id} is of type {network.lanes.lane_type[lane]!s}; "
+            "choose a driving lane"
+        )
+    route = route_ahead(network, lane, place.s_m, ahead_m=200.0, behind_m=100.0)
+    return Site(network, route, route.station_of(lane, place.s_m), near_side(network, lane))
+
+
+def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:
+    """What a map holds, and what the law says on the route ahead of a place, line by line."""
+    types, counts = np.unique(network.lanes.lane_type, return_counts=True)
+    lines = [
+        f"map: {network.name or '(unnamed)'}, {len(network.roads)} roads, {len(network.lanes.key)} lanes: "
+        + ", ".join(f"{n} {t}" for t, n in zip(types, counts, strict=True)),
+        f"crosswalks: {len(network.crosswalks)}, warnings: {len(network.warnings)}",
+    ]
+    lines += [f"  warning: {warning}" for warning in network.warnings[:20]]
+    if site is not None:
+        lines.append(
+            f"route: {len(site.route.strips)} lanes, {site.route.length_m - site.line_m:.0f} m ahead"
+        )
+        elements = regulatory_elements(network, site.route, site.line_m, 200.0)
+        for element in elements:
+            value = "" if element.value is None else f" {element.value:g}"
+            lines.append(f"  {element.kind}{value} in {element.distance_m:.1f} m (road {element.road_id})")
+        if not elements:
+            lines.append("  no regulatory element within 200 m")
+    return lines

@@ -1,0 +1,130 @@
+"""What every study is: runs, a job that measures each, and the tables that are made of them.
+
+The runs that are finished stand in a journal, so that a study that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from evaluation.progress import progress_bar
+from evaluation.runs.execution import FrameTime
+from evaluation.runs.fingerprint import fingerprint
+from evaluation.runs.journal import Journal
+from scenarios.spec import RunSpec
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+    from rich.console import Console
+
+Label = TypeVar("Label")
+Measures = TypeVar("Measures", bound="DataclassInstance")
+
+Finished = Mapping[str, tuple[Measures, FrameTime]]
+"""What is kept of each run, by its key."""
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledRun(Generic[Label]):
+    """A run of a study, and what it is there.
+
+    Args:
+        spec: what is run.
+        label: its scene, cell, condition, or whatever tells it apart in the study.
+        more: what determines the run beside the spec, if anything does; it is hashed.
+    """
+
+    spec: RunSpec
+    label: Label
+    more: tuple[object, ...] = field(default=(), kw_only=True)
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the run."""
+        return fingerprint(self.spec, *self.more)
+
+
+class Study(Generic[Label, Measures]):
+    """A folder of results that can be made again.
+
+    Subclasses are frozen values; their jobs run in other processes.
+    """
+
+    __slots__ = ()
+
+    name: str
+    """Of the folder."""
+    journal: str
+    """Prefix of the journal's files; studies with the same one share their runs."""
+    table: str
+    """File with a line per run, in the order of the runs."""
+    kind: type[Measures]
+    """What is kept of a run."""
+
+    def items(self, folder: Path) -> Sequence[LabelledRun[Label]]:
+        """The runs; what they write beside the journal goes to the folder."""
+        raise NotImplementedError
+
+    @staticmethod
+    def job(item: Any) -> tuple[Any, FrameTime]:
+        """Carry out one of them."""
+        raise NotImplementedError
+
+    def is_quick(self, item: LabelledRun[Label]) -> bool:
+        """Whether a check may carry it out again; it should take a second or so."""
+        return True
+
+    def is_whole(self, item: LabelledRun[Label]) -> bool:
+        """Whether what a finished run has written beside the journal is there."""
+        return True
+
+    def write(
+        self, folder: Path, items: Sequence[LabelledRun[Label]], finished: Finished[Measures]
+    ) -> list[Path]:
+        """Write tables and figures of the finished runs."""
+        raise NotImplementedError
+
+    def carry_out(
+        self,
+        items: Sequence[LabelledRun[Label]],
+        folder: Path,
+        prefix: str,
+        workers: int,
+        done: Callable[[int], None] = lambda count: None,
+    ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:
+        """Carry out the runs that a journal does not have; see `Journal.carry_out`.
+
+        Args:
+            items: the runs.
+            folder: of the journal.
+            prefix: of the journal's files.
+            workers: processes.
+            done: called with the number of runs that are new on disk, first of those from before.
+        """
+        with Journal(folder, self.kind, prefix) as journal:
+            return journal.carry_out(
+                self.job, {item.key: item for item in items}, workers, done, self.is_whole
+            )
+
+    def carry_out_behind_bar(
+        self,
+        items: Sequence[LabelledRun[Label]],
+        out: Path,
+        prefix: str,
+        workers: int,
+        console: Console,
+        title: str,
+    ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:
+        """The same with a progress bar."""
+        with progress_bar(console) as progress:
+            bar = progress.add_task(title, total=len({item.key for item in items}))
+            return self.carry_out(items, out, prefix, workers, lambda count: progress.advance(bar, count))
+
+
+def done_line(count: int, before: int, out: Path, names: Sequence[str]) -> str:
+    """How many runs there are, and what was written where."""
+    runs = f"{count} runs" + (f", {before} of them from before" if before else "")
+    return f"{runs}; in {out}: {', '.join(names)}"
