@@ -10,6 +10,7 @@ import _smartmot
 from opendrive import RoadNetwork
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.motion.paths import Pose
+from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import Route, route_ahead
 from smartmot.maps.walks import kerb, lanes_under
 
@@ -44,7 +45,7 @@ class MapView:
         route: the ego's way on it.
     """
 
-    network: RoadNetwork
+    network: LaneMap
     route: Route
 
 
@@ -59,6 +60,7 @@ class Site(MapView):
         near_side: -1 where traffic keeps right (the near side is to the right), +1 where it keeps left.
     """
 
+    network: RoadNetwork
     line_m: float
     near_side: int
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import Environment
-from scenarios.sensors.sensor import SensorConfig
+from scenarios.sensors.boxes import SensorConfig
 from smartmot.area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin

@@ -36,13 +36,9 @@ from scenarios.presets import (
     weather_of,
 )
 from scenarios.settings import Settings, preset_with
-from scenarios.simulation.simulation import (
-    Simulation,
-    StopRule,
-    ego_actions,
-    ego_of,
-    is_motion,
-)
+from scenarios.simulation.ends import StopRule
+from scenarios.simulation.motion_actions import ego_actions, ego_of, is_motion
+from scenarios.simulation.simulation import Simulation
 from scenarios.strategies import make_strategy
 from smartmot.area import MonitoredAreaStrategy
 from smartmot.plugins import is_plugin

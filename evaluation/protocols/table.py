@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Cell, Measurement
-from scenarios.simulation.simulation import EndReason
+from scenarios.simulation.ends import EndReason
 
 ALONG_TARGETS = frozenset({"CPLA", "CBLA", "CCRs", "CCRm", "CCRb", "CMRs", "CMRb"})
 """Scenarios whose target drives along the VUT's path: the impact speed is relative to it. In the crossing and

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evaluation.results.rows import RunRow
-from scenarios.simulation.simulation import TIME_LIMIT_S, EndReason
+from scenarios.simulation.ends import TIME_LIMIT_S, EndReason
 
 MANY_DROPPED = 0.1
 """Users are told when more than this share of the detections of a run is dropped."""

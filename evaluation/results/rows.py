@@ -31,7 +31,7 @@ from evaluation.results.files import (
 from evaluation.results.logs import BROKEN, GREATEST
 from evaluation.results.tables import csv_bytes
 from scenarios.reading import exact_floats, read_text, shown
-from scenarios.simulation.simulation import CUT_OFF, EndReason, is_avoided
+from scenarios.simulation.ends import CUT_OFF, EndReason, is_avoided
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,7 +120,7 @@ class RunRow:
 
     @property
     def avoided(self) -> bool:
-        """Whether the run counts as a collision avoided; see `scenarios.simulation.simulation.is_avoided`."""
+        """Whether the run counts as a collision avoided; see `scenarios.simulation.ends.is_avoided`."""
         no_conflict = self.score is None and self.score_max is not None
         return not no_conflict and is_avoided(self.collided, self.end_reason, self.false_activation)
 
@@ -271,7 +271,7 @@ def without_conflict(runs: pd.DataFrame) -> pd.Series[bool]:
 
 
 def avoided(runs: pd.DataFrame) -> pd.Series[bool]:
-    """Which runs count as a collision avoided; see `scenarios.simulation.simulation.is_avoided`."""
+    """Which runs count as a collision avoided; see `scenarios.simulation.ends.is_avoided`."""
     counts = ~cut_off(runs) & ~without_conflict(runs)
     return ~runs["collided"] & counts & ~runs["false_activation"].eq(True)
 

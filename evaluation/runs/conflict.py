@@ -11,7 +11,7 @@ from evaluation.results.rows import RunRow
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.workers import execute_all
 from scenarios.openscenario.running.engine import Contact, Engine
-from scenarios.simulation.simulation import EndReason
+from scenarios.simulation.ends import EndReason
 from scenarios.spec import NO_AEB, RunSpec, simulation_of
 from smartmot.geometry import signed_gap_scalar
 

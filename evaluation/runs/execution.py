@@ -12,11 +12,8 @@ from evaluation.protocols.paper import paper_score, paper_score_max
 from evaluation.results.rows import RunRow
 from opendrive import OpenDriveError
 from scenarios.errors import ScenarioError
-from scenarios.simulation.simulation import (
-    CUT_OFF,
-    EndReason,
-    Outcome,
-)
+from scenarios.simulation.ends import CUT_OFF, EndReason
+from scenarios.simulation.outcome import Outcome
 from scenarios.spec import RunSpec, simulation_of
 from smartmot.errors import SmartMotError
 from smartmot.plugins import failure

@@ -278,8 +278,10 @@ def _setup(
     if view is None:
         view = views[place] = _map_view(spec, definition, preset)
     strategy, note = _strategy(spec.strategy, preset, view, plugins, allow_plugins)
-    name = spec.map_name or view.network.name or str(dict(spec.parameters).get("Map", ""))
-    return RunSetup(Path(name).name, view.network, view.route, preset, strategy, spec.must), note
+    network = view.network
+    assert isinstance(network, RoadNetwork)  # as of every simulation
+    name = spec.map_name or network.name or str(dict(spec.parameters).get("Map", ""))
+    return RunSetup(Path(name).name, network, view.route, preset, strategy, spec.must), note
 
 
 def _map_view(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> MapView:

@@ -24,7 +24,7 @@ from evaluation.runs.logged import logged_runs
 from evaluation.runs.specs import perception_notes
 from scenarios.places import Site
 from scenarios.settings import settings_text
-from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, scene_of
+from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, simulation_of
 from scenarios.strategies import make_strategy
 from smartmot.maps.route import RouteError
 
@@ -209,9 +209,10 @@ def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: s
 
     name = run_to_show(runs)
     spec = next(spec for spec in specs if spec.log == name)
-    scene = scene_of(spec)
+    simulation = simulation_of(spec)
+    scene = simulation.scene()
     strategy = None
     if spec.strategy != NO_AEB:  # else nobody perceives
         strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), scene)
     logs = read_logs(directory, runs)
-    return save_pictures(directory, runs, logs, scene.network, strategy, shown=name, suffix=form)
+    return save_pictures(directory, runs, logs, simulation.network, strategy, shown=name, suffix=form)

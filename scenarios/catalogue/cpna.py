@@ -14,7 +14,8 @@ from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.reading.reader import load
 from scenarios.places import Site
 from scenarios.presets import Preset
-from scenarios.simulation.simulation import Simulation, StopRule
+from scenarios.simulation.ends import StopRule
+from scenarios.simulation.simulation import Simulation
 from scenarios.strategies import STRATEGIES, make_strategy
 from smartmot.area import MonitoredAreaStrategy
 

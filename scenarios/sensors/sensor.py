@@ -1,91 +1,21 @@
-"""Sensor model: ground truth in, detections out."""
+"""Detectors that observe ground truth: the shipped one, and those of one's own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
-from scenarios.errors import ScenarioError
-from smartmot.geometry import corners, wrap_angle
-from smartmot.types import (
-    NOTHING_DROPPED,
-    BoolArray,
-    Boxes,
-    Detections,
-    EgoState,
-    FloatArray,
-    StrArray,
-    unchecked,
-)
-
-_RAYS = 9
-
-
-@dataclass(frozen=True, slots=True)
-class SensorConfig:
-    """A bird's-eye-view object sensor at the ego's centre.
-
-    Args:
-        range_m: objects whose centre is farther are not seen.
-        fov_rad: horizontal field of view, symmetric about the ego's heading; 2 pi: all round.
-        position_sigma_m: standard deviation of the centre's error, per axis (authors' code: 0.05 m).
-        yaw_sigma_rad: standard deviation of the heading's error.
-        detection_probability: chance that a visible object is reported in a frame.
-        min_visible: share of the object's width, as seen from the sensor, that must not be occluded.
-        latency_s: age of the detections when they reach the tracker.
-        rate_hz: frames per second (paper: 20 Hz).
-        phase_s: time of the first frame. At 20 Hz and 60 km/h the ego drives 0.8 m between frames, so the
-            phase moves the flag and the impact speed.
-    """
-
-    range_m: float = 70.0
-    fov_rad: float = 2 * np.pi
-    position_sigma_m: float = 0.05
-    yaw_sigma_rad: float = 0.0
-    detection_probability: float = 1.0
-    min_visible: float = 0.3
-    latency_s: float = 0.0
-    rate_hz: float = 20.0
-    phase_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (self.range_m > 0 and self.rate_hz > 0 and 0 < self.fov_rad <= 2 * np.pi):
-            raise ScenarioError("sensor: range and rate must be positive, the field of view in (0, 2 pi]")
-        times = (self.position_sigma_m, self.yaw_sigma_rad, self.latency_s, self.phase_s)
-        if not all(value >= 0 for value in times):
-            raise ScenarioError("sensor: noise, latency and phase must not be negative")
-        if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
-            raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
-
-
-def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
-    """(N,) share of each box's angular width that no nearer box hides, seen from a point.
-
-    Nine rays over the width of each box; a ray is blocked by every box that it crosses and whose centre is
-    nearer.
-    """
-    n = len(boxes)
-    if n < 2:
-        return np.ones(n)
-    delta = boxes.center_m - np.array([x_m, y_m])
-    distance = np.hypot(delta[:, 0], delta[:, 1])
-    bearing = np.arctan2(delta[:, 1], delta[:, 0])
-    edge = corners(boxes.center_m, boxes.size_m, boxes.yaw_rad) - np.array([x_m, y_m])
-    spread = wrap_angle(np.arctan2(edge[..., 1], edge[..., 0]) - bearing[:, None])
-    low, high = spread.min(axis=1), spread.max(axis=1)
-    share = (np.arange(_RAYS) + 0.5) / _RAYS
-    ray = bearing[:, None] + low[:, None] + (high - low)[:, None] * share
-    # (N, rays, N): does box j hide this ray of box i?
-    offset = wrap_angle(ray[:, :, None] - bearing)
-    hidden = (offset >= low) & (offset <= high) & (distance < distance[:, None] - 1e-9)[:, None, :]
-    share_seen: FloatArray = 1.0 - hidden.any(axis=2).mean(axis=1)
-    return share_seen
+from scenarios.sensors.boxes import BoxDetector, BoxMeasurement, BoxSensor, SensorConfig, detected, measured
+from scenarios.sensors.interfaces import SensorChain, Timing, check_detections
+from scenarios.sensors.world import World
+from smartmot.types import BoolArray, Boxes, Detections, EgoState, StrArray
 
 
 class ObjectDetector(Protocol):
-    """What a detector of one's own must do: turn ground truth into what it would report. `Sensor` does it."""
+    """What a detector of one's own must do that turns ground truth into what it would report.
+
+    `Sensor` does it. To take sensor and detector apart, see `scenarios.sensors.interfaces`.
+    """
 
     def observe(
         self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray, there: BoolArray | None = None, /
@@ -95,11 +25,11 @@ class ObjectDetector(Protocol):
 
 
 class Sensor:
-    """Seeded sensor; the noise of object i in frame k is the same whatever else is in the scene's decisions.
+    """Box sensor and box detector in one: base of detectors of one's own.
 
     Args:
         config: properties.
-        seed: of the noise.
+        seed: of the noise; see `BoxDetector`.
     """
 
     def __init__(self, config: SensorConfig, seed: int) -> None:
@@ -120,36 +50,80 @@ class Sensor:
         Returns:
             What the sensor reports, stamped with the ego's time.
         """
-        config, n = self.config, len(boxes)
-        if there is None or np.count_nonzero(there) == n:
-            visible = self._visible(ego, boxes)
-        else:
-            visible = np.zeros(n, dtype=np.bool_)
-            visible[there] = self._visible(ego, boxes[there])
-        if not np.count_nonzero(visible):
-            return Detections.empty(ego.stamp_s)
-        rng = np.random.default_rng((self.seed, frame))
-        noise = rng.standard_normal((n, 3))
-        lucky = rng.random(n) < config.detection_probability
-        seen = (visible & lucky).nonzero()[0]
-        noise, boxes = noise.take(seen, axis=0), boxes[seen]
-        # true boxes of known categories, with a finite error, need no second check
-        noisy = unchecked(
-            Boxes,
-            boxes.center_m + config.position_sigma_m * noise[:, :2],
-            boxes.size_m,
-            wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
-        )
-        scores, names = np.ones(len(seen)), category.take(seen)
-        return unchecked(Detections, ego.stamp_s, noisy, scores, names, None, NOTHING_DROPPED)
+        measurement = measured(self.config, frame, ego, boxes, category, there)
+        return detected(self.config, self.seed, measurement)
 
-    def _visible(self, ego: EgoState, boxes: Boxes) -> BoolArray:
-        config = self.config
-        delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
-        near: BoolArray = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
-        if config.fov_rad < 2 * np.pi:
-            bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
-            near &= np.abs(bearing) <= config.fov_rad / 2
-        if np.count_nonzero(near):
-            near &= visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible
-        return near
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedWorld:
+    """Ground truth as a detector that observes it is given it.
+
+    Args:
+        stamp_s: when, seconds.
+        number: of the frame.
+        ego: odometry.
+        world: everybody else.
+    """
+
+    stamp_s: float
+    number: int
+    ego: EgoState
+    world: World
+
+    @property
+    def is_truth(self) -> bool:
+        """True: only the detector gets it."""
+        return True
+
+
+class PassThrough:
+    """A sensor that hands the world to its detector as it is.
+
+    Args:
+        timing: when it does so.
+    """
+
+    def __init__(self, timing: Timing) -> None:
+        self.timing = timing
+
+    def measure(self, world: World, ego: EgoState) -> ObservedWorld:
+        """The world, and the number of the frame."""
+        return ObservedWorld(world.time_s, self.timing.number_at(world.time_s), ego, world)
+
+
+class ObservingDetector:
+    """A detector that observes ground truth, behind the interface of those that get a measurement.
+
+    Args:
+        detector: the object with `observe`.
+        name: for messages.
+    """
+
+    latency_s = 0.0
+    rate_hz: float | None = None
+
+    def __init__(self, detector: ObjectDetector, name: str) -> None:
+        self.detector, self.name = detector, name
+
+    def detect(self, measurement: ObservedWorld) -> Detections:
+        """What the detector reports.
+
+        Raises:
+            PluginError: no detections, or of another time.
+        """
+        world = measurement.world
+        category, there = world.category.copy(), world.seen.copy()  # to be changed at will
+        detections = self.detector.observe(measurement.number, measurement.ego, world.boxes, category, there)
+        check_detections(self.name, "observe", detections, measurement.stamp_s)
+        return detections
+
+
+def box_chain(config: SensorConfig, seed: int) -> SensorChain[BoxMeasurement]:
+    """The shipped sensor: ground truth with seeded errors."""
+    return SensorChain(BoxSensor(config), BoxDetector(config, seed))
+
+
+def observing_chain(config: SensorConfig, detector: ObjectDetector, name: str) -> SensorChain[ObservedWorld]:
+    """A detector of one's own that observes ground truth, at the rate, phase and latency of a sensor."""
+    timing = Timing(config.rate_hz, config.phase_s, config.latency_s)
+    return SensorChain(PassThrough(timing), ObservingDetector(detector, name), name)

@@ -52,7 +52,7 @@ class StepResult:
 
     Args:
         frame: the frame to decide on; None at the end.
-        end_reason: why there is none, a `scenarios.simulation.simulation.EndReason` of a simulation; None as
+        end_reason: why there is none, a `scenarios.simulation.ends.EndReason` of a simulation; None as
             long as there is one.
     """
 

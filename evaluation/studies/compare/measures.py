@@ -15,7 +15,8 @@ from evaluation.results.notes import MANY_DROPPED
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh, run_points
 from evaluation.studies.compare.grid import SceneItem
 from scenarios.settings import settings_text
-from scenarios.simulation.simulation import CUT_OFF, TIME_LIMIT_S, EndReason, Outcome, StopRule, is_avoided
+from scenarios.simulation.ends import CUT_OFF, TIME_LIMIT_S, EndReason, StopRule, is_avoided
+from scenarios.simulation.outcome import Outcome
 from scenarios.spec import preset_of, simulation_of
 
 THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
@@ -39,7 +40,7 @@ class RunMeasures:
         flag_distance_m: free distance to the target then.
         flag_ttc_s: time to collision with anybody then, from ground truth at constant velocities; None also
             where no road user was on a collision course.
-        end_reason: why the run ended, see `scenarios.simulation.simulation.EndReason`.
+        end_reason: why the run ended, see `scenarios.simulation.ends.EndReason`.
         false_activation: an emergency request where nothing should happen, or before a target that was to set
             off had done so; None where the ego must brake for one that stands or moves from the start.
         needless_stop: a false activation, or a standstill where nothing should happen: adapting the speed to
@@ -85,7 +86,7 @@ class RunMeasures:
 
     @property
     def avoided(self) -> bool:
-        """Whether the run counts as a collision avoided; see `scenarios.simulation.simulation.is_avoided`."""
+        """Whether the run counts as a collision avoided; see `scenarios.simulation.ends.is_avoided`."""
         return is_avoided(self.collided, self.end_reason, self.false_activation)
 
     @property

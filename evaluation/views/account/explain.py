@@ -12,7 +12,7 @@ from evaluation.views.account.slowing import SLOWED_KMH, Slowing, down_to, slowi
 from evaluation.views.account.story import status_of, story_of
 from evaluation.views.frames import LogFrames
 from evaluation.views.plots.style import MPS_TO_KMH
-from scenarios.simulation.simulation import CUT_OFF, EndReason
+from scenarios.simulation.ends import CUT_OFF, EndReason
 from smartmot.decision.rules import STANDING_MPS
 
 __all__ = ["KINDS", "LOG_ALONE", "Account", "explain"]

@@ -12,7 +12,8 @@ from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.places import Site
 from scenarios.presets import PAPER, PHYSICAL, WEATHER, preset_in_weather
-from scenarios.simulation.simulation import Outcome, StopRule
+from scenarios.simulation.ends import StopRule
+from scenarios.simulation.outcome import Outcome
 from scenarios.strategies import make_strategy
 from smartmot.geometry import signed_gap
 from smartmot.types import Boxes

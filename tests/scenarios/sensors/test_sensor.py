@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import binom, chi2
 
 from scenarios.errors import ScenarioError
-from scenarios.sensors.sensor import Sensor, SensorConfig, visible_share
+from scenarios.sensors.boxes import SensorConfig, visible_share
+from scenarios.sensors.sensor import Sensor
 from smartmot.types import Boxes, EgoState, FloatArray, StrArray
 
 EGO = EgoState(0.0, 0.0, 0.0, 0.0, 10.0)

@@ -12,7 +12,7 @@ from scenarios.catalogue.cpna import CpnaTest, build, find_site
 from scenarios.catalogue.maps import shipped_map
 from scenarios.presets import PAPER
 from scenarios.simulation.log import COLUMNS, TEXT_COLUMNS, RunLog
-from scenarios.simulation.simulation import Outcome
+from scenarios.simulation.outcome import Outcome
 from scenarios.strategies import make_strategy
 
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "run-log.md").read_text()

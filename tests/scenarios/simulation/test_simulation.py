@@ -47,8 +47,11 @@ from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView, Site
 from scenarios.presets import PAPER, PHYSICAL, Preset
-from scenarios.sensors.sensor import SensorConfig
-from scenarios.simulation.simulation import EndReason, Outcome, Simulation, StopRule, is_avoided
+from scenarios.sensors.boxes import SensorConfig
+from scenarios.simulation.ends import EndReason, StopRule, is_avoided
+from scenarios.simulation.outcome import Outcome
+from scenarios.simulation.simulation import Simulation
+from scenarios.sources.perception import Perception
 from scenarios.strategies import make_strategy
 from smartmot.area import EverythingArea
 from smartmot.decision.rules import Command
@@ -154,7 +157,7 @@ def simulation(
 def decided_by(built: Simulation, pipeline: Pipeline | None) -> Simulation:
     """The run with another perception and decision."""
     if pipeline is not None:
-        built._perception = lambda: pipeline  # type: ignore[method-assign]
+        built.perception = lambda: Perception(lambda frame: pipeline)  # type: ignore[method-assign]
     return built
 
 

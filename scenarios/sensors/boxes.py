@@ -1,0 +1,198 @@
+"""The shipped box sensor and its detector: ground truth in, detections with seeded errors out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.errors import ScenarioError
+from scenarios.sensors.interfaces import Timing
+from scenarios.sensors.world import World
+from smartmot.geometry import corners, wrap_angle
+from smartmot.types import (
+    NOTHING_DROPPED,
+    BoolArray,
+    Boxes,
+    Detections,
+    EgoState,
+    FloatArray,
+    StrArray,
+    unchecked,
+)
+
+_RAYS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class SensorConfig:
+    """A bird's-eye-view object sensor at the ego's centre.
+
+    Args:
+        range_m: objects whose centre is farther are not seen.
+        fov_rad: horizontal field of view, symmetric about the ego's heading; 2 pi: all round.
+        position_sigma_m: standard deviation of the centre's error, per axis (authors' code: 0.05 m).
+        yaw_sigma_rad: standard deviation of the heading's error.
+        detection_probability: chance that a visible object is reported in a frame.
+        min_visible: share of the object's width, as seen from the sensor, that must not be occluded.
+        latency_s: age of the detections when they reach the tracker.
+        rate_hz: frames per second (paper: 20 Hz).
+        phase_s: time of the first frame. At 20 Hz and 60 km/h the ego drives 0.8 m between frames, so the
+            phase moves the flag and the impact speed.
+    """
+
+    range_m: float = 70.0
+    fov_rad: float = 2 * np.pi
+    position_sigma_m: float = 0.05
+    yaw_sigma_rad: float = 0.0
+    detection_probability: float = 1.0
+    min_visible: float = 0.3
+    latency_s: float = 0.0
+    rate_hz: float = 20.0
+    phase_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.range_m > 0 and self.rate_hz > 0 and 0 < self.fov_rad <= 2 * np.pi):
+            raise ScenarioError("sensor: range and rate must be positive, the field of view in (0, 2 pi]")
+        times = (self.position_sigma_m, self.yaw_sigma_rad, self.latency_s, self.phase_s)
+        if not all(value >= 0 for value in times):
+            raise ScenarioError("sensor: noise, latency and phase must not be negative")
+        if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
+            raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
+
+
+def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
+    """(N,) share of each box's angular width that no nearer box hides, seen from a point.
+
+    Nine rays over the width of each box; a ray is blocked by every box that it crosses and whose centre is
+    nearer.
+    """
+    n = len(boxes)
+    if n < 2:
+        return np.ones(n)
+    delta = boxes.center_m - np.array([x_m, y_m])
+    distance = np.hypot(delta[:, 0], delta[:, 1])
+    bearing = np.arctan2(delta[:, 1], delta[:, 0])
+    edge = corners(boxes.center_m, boxes.size_m, boxes.yaw_rad) - np.array([x_m, y_m])
+    spread = wrap_angle(np.arctan2(edge[..., 1], edge[..., 0]) - bearing[:, None])
+    low, high = spread.min(axis=1), spread.max(axis=1)
+    share = (np.arange(_RAYS) + 0.5) / _RAYS
+    ray = bearing[:, None] + low[:, None] + (high - low)[:, None] * share
+    # (N, rays, N): does box j hide this ray of box i?
+    offset = wrap_angle(ray[:, :, None] - bearing)
+    hidden = (offset >= low) & (offset <= high) & (distance < distance[:, None] - 1e-9)[:, None, :]
+    share_seen: FloatArray = 1.0 - hidden.any(axis=2).mean(axis=1)
+    return share_seen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxMeasurement:
+    """Ground truth of N objects, and which of them a box sensor makes out.
+
+    Args:
+        stamp_s: when, seconds.
+        number: of the measurement; selects the errors of the detector.
+        boxes: N outlines.
+        category: (N,) names.
+        visible: (N,) in range and in the field of view, and not hidden.
+    """
+
+    stamp_s: float
+    number: int
+    boxes: Boxes
+    category: StrArray
+    visible: BoolArray
+
+    @property
+    def is_truth(self) -> bool:
+        """True: only the detector gets it."""
+        return True
+
+
+class BoxSensor:
+    """Makes out who is in range, in the field of view and not hidden behind others.
+
+    Args:
+        config: range, field of view and timing.
+    """
+
+    def __init__(self, config: SensorConfig) -> None:
+        self.config = config
+        self.timing = Timing(config.rate_hz, config.phase_s, config.latency_s)
+
+    def measure(self, world: World, ego: EgoState) -> BoxMeasurement:
+        """Who is visible from the ego's centre."""
+        number = self.timing.number_at(world.time_s)
+        return measured(self.config, number, ego, world.boxes, world.category, world.seen)
+
+
+class BoxDetector:
+    """Reports visible boxes with seeded errors.
+
+    The errors of object i in measurement k are the same whatever else is in the scene or is decided.
+
+    Args:
+        config: noise and probability of detection.
+        seed: of the errors.
+    """
+
+    latency_s = 0.0
+    rate_hz: float | None = None
+
+    def __init__(self, config: SensorConfig, seed: int) -> None:
+        self.config, self.seed = config, seed
+
+    def detect(self, measurement: BoxMeasurement) -> Detections:
+        """Detections of one measurement, stamped with its time."""
+        return detected(self.config, self.seed, measurement)
+
+
+def measured(
+    config: SensorConfig,
+    number: int,
+    ego: EgoState,
+    boxes: Boxes,
+    category: StrArray,
+    there: BoolArray | None,
+) -> BoxMeasurement:
+    """The measurement of N boxes in which those that are there (None: all) are looked for."""
+    n = len(boxes)
+    if there is None or np.count_nonzero(there) == n:
+        visible = _visible(config, ego, boxes)
+    else:
+        visible = np.zeros(n, dtype=np.bool_)
+        visible[there] = _visible(config, ego, boxes[there])
+    return BoxMeasurement(ego.stamp_s, number, boxes, category, visible)
+
+
+def _visible(config: SensorConfig, ego: EgoState, boxes: Boxes) -> BoolArray:
+    delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
+    near: BoolArray = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
+    if config.fov_rad < 2 * np.pi:
+        bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
+        near &= np.abs(bearing) <= config.fov_rad / 2
+    if np.count_nonzero(near):
+        near &= visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible
+    return near
+
+
+def detected(config: SensorConfig, seed: int, measurement: BoxMeasurement) -> Detections:
+    """What is reported of the visible boxes."""
+    boxes, visible = measurement.boxes, measurement.visible
+    if not np.count_nonzero(visible):
+        return Detections.empty(measurement.stamp_s)
+    n = len(boxes)
+    # drawn for all objects, so that who else is visible does not change an object's error
+    rng = np.random.default_rng((seed, measurement.number))
+    noise = rng.standard_normal((n, 3))
+    reported = (visible & (rng.random(n) < config.detection_probability)).nonzero()[0]
+    noise, boxes = noise.take(reported, axis=0), boxes[reported]
+    # true boxes of known categories, with a finite error, need no second check
+    noisy = unchecked(
+        Boxes,
+        boxes.center_m + config.position_sigma_m * noise[:, :2],
+        boxes.size_m,
+        wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
+    )
+    scores, names = np.ones(len(reported)), measurement.category.take(reported)
+    return unchecked(Detections, measurement.stamp_s, noisy, scores, names, None, NOTHING_DROPPED)

@@ -1,0 +1,140 @@
+"""What sensors measure: ground truth of one instant, with heights and the road's surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from opendrive import RoadNetwork
+from scenarios.errors import ScenarioError
+from smartmot.errors import ShapeError
+from smartmot.types import BoolArray, Boxes, FloatArray, IntArray, StrArray, frozen
+
+
+class RoadSurface(Protocol):
+    """The ground on which everybody stands."""
+
+    def elevation_m(self, points_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """(N,) height of the ground at (N, 2) points, map frame.
+
+        Args:
+            points_m: where.
+            yaw_rad: (N,) headings of what stands there. Where roads lie above one another, the road counts
+                along which a heading runs.
+        """
+        ...
+
+
+class FlatGround:
+    """A plane.
+
+    Args:
+        height_m: of it, map frame.
+    """
+
+    def __init__(self, height_m: float = 0.0) -> None:
+        self.height_m = height_m
+
+    def elevation_m(self, points_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """(N,) the height of the plane."""
+        return np.full(len(points_m), self.height_m)
+
+
+class MapSurface:
+    """The road surface of a map; beside the roads it goes on as at the edge of the nearest lane.
+
+    Args:
+        network: the map.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
+
+    @cached_property
+    def _lane_types(self) -> tuple[str, ...]:
+        return tuple(sorted({str(kind) for kind in self._network.lanes.lane_type}))
+
+    def elevation_m(self, points_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """(N,) height of the road's surface; see `RoadSurface`.
+
+        Raises:
+            ScenarioError: the map has no lanes.
+        """
+        elevation = np.zeros(len(points_m))
+        if not len(points_m):
+            return elevation
+        network = self._network
+        if not self._lane_types:
+            raise ScenarioError(f"map {network.name!r} has no lanes, so that it has no road surface")
+        nearest = network.nearest_lane(points_m, self._lane_types, yaw_rad)
+        inner, outer = network.lane_offsets(nearest.lane, nearest.s_m)
+        t = np.clip(nearest.t_m, np.minimum(inner, outer), np.maximum(inner, outer))
+        road = np.array([network.lanes.key[lane].road_id for lane in nearest.lane.tolist()])
+        for road_id in np.unique(road).tolist():
+            rows = np.flatnonzero(road == road_id)
+            elevation[rows] = network.road_point(road_id, nearest.s_m[rows], t[rows]).z_m
+        return elevation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """Ground truth of one instant: everybody but the vehicle that carries the sensors. N objects, map frame.
+
+    Args:
+        time_s: when, seconds.
+        boxes: N outlines on the ground.
+        speed_mps: (N,) along the headings, negative in reverse.
+        height_m: (N,) heights of the boxes.
+        object_id: (N,) numbers that an object keeps for the whole run.
+        category: (N,) names out of `smartmot.types.CATEGORIES`.
+        exists: (N,) not deleted.
+        seen: (N,) exists and is visible to sensors.
+        surface: the ground.
+
+    Raises:
+        smartmot.errors.ShapeError: shapes disagree, a value is not finite, or a height is not positive.
+    """
+
+    time_s: float
+    boxes: Boxes
+    speed_mps: FloatArray
+    height_m: FloatArray
+    object_id: IntArray
+    category: StrArray
+    exists: BoolArray
+    seen: BoolArray
+    surface: RoadSurface = field(default_factory=FlatGround)
+
+    def __post_init__(self) -> None:
+        shape = (len(self.boxes),)
+        for name, dtype in _COLUMNS.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype, shape, name))
+        if not (self.height_m > 0.0).all() or not np.isfinite(self.height_m + self.speed_mps).all():
+            raise ShapeError("world: speeds must be finite, and heights positive and finite")
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """(N, 2) velocities over ground, map frame."""
+        yaw = self.boxes.yaw_rad
+        return np.column_stack((np.cos(yaw), np.sin(yaw))) * self.speed_mps[:, None]
+
+    @property
+    def bottom_m(self) -> FloatArray:
+        """(N,) heights of the undersides of the boxes: the ground's at their centres."""
+        return self.surface.elevation_m(self.boxes.center_m, self.boxes.yaw_rad)
+
+
+_COLUMNS = {
+    "speed_mps": np.float64,
+    "height_m": np.float64,
+    "object_id": np.int64,
+    "category": np.str_,
+    "exists": np.bool_,
+    "seen": np.bool_,
+}

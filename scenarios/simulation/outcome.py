@@ -1,0 +1,102 @@
+"""What a run came to: contact, requests, stop, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenarios.openscenario.running.engine import Contact
+from scenarios.simulation.ends import EndReason, is_avoided
+from scenarios.simulation.log import RunLog
+from smartmot.types import Dropped, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """The first emergency request.
+
+    Args:
+        time_s: when.
+        distance_m: free distance from the ego's front to the target's box then; None without a target.
+        ttc_s: that distance over the speed at which it shrinks; None where it does not.
+    """
+
+    time_s: float
+    distance_m: float | None
+    ttc_s: float | None
+
+
+@dataclass(slots=True)
+class Milestones:
+    """What has happened to the ego so far; None where it has not.
+
+    Args:
+        flag: the first emergency request.
+        stop_time_s: when the ego first stood still after a request.
+        stop_gap_m: free distance to the target then.
+        resumed_s: when it was first let go after that.
+    """
+
+    flag: Flag | None = None
+    stop_time_s: float | None = None
+    stop_gap_m: float | None = None
+    resumed_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a run came to; None where it did not happen.
+
+    Args:
+        contact: first contact of the ego with anybody.
+        flag_time_s: first emergency request.
+        flag_distance_m: free distance from the ego's front to the target's box then.
+        flag_ttc_s: that distance over the speed at which it shrinks.
+        stop_time_s: when the ego first stood still after a request.
+        stop_gap_m: that free distance then.
+        target: name of the entity that the test is about.
+        target_start_time_s: when it left standstill.
+        target_steady_time_s: since when its speed was constant at the contact, or else at the end.
+        false_activation: whether a request came before a target that was to set off had done so: then it
+            can only have been meant for somebody else. None where the target stands for good, moves from the
+            start on, or does not exist.
+        end_reason: why the run ended.
+        end_time_s: when.
+        detections: how many detections the detector reported, dropped ones included.
+        dropped: how many of them were dropped, and why.
+        notes: lines about what was not as the scenario's file asks for it; see `Engine.notes`.
+        log: everything that happened.
+        frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
+    """
+
+    contact: Contact | None
+    flag_time_s: float | None
+    flag_distance_m: float | None
+    flag_ttc_s: float | None
+    stop_time_s: float | None
+    stop_gap_m: float | None
+    target: str | None
+    target_start_time_s: float | None
+    target_steady_time_s: float | None
+    false_activation: bool | None
+    end_reason: EndReason
+    end_time_s: float
+    detections: int
+    dropped: Dropped
+    notes: tuple[str, ...]
+    log: RunLog
+    frame_time_ms: FloatArray
+
+    @property
+    def avoided(self) -> bool:
+        """Whether the run counts as a collision avoided; see `is_avoided`."""
+        return is_avoided(self.contact is not None, self.end_reason, self.false_activation)
+
+    @property
+    def contact_time_s(self) -> float | None:
+        """When the ego first touched anybody."""
+        return self.contact.time_s if self.contact else None
+
+    @property
+    def impact_speed_mps(self) -> float:
+        """How fast the ego was then, forward or in reverse; 0 without contact."""
+        return abs(self.contact.ego_speed_mps) if self.contact else 0.0

@@ -1,0 +1,152 @@
+"""Ground truth of a run at the present instant, for sensors, log and ends; perception has no access."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from scenarios.openscenario.running.engine import Engine, Entities
+from scenarios.openscenario.running.storyboard import STANDBY, EventElement
+from scenarios.sensors.world import MapSurface, World
+from scenarios.simulation.drive import Asked, EgoDrive
+from scenarios.simulation.motion_actions import is_motion
+from smartmot.area import ego_extent
+from smartmot.types import EgoState, FloatArray, IntArray, StrArray, unchecked
+
+
+class Truth:
+    """Ego, target and all others as they are now; the engine's clock is the time of all answers.
+
+    Args:
+        engine: the world.
+        drive: of the ego.
+        backwards: whether the ego drives in reverse.
+        frame_interval_s: time between frames, over which a change of the ego's speed is foreseen.
+
+    Attributes:
+        own: index of the ego among the scenario's entities.
+        others: (N,) indices of all others.
+        target: index of the entity that the test is about; None: there is nobody else.
+        category: (N,) names of all others.
+    """
+
+    def __init__(self, engine: Engine, drive: EgoDrive, backwards: bool, frame_interval_s: float) -> None:
+        self.engine, self.backwards = engine, backwards
+        self._drive, self._interval_s = drive, frame_interval_s
+        names = [entity.name for entity in engine.definition.entities]
+        self.own = names.index(engine.ego.name)
+        self.others: IntArray = np.array([k for k in range(len(names)) if k != self.own], dtype=np.int64)
+        self.target = names.index(engine.target) if engine.target else None
+        self._entities: Entities | None = None
+        entities = engine.definition.entities
+        self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.others]
+        self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.others]
+        self._object_id: IntArray = np.arange(len(self.others))
+        self._surface = MapSurface(engine.world.locator.roads.network)
+        self._odometry: EgoState | None = None
+        self._events: dict[str, list[EventElement]] = {}
+
+    @property
+    def entities(self) -> Entities:
+        """Everybody now; made once for all who ask at the same time."""
+        if self._entities is None or self._entities.time_s != self.engine.time_s:
+            self._entities = self.engine.entities
+        return self._entities
+
+    def world(self, time_s: float) -> World:
+        """Everybody but the ego, for sensors; the objects are numbered as in the log."""
+        entities, others = self.entities, self.others
+        columns = (entities.speed_mps[others], self._height_m, self._object_id, self.category)
+        masks = (entities.exists[others], entities.seen[others])
+        return unchecked(World, time_s, entities.boxes[others], *columns, *masks, self._surface)
+
+    @property
+    def ego_speed_mps(self) -> float:
+        """The ego's speed now, negative in reverse."""
+        return self.engine.ego_speed_mps
+
+    def odometry(self, time_s: float) -> EgoState:
+        """What the ego knows of itself; the turn rate is that since the last time it was asked for."""
+        before = self._odometry
+        if before is not None and before.stamp_s == time_s:
+            return before
+        k, entities = self.own, self.entities
+        boxes = entities.boxes
+        yaw, rate = float(boxes.yaw_rad[k]), 0.0
+        if before is not None:
+            rate = math.remainder(yaw - before.yaw_rad, 2 * math.pi) / (time_s - before.stamp_s)
+        commanded = self.engine.ego.commanded
+        self._odometry = EgoState(
+            stamp_s=time_s,
+            x_m=float(boxes.center_m[k, 0]),
+            y_m=float(boxes.center_m[k, 1]),
+            yaw_rad=yaw,
+            speed_mps=float(entities.speed_mps[k]),
+            accel_mps2=self._drive.accel_mps2 if commanded else self.asked(time_s).accel_mps2,
+            yaw_rate_radps=rate,
+            length_m=float(boxes.size_m[k, 0]),
+            width_m=float(boxes.size_m[k, 1]),
+        )
+        return self._odometry
+
+    def course(self, time_s: float) -> EgoState:
+        """The odometry with the heading in which the ego drives: in reverse that of its rear."""
+        odometry = self.odometry(time_s)
+        return reversed_course(odometry) if self.backwards else odometry
+
+    def asked(self, time_s: float) -> Asked:
+        """What the scenario asks of the ego's speed, and how that changes until the next frame."""
+        ego = self.engine.ego
+        speed = ego.asked_mps(time_s)
+        return Asked(speed, (ego.asked_mps(time_s + self._interval_s) - speed) / self._interval_s)
+
+    def target_along_mps(self, time_s: float) -> float:
+        """The target's speed in the direction in which the ego drives; 0 without a target."""
+        if self.target is None:
+            return 0.0
+        entities = self.entities
+        turn = float(entities.boxes.yaw_rad[self.target]) - self.course(time_s).yaw_rad
+        return float(entities.speed_mps[self.target]) * math.cos(turn)
+
+    def gap_to_target_m(self, time_s: float) -> float | None:
+        """Free distance from the end of the ego that leads to the target's box (0 beside it)."""
+        if self.target is None:
+            return None
+        ego = self.course(time_s)
+        ahead = ego_extent(self.entities.boxes[[self.target]], ego)[0][0]
+        return max(float(ahead) - ego.length_m / 2, 0.0)
+
+    def is_to_change(self, name: str, time_s: float) -> bool:
+        """Whether an event is left, or an action goes on, that changes the speed of an entity."""
+        if self.engine.world.actors[name].profile.end_s > time_s:
+            return True
+        return any(event.state == STANDBY for event in self._motion_events(name))
+
+    def target_has_begun(self) -> bool:
+        """Whether an event that moves the target has begun; true where the scenario has none."""
+        target = self.engine.target
+        events = [] if target is None else self._motion_events(target)
+        return not events or any(action.running for event in events for action in event.actions)
+
+    def _motion_events(self, name: str) -> list[EventElement]:
+        """Events of the storyboard that change the speed of an entity; looked up once."""
+        if name not in self._events:
+            self._events[name] = [
+                element
+                for element in self.engine.storyboard.elements
+                if isinstance(element, EventElement)
+                and any(name in a.entities and is_motion(a.action) for a in element.event.actions)
+            ]
+        return self._events[name]
+
+
+def reversed_course(odometry: EgoState) -> EgoState:
+    """The state of an ego in reverse as that of a vehicle that drives ahead, with its rear in front."""
+    return replace(
+        odometry,
+        yaw_rad=math.remainder(odometry.yaw_rad + math.pi, 2 * math.pi),
+        speed_mps=-odometry.speed_mps,
+        accel_mps2=-odometry.accel_mps2,
+    )

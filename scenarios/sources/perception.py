@@ -1,0 +1,104 @@
+"""Perception of a run: a pipeline for the way that the ego is on, fed with frames of any source."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.errors import ScenarioError
+from scenarios.places import MapView
+from scenarios.sources.frames import Frame
+from smartmot.area import MapArea, MonitoredAreaStrategy
+from smartmot.maps.follow import route_along
+from smartmot.maps.lane_map import LaneMap
+from smartmot.path import PlannedPath
+from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
+from smartmot.tracking.tracker import ScoreLimits
+from smartmot.types import EgoState, FloatArray
+
+ROUTE_AHEAD_M, ROUTE_BEHIND_M = 100.0, 50.0
+"""The route goes on beyond the ego's way, so that the monitored area does not end with it."""
+
+StrategyMaker = Callable[[MapView], MonitoredAreaStrategy]
+PipelineMaker = Callable[[Frame], Pipeline]
+
+
+def map_view(lane_map: LaneMap, path: PlannedPath) -> MapView:
+    """Map and route of perception for the ego's planned path.
+
+    Raises:
+        smartmot.maps.route.RouteError: the path runs on no driving lane of the map.
+    """
+    return MapView(lane_map, route_along(lane_map, path.center_m, ROUTE_AHEAD_M, ROUTE_BEHIND_M))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AreaPipelines:
+    """Makes pipelines around one kind of monitored area.
+
+    Args:
+        strategy: makes the area for the map and the ego's route on it.
+        config: settings of the pipelines.
+    """
+
+    strategy: StrategyMaker
+    config: PipelineConfig
+
+    def __call__(self, frame: Frame) -> Pipeline:
+        """The pipeline for the way that the ego is on in a frame.
+
+        Raises:
+            ScenarioError: the frame has no map or no path.
+            smartmot.maps.route.RouteError: the path runs on no driving lane of the map.
+        """
+        if frame.lane_map is None or frame.path is None:
+            raise ScenarioError(f"frame of {frame.stamp_s:g} s: a monitored area needs a lane map and a path")
+        return Pipeline(self.strategy(map_view(frame.lane_map, frame.path)), self.config)
+
+
+class Perception:
+    """Turns frames into results, one after the other.
+
+    Args:
+        pipeline_of: makes the pipeline; called at the first frame, and whenever the planned path is another.
+        course_of: the state of the ego in the heading in which it drives, from its odometry; None: it drives
+            ahead.
+    """
+
+    def __init__(
+        self, pipeline_of: PipelineMaker, course_of: Callable[[EgoState], EgoState] | None = None
+    ) -> None:
+        self._pipeline_of, self._course_of = pipeline_of, course_of
+        self._pipeline: Pipeline | None = None
+        self._state: PipelineState | None = None
+        self._path: PlannedPath | None = None
+        self._spent_ns: list[int] = []
+
+    @property
+    def frame_time_ms(self) -> FloatArray:
+        """(F,) processor time of each frame so far, without that of making a pipeline."""
+        return np.array(self._spent_ns, dtype=np.float64) / 1e6
+
+    @property
+    def score_limits(self) -> ScoreLimits | None:
+        """Scores that the tracker asks for; None before the first frame, and if the tracker tells none."""
+        if self._pipeline is None or self._state is None:
+            return None
+        return self._pipeline.score_limits(self._state.tracker)
+
+    def step(self, frame: Frame) -> FrameResult:
+        """Process the next frame; see `Pipeline.step` for what it raises."""
+        if self._pipeline is None or frame.path is not self._path:
+            self._pipeline, self._path = self._pipeline_of(frame), frame.path
+        pipeline = self._pipeline
+        state = self._state or pipeline.initial()
+        ego = self._course_of(frame.ego) if self._course_of is not None else frame.ego
+        # a map's area knows the route that it was made for
+        path = None if isinstance(pipeline.strategy, MapArea) else frame.path
+        start_ns = time.thread_time_ns()
+        self._state, result = pipeline.step(state, frame.detections, ego, path)
+        self._spent_ns.append(time.thread_time_ns() - start_ns)
+        return result
