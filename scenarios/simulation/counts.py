@@ -38,7 +38,14 @@ class DetectionCounts:
         return self.kept + self.before.total
 
     def add(self, detections: Detections, result: FrameResult | None) -> None:
-        """Count a frame, and what a pipeline made of it, if one did."""
+        """Count a frame, and what a pipeline made of it, if one did.
+
+        Args:
+            detections: what reached perception.
+            result: of a pipeline, which counts its own detections and drops.
+        """
+        if result is not None:
+            detections = result.detections
         self.kept += len(detections)
         if detections.dropped is not NOTHING_DROPPED:
             self.before += detections.dropped
