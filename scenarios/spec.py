@@ -39,8 +39,7 @@ from scenarios.settings import Settings, preset_with
 from scenarios.simulation.ends import StopRule
 from scenarios.simulation.motion_actions import ego_actions, ego_of, is_motion
 from scenarios.simulation.simulation import Simulation
-from scenarios.strategies import make_strategy
-from smartmot.area import MonitoredAreaStrategy
+from scenarios.strategies import NamedStrategy
 from smartmot.plugins import is_plugin
 
 NO_AEB = "none"
@@ -245,14 +244,10 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
     definition = definition_of(spec)
     preset = preset_of(spec, definition)
     name = perception_map(definition, spec.map_name)
-
-    def strategy(scene: MapView) -> MonitoredAreaStrategy:
-        return make_strategy(spec.strategy, preset, scene)
-
     return Simulation(
         definition,
         preset,
-        None if spec.strategy == NO_AEB else strategy,
+        None if spec.strategy == NO_AEB else NamedStrategy(spec.strategy, preset),
         spec.seed,
         load_named_map(name) if name else None,
         rule=rule or StopRule(at_standstill=not spec.adapts),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.presets import Preset
@@ -34,3 +36,20 @@ def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStra
     if name == "all":
         return EverythingArea()
     raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")
+
+
+@dataclass(frozen=True, slots=True)
+class NamedStrategy:
+    """Makes the strategy of a name for any map and route; a value, so that it can be sent to other processes.
+
+    Args:
+        name: see `make_strategy`.
+        preset: its settings.
+    """
+
+    name: str
+    preset: Preset
+
+    def __call__(self, view: MapView) -> MonitoredAreaStrategy:
+        """The strategy for a map and route; see `make_strategy` for what it raises."""
+        return make_strategy(self.name, self.preset, view)

@@ -1,5 +1,13 @@
-"""The closed loop: world, sensor, perception, brakes."""
+"""The closed loop: world, sensors, brakes; stepped from outside, or run with the perception of a preset."""
 
 from _smartmot import names_of
 
-__getattr__ = names_of(__name__, "scenarios.simulation.simulation")
+__getattr__ = names_of(
+    __name__,
+    "scenarios.simulation.ends",
+    "scenarios.simulation.outcome",
+    "scenarios.simulation.motion_actions",
+    "scenarios.simulation.counts",
+    "scenarios.sources.perception",
+    "scenarios.simulation.simulation",
+)

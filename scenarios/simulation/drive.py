@@ -54,6 +54,10 @@ class EgoDrive:
         self._comfort_mps2 = 0.0
         self._follower: Follower | None = None
 
+    def __getstate__(self) -> dict[str, object]:
+        """All but the model of speed adaptation, which remembers nothing and is made again when needed."""
+        return self.__dict__ | {"_follower": None}
+
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
         """Go on from the speed that the scenario has given it."""
         self.speed_mps = speed_mps

@@ -34,6 +34,12 @@ class RunLog:
         self._truth: list[tuple[int, EgoState, Boxes, FloatArray, IntArray]] = []
         self._frames: list[tuple[int, EgoState, FrameResult]] = []
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> RunLog:
+        """A log that goes on for itself; the entries so far never change and are shared."""
+        copied = RunLog(self._category, self._label)
+        copied._truth, copied._frames = list(self._truth), list(self._frames)
+        return copied
+
     def _number(self) -> int:
         """Position of the next entry; rows are in this order."""
         return len(self._truth) + len(self._frames)

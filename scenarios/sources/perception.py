@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +78,18 @@ class Perception:
         self._state: PipelineState | None = None
         self._path: PlannedPath | None = None
         self._spent_ns: list[int] = []
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Perception:
+        """A perception that goes on for itself; its pipeline, which remembers nothing, is shared."""
+        copied = Perception(self._pipeline_of, self._course_of)
+        copied._pipeline, copied._path = self._pipeline, self._path
+        copied._state = copy.deepcopy(self._state, memo)
+        copied._spent_ns = list(self._spent_ns)
+        return copied
+
+    def __getstate__(self) -> dict[str, object]:
+        """All but the pipeline, which is made again for the same path."""
+        return self.__dict__ | {"_pipeline": None}
 
     @property
     def frame_time_ms(self) -> FloatArray:
