@@ -212,7 +212,8 @@ MOVED = {
     "scenarios.follower": "scenarios.simulation.follower",
     "scenarios.library": "scenarios.catalogue.library",
     "scenarios.map_builder": "scenarios.catalogue.map_builder scenarios.catalogue.maps",
-    "scenarios.openscenario.actions": "scenarios.openscenario.running.actions",
+    "scenarios.openscenario.actions": "scenarios.openscenario.running.actions "
+    "scenarios.openscenario.running.following scenarios.openscenario.running.synchronize",
     "scenarios.openscenario.actors": "scenarios.openscenario.running.actors",
     "scenarios.openscenario.catalogs": "scenarios.openscenario.reading.catalogs",
     "scenarios.openscenario.conditions": "scenarios.openscenario.running.conditions",
@@ -229,7 +230,8 @@ MOVED = {
     "scenarios.openscenario.profiles": "scenarios.openscenario.motion.profiles",
     "scenarios.openscenario.read_actions": "scenarios.openscenario.reading.actions",
     "scenarios.openscenario.read_conditions": "scenarios.openscenario.reading.conditions",
-    "scenarios.openscenario.read_positions": "scenarios.openscenario.reading.positions",
+    "scenarios.openscenario.read_positions": "scenarios.openscenario.reading.positions "
+    "scenarios.openscenario.reading.elements",
     "scenarios.openscenario.reader": "scenarios.openscenario.reading.reader",
     "scenarios.openscenario.roads": "scenarios.openscenario.motion.roads",
     "scenarios.openscenario.storyboard": "scenarios.openscenario.running.storyboard",

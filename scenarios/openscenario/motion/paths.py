@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarios.openscenario.values import Immutable
+from scenarios.openscenario.elements import Immutable
 from smartmot.types import FloatArray
 
 SPACING_M = 0.05

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import (
-    ClothoidSpline,
     LanePosition,
-    Nurbs,
     Orientation,
-    Polyline,
     Position,
     RelativeLanePosition,
     RelativeObjectPosition,
@@ -23,7 +21,6 @@ from scenarios.openscenario.model import (
     RoadPosition,
     Route,
     RoutePosition,
-    Shape,
     Trajectory,
     TrajectoryPosition,
     WorldPosition,
@@ -31,37 +28,6 @@ from scenarios.openscenario.model import (
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.roads import LanePlace, Leg, Roads
 from scenarios.openscenario.motion.trajectories import build, starts_at_entity
-
-
-def references(place: Position | Route | Trajectory) -> frozenset[str]:
-    """Entities that a position, a route or a trajectory is relative to."""
-    match place:
-        case (
-            RelativeLanePosition()
-            | RelativeRoadPosition()
-            | RelativeObjectPosition()
-            | RelativeWorldPosition()
-        ):
-            return frozenset({place.entity})
-        case RoutePosition():
-            return references(place.route)
-        case TrajectoryPosition():
-            return references(place.trajectory)
-        case Route():
-            return frozenset[str]().union(*map(references, place.waypoints))
-        case Trajectory():
-            return frozenset[str]().union(*map(references, _positions(place.shape)))
-    return frozenset()
-
-
-def _positions(shape: Shape) -> list[Position]:
-    match shape:
-        case Polyline():
-            return [vertex.position for vertex in shape.vertices]
-        case ClothoidSpline():
-            return [segment.start for segment in shape.segments if segment.start is not None]
-        case Nurbs():
-            return list(shape.control_points)
 
 
 class Locator:
@@ -187,7 +153,7 @@ class Locator:
                 raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
             places.append(place)
         legs = self.roads.route_legs(places)
-        if not references(route):
+        if not referred(route):
             self._kept[route] = legs
         return legs
 
@@ -202,7 +168,7 @@ class Locator:
             return found
         here = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
         path = build(trajectory, self.pose, here)
-        if not starts_at_entity(trajectory) and not references(trajectory):
+        if not starts_at_entity(trajectory) and not referred(trajectory):
             self._kept[trajectory] = path
         return path
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.model import Performance, SpeedShape
-from scenarios.openscenario.values import Immutable
 
 NEVER_S = math.inf
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from opendrive import RoadNetwork, load_map
 from opendrive.errors import OpenDriveError
+from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, joined, straight
-from scenarios.openscenario.values import Immutable
 from smartmot.types import FloatArray
 
 MAX_WAY_M = 5000.0

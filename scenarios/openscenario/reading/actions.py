@@ -1,8 +1,7 @@
-"""Actions from XML."""
+"""Actions from XML, where their declarations alone do not say how."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import cast
 
 from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
@@ -17,23 +16,20 @@ from scenarios.openscenario.model import (
     LightStateAction,
     LongitudinalDistanceAction,
     ModifyVariableAction,
+    PrivateAction,
     RelativeSpeed,
     SetVariableAction,
     SpeedAction,
     SpeedShape,
     SteadyState,
     SynchronizeAction,
-    TeleportAction,
     TimeReference,
-    VisibilityAction,
 )
 from scenarios.openscenario.reading.document import Node
+from scenarios.openscenario.reading.elements import Context, allow, declared, one_of, read, reads
 from scenarios.openscenario.reading.parameters import typed
-from scenarios.openscenario.reading.positions import Context, position, referenced, route, trajectory
+from scenarios.openscenario.reading.positions import position, referenced, route, trajectory
 
-PRIVATE = (
-    "LongitudinalAction VisibilityAction SynchronizeAction TeleportAction RoutingAction AppearanceAction"
-)
 LIGHTS = (
     "daytimeRunningLights lowBeam highBeam fogLights fogLightsFront fogLightsRear brakeLights warningLights "
     "indicatorLeft indicatorRight reversingLights licensePlateIllumination specialPurposeLights"
@@ -42,36 +38,28 @@ LIGHTS = (
 
 def private_action(node: Node, context: Context) -> Action:
     """Action of an entity, from a PrivateAction element."""
-    child = node.one_of(PRIVATE)
-    if child.tag == "LongitudinalAction":
-        child = child.one_of("SpeedAction LongitudinalDistanceAction")
-    elif child.tag == "RoutingAction":
-        child = child.one_of("FollowTrajectoryAction AssignRouteAction")
-    elif child.tag == "AppearanceAction":
-        child = child.one_of("LightStateAction")
-    return _PRIVATE[child.tag](child, context)
+    return cast(Action, one_of(PrivateAction, node, context))
 
 
 def global_action(node: Node, context: Context) -> Action:
     """Action without actor, from a GlobalAction element."""
     child = node.one_of("EnvironmentAction EntityAction VariableAction")
-    return _GLOBAL[child.tag](child, context)
+    if child.tag == "EnvironmentAction":
+        return EnvironmentAction(environment(referenced(child, "Environment", context)))
+    return _delete_entity(child, context) if child.tag == "EntityAction" else _variable(child, context)
 
 
-def _speed(node: Node, context: Context) -> Action:
-    node.allow(children="SpeedActionDynamics SpeedActionTarget")
+@reads(SpeedAction)
+def _speed(node: Node, context: Context) -> SpeedAction:
+    allow(SpeedAction, node)
     dynamics = node.need("SpeedActionDynamics")
     dynamics.allow("dynamicsShape dynamicsDimension value followingMode")
     dynamics.choice("followingMode", "position follow", "position")
     shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
     dimension = dynamics.choice("dynamicsDimension", "time rate distance")
     value = dynamics.positive("value", zero=shape == "step" or dimension != "rate")
-    return SpeedAction(
-        cast(SpeedShape, shape),
-        cast(Dimension, dimension),
-        value,
-        _speed_target(node.need("SpeedActionTarget"), context),
-    )
+    target = _speed_target(node.need("SpeedActionTarget"), context)
+    return SpeedAction(cast(SpeedShape, shape), cast(Dimension, dimension), value, target)
 
 
 def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
@@ -86,10 +74,9 @@ def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
     return RelativeSpeed(context.entity(target), target.number("value"), kind == "factor")
 
 
-def _distance(node: Node, context: Context) -> Action:
-    node.allow(
-        "entityRef distance timeGap freespace continuous displacement coordinateSystem", "DynamicConstraints"
-    )
+@reads(LongitudinalDistanceAction)
+def _distance(node: Node, context: Context) -> LongitudinalDistanceAction:
+    allow(LongitudinalDistanceAction, node)
     constraints = node.get("DynamicConstraints")
     if constraints is not None:
         raise UnsupportedError(
@@ -97,25 +84,12 @@ def _distance(node: Node, context: Context) -> Action:
         )
     if node.has("distance") == node.has("timeGap"):
         raise ContentError(f"{node.where} needs either 'distance' or 'timeGap'")
-    node.choice("coordinateSystem", "entity lane road trajectory", "entity")
-    side = node.choice(
-        "displacement", "any leadingReferencedEntity trailingReferencedEntity", "trailingReferencedEntity"
-    )
-    return LongitudinalDistanceAction(
-        context.entity(node),
-        node.positive("distance") if node.has("distance") else None,
-        node.positive("timeGap") if node.has("timeGap") else None,
-        node.boolean("freespace"),
-        node.boolean("continuous"),
-        None if side == "any" else side == "leadingReferencedEntity",
-    )
+    return declared(LongitudinalDistanceAction, node, context)
 
 
-def _synchronize(node: Node, context: Context) -> Action:
-    node.allow(
-        "masterEntityRef targetTolerance targetToleranceMaster",
-        "TargetPositionMaster TargetPosition FinalSpeed",
-    )
+@reads(SynchronizeAction)
+def _synchronize(node: Node, context: Context) -> SynchronizeAction:
+    allow(SynchronizeAction, node)
     for name in ("targetTolerance", "targetToleranceMaster"):
         if node.number(name, 0.0) != 0.0:
             raise UnsupportedError(f"{node.where} {name} other than 0 is not supported")
@@ -150,11 +124,9 @@ def _synchronize(node: Node, context: Context) -> Action:
     )
 
 
-def _follow_trajectory(node: Node, context: Context) -> Action:
-    node.allow(
-        "initialDistanceOffset",
-        "TimeReference TrajectoryFollowingMode TrajectoryRef Trajectory CatalogReference",
-    )
+@reads(FollowTrajectoryAction)
+def _follow_trajectory(node: Node, context: Context) -> FollowTrajectoryAction:
+    allow(FollowTrajectoryAction, node)
     mode = node.need("TrajectoryFollowingMode")
     mode.allow("followingMode")
     steers = mode.choice("followingMode", "position follow") == "follow"
@@ -162,51 +134,25 @@ def _follow_trajectory(node: Node, context: Context) -> Action:
     if reference is None:  # 1.0: the trajectory or its catalog reference stands in the action itself
         reference = node.without("TimeReference TrajectoryFollowingMode")
     curve = trajectory(reference, context)
-    return FollowTrajectoryAction(
-        curve,
-        node.positive("initialDistanceOffset", 0.0),
-        _time_reference(node.need("TimeReference")),
-        steers,
-    )
+    initial_distance_m = node.positive("initialDistanceOffset", 0.0)
+    timing = node.need("TimeReference").one_of("None Timing")
+    times = None if timing.tag == "None" else read(TimeReference, timing, context)
+    return FollowTrajectoryAction(curve, initial_distance_m, times, steers)
 
 
-def _time_reference(node: Node) -> TimeReference | None:
-    child = node.one_of("None Timing")
-    if child.tag == "None":
-        return None
-    child.allow("domainAbsoluteRelative scale offset")
-    return TimeReference(
-        child.choice("domainAbsoluteRelative", "absolute relative") == "relative",
-        child.positive("scale", zero=False),
-        child.number("offset"),
-    )
-
-
-def _assign_route(node: Node, context: Context) -> Action:
+@reads(AssignRouteAction)
+def _assign_route(node: Node, context: Context) -> AssignRouteAction:
     return AssignRouteAction(route(node, context))
 
 
-def _teleport(node: Node, context: Context) -> Action:
-    node.allow(children="Position")
-    return TeleportAction(position(node.need("Position"), context))
-
-
-def _visibility(node: Node, context: Context) -> Action:
-    node.allow("graphics sensors traffic")
-    return VisibilityAction(node.boolean("graphics"), node.boolean("sensors"), node.boolean("traffic"))
-
-
-def _light(node: Node, context: Context) -> Action:
-    node.allow("transitionTime", "LightType LightState")
+@reads(LightStateAction)
+def _light(node: Node, context: Context) -> LightStateAction:
+    allow(LightStateAction, node)
     light = node.need("LightType").one_of("VehicleLight")
     light.allow("vehicleLightType")
     state = node.need("LightState")
     state.allow("mode luminousIntensity flashingOnDuration flashingOffDuration")
     return LightStateAction(light.choice("vehicleLightType", LIGHTS), state.choice("mode", "on off flashing"))
-
-
-def _environment(node: Node, context: Context) -> Action:
-    return EnvironmentAction(environment(referenced(node, "Environment", context)))
 
 
 def environment(node: Node) -> Environment:
@@ -246,13 +192,13 @@ def environment(node: Node) -> Environment:
     return Environment(node.text("name"), **values)  # type: ignore[arg-type]
 
 
-def _entity(node: Node, context: Context) -> Action:
+def _delete_entity(node: Node, context: Context) -> DeleteEntityAction:
     node.allow("entityRef", "DeleteEntityAction")
     node.need("DeleteEntityAction").allow()
     return DeleteEntityAction(context.entity(node))
 
 
-def _variable(node: Node, context: Context) -> Action:
+def _variable(node: Node, context: Context) -> SetVariableAction | ModifyVariableAction:
     name = context.variable(node)
     child = node.one_of("SetAction ModifyAction", "variableRef")
     if child.tag == "SetAction":
@@ -266,20 +212,3 @@ def _variable(node: Node, context: Context) -> Action:
     rule = child.need("Rule").one_of("AddValue MultiplyByValue")
     rule.allow("value")
     return ModifyVariableAction(name, "add" if rule.tag == "AddValue" else "multiply", rule.number("value"))
-
-
-_PRIVATE: dict[str, Callable[[Node, Context], Action]] = {
-    "SpeedAction": _speed,
-    "LongitudinalDistanceAction": _distance,
-    "SynchronizeAction": _synchronize,
-    "FollowTrajectoryAction": _follow_trajectory,
-    "AssignRouteAction": _assign_route,
-    "TeleportAction": _teleport,
-    "VisibilityAction": _visibility,
-    "LightStateAction": _light,
-}
-_GLOBAL: dict[str, Callable[[Node, Context], Action]] = {
-    "EnvironmentAction": _environment,
-    "EntityAction": _entity,
-    "VariableAction": _variable,
-}

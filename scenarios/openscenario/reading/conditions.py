@@ -1,44 +1,27 @@
-"""Triggers and conditions from XML."""
+"""Triggers and conditions from XML, where their declarations alone do not say how."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import cast
 
-from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
+from scenarios.openscenario.errors import ContentError, ParameterError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
-    AccelerationCondition,
-    AngleCondition,
     CollisionCondition,
     Condition,
-    Direction,
-    Distance,
     EntityCondition,
     EntityConditionKind,
     ParameterCondition,
-    ReachPositionCondition,
-    RelativeDistanceCondition,
-    RelativeSpeedCondition,
-    SimulationTimeCondition,
-    SpeedCondition,
-    StandStillCondition,
+    Rule,
     StoryboardElementStateCondition,
-    TimeHeadwayCondition,
     TimeToCollisionCondition,
-    TraveledDistanceCondition,
     Trigger,
     ValueConditionKind,
     VariableCondition,
 )
 from scenarios.openscenario.reading.document import Node
+from scenarios.openscenario.reading.elements import Context, allow, chosen, declared, one_of, read, reads
 from scenarios.openscenario.reading.parameters import RULES, compare
-from scenarios.openscenario.reading.positions import Context, position
-
-ELEMENT_KINDS = "story act maneuverGroup maneuver event action"
-ELEMENT_STATES = (
-    "startTransition endTransition stopTransition skipTransition completeState runningState standbyState"
-)
 
 
 def trigger(node: Node | None, context: Context) -> Trigger | None:
@@ -57,43 +40,31 @@ def trigger(node: Node | None, context: Context) -> Trigger | None:
 
 def _condition(node: Node, context: Context) -> Condition:
     child = node.one_of("ByEntityCondition ByValueCondition", "name delay conditionEdge")
-    kind = _by_entity(child, context) if child.tag == "ByEntityCondition" else _by_value(child, context)
-    return Condition(
-        node.text("name"),
-        node.positive("delay", 0.0),
-        node.choice("conditionEdge", "none rising falling risingOrFalling"),
-        kind,
-    )
+    kind: ValueConditionKind | EntityCondition
+    if child.tag == "ByEntityCondition":
+        kind = read(EntityCondition, child, context)
+    else:
+        kind = cast(ValueConditionKind, one_of(ValueConditionKind, child, context))
+    return declared(Condition, node, context, kind=kind)
 
 
-def _by_value(node: Node, context: Context) -> ValueConditionKind:
-    child = node.one_of(
-        "SimulationTimeCondition ParameterCondition VariableCondition StoryboardElementStateCondition"
-    )
-    if child.tag == "SimulationTimeCondition":
-        child.allow("value rule")
-        return SimulationTimeCondition(child.choice("rule", RULES), child.number("value"))
-    if child.tag == "ParameterCondition":
-        child.allow("parameterRef value rule")
-        name = child.text("parameterRef")
-        if name not in child.scope:
-            raise ParameterError(f"{child.where} parameter '{name}' is not declared")
-        rule, value = _comparison(child, child.scope[name])
-        return ParameterCondition(child.scope[name], rule, value)
-    if child.tag == "VariableCondition":
-        child.allow("variableRef value rule")
-        name = context.variable(child)
-        return VariableCondition(name, *_comparison(child, context.variables[name]))
-    child.allow("storyboardElementType storyboardElementRef state")
-    path = child.text("storyboardElementRef").replace("::", "/").strip("/").split("/")
-    return StoryboardElementStateCondition(
-        child.choice("storyboardElementType", ELEMENT_KINDS),
-        tuple(path),
-        child.choice("state", ELEMENT_STATES),
-    )
+@reads(ParameterCondition)
+def _parameter(node: Node, context: Context) -> ParameterCondition:
+    allow(ParameterCondition, node)
+    name = node.text("parameterRef")
+    if name not in node.scope:
+        raise ParameterError(f"{node.where} parameter '{name}' is not declared")
+    return ParameterCondition(node.scope[name], *_comparison(node, node.scope[name]))
 
 
-def _comparison(node: Node, actual: Value) -> tuple[str, Value]:
+@reads(VariableCondition)
+def _variable(node: Node, context: Context) -> VariableCondition:
+    allow(VariableCondition, node)
+    name = context.variable(node)
+    return VariableCondition(name, *_comparison(node, context.variables[name]))
+
+
+def _comparison(node: Node, actual: Value) -> tuple[Rule, Value]:
     """Rule and value of a condition that compares with `actual`.
 
     Raises:
@@ -104,139 +75,52 @@ def _comparison(node: Node, actual: Value) -> tuple[str, Value]:
         compare(rule, actual, value)
     except ParameterError as error:
         raise ParameterError(f"{node.where} {error}") from None
-    return rule, value
+    return cast(Rule, rule), value
 
 
+@reads(StoryboardElementStateCondition)
+def _element_state(node: Node, context: Context) -> StoryboardElementStateCondition:
+    allow(StoryboardElementStateCondition, node)
+    path = node.text("storyboardElementRef").replace("::", "/").strip("/").split("/")
+    return declared(StoryboardElementStateCondition, node, context, path=tuple(path))
+
+
+@reads(EntityCondition)
 def _by_entity(node: Node, context: Context) -> EntityCondition:
-    node.allow(children="TriggeringEntities EntityCondition")
+    allow(EntityCondition, node)
     who = node.need("TriggeringEntities")
     who.allow("triggeringEntitiesRule", "EntityRef")
-    entities: list[str] = []
-    for reference in who:
-        reference.allow("entityRef")
-        entities.append(context.entity(reference))
+    entities = entity_references(who, context)
     if not entities:
         raise ContentError(f"{who.where} needs at least one EntityRef")
-    child = node.need("EntityCondition").one_of(" ".join(_ENTITY))
+    kind, child = chosen(EntityConditionKind, node.need("EntityCondition"))
     every = who.choice("triggeringEntitiesRule", "any all") == "all"
-    return EntityCondition(tuple(entities), every, _ENTITY[child.tag](child, context))
+    return EntityCondition(entities, every, cast(EntityConditionKind, read(kind, child, context)))
 
 
-def _collision(node: Node, context: Context) -> EntityConditionKind:
+def entity_references(node: Node, context: Context) -> tuple[str, ...]:
+    """Names of the entities that the EntityRef children of an element refer to."""
+    names: list[str] = []
+    for child in node:
+        child.allow("entityRef")
+        names.append(context.entity(child))
+    return tuple(names)
+
+
+@reads(CollisionCondition)
+def _collision(node: Node, context: Context) -> CollisionCondition:
+    return CollisionCondition(_target(node, context))
+
+
+@reads(TimeToCollisionCondition)
+def _time_to_collision(node: Node, context: Context) -> TimeToCollisionCondition:
+    allow(TimeToCollisionCondition, node)
+    entity = _target(node.need("TimeToCollisionConditionTarget"), context)
+    return declared(TimeToCollisionCondition, node, context, entity=entity)
+
+
+def _target(node: Node, context: Context) -> str:
+    """The entity that an element holds a reference to."""
     child = node.one_of("EntityRef")
     child.allow("entityRef")
-    return CollisionCondition(context.entity(child))
-
-
-def _speed(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("value rule direction")
-    return SpeedCondition(node.choice("rule", RULES), node.number("value"), _direction(node))
-
-
-def _relative_speed(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("entityRef value rule direction")
-    return RelativeSpeedCondition(
-        context.entity(node), node.choice("rule", RULES), node.number("value"), _direction(node)
-    )
-
-
-def _acceleration(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("value rule direction")
-    return AccelerationCondition(node.choice("rule", RULES), node.number("value"), _direction(node))
-
-
-def _direction(node: Node) -> Direction | None:
-    if not node.has("direction"):
-        return None
-    return cast(Direction, node.choice("direction", "longitudinal lateral vertical"))
-
-
-def _relative_distance(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("entityRef value rule relativeDistanceType freespace coordinateSystem routingAlgorithm")
-    node.choice("coordinateSystem", "entity", "entity")
-    return RelativeDistanceCondition(
-        context.entity(node),
-        node.choice("rule", RULES),
-        node.number("value"),
-        _distance_type(node),
-        node.boolean("freespace"),
-    )
-
-
-def _distance_type(node: Node, default: str | None = None) -> Distance:
-    """How a distance is measured; 1.0 calls the straight line `cartesianDistance`."""
-    options = "longitudinal lateral cartesianDistance euclidianDistance"
-    kind = node.choice("relativeDistanceType", options, default)
-    return cast(Distance, "euclidianDistance" if kind == "cartesianDistance" else kind)
-
-
-def _time_to_collision(node: Node, context: Context) -> EntityConditionKind:
-    node.allow(_TIMED, "TimeToCollisionConditionTarget")
-    target = node.need("TimeToCollisionConditionTarget").one_of("EntityRef")
-    target.allow("entityRef")
-    return TimeToCollisionCondition(
-        context.entity(target),
-        node.choice("rule", RULES),
-        node.number("value"),
-        _timed_distance(node),
-        node.boolean("freespace"),
-    )
-
-
-def _time_headway(node: Node, context: Context) -> EntityConditionKind:
-    node.allow(f"entityRef {_TIMED}")
-    return TimeHeadwayCondition(
-        context.entity(node),
-        node.choice("rule", RULES),
-        node.number("value"),
-        _timed_distance(node),
-        node.boolean("freespace"),
-    )
-
-
-_TIMED = "value rule freespace alongRoute coordinateSystem relativeDistanceType routingAlgorithm"
-
-
-def _timed_distance(node: Node) -> Distance:
-    """How a time to an entity measures the distance: in a straight line unless the file says otherwise."""
-    node.choice("coordinateSystem", "entity", "entity")
-    if node.boolean("alongRoute", False):
-        raise UnsupportedError(f"{node.where} alongRoute='true' is not supported")
-    return _distance_type(node, "euclidianDistance")
-
-
-def _stand_still(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("duration")
-    return StandStillCondition(node.positive("duration"))
-
-
-def _traveled(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("value")
-    return TraveledDistanceCondition(node.number("value"))
-
-
-def _angle(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("angleType angle angleTolerance coordinateSystem")
-    node.choice("angleType", "heading")
-    node.choice("coordinateSystem", "world", "world")
-    return AngleCondition(node.number("angle"), node.positive("angleTolerance"))
-
-
-def _reach(node: Node, context: Context) -> EntityConditionKind:
-    node.allow("tolerance", "Position")
-    return ReachPositionCondition(position(node.need("Position"), context), node.positive("tolerance"))
-
-
-_ENTITY: dict[str, Callable[[Node, Context], EntityConditionKind]] = {
-    "CollisionCondition": _collision,
-    "SpeedCondition": _speed,
-    "RelativeSpeedCondition": _relative_speed,
-    "AccelerationCondition": _acceleration,
-    "RelativeDistanceCondition": _relative_distance,
-    "TimeToCollisionCondition": _time_to_collision,
-    "TimeHeadwayCondition": _time_headway,
-    "StandStillCondition": _stand_still,
-    "TraveledDistanceCondition": _traveled,
-    "AngleCondition": _angle,
-    "ReachPositionCondition": _reach,
-}
+    return context.entity(child)

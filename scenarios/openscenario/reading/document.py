@@ -111,8 +111,9 @@ class Node:
         tags = children.split()
         for child in self.element:
             if child.tag not in tags:
+                name = f"<{child.tag}>" if isinstance(child.tag, str) else f"the entity {child.text}"
                 raise UnsupportedError(
-                    f"{self.file}:{child.sourceline}: <{child.tag}> in <{self.tag}> is not supported; "
+                    f"{self.file}:{child.sourceline}: {name} in <{self.tag}> is not supported; "
                     f"supported there: {', '.join(tags) or 'no element'}"
                 )
 
@@ -206,11 +207,11 @@ class Node:
         except KeyError:
             raise ParameterError(f"parameter '{name}' is not declared") from None
 
-    def text(self, name: str, default: str | None = None) -> str:
+    def text(self, name: str, default: Value | None = None) -> str:
         """Attribute as text."""
         return as_text(self.value(name, default))
 
-    def number(self, name: str, default: float | None = None) -> float:
+    def number(self, name: str, default: Value | None = None) -> float:
         """Attribute as a finite number.
 
         Raises:
@@ -224,7 +225,7 @@ class Node:
             )
         return number
 
-    def positive(self, name: str, default: float | None = None, zero: bool = True) -> float:
+    def positive(self, name: str, default: Value | None = None, zero: bool = True) -> float:
         """Attribute as a number that is not negative (and not zero, if `zero` is false).
 
         Raises:
@@ -238,7 +239,7 @@ class Node:
             )
         return number
 
-    def integer(self, name: str, default: int | None = None) -> int:
+    def integer(self, name: str, default: Value | None = None) -> int:
         """Attribute as a whole number.
 
         Raises:
@@ -249,7 +250,7 @@ class Node:
             raise ContentError(f"{self.where} {name}: expected a whole number, got {number:g}")
         return round(number)
 
-    def boolean(self, name: str, default: bool | None = None) -> bool:
+    def boolean(self, name: str, default: Value | None = None) -> bool:
         """Attribute as true or false.
 
         Raises:
@@ -261,7 +262,7 @@ class Node:
             raise ContentError(f"{self.where} {name}: expected true or false, got '{as_text(value)}'")
         return truth
 
-    def choice(self, name: str, options: str, default: str | None = None) -> str:
+    def choice(self, name: str, options: str, default: Value | None = None) -> str:
         """Attribute as one of the options (separated by blanks).
 
         Raises:

@@ -29,10 +29,11 @@ from scenarios.openscenario.model import (
 )
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
-from scenarios.openscenario.reading.conditions import trigger
+from scenarios.openscenario.reading.conditions import entity_references, trigger
 from scenarios.openscenario.reading.document import Node, parse
+from scenarios.openscenario.reading.elements import Context, read
 from scenarios.openscenario.reading.parameters import Declarations, variables
-from scenarios.openscenario.reading.positions import Context
+from scenarios.openscenario.reading.positions import scoped
 
 _VEHICLES = {
     "car": "car",
@@ -144,13 +145,11 @@ def _entity(node: Node, context: Context) -> EntityDefinition:
     name = node.text("name")
     child = node.one_of("CatalogReference Vehicle Pedestrian MiscObject", "name")
     if child.tag == "CatalogReference":
-        return _object(name, context.catalogs.entry(child, "Vehicle Pedestrian MiscObject"))
-    return _object(
-        name, child.within(Declarations(child.get("ParameterDeclarations"), {}, child.scope).scope())
-    )
+        return _object(name, context.catalogs.entry(child, "Vehicle Pedestrian MiscObject"), context)
+    return _object(name, scoped(child), context)
 
 
-def _object(name: str, node: Node) -> EntityDefinition:
+def _object(name: str, node: Node, context: Context) -> EntityDefinition:
     if node.tag == "Vehicle":
         node.allow(
             "name vehicleCategory mass role model3d",
@@ -180,14 +179,7 @@ def _object(name: str, node: Node) -> EntityDefinition:
         height_m=size.positive("height"),
         center_x_m=center.number("x"),
         center_y_m=center.number("y"),
-        performance=None if limits is None else _performance(limits),
-    )
-
-
-def _performance(node: Node) -> Performance:
-    node.allow("maxSpeed maxAcceleration maxDeceleration maxAccelerationRate maxDecelerationRate")
-    return Performance(
-        node.positive("maxSpeed"), node.positive("maxAcceleration"), node.positive("maxDeceleration")
+        performance=None if limits is None else read(Performance, limits, context),
     )
 
 
@@ -211,13 +203,8 @@ def _init(node: Node, context: Context) -> list[tuple[str | None, Action]]:
 
 def _story(node: Node, context: Context) -> Story:
     node.allow("name", "ParameterDeclarations Act")
-    inner = _inner(node)
+    inner = scoped(node)
     return Story(node.text("name"), tuple(_act(child, context) for child in inner.all("Act")))
-
-
-def _inner(node: Node) -> Node:
-    """The element, seeing the parameters that it declares itself."""
-    return node.within(Declarations(node.get("ParameterDeclarations"), {}, node.scope).scope())
 
 
 def _act(node: Node, context: Context) -> Act:
@@ -238,16 +225,13 @@ def _group(node: Node, context: Context) -> ManeuverGroup:
         raise UnsupportedError(
             f"{actors.where} selectTriggeringEntities='true' is not supported; name the actors"
         )
-    entities: list[str] = []
-    for reference in actors:
-        reference.allow("entityRef")
-        entities.append(context.entity(reference))
+    entities = entity_references(actors, context)
     maneuvers: list[Maneuver] = []
     for child in node:
         if child.tag == "CatalogReference":
-            maneuvers.append(_maneuver(context.catalogs.entry(child, "Maneuver"), tuple(entities), context))
+            maneuvers.append(_maneuver(context.catalogs.entry(child, "Maneuver"), entities, context))
         elif child.tag == "Maneuver":
-            maneuvers.append(_maneuver(_inner(child), tuple(entities), context))
+            maneuvers.append(_maneuver(scoped(child), entities, context))
     return ManeuverGroup(node.text("name"), _count(node), tuple(maneuvers))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenarios.openscenario import model
-from scenarios.openscenario.motion.positions import references
+from scenarios.openscenario.elements import referred
 from scenarios.openscenario.reading.parameters import compare
 from scenarios.openscenario.running import holding, own, relative
 from scenarios.openscenario.running.actors import Actor
@@ -64,22 +64,6 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
             return relative.TimeToCollision(kind, actor, other)
         case model.TimeHeadwayCondition():
             return relative.TimeHeadway(kind, actor, other)
-
-
-def referred(kind: model.EntityConditionKind) -> frozenset[str]:
-    """Entities that a condition refers to beside the triggering ones."""
-    match kind:
-        case (
-            model.CollisionCondition()
-            | model.RelativeSpeedCondition()
-            | model.RelativeDistanceCondition()
-            | model.TimeToCollisionCondition()
-            | model.TimeHeadwayCondition()
-        ):
-            return frozenset({kind.entity})
-        case model.ReachPositionCondition():
-            return references(kind.position)
-    return frozenset()
 
 
 WORTH_S, RETRY_S = 0.02, 0.1

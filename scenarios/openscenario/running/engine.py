@@ -14,12 +14,12 @@ import numpy as np
 
 from scenarios.openscenario import model
 from scenarios.openscenario.control import EgoController
+from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Pose
-from scenarios.openscenario.motion.positions import Locator, references
+from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
-from scenarios.openscenario.running.actions import referred
 from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.initial import in_order
@@ -233,19 +233,19 @@ class Engine:
                 match action:
                     case model.SynchronizeAction():
                         for position in (action.target, action.master_target):
-                            if not references(position):
+                            if not referred(position):
                                 locator.pose(position)
-                    case model.TeleportAction() if not references(action.position):
+                    case model.TeleportAction() if not referred(action.position):
                         locator.pose(action.position)
                     case model.FollowTrajectoryAction(trajectory=curve):
-                        if not starts_at_entity(curve) and not references(curve):
+                        if not starts_at_entity(curve) and not referred(curve):
                             locator.trajectory(curve, None)
-                    case model.AssignRouteAction() if not references(action.route):
+                    case model.AssignRouteAction() if not referred(action.route):
                         locator.legs(action.route)
         for condition in self.definition.conditions():
             match condition.kind:
                 case model.EntityCondition(kind=model.ReachPositionCondition(position=position)):
-                    if not references(position):
+                    if not referred(position):
                         locator.pose(position)
 
     def _pose_now(self, name: str) -> Pose:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from scenarios.openscenario import model
-from scenarios.openscenario.running.actions import referred
+from scenarios.openscenario.elements import referred
 
 InitialAction = tuple[str | None, model.Action]
 """Entity (None: a global action) and action."""

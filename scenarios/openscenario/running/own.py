@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from scenarios.openscenario import model
+from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Pose
-from scenarios.openscenario.motion.positions import references
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.holding import SLACK, Compared, Holding, settled_for_s
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
@@ -136,7 +136,7 @@ class ReachPosition(Compared):
     def __init__(self, condition: model.ReachPositionCondition, actor: Actor, world: World) -> None:
         super().__init__("lessOrEqual", condition.tolerance_m)
         self._position, self._actor, self._world = condition.position, actor, world
-        self._leaders = [world.actors[name] for name in sorted(references(condition.position))]
+        self._leaders = [world.actors[name] for name in sorted(referred(condition.position))]
         self._fixed: Pose | None = None
 
     def quantity(self, instant: Instant) -> float:

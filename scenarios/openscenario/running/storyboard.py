@@ -3,18 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 from scenarios.openscenario import model
+from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.reading.reader import ends_with
-from scenarios.openscenario.running.actions import RunningAction, referred, running
+from scenarios.openscenario.running import following
+from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
+from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
 
 STANDBY, RUNNING, COMPLETE = "standbyState", "runningState", "completeState"
 MAX_ROUNDS = 1000
 """Changes that may follow from one another at one instant; more is a circle in the scenario."""
+
+
+Running: TypeAlias = RunningAction[model.Action]
+
+
+def running(world: World, actor: Actor | None, action: model.Action) -> Running:
+    """The action as it is carried out by an entity (None: a global action)."""
+    if actor is not None:
+        match action:
+            case model.SpeedAction():
+                return Speed(world, actor, action)
+            case model.LongitudinalDistanceAction():
+                return LongitudinalDistance(world, actor, action)
+            case model.FollowTrajectoryAction():
+                return following.FollowTrajectory(world, actor, action)
+            case model.AssignRouteAction():
+                return following.AssignRoute(world, actor, action)
+            case model.TeleportAction():
+                return following.Teleport(world, actor, action)
+            case model.SynchronizeAction():
+                return Synchronize(world, actor, action)
+    return Switch(world, actor, action)
 
 
 class TriggerWatch:
@@ -90,7 +116,7 @@ class ActionElement(Element):
     def __init__(self, path: tuple[str, ...], action: model.NamedAction) -> None:
         super().__init__("action", path)
         self.action = action
-        self.running: list[RunningAction] = []
+        self.running: list[Running] = []
 
     def halt(self, time_s: float) -> None:
         """Stop what is running."""
@@ -163,7 +189,7 @@ class Storyboard:
             element.children = [ActElement((story.name, act.name), act, world) for act in story.acts]
             self._stories.append(element)
         self._elements = [element for story in self._stories for element in story.everything()]
-        self._running: list[RunningAction] = []
+        self._running: list[Running] = []
         self._found: dict[tuple[str, tuple[str, ...]], Element] = {}
         self.over = False
         world.element_state = self._element_state
@@ -177,12 +203,10 @@ class Storyboard:
 
     # Actions
 
-    def execute(
-        self, instant: Instant, action: model.Action, entities: tuple[str, ...]
-    ) -> list[RunningAction]:
+    def execute(self, instant: Instant, action: model.Action, entities: tuple[str, ...]) -> list[Running]:
         """Start an action for its actors; what they do in the same domain ends."""
         actors: list[Actor | None] = [self._world.actors[name] for name in entities]
-        started: list[RunningAction] = []
+        started: list[Running] = []
         for actor in actors or [None]:
             if actor is not None and not actor.exists:
                 continue
@@ -242,7 +266,7 @@ class Storyboard:
         return self._elements
 
     @property
-    def running(self) -> list[RunningAction]:
+    def running(self) -> list[Running]:
         """Actions that go on."""
         return self._running
 

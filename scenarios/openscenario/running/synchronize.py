@@ -1,4 +1,4 @@
-"""Speed profiles that bring an entity to a place at a time with a speed.
+"""SynchronizeAction: speed profiles that bring an entity to a place at a time with a speed.
 
 The approach has two parts: first the speed changes to the final one, then (the steady state) it is kept for
 the rest of the way. In the first part the entity changes its speed with accelerations of one size: to an
@@ -9,7 +9,12 @@ from __future__ import annotations
 
 import math
 
-from scenarios.openscenario.motion.profiles import Piece
+from scenarios.openscenario import model
+from scenarios.openscenario.motion.paths import Path
+from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
+from scenarios.openscenario.running.actions import LONGITUDINAL, RunningAction, target_speed_mps
+from scenarios.openscenario.running.actors import STANDING_MPS, Actor
+from scenarios.openscenario.running.world import Instant, World
 
 _SMALL = 1e-9
 
@@ -52,3 +57,103 @@ def approach(
 def final_speed_without_wish(speed_mps: float, distance_m: float, time_s: float) -> float:
     """Speed at the place if no final speed is asked for: constant acceleration, never backwards."""
     return max(2.0 * distance_m / time_s - speed_mps, 0.0) if time_s > _SMALL else speed_mps
+
+
+PLAN_EPSILON_S = 1e-9
+"""A plan is made again if the master's expected arrival changes by more."""
+
+NO_ARRIVAL_S = 1e5
+"""Time that is planned with as long as a master stands: who is synchronised with it comes to a standstill."""
+
+
+class Synchronize(RunningAction[model.SynchronizeAction]):
+    """SynchronizeAction.
+
+    While the entity waits, its plan follows the master's expected arrival. From the moment that it sets off
+    (or, if it was already moving, from the beginning of its steady state) the plan is kept, whatever the
+    master does.
+    """
+
+    domains = frozenset({LONGITUDINAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.SynchronizeAction) -> None:
+        super().__init__(world, actor, action)
+        self._arrival_s = math.inf
+        self._frozen = False
+        self._own_path: Path | None = None
+        self._master_path: Path | None = None
+
+    def start(self, time_s: float) -> None:
+        """Find both places, and make the first plan."""
+        action, actor = self.action, self.who
+        self._master = self.world.actors[action.master]
+        self._target = self.world.locator.pose(action.target)
+        self._master_target = self.world.locator.pose(action.master_target)
+        self._from_rest = abs(actor.asked_mps(time_s)) <= STANDING_MPS
+        self._find_stations()
+        self._arrival_s = self._master.arrives_s(time_s, self._master_station)
+        self._plan(time_s)
+
+    def _find_stations(self) -> bool:
+        """Find both places on the ways of the two, if these are new; whether one is."""
+        actor, master = self.who, self._master
+        if actor.path is self._own_path and master.path is self._master_path:
+            return False
+        self._own_path, self._master_path = actor.path, master.path
+        self._station = actor.path.project(self._target.x_m, self._target.y_m)[0]
+        self._master_station = master.path.project(self._master_target.x_m, self._master_target.y_m)[0]
+        return True
+
+    def update(self, instant: Instant) -> bool:
+        """Make a new plan if a way is a new one, or the master will arrive at another time than planned."""
+        time_s = instant.time_s
+        moved = self._find_stations()
+        if self._frozen:
+            return False
+        speed = abs(instant.state(self.who.name).speed_mps)
+        if (self._from_rest and speed > STANDING_MPS) or time_s >= self._steady_from_s:
+            self._frozen = True
+            return False
+        arrival = self._master.arrives_s(time_s, self._master_station)
+        if moved or (arrival != self._arrival_s and not abs(arrival - self._arrival_s) <= PLAN_EPSILON_S):
+            self._arrival_s = arrival
+            self._plan(time_s)
+            return True
+        return False
+
+    def _plan(self, time_s: float) -> None:
+        action, actor, arrival = self.action, self.who, self._arrival_s
+        state = actor.state(time_s)
+        speed = actor.progress_mps(state)
+        left_m = max(self._station - state.station_m, 0.0)
+        left_s = arrival - time_s if arrival < math.inf else NO_ARRIVAL_S
+        if action.final_speed is None:
+            final = final_speed_without_wish(speed, left_m, left_s) if arrival < math.inf else 0.0
+        else:
+            final = target_speed_mps(action.final_speed, self.world, time_s)
+        if self._from_rest and final <= 0.0:
+            self._steady_from_s = time_s + left_s
+            return
+        steady_m, steady_s = self._steady(final)
+        pieces = approach(max(speed, 0.0), final, left_m - steady_m, left_s - steady_s)
+        # no way or no time left: on at the final speed
+        profile = self.drive(time_s, SpeedProfile(time_s, final, pieces or ()))
+        self._steady_from_s = profile.end_s
+
+    def _steady(self, final_mps: float) -> tuple[float, float]:
+        """Way and duration of the steady state."""
+        steady = self.action.steady
+        if steady is None or final_mps <= 0.0:
+            return 0.0, 0.0
+        if steady.distance_m is not None:
+            return steady.distance_m, steady.distance_m / final_mps
+        duration = steady.time_s or 0.0
+        return duration * final_mps, duration
+
+    def ended(self, instant: Instant) -> bool:
+        """The entity is at its place."""
+        return instant.state(self.who.name).station_m >= self._station - 1e-9
+
+    def needs(self) -> frozenset[str]:
+        """The master, as long as the plan follows it."""
+        return frozenset() if self._frozen else frozenset({self.action.master})

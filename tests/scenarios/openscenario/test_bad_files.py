@@ -199,7 +199,7 @@ def test_entities_are_not_expanded(tmp_path):
         "<ParameterDeclarations>&b;</ParameterDeclarations></OpenSCENARIO>",
         encoding="utf-8",
     )
-    with pytest.raises(OpenScenarioError):
+    with pytest.raises(OpenScenarioError, match=":1: the entity &b; in <ParameterDeclarations> is not supp"):
         load(path)
 
 

@@ -1,0 +1,179 @@
+"""Actions of entities (private) and of the scenario (global)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model.entities import Environment
+from scenarios.openscenario.model.positions import Position, Route, Trajectory
+
+SpeedShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal"]
+Dimension: TypeAlias = Literal["time", "rate", "distance"]
+
+
+class RelativeSpeed(Element):
+    """Speed relative to an entity's: difference in m/s, or factor."""
+
+    entity: EntityName
+    value: float
+    is_factor: bool
+
+
+class SpeedAction(Element, group="LongitudinalAction", children="SpeedActionDynamics SpeedActionTarget"):
+    """Change to a speed with given dynamics."""
+
+    shape: SpeedShape
+    dimension: Dimension
+    value: float
+    target: float | RelativeSpeed
+
+
+class LongitudinalDistanceAction(
+    Element,
+    group="LongitudinalAction",
+    attributes="entityRef distance timeGap freespace continuous displacement coordinateSystem",
+    children="DynamicConstraints",
+    first="ahead",
+):
+    """Be at a distance (or time gap) from an entity at once, and, if continuous, keep it.
+
+    `ahead` tells on which side of the entity: in front of it, behind, or (None) on the side where it is now.
+    """
+
+    entity: EntityName
+    distance_m: Annotated[float | None, Attribute("distance", sign="not negative")]
+    time_gap_s: Annotated[float | None, Attribute("timeGap", sign="not negative")]
+    freespace: Annotated[bool, Attribute("freespace")]
+    continuous: Annotated[bool, Attribute("continuous")]
+    ahead: Annotated[
+        bool | None,
+        Only("coordinateSystem", "entity lane road trajectory", "entity"),
+        Attribute(
+            "displacement",
+            "trailingReferencedEntity",
+            {"any": None, "leadingReferencedEntity": True, "trailingReferencedEntity": False},
+        ),
+    ]
+
+
+class SteadyState(Element):
+    """Last part of a synchronised approach, at the final speed: a distance or a duration."""
+
+    distance_m: float | None
+    time_s: float | None
+
+
+class SynchronizeAction(
+    Element,
+    attributes="masterEntityRef targetTolerance targetToleranceMaster",
+    children="TargetPositionMaster TargetPosition FinalSpeed",
+):
+    """Be at a place when another entity (the master) is at its place.
+
+    `final_speed` is None where the file asks for none.
+    """
+
+    master: Annotated[str, Reference("masterEntityRef")]
+    master_target: Position
+    target: Position
+    final_speed: float | RelativeSpeed | None
+    steady: SteadyState | None
+
+
+class TimeReference(Element, tag="Timing"):
+    """How times of a trajectory become times of the run."""
+
+    relative: Annotated[
+        bool, Attribute("domainAbsoluteRelative", values={"absolute": False, "relative": True})
+    ]
+    scale: Annotated[float, Attribute("scale", sign="positive")]
+    offset_s: Annotated[float, Attribute("offset")]
+
+
+class FollowTrajectoryAction(
+    Element,
+    group="RoutingAction",
+    attributes="initialDistanceOffset",
+    children="TimeReference TrajectoryFollowingMode TrajectoryRef Trajectory CatalogReference",
+):
+    """Follow a trajectory: at the entity's own speed, or (with `timing`) by the times of its vertices.
+
+    `steers`: it drives to the trajectory from where it is; else it is on it at once.
+    """
+
+    trajectory: Trajectory
+    initial_distance_m: float
+    timing: TimeReference | None
+    steers: bool = False
+
+
+class AssignRouteAction(Element, group="RoutingAction"):
+    """Follow a route."""
+
+    route: Route
+
+
+class TeleportAction(Element):
+    """Be at a place at once."""
+
+    position: Annotated[Position, Child("Position")]
+
+
+class VisibilityAction(Element):
+    """Whether sensors see the entity."""
+
+    graphics: Annotated[bool, Attribute("graphics")]
+    sensors: Annotated[bool, Attribute("sensors")]
+    traffic: Annotated[bool, Attribute("traffic")]
+
+
+class LightStateAction(
+    Element, group="AppearanceAction", attributes="transitionTime", children="LightType LightState"
+):
+    """Switch a light."""
+
+    light: str
+    mode: str
+
+
+class EnvironmentAction(Element):
+    """Change light and weather."""
+
+    environment: Environment
+
+
+class DeleteEntityAction(Element):
+    """Take an entity out of the scenario."""
+
+    entity: str
+
+
+class SetVariableAction(Element):
+    """Give a variable a value."""
+
+    variable: str
+    value: Value
+
+
+class ModifyVariableAction(Element):
+    """Add to a variable or multiply it."""
+
+    variable: str
+    operator: Literal["add", "multiply"]
+    value: float
+
+
+PrivateAction: TypeAlias = (
+    SpeedAction
+    | LongitudinalDistanceAction
+    | VisibilityAction
+    | SynchronizeAction
+    | TeleportAction
+    | FollowTrajectoryAction
+    | AssignRouteAction
+    | LightStateAction
+)
+GlobalAction: TypeAlias = EnvironmentAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction
+Action: TypeAlias = PrivateAction | GlobalAction

@@ -1,0 +1,187 @@
+"""Positions, routes and trajectories."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only
+
+
+class Orientation(Element, attributes="h p r type"):
+    """Heading; `relative` to the frame of the position, or absolute in the map frame."""
+
+    heading_rad: Annotated[float, Attribute("h", 0.0)] = 0.0
+    relative: Annotated[bool, Attribute("type", "absolute", {"relative": True, "absolute": False})] = True
+
+
+Oriented: TypeAlias = Annotated[Orientation, Child("Orientation", Orientation())]
+"""An orientation that may be missing: along the frame of the position."""
+
+
+class WorldPosition(Element, attributes="x y z h p r"):
+    """A point of the map frame."""
+
+    x_m: Annotated[float, Attribute("x")]
+    y_m: Annotated[float, Attribute("y")]
+    heading_rad: Annotated[float, Attribute("h", 0.0)]
+
+
+class LanePosition(Element):
+    """A place in a lane, offset from its middle to the left (positive t)."""
+
+    road_id: Annotated[str, Attribute("roadId")]
+    lane_id: Annotated[int, Attribute("laneId")]
+    s_m: Annotated[float, Attribute("s")]
+    offset_m: Annotated[float, Attribute("offset", 0.0)]
+    orientation: Oriented
+
+
+class RoadPosition(Element):
+    """A place in road coordinates."""
+
+    road_id: Annotated[str, Attribute("roadId")]
+    s_m: Annotated[float, Attribute("s")]
+    t_m: Annotated[float, Attribute("t")]
+    orientation: Oriented
+
+
+class RelativeLanePosition(Element, attributes="entityRef dLane ds dsLane offset"):
+    """A place as many lanes and metres from an entity; `along_lane` measures along the lane, not the road."""
+
+    entity: EntityName
+    d_lane: Annotated[int, Attribute("dLane")]
+    ds_m: Annotated[float, Attribute("dsLane", older="ds")]
+    offset_m: Annotated[float, Attribute("offset", 0.0)]
+    along_lane: bool
+    orientation: Oriented
+
+
+class RelativeRoadPosition(Element):
+    """Road coordinates of an entity plus differences."""
+
+    entity: EntityName
+    ds_m: Annotated[float, Attribute("ds")]
+    dt_m: Annotated[float, Attribute("dt")]
+    orientation: Oriented
+
+
+class RelativeObjectPosition(Element, attributes="entityRef dx dy dz"):
+    """A point in an entity's own frame."""
+
+    entity: EntityName
+    dx_m: Annotated[float, Attribute("dx")]
+    dy_m: Annotated[float, Attribute("dy")]
+    orientation: Oriented
+
+
+class RelativeWorldPosition(Element, attributes="entityRef dx dy dz"):
+    """An entity's point plus differences along the axes of the map frame."""
+
+    entity: EntityName
+    dx_m: Annotated[float, Attribute("dx")]
+    dy_m: Annotated[float, Attribute("dy")]
+    orientation: Oriented
+
+
+class RoutePosition(Element, children="RouteRef InRoutePosition Orientation"):
+    """A place on a route; `lane_id` is None for road coordinates (then `offset_m` is t).
+
+    Lane ids, offsets and heading are those of a road whose s runs along the route.
+    """
+
+    route: Annotated[Route, Child("RouteRef")]
+    path_s_m: float
+    lane_id: int | None
+    offset_m: float
+    orientation: Oriented
+
+
+class TrajectoryPosition(Element):
+    """A place beside a trajectory, in its own s and t."""
+
+    trajectory: Annotated[Trajectory, Child("TrajectoryRef")]
+    s_m: Annotated[float, Attribute("s", sign="not negative")]
+    t_m: Annotated[float, Attribute("t", 0.0)]
+    orientation: Oriented
+
+
+Position: TypeAlias = (
+    WorldPosition
+    | LanePosition
+    | RoadPosition
+    | RelativeLanePosition
+    | RelativeRoadPosition
+    | RelativeObjectPosition
+    | RelativeWorldPosition
+    | RoutePosition
+    | TrajectoryPosition
+)
+
+
+class Waypoint(Element):
+    """A place on the way of a route."""
+
+    position: Annotated[
+        Position, Only("routeStrategy", "shortest fastest leastIntersections random"), Child("Position")
+    ]
+
+
+class Route(Element, attributes="name closed", children="ParameterDeclarations Waypoint"):
+    """Waypoints, joined by the shortest way along lanes."""
+
+    name: str
+    waypoints: tuple[Position, ...]
+
+
+class Vertex(Element, first="time_s"):
+    """Corner of a polyline, with its time if the trajectory has times."""
+
+    position: Annotated[Position, Child("Position")]
+    time_s: Annotated[float | None, Attribute("time")]
+
+
+class Polyline(Element, children="Vertex"):
+    """Straight pieces between vertices."""
+
+    vertices: tuple[Vertex, ...]
+
+
+class ClothoidSegment(
+    Element, tag="ClothoidSplineSegment", attributes="curvatureStart curvatureEnd length hOffset"
+):
+    """Piece of a clothoid spline; curvature changes linearly along it.
+
+    `start` moves the piece there; without it the piece starts where the one before ends.
+    """
+
+    length_m: Annotated[float, Attribute("length", sign="positive")]
+    curvature_start_per_m: Annotated[float, Attribute("curvatureStart")]
+    curvature_end_per_m: Annotated[float, Attribute("curvatureEnd")]
+    start: Annotated[Position | None, Child("PositionStart")]
+    heading_offset_rad: Annotated[float, Attribute("hOffset", 0.0)]
+
+
+class ClothoidSpline(Element, attributes="timeEnd", children="ClothoidSplineSegment"):
+    """Clothoid pieces one after the other; without a start the first begins at the entity."""
+
+    segments: tuple[ClothoidSegment, ...]
+    time_end_s: float | None
+
+
+class Nurbs(Element, attributes="order", children="ControlPoint Knot"):
+    """Non-uniform rational B-spline; `order` is degree + 1."""
+
+    order: int
+    control_points: tuple[Position, ...]
+    weights: tuple[float, ...]
+    knots: tuple[float, ...]
+
+
+Shape: TypeAlias = Polyline | ClothoidSpline | Nurbs
+
+
+class Trajectory(Element, attributes="name closed", children="ParameterDeclarations Shape"):
+    """A curve to follow."""
+
+    name: str
+    shape: Shape

@@ -1,0 +1,108 @@
+"""The storyboard, and the scenario as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from scenarios.openscenario.elements import Element
+from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.model.actions import Action
+from scenarios.openscenario.model.conditions import Condition, Trigger
+from scenarios.openscenario.model.entities import EntityDefinition
+
+
+class NamedAction(Element):
+    """An action of an event; `entities` are those that carry it out, none for a global action."""
+
+    name: str
+    action: Action
+    entities: tuple[str, ...]
+
+
+class Event(Element):
+    """Actions started together. `start` None: as soon as the event may."""
+
+    name: str
+    priority: str
+    max_executions: int
+    actions: tuple[NamedAction, ...]
+    start: Trigger | None
+
+
+class Maneuver(Element):
+    """Events."""
+
+    name: str
+    events: tuple[Event, ...]
+
+
+class ManeuverGroup(Element):
+    """Maneuvers of the same actors."""
+
+    name: str
+    max_executions: int
+    maneuvers: tuple[Maneuver, ...]
+
+
+class Act(Element):
+    """Maneuver groups, started and stopped together."""
+
+    name: str
+    groups: tuple[ManeuverGroup, ...]
+    start: Trigger | None
+    stop: Trigger | None
+
+
+class Story(Element):
+    """Acts."""
+
+    name: str
+    acts: tuple[Act, ...]
+
+
+class ScenarioDefinition(Element):
+    """A scenario that can be run.
+
+    Args:
+        path: the scenario file.
+        description: from its header.
+        parameters: final values by name.
+        variables: start values by name.
+        map_path: the OpenDRIVE file.
+        entities: in the order of the file.
+        init: actions before the start, with the entity that carries them out (None: global).
+        stories: the storyboard.
+        stop: stop trigger of the storyboard.
+        files: every file that was read for it: the scenario, all files of its catalog directories, the map.
+    """
+
+    path: Path
+    description: str
+    parameters: Mapping[str, Value]
+    variables: Mapping[str, Value]
+    map_path: Path
+    entities: tuple[EntityDefinition, ...]
+    init: tuple[tuple[str | None, Action], ...]
+    stories: tuple[Story, ...]
+    stop: Trigger | None
+    files: tuple[Path, ...] = ()
+
+    def events(self) -> Iterator[Event]:
+        """All events, in the order of the file."""
+        for story in self.stories:
+            for act in story.acts:
+                for group in act.groups:
+                    for maneuver in group.maneuvers:
+                        yield from maneuver.events
+
+    def conditions(self) -> Iterator[Condition]:
+        """All conditions of all triggers."""
+        triggers = [self.stop]
+        triggers += [
+            trigger for story in self.stories for act in story.acts for trigger in (act.start, act.stop)
+        ]
+        triggers += [event.start for event in self.events()]
+        for trigger in triggers:
+            for group in trigger or ():
+                yield from group

@@ -1,0 +1,202 @@
+"""Actions that put entities on ways: trajectories, routes, teleports."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from scenarios.openscenario import model
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.paths import Path, Pose
+from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
+from scenarios.openscenario.motion.roads import Leg, Roads
+from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
+from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.world import Instant, World
+
+ON_TRAJECTORY_M = 0.01
+"""An entity that is to steer to a trajectory is on it if it is this near."""
+
+STEERING_MPS2 = 1.0
+"""Lateral acceleration of who steers to a trajectory: that of a lane change after UN R79, 5.6.4 (ACSF C)."""
+
+GENTLY = 3.0
+"""Steering takes at least this many times the offset: the heading stays within 27 degrees of the line."""
+
+
+class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
+    """FollowTrajectoryAction. Who is commanded by a controller follows the way and not the times."""
+
+    domains = frozenset({LATERAL})
+
+    def __init__(self, world: World, actor: Actor, action: model.FollowTrajectoryAction) -> None:
+        super().__init__(world, actor, action)
+        if action.timing is not None:
+            self.domains = frozenset({LATERAL, LONGITUDINAL})
+
+    def start(self, time_s: float) -> None:
+        """Be at the start of the trajectory (or as far along as the file says)."""
+        action = self.action
+        trajectory = self._path = self.world.locator.trajectory(action.trajectory, self.who.name)
+        station = action.initial_distance_m
+        if station > self._path.length_m:
+            raise RunError(
+                f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
+                f"its length of {self._path.length_m:.6g} m"
+            )
+        here: float | None = None
+        pose = self.who.state(time_s).pose
+        if action.steers and self.who.placed and not self._is_at(station, pose):
+            here = station = self._steer(time_s, pose)
+        if action.timing is None:
+            self.who.follow(time_s, self._path, station, trajectory=True)
+            return
+        profile = timed_profile(action, trajectory, time_s, here)
+        if here is None:
+            station = profile.at(time_s)[0]
+        self.who.follow(time_s, self._path, station, trajectory=True)
+        self.drive(time_s, profile)
+
+    def _is_at(self, station_m: float, pose: Pose) -> bool:
+        x, y, _ = self._path.pose(station_m)
+        return math.hypot(x - pose.x_m, y - pose.y_m) <= ON_TRAJECTORY_M
+
+    def _steer(self, time_s: float, pose: Pose) -> float:
+        """Join the trajectory from a place beside it; where on it that is."""
+        name = self.action.trajectory.name
+        station, left = self._path.project(pose.x_m, pose.y_m)
+        speed = abs(self.who.state(time_s).speed_mps)
+        within = speed * math.sqrt(
+            6.0 * abs(left) / STEERING_MPS2
+        )  # 6 is the greatest curvature of the shape
+        within = max(within, GENTLY * abs(left))
+        if station + within > self._path.length_m:
+            raise RunError(
+                f"'{self.who.name}' is {abs(left):.3g} m beside trajectory '{name}' and cannot steer to it "
+                f"in the {max(self._path.length_m - station, 0.0):.3g} m that are left; use "
+                "followingMode='position'"
+            )
+        if abs(left) > ON_TRAJECTORY_M:
+            self._path = self._path.joined_from(station, left, within)
+        return station
+
+    def ended(self, instant: Instant) -> bool:
+        """At its end."""
+        return instant.state(self.who.name).station_m >= self._path.length_m
+
+    def finish(self, time_s: float) -> None:
+        """Go on along the route or the lane."""
+        go_on(self.who, self.world, time_s)
+        self.over = True
+
+    def leave(self, time_s: float) -> None:
+        """Go on along the route or the lane, with the present speed."""
+        go_on(self.who, self.world, time_s)
+        super().leave(time_s)
+
+
+SAME_WAY = math.cos(math.pi / 4)
+"""Who heads further away from its route than 45 degrees does not go on along it."""
+
+ROUTE_REACH_M = 10.0
+"""An entity that is assigned a route has to be this near to it."""
+
+
+def go_on(actor: Actor, world: World, time_s: float) -> None:
+    """Leave a trajectory: on along the route of the entity or its lane, at its offset; else straight."""
+    pose, roads = actor.state(time_s).pose, world.locator.roads
+    path = route_way(roads, actor.route, pose) if actor.route is not None else None
+    if path is None or math.cos(path.pose(path.project(pose.x_m, pose.y_m)[0])[2] - pose.yaw_rad) < SAME_WAY:
+        path = roads.way(pose)
+    actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+
+
+def route_way(roads: Roads, legs: list[Leg], pose: Pose) -> Path | None:
+    """The way along a route at the offset of a pose; None if the pose is too far from it."""
+    middle = roads.path(legs, 0.0)
+    station, left = middle.project(pose.x_m, pose.y_m)
+    if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:
+        return None
+    return middle if abs(left) < 1e-9 else roads.path(legs, left)
+
+
+def timed_profile(
+    action: model.FollowTrajectoryAction, path: Path, time_s: float, here_m: float | None = None
+) -> SpeedProfile:
+    """Speed profile that meets the times of a trajectory's vertices.
+
+    Args:
+        action: what is followed.
+        path: the trajectory.
+        time_s: now.
+        here_m: where on it the entity is now; None: where it should be.
+
+    Raises:
+        RunError: a vertex has no time, or times do not grow.
+    """
+    shape, timing = action.trajectory.shape, action.timing
+    assert timing is not None
+    if isinstance(shape, model.Polyline):
+        times = [vertex.time_s for vertex in shape.vertices]
+        stations = path.station_of_vertices()
+    elif isinstance(shape, model.ClothoidSpline):
+        times, stations = [0.0, shape.time_end_s], [0.0, path.length_m]
+    else:
+        times, stations = [None], [0.0]
+    base = time_s if timing.relative else 0.0
+    given = [base + timing.offset_s + timing.scale * t for t in times if t is not None]
+    if len(given) < len(times) or any(b <= a for a, b in pairwise(given)):
+        raise RunError(
+            f"trajectory '{action.trajectory.name}': following it by time needs growing times throughout"
+        )
+    points = list(zip(given, stations, strict=True))
+    if here_m is not None:
+        ahead = [(t, s) for t, s in points if t > time_s and s > here_m]
+        points = [(time_s, here_m), *ahead]
+    pieces = [
+        Piece(t1 - t0, (s1 - s0) / (t1 - t0), (s1 - s0) / (t1 - t0))
+        for (t0, s0), (t1, s1) in pairwise(points)
+    ]
+    if here_m is not None:
+        return SpeedProfile(time_s, 0.0, pieces)
+    wait = max(given[0] - time_s, 0.0)
+    return SpeedProfile(min(given[0], time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
+
+
+class AssignRoute(RunningAction[model.AssignRouteAction]):
+    """AssignRouteAction: from its lane on along the route, at its offset."""
+
+    domains = frozenset({LATERAL})
+
+    def start(self, time_s: float) -> None:
+        """Put the entity on the route."""
+        legs = self.world.locator.legs(self.action.route)
+        pose = self.who.state(time_s).pose
+        path = route_way(self.world.locator.roads, legs, pose)
+        if path is None:
+            raise RunError(
+                f"'{self.who.name}' is not on route '{self.action.route.name}', which it is assigned"
+            )
+        self.who.route = legs
+        self.who.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+
+
+TRAJECTORY_REACH_M = 1.0
+"""An entity that follows a trajectory can be teleported this far beside it."""
+
+
+class Teleport(RunningAction[model.TeleportAction]):
+    """TeleportAction. An entity that follows a trajectory goes on from the nearest point of it."""
+
+    def start(self, time_s: float) -> None:
+        """Be there."""
+        pose = self.world.locator.pose(self.action.position)
+        if self.who.on_trajectory:
+            station, left = self.who.path.project(pose.x_m, pose.y_m)
+            if abs(left) > TRAJECTORY_REACH_M:
+                raise RunError(f"'{self.who.name}' is teleported off the trajectory that it follows")
+            self.who.follow(time_s, self.who.path, station, trajectory=True)
+            return
+        self.who.route = None
+        path = self.world.locator.roads.way(pose)
+        self.who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
