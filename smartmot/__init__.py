@@ -28,10 +28,10 @@ from smartmot.filters.motion_models import (
     PerCategory,
 )
 from smartmot.forecast import ForecastConfig, forecast_tracks
-from smartmot.geometry import bev_iou
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.regulatory import RegulatoryElement, regulatory_elements
 from smartmot.maps.route import Route, route_ahead, route_from_lanes
+from smartmot.overlap import bev_iou
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.tracking.association import AssociationConfig

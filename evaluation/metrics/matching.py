@@ -21,7 +21,7 @@ from scipy.optimize import linear_sum_assignment
 from scenarios.errors import DatasetError
 from scenarios.recorded.camera import from_camera, image_boxes, to_camera
 from scenarios.recorded.dataset import Objects, Sequence
-from smartmot.geometry import iou_pairs
+from smartmot.overlap import iou_pairs
 from smartmot.types import BoolArray, FloatArray, IntArray
 
 SIMILARITIES = ("distance", "iou")

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from smartmot.geometry import iou_exact
+from smartmot.overlap import iou_exact
 from smartmot.types import BoolArray, FloatArray, Forecast, Threats, Tracks
 
 IOU_THRESHOLD = 0.01

@@ -23,7 +23,8 @@ import numpy as np
 from smartmot.errors import ConfigError
 from smartmot.filters.kalman import Estimate
 from smartmot.filters.motion_models import PerCategory, Setting, check_range, table
-from smartmot.geometry import bev_giou, iou_exact, iou_scalar, near_pairs
+from smartmot.geometry import near_pairs
+from smartmot.overlap import bev_giou, iou_exact, iou_scalar
 from smartmot.tracking.assignment import contested, prepare, solve
 from smartmot.types import CATEGORIES, BoolArray, Boxes, FloatArray, IntArray, unchecked
 

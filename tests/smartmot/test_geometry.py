@@ -9,20 +9,16 @@ from hypothesis import strategies as st
 from smartmot import geometry
 from smartmot.errors import ShapeError
 from smartmot.geometry import (
-    bev_giou,
-    bev_iou,
     circles_touch,
     corners,
     from_frame,
-    intersection_area,
-    iou_pairs,
-    iou_scalar,
     near_pairs,
     signed_gap,
     signed_gap_scalar,
     to_frame,
     wrap_angle,
 )
+from smartmot.overlap import bev_giou, bev_iou, intersection_area, iou_pairs, iou_scalar
 from smartmot.types import Boxes, FloatArray
 
 Rectangles = tuple[FloatArray, FloatArray, FloatArray]

@@ -7,7 +7,7 @@ import pytest
 
 from smartmot.errors import ConfigError
 from smartmot.filters.kalman import Estimate
-from smartmot.geometry import bev_giou, bev_iou
+from smartmot.overlap import bev_giou, bev_iou
 from smartmot.tracking import association
 from smartmot.tracking.assignment import solve
 from smartmot.tracking.association import COMPATIBLE, AssociationConfig, Associator
