@@ -193,8 +193,8 @@ def peers(python: str, scenes: dict[str, list[FloatArray]]) -> dict[str, float]:
     run = subprocess.run(
         [python, "-c", PEER_PROGRAM], input=given, capture_output=True, text=True, check=True
     )
-    found: dict[str, float] = json.loads(run.stdout)
-    return found
+    times_ms: dict[str, float] = json.loads(run.stdout)
+    return times_ms
 
 
 def overlaps() -> None:
@@ -255,18 +255,18 @@ def main() -> int:
         print(f"{arguments.kitti}: no detections/Pedestrian, KITTI left out")
     with tempfile.TemporaryDirectory() as scratch:
         python = arguments.peer_python or peer_python(Path(scratch))
-        found = peers(python, compared)
+        peer_times = peers(python, compared)
     print("median ms per update (processor time)")
     print("  objects       smartmot  from arrays  limit   norfair   motpy   filterpy   norfair / smartmot")
     for name, scene in (scenes | {k: v for k, v in compared.items() if k == "kitti"}).items():
         category = "pedestrian" if name == "kitti" else "car"
-        mine, all_in = ready(scene, category, arguments.config), ours(scene, category, arguments.config)
+        own_ms, all_in = ready(scene, category, arguments.config), ours(scene, category, arguments.config)
         limit = LIMIT_MS.get(name)
-        others = [found.get(f"{peer} {name}") for peer in ("norfair", "motpy", "filterpy")]
-        shown = "".join(f"{t:>10.3f}" if t else f"{'-':>10}" for t in others)
-        ratio = f"{others[0] / mine:>12.1f}" if others[0] else ""
+        peer_ms = [peer_times.get(f"{peer} {name}") for peer in ("norfair", "motpy", "filterpy")]
+        shown = "".join(f"{t:>10.3f}" if t else f"{'-':>10}" for t in peer_ms)
+        ratio = f"{peer_ms[0] / own_ms:>12.1f}" if peer_ms[0] else ""
         bound = f"{limit:>9.1f}" if limit else f"{'-':>9}"
-        print(f"  {name:<11}{mine:>10.3f}{all_in:>12.3f}{bound}{shown}{ratio}")
+        print(f"  {name:<11}{own_ms:>10.3f}{all_in:>12.3f}{bound}{shown}{ratio}")
     overlaps()
     return 0
 

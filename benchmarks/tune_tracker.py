@@ -142,7 +142,10 @@ def of_category(data: Dataset, category: str) -> Dataset:
 
 def rated(tracked: Iterable[TrackedSequence], category: str, best_threshold: bool = True) -> list[MotScore]:
     """Accuracy of all sequences together, then of each."""
-    compared = {one.sequence.name: compare(one.sequence, one.tracks, category, SIMILARITY) for one in tracked}
+    compared = {
+        sequence.sequence.name: compare(sequence.sequence, sequence.tracks, category, SIMILARITY)
+        for sequence in tracked
+    }
     return evaluate(compared, category, SIMILARITY, best_threshold, averages=False)
 
 
@@ -164,12 +167,12 @@ def plateaus(candidates: list[Candidate], names: Iterable[str] | None = None) ->
     return np.asarray(np.array([c.score(names) for c in candidates])[nearest].mean(axis=1))
 
 
-def over(one: TrackedSequence, least_score: float) -> TrackedSequence:
+def over(tracked: TrackedSequence, least_score: float) -> TrackedSequence:
     """Without the tracks whose mean score is lower."""
-    tracks = one.tracks
+    tracks = tracked.tracks
     _, index = np.unique(tracks.object_id, return_inverse=True)
     mean = np.bincount(index, tracks.score) / np.bincount(index)
-    return replace(one, tracks=tracks[mean[index] >= least_score])
+    return replace(tracked, tracks=tracks[mean[index] >= least_score])
 
 
 def held_out(data: Dataset, category: str, chosen: dict[str, Parameters]) -> dict[str, list[MotScore]]:
@@ -183,10 +186,10 @@ def held_out(data: Dataset, category: str, chosen: dict[str, Parameters]) -> dic
     unseen, unseen_threshold = [], []
     for name, parameters in chosen.items():
         tracked = track_dataset(data, configured(parameters))
-        others = [one for one in tracked if one.sequence.name != name]
-        [left] = [one for one in tracked if one.sequence.name == name]
+        training = [sequence for sequence in tracked if sequence.sequence.name != name]
+        [left] = [sequence for sequence in tracked if sequence.sequence.name == name]
         unseen.append(left)
-        unseen_threshold.append(over(left, rated(others, category)[0].score_threshold))
+        unseen_threshold.append(over(left, rated(training, category)[0].score_threshold))
     return {
         "held out": rated(unseen, category),
         "threshold held out too": rated(unseen_threshold, category, best_threshold=False),
@@ -278,8 +281,8 @@ def search(data: Dataset, category: str, count: int, seed: int, pool: ProcessPoo
     print(f"{category}: {count} candidates")
     chosen = {}
     for left in names:
-        others = [name for name in names if name != left]
-        best = candidates[int(plateaus(candidates, others).argmax())]
+        training = [name for name in names if name != left]
+        best = candidates[int(plateaus(candidates, training).argmax())]
         chosen[left] = best.parameters
         shown = ", ".join(f"{name} {value:g}" for name, value in best.parameters.items())
         print(f"  without {left}: {shown}")
@@ -299,8 +302,8 @@ def sensitivity(data: Dataset, category: str, pool: ProcessPoolExecutor) -> None
     usual = present(category)
     changes = [(name, value) for name, values in GRID.items() for value in values if value != usual[name]]
     choices = [usual, *(usual | {name: value} for name, value in changes)]
-    start, *found = pool.map(partial(judged, data, category), choices)
-    tried = [(name, c) for (name, _), c in zip(changes, found, strict=True)]
+    start, *changed = pool.map(partial(judged, data, category), choices)
+    tried = [(name, c) for (name, _), c in zip(changes, changed, strict=True)]
     print(f"\n  one parameter of default at a time: change of the score ({start.score():.2f})")
     for name, values in GRID.items():
         loss = {value: 0.0 for value in values if value == start.parameters[name]}

@@ -165,15 +165,15 @@ def near_pairs(
     farthest = np.maximum(a_reach_m + widest_b, least_m)
     octave = np.frexp(farthest)[1]
     tree = KDTree(b_center_m)
-    found: list[tuple[IntArray, IntArray]] = []
+    pairs: list[tuple[IntArray, IntArray]] = []
     for power in np.unique(octave).tolist():
         rows = np.flatnonzero(octave == power)
         widest = float(farthest[rows].max())
         near = KDTree(a_center_m[rows]).sparse_distance_matrix(tree, widest, output_type="ndarray")
         i, j, distance = rows[near["i"]], near["j"].astype(np.int64), near["v"]
         inside = distance <= np.maximum(a_reach_m[i] + b_reach_m[j], least_m[i])
-        found.append((i[inside], j[inside]))
-    i, j = (np.concatenate(part) for part in zip(*found, strict=True))
+        pairs.append((i[inside], j[inside]))
+    i, j = (np.concatenate(part) for part in zip(*pairs, strict=True))
     order = np.argsort(i * m + j)
     return i[order], j[order]
 

@@ -1,4 +1,4 @@
-"""Objects of the user's own, named `package.module:name`: a tracker, a detector, a monitored area."""
+"""Objects of the user's own, named `package.module:name`: tracker, detector, monitored area, brake rule."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class Plugin:
         Raises:
             PluginError: It does not take the arguments, or fails.
         """
-        found = _found(self.name)
+        named = _named_object(self.name)
         try:
-            signature(found).bind(*arguments)
+            signature(named).bind(*arguments)
         except TypeError as error:
             given = ", ".join(type(argument).__name__ for argument in arguments)
             raise PluginError(
@@ -54,7 +54,7 @@ class Plugin:
         except ValueError:  # written in C, without a signature
             pass
         try:
-            return found(*arguments)
+            return named(*arguments)
         except SmartMotError:
             raise
         except (Exception, SystemExit) as error:
@@ -76,7 +76,7 @@ def plugin(name: str) -> Plugin:
         PluginError: There is no such module or name, its import fails, it cannot be called, or the current
             folder and Python have different modules of that name.
     """
-    if not callable(_found(name)):
+    if not callable(_named_object(name)):
         raise PluginError(f"{name}: is no class or function; name one that makes the object")
     return Plugin(name, _digest(name.partition(":")[0]))
 
@@ -124,11 +124,11 @@ def failure(name: str, error: Exception | SystemExit) -> PluginError:
     return PluginError(f"{name}: {type(error).__name__}: {_one_line(error)}{place}")
 
 
-def _found(name: str) -> Any:
+def _named_object(name: str) -> Any:
     module_name, path = _parts(name)
     _search_current_folder(name, module_name.partition(".")[0])
     try:
-        found: Any = importlib.import_module(module_name)
+        named: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
         if error.name is not None and f"{module_name}.".startswith(f"{error.name}."):
             raise PluginError(
@@ -139,10 +139,10 @@ def _found(name: str) -> Any:
         raise failure(name, error) from error
     for part in path.split("."):
         try:
-            found = getattr(found, part)
+            named = getattr(named, part)
         except AttributeError:
-            raise PluginError(f"{name}: {found.__name__} has no {part!r}") from None
-    return found
+            raise PluginError(f"{name}: {named.__name__} has no {part!r}") from None
+    return named
 
 
 def _parts(name: str) -> tuple[str, str]:
@@ -169,18 +169,18 @@ def _search_current_folder(name: str, top: str) -> None:
         return
     if "" not in sys.path and folder not in sys.path:
         sys.path.append(folder)
-    mine = PathFinder.find_spec(top, [folder])
-    if mine is None:
+    user_spec = PathFinder.find_spec(top, [folder])
+    if user_spec is None:
         return
-    mine_file = _file(mine)
+    user_file = _file(user_spec)
     if top in sys.stdlib_module_names:
-        raise PluginError(f"{name}: {mine_file} has the name of a module of Python; rename it")
-    others = [finder.find_spec(top, None) for finder in sys.meta_path if finder is not PathFinder]
-    others.append(PathFinder.find_spec(top, [path for path in sys.path if path not in ("", folder)]))
-    for other in others:
-        if other is not None and _file(other) != mine_file:
+        raise PluginError(f"{name}: {user_file} has the name of a module of Python; rename it")
+    other_specs = [finder.find_spec(top, None) for finder in sys.meta_path if finder is not PathFinder]
+    other_specs.append(PathFinder.find_spec(top, [path for path in sys.path if path not in ("", folder)]))
+    for other in other_specs:
+        if other is not None and _file(other) != user_file:
             raise PluginError(
-                f"{name}: {mine_file} and {_file(other)} have the same name; rename the first, or start in "
+                f"{name}: {user_file} and {_file(other)} have the same name; rename the first, or start in "
                 "another folder to use the second"
             )
 

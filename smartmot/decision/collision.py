@@ -17,7 +17,7 @@ _ROUNDING_IOU = 1e-9
 """Boxes that are apart may show a common area of rounding size; a threshold of 0 must not count it."""
 
 
-def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_THRESHOLD) -> FloatArray:
+def collision_times(ego: Forecast, objects: Forecast, iou_threshold: float = IOU_THRESHOLD) -> FloatArray:
     """First time at which each forecast meets the ego's; infinite where it never does.
 
     The threshold is meant for a car. A pedestrian cannot cover 1 % of a bus: for an ego larger than a car it
@@ -25,19 +25,19 @@ def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_
 
     Args:
         ego: one object at T times.
-        others: M objects at the same T times.
+        objects: M of them at the same T times.
         iou_threshold: bird's-eye-view intersection over union that counts as a collision of a car.
 
     Returns:
         (M,) seconds after now.
     """
-    m = len(others)
+    m = len(objects)
     if m == 0:
         return np.zeros(0)
     length, width = ego.size_m[0].tolist()
-    reach = 0.5 * (math.hypot(length, width) + np.hypot(others.size_m[:, 0], others.size_m[:, 1]))
-    offset = others.center_m - ego.center_m
-    close = (np.hypot(offset[..., 0], offset[..., 1]) < reach[:, None]) & others.valid & ego.valid
+    reach = 0.5 * (math.hypot(length, width) + np.hypot(objects.size_m[:, 0], objects.size_m[:, 1]))
+    offset = objects.center_m - ego.center_m
+    close = (np.hypot(offset[..., 0], offset[..., 1]) < reach[:, None]) & objects.valid & ego.valid
     time = np.full(m, np.inf)
     row, column = close.nonzero()
     if len(row) == 0:
@@ -47,9 +47,9 @@ def collision_times(ego: Forecast, others: Forecast, iou_threshold: float = IOU_
         ego.center_m[0, column],
         ego.size_m[0],
         ego.yaw_rad[0, column],
-        others.center_m[row, column],
-        others.size_m[row],
-        others.yaw_rad[row, column],
+        objects.center_m[row, column],
+        objects.size_m[row],
+        objects.yaw_rad[row, column],
     ) > max(threshold, _ROUNDING_IOU)
     np.minimum.at(time, row[hit], ego.time_s[column[hit]])
     return time

@@ -122,10 +122,13 @@ class PaperRule:
         return next_state, Command(emergency, now.lead), events
 
     def _situation(self, now: Assessment) -> Situation:
-        nearest, occupied = math.inf, False
+        predicted = entering = occupied = False
+        nearest = math.inf
         if len(now.tracks):
             distance = now.ahead_m - overhang_m(now.ego)
             near = distance < max(now.braking_distance_m, self.config.near_m)
+            predicted = bool(np.count_nonzero(now.threatening))
+            entering = bool(np.count_nonzero(now.entering))
             # VRUs hold the ego wherever they are on its way, all others only near
             occupied = bool(np.count_nonzero(now.on_way & (near | now.vulnerable)))
             relevant = now.on_way | now.threatening
@@ -133,10 +136,10 @@ class PaperRule:
                 nearest = max(float(distance[relevant].min()), 0.0)
         return Situation(
             stamp_s=now.ego.stamp_s,
-            collision_predicted=bool(np.count_nonzero(now.threatening)),
+            collision_predicted=predicted,
             nearest_m=nearest,
             braking_distance_m=now.braking_distance_m,
-            vru_entering=bool(np.count_nonzero(now.entering)),
+            vru_entering=entering,
             way_occupied=occupied,
             standing=now.ego.speed_mps < STANDING_MPS,
         )

@@ -266,6 +266,8 @@ class Associator:
             for rule in dict.fromkeys(zip(costs, methods, strict=True))
         ]
         self._by_distance = all(rule[1] in _BY_DISTANCE for rule in self._rules)
+        if "generalised_overlap" in costs:
+            import shapely  # noqa: F401 - for `smartmot.overlap.bev_giou`; no frame waits for an import
         # Circles of boxes matter only where overlap does.
         self._overlaps = affinity is not None or any("overlap" in cost for cost in costs)
 

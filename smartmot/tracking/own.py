@@ -124,13 +124,13 @@ def limits_of_own(tracker: object) -> ScoreLimits | None:
     """
     if isinstance(tracker, Tracker):
         return tracker.score_limits
-    told = getattr(tracker, "score_threshold", None)
-    if told is None:
+    threshold = getattr(tracker, "score_threshold", None)
+    if threshold is None:
         return None
-    if not isinstance(told, (int, float)) or not 0.0 <= told <= 1.0:
+    if not isinstance(threshold, (int, float)) or not 0.0 <= threshold <= 1.0:
         kind = f"tracker {type(tracker).__module__}:{type(tracker).__qualname__}"
-        raise PluginError(f"{kind}: score_threshold must be a number in [0, 1], got {told!r}")
-    least = np.full(len(CATEGORIES), float(told))
+        raise PluginError(f"{kind}: score_threshold must be a number in [0, 1], got {threshold!r}")
+    least = np.full(len(CATEGORIES), float(threshold))
     return ScoreLimits(least, least)
 
 

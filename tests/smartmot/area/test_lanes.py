@@ -8,25 +8,19 @@ import shapely
 
 from opendrive import RoadNetwork, load_map
 from smartmot.area import (
-    EverythingArea,
     MapArea,
     MapAreaConfig,
     MonitoredLanes,
-    RectangularArea,
-    RectangularConfig,
-    Relevance,
-    ego_extent,
-    is_vulnerable,
 )
-from smartmot.decision.braking import BrakingDistance
-from smartmot.errors import ConfigError, ShapeError
-from smartmot.geometry import corners
+from smartmot.errors import ConfigError
 from smartmot.maps.follow import route_along
 from smartmot.maps.route import route_ahead, route_from_lanes
 from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray
 
 MAPS = Path(__file__).parents[3] / "scenarios" / "maps"
+
 TOWN04 = Path(__file__).parents[4] / "shared" / "opendrive" / "maps" / "Town04.xodr"
+
 SIZES = {"car": (4.4, 1.8), "pedestrian": (0.5, 0.5), "cyclist": (1.8, 0.6)}
 
 
@@ -62,9 +56,6 @@ def _boxes(category: str, *points: tuple[float, float]) -> tuple[Boxes, np.ndarr
     return Boxes(np.array(points), np.tile(SIZES[category], (n, 1)), np.zeros(n)), np.full(n, category)
 
 
-# --- lengths and margins by hand ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("speed", "front"), [(0.0, 30.0), (10.0, 30.0), (50 / 3.6, 41.667), (20.0, 60.0)])
 def test_front_grows_with_speed_and_back_is_half_of_it(speed: float, front: float) -> None:
     area = _street().at(_ego(300.0, speed))
@@ -73,15 +64,6 @@ def test_front_grows_with_speed_and_back_is_half_of_it(speed: float, front: floa
         True,
         False,
     ]
-
-
-def test_flags_of_an_own_area_are_one_per_object() -> None:
-    one, two = np.ones(1, dtype=bool), np.ones(2, dtype=bool)
-    assert Relevance(two, two, two).on_way.tolist() == [True, True]
-    with pytest.raises(ShapeError, match="on_way: expected shape"):
-        Relevance(two, one, two)
-    with pytest.raises(ShapeError, match="in_route: expected shape"):
-        Relevance(two[None], two, two)
 
 
 def test_lengths_are_cut_where_the_map_ends() -> None:
@@ -142,36 +124,6 @@ def test_in_route_follows_the_lane_not_the_heading() -> None:
     assert _kept(area, "car", (325, -1.75), (325, -1.75 + 25 * 0.36)) == [True, False]
 
 
-# --- the bend -----------------------------------------------------------------------------------------
-
-
-def test_area_follows_the_bend_where_a_rectangle_misses() -> None:
-    """60 degrees further on in the 60 m bend; 30 m aside of the ego's heading there."""
-    network = _network("urban_bend")
-    lane = network.lane_index_of(("1", 0, -1))
-    route = route_ahead(network, lane, 0.0, 0.0)
-    x, y, _, yaw = (float(v) for v in network.center_line(lane, 232.0))
-    ego = EgoState(0.0, x, y, yaw, 24.0)
-    px, py, _, heading = (float(v) for v in network.center_line(lane, 232.0 + 60.0 * np.pi / 3))
-    assert heading - yaw == pytest.approx(np.pi / 3, abs=0.02)
-    target = np.array([[px, py]])
-    car = Boxes(target, np.array([[4.4, 1.8]]), np.array([heading]))
-    area = MapArea(network, route, MapAreaConfig()).at(ego)
-    assert area.kept(_dots(target), np.array(["car"])).all()
-    assert area.relevance(car, np.array(["car"])).in_route.all()
-    assert area.on_lane(target).all()
-    long = RectangularConfig(max_length_m=100.0, min_length_m=100.0)
-    for config in (RectangularConfig(), long):
-        rectangle = RectangularArea(config, BrakingDistance()).at(ego)
-        assert not rectangle.relevance(car, np.array(["car"])).in_route.any()
-    # and the other way round: straight on lies the verge, which is no lane
-    ahead = np.array([[x + 40 * np.cos(yaw), y + 40 * np.sin(yaw)]])
-    assert not area.kept(_dots(ahead), np.array(["pedestrian"])).any()
-
-
-# --- lanes of a junction ------------------------------------------------------------------------------
-
-
 def _roles(*route: tuple[str, int]) -> dict[str, set[str]]:
     """Roads of the junction by role, with the ego 10 m before the junction."""
     network = _network("urban_intersection")
@@ -224,9 +176,6 @@ def test_junction_lanes_count_as_a_whole_and_only_while_ahead() -> None:
     area = strategy.at(EgoState(0.0, *path.pose(190.0), 5.0))
     boxes, category = _boxes("car", from_south)
     assert not area.relevance(boxes, category).in_route.any()
-
-
-# --- neighbours ---------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -343,9 +292,6 @@ def test_motorway_of_town04_has_neighbours_on_both_sides() -> None:
         assert found == sides
 
 
-# --- outlines -----------------------------------------------------------------------------------------
-
-
 def test_outlines_contain_what_is_kept() -> None:
     network = _network("urban_intersection")
     path = route_from_lanes(network, [network.lane_index_of((r, 0, -1)) for r in ("1", "13", "3")])
@@ -362,91 +308,6 @@ def test_outlines_contain_what_is_kept() -> None:
         np.testing.assert_array_equal(kept[sure], shapely.contains_xy(drawn, points)[sure])
 
 
-# --- the rectangle ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("kmh", "length"), [(0, 12.0), (20, 12.0), (30, 1.4 * 12.04), (40, 1.4 * 18.62), (50, 30.0), (100, 30.0)]
-)
-def test_rectangle_is_as_long_as_the_clamped_braking_distance(kmh: float, length: float) -> None:
-    rectangle = RectangularArea(RectangularConfig(), BrakingDistance()).at(_ego(0.0, kmh / 3.6))
-    assert rectangle.length_m == pytest.approx(length, abs=0.02)
-    assert rectangle.half_width_m == 2.6
-
-
-@pytest.mark.parametrize(("radius", "share"), [(100.0, 1.0), (20.0, 1.0), (10.0, 0.5), (5.0, 0.25)])
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_rectangle_shrinks_with_curvature(radius: float, share: float, sign: int) -> None:
-    ego = _ego(0.0, 5.0, yaw_rate=sign * 5.0 / radius)
-    rectangle = RectangularArea(RectangularConfig(), BrakingDistance()).at(ego)
-    assert rectangle.length_m == pytest.approx(12.0 * share)
-    assert rectangle.half_width_m == pytest.approx(2.6 * share)
-
-
-def test_rectangle_counts_boxes_that_touch_it_and_keeps_all() -> None:
-    rectangle = RectangularArea(RectangularConfig(), BrakingDistance()).at(_ego(0.0, 0.0, y=0.0))
-    points = [(12.24, 0), (12.26, 0), (5, 2.84), (5, 2.86), (5, -2.84), (-0.24, 0), (-0.26, 0)]
-    boxes, category = _boxes("pedestrian", *points)
-    expected = [True, False, True, False, True, True, False]
-    assert rectangle.relevance(boxes, category).in_route.tolist() == expected
-    assert rectangle.relevance(boxes, category).within_reach.tolist() == expected
-    assert rectangle.kept(boxes, category).all()
-
-
-def test_rectangle_turns_with_the_ego() -> None:
-    rectangle = RectangularArea(RectangularConfig(), BrakingDistance()).at(_ego(10.0, 0.0, y=5.0, yaw=2.0))
-    ((role, ring),) = rectangle.polygons()
-    assert role == "rectangle"
-    drawn = shapely.Polygon(ring)
-    assert drawn.area == pytest.approx(12.0 * 5.2)
-    points = np.random.default_rng(1).uniform(-15, 30, (2000, 2))
-    np.testing.assert_array_equal(rectangle.on_lane(points), shapely.contains_xy(drawn, points))
-
-
-# --- everything, helpers, settings --------------------------------------------------------------------
-
-
-def test_everything_keeps_all_and_counts_what_is_ahead() -> None:
-    area = EverythingArea().at(_ego(0.0, 10.0, y=0.0))
-    boxes, category = _boxes("car", (5, 40), (-2.1, 0), (-2.3, 0), (500, 1.7), (500, 1.8))
-    assert area.kept(boxes, category).all()
-    assert area.relevance(boxes, category).in_route.tolist() == [True, True, False, True, True]
-    assert area.relevance(boxes, category).within_reach.tolist() == [True, True, False, True, True]
-    assert area.on_lane(boxes.center_m).tolist() == [False, False, False, True, False]
-    assert area.polygons() == []
-
-
-def test_extent_against_corners() -> None:
-    rng = np.random.default_rng(4)
-    boxes = Boxes(rng.uniform(-30, 30, (50, 2)), rng.uniform(0.3, 9, (50, 2)), rng.uniform(-9, 9, 50))
-    ego = _ego(3.0, 5.0, y=-7.0, yaw=0.7)
-    c, s = np.cos(0.7), np.sin(0.7)
-    local = (corners(boxes.center_m, boxes.size_m, boxes.yaw_rad) - (3.0, -7.0)) @ np.array([[c, -s], [s, c]])
-    expected = (local[..., 0].min(1), local[..., 0].max(1), local[..., 1].min(1), local[..., 1].max(1))
-    np.testing.assert_allclose(ego_extent(boxes, ego), expected, atol=1e-9)
-
-
-def test_who_is_vulnerable() -> None:
-    flags = is_vulnerable(np.array(CATEGORIES))
-    assert [c for c, v in zip(CATEGORIES, flags, strict=True) if v] == ["pedestrian", "cyclist"]
-    assert is_vulnerable(np.zeros(0, dtype=np.str_)).shape == (0,)
-
-
-@pytest.mark.parametrize("strategy", ["map", "rectangular", "all"])
-def test_no_objects(strategy: str) -> None:
-    area = {
-        "map": _street(),
-        "rectangular": RectangularArea(RectangularConfig(), BrakingDistance()),
-        "all": EverythingArea(),
-    }[strategy]
-    assert area.name == strategy
-    here, none = area.at(_ego(300.0, 10.0)), np.zeros(0, dtype=np.str_)
-    assert here.kept(Boxes.empty(), none).shape == (0,)
-    assert here.relevance(Boxes.empty(), none).in_route.shape == (0,)
-    assert here.on_lane(np.zeros((0, 2))).shape == (0,)
-    assert here.relevance(Boxes.empty(), none).within_reach.shape == (0,)
-
-
 @pytest.mark.parametrize(
     "settings",
     [
@@ -460,18 +321,6 @@ def test_no_objects(strategy: str) -> None:
 def test_impossible_map_settings_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(ConfigError):
         MapAreaConfig(**settings)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"min_length_m": 31.0}, {"min_length_m": 0.0}, {"braking_factor": 0.0}, {"half_width_m": -1.0}],
-)
-def test_impossible_rectangle_settings_are_refused(settings: dict[str, float]) -> None:
-    with pytest.raises(ConfigError):
-        RectangularConfig(**settings)
-
-
-# --- lane changes of the route ------------------------------------------------------------------------
 
 
 def _changing_area() -> MapArea:
