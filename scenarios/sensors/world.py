@@ -112,6 +112,11 @@ class World:
         shape = (len(self.boxes),)
         for name, dtype in _COLUMNS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype, shape, name))
+        category = np.array(self.category, dtype=np.str_)
+        if category.shape != shape:
+            raise ShapeError(f"category: expected shape {shape}, got {category.shape}")
+        category.setflags(write=False)
+        object.__setattr__(self, "category", category)
         if not (self.height_m > 0.0).all() or not np.isfinite(self.height_m + self.speed_mps).all():
             raise ShapeError("world: speeds must be finite, and heights positive and finite")
 
@@ -134,7 +139,6 @@ _COLUMNS = {
     "speed_mps": np.float64,
     "height_m": np.float64,
     "object_id": np.int64,
-    "category": np.str_,
     "exists": np.bool_,
     "seen": np.bool_,
 }
