@@ -18,6 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+if not __package__:
+    # a script's own folder comes first, and has a module of the name opendrive
+    sys.path[0] = str(Path(__file__).parents[1])
+
 ROUNDS = 5
 
 
@@ -56,25 +60,22 @@ def suite() -> Any:
 
 
 def computing(directory: Path) -> tuple[float, float]:
-    """Seconds for loading and running, and simulated seconds."""
+    """Seconds for loading, running and writing as the command does, and simulated seconds."""
     from evaluation.results.files import log_path
-    from evaluation.results.logs import write_log
+    from evaluation.results.logs import read_log
     from evaluation.results.rows import write_runs
-    from evaluation.runs import cpna as runner
+    from evaluation.runs import cpna
+    from evaluation.runs.logged import logged_runs
     from evaluation.studies.suite import suite_configuration
 
     start = time.perf_counter()
-    job = suite()
-    site = runner.load_site(job)
-    simulated = 0.0
-    rows = []
-    for record in runner.run_suite(job, site):
-        assert record.log is not None
-        simulated += float(record.log["time_s"].max())
-        write_log(log_path(directory, record.spec.log), record.log)
-        rows.append(record.row)
-    write_runs(directory, rows, suite_configuration(job, site, directory))
-    return time.perf_counter() - start, simulated
+    comparison = suite()
+    site = cpna.load_site(comparison)
+    specs = comparison.specs(site)
+    rows = [record.row for record in logged_runs(specs, directory, workers=1)]
+    write_runs(directory, rows, suite_configuration(comparison, site, directory))
+    spent = time.perf_counter() - start
+    return spent, sum(float(read_log(log_path(directory, spec.log))["time_s"].max()) for spec in specs)
 
 
 def peer(simulated_s: float) -> float:
@@ -95,8 +96,8 @@ def peer(simulated_s: float) -> float:
 
 def stage_shares(directory: Path) -> dict[str, float]:
     """Seconds per stage of one more run of the suite, with measuring switched on."""
-    from evaluation.results import logs, rows
-    from evaluation.runs import cpna as runner
+    from evaluation.results import rows
+    from evaluation.runs import cpna, logged
     from scenarios import spec
     from scenarios.openscenario.running.engine import Engine
     from scenarios.sensors.sensor import Sensor
@@ -107,7 +108,7 @@ def stage_shares(directory: Path) -> dict[str, float]:
     from smartmot.tracking import tracker
 
     stages = Stages()
-    stages.wrap(runner, "load_site", "map and place")
+    stages.wrap(cpna, "load_site", "map and place")
     stages.wrap(spec, "definition_of", "scenario file")
     stages.wrap(spec, "make_strategy", "map and place")
     stages.wrap(Simulation, "scene", "map and place")
@@ -125,7 +126,7 @@ def stage_shares(directory: Path) -> dict[str, float]:
             stages.wrap(area, name, "monitored area")
     for name in ("frame", "perception", "table"):
         stages.wrap(RunLog, name, "recording")
-    stages.wrap(logs, "write_log", "files")
+    stages.wrap(logged, "write_log", "files")
     stages.wrap(rows, "write_runs", "files")
     computing(directory)
     return dict(stages.seconds)

@@ -32,6 +32,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+if not __package__:
+    # a script's own folder comes first, and has a module of the name opendrive
+    sys.path[0] = str(Path(__file__).parents[1])
+
 from evaluation.cli import main
 from evaluation.results.logs import LOG_COLUMNS, read_log, write_log
 from evaluation.results.rows import write_runs
@@ -326,11 +330,11 @@ def _damaged_table(text: str, rng: random.Random, separator: str | None) -> str:
             case 4:
                 rows.insert(rng.randrange(len(rows) + 1), list(row))
             case 5:
-                for one in rows:  # a column
-                    del one[at : at + 1]
+                for cells in rows:  # a column
+                    del cells[at : at + 1]
             case _:
-                for one in rows:
-                    one[at:at] = one[at : at + 1]
+                for cells in rows:
+                    cells[at:at] = cells[at : at + 1]
     return "\n".join((separator or " ").join(row) for row in rows) + "\n"
 
 
@@ -372,10 +376,6 @@ def _damage_log(path: Path, rng: random.Random) -> None:
         log.to_parquet(path)
 
 
-_NUMBERS = (0.0, 1.0, -1.0, 1e308, -1e308, float("nan"), float("inf"), 1e-320, 1e12)
-_WORDS = ("", "ego", "x", "event", "track", "\0", None, "x" * 300)
-
-
 # ---- cases -------------------------------------------------------------------------------------------------
 
 
@@ -391,13 +391,13 @@ class Result:
         kind: one of READ, REFUSED, BAD, HANGS.
         base: kind of input.
         words: the command.
-        told: what it printed to the error output.
+        errors: what it printed to the error output.
     """
 
     kind: str
     base: str
     words: tuple[str, ...]
-    told: str
+    errors: str
 
 
 def make_bases(folder: Path) -> list[Path]:
@@ -439,7 +439,7 @@ def carry_out(case: int, seed: int, bases: list[Path], folder: Path) -> Result:
 
 def _run(base: str, words: tuple[str, ...]) -> Result:
     """A command in this process, and what it prints."""
-    out, told = io.StringIO(), io.StringIO()
+    out, errors = io.StringIO(), io.StringIO()
     before, sys.argv = sys.argv, ["smartmot-eval", *words]
     status: object = 0
 
@@ -449,9 +449,9 @@ def _run(base: str, words: tuple[str, ...]) -> Result:
     previous = signal.signal(signal.SIGALRM, hang)
     signal.alarm(HANG_S)
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(told), warnings.catch_warnings():
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors), warnings.catch_warnings():
             warnings.simplefilter("always")
-            warnings.showwarning = lambda *a, **k: told.write(f"warning: {a[0]} {a[2]}:{a[3]}\n")  # type: ignore[assignment]
+            warnings.showwarning = lambda *a, **k: errors.write(f"warning: {a[0]} {a[2]}:{a[3]}\n")  # type: ignore[assignment]
             main()
     except SystemExit as stop:
         status = stop.code
@@ -465,13 +465,13 @@ def _run(base: str, words: tuple[str, ...]) -> Result:
         sys.argv = before
         if "matplotlib.pyplot" in sys.modules:
             sys.modules["matplotlib.pyplot"].close("all")
-    lines = told.getvalue().splitlines()
+    lines = errors.getvalue().splitlines()
     ours = all(line.startswith("smartmot-eval: ") for line in lines)
     if not status and ours:
-        return Result(READ, base, words, told.getvalue())
+        return Result(READ, base, words, errors.getvalue())
     if status == 2 and ours and len(lines) == 1:
-        return Result(REFUSED, base, words, told.getvalue())
-    return Result(BAD, base, words, f"status {status}\n{told.getvalue()}")
+        return Result(REFUSED, base, words, errors.getvalue())
+    return Result(BAD, base, words, f"status {status}\n{errors.getvalue()}")
 
 
 def fuzz(cases: int, seed: int, tell: Callable[[str], None] = lambda line: None) -> Counter[tuple[str, str]]:
@@ -484,7 +484,7 @@ def fuzz(cases: int, seed: int, tell: Callable[[str], None] = lambda line: None)
                 result = carry_out(case, seed, bases, Path(folder))
             counts[result.base, result.kind] += 1
             if result.kind in (BAD, HANGS):
-                tell(f"--seed {seed} --only {case}: {' '.join(result.words)}\n{result.told}")
+                tell(f"--seed {seed} --only {case}: {' '.join(result.words)}\n{result.errors}")
     return counts
 
 
@@ -505,7 +505,7 @@ def _main() -> int:
     options = parser.parse_args()
     if options.only is not None:
         result = only(options.only, options.seed)
-        sys.stdout.write(f"{result.base}: {result.kind}\n{' '.join(result.words)}\n{result.told}\n")
+        sys.stdout.write(f"{result.base}: {result.kind}\n{' '.join(result.words)}\n{result.errors}\n")
         return result.kind in (BAD, HANGS)
     start = time.perf_counter()
     counts = fuzz(options.cases, options.seed, lambda line: print(line, flush=True))

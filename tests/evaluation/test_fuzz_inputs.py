@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -23,6 +24,15 @@ def test_damaged_inputs_give_no_traceback() -> None:
     assert sum(counts.values()) == 120
     assert not any(kind in (BAD, HANGS) for _, kind in counts)
     assert {base for base, _ in counts} == {base.name for base in BASES}
+
+
+def test_it_runs_as_a_script(tmp_path: Path) -> None:
+    """Beside it lies a module that has the name of a package of ours."""
+    script = Path(__file__).parents[2] / "benchmarks" / "fuzz_inputs.py"
+    run = subprocess.run(
+        [sys.executable, script, "--cases", "1"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert "\n1 cases: " in run.stdout
 
 
 @pytest.mark.filterwarnings("default")
