@@ -166,7 +166,7 @@ MOVED = {
     "evaluation.runner": "evaluation.runs.cpna evaluation.runs.specs evaluation.studies.map_description"
     " evaluation.studies.suite",
     "evaluation.seal": "evaluation.results.seal",
-    "evaluation.settings": "scenarios.settings",
+    "evaluation.settings": "scenarios.settings evaluation.cli.options",
     "evaluation.study": "evaluation.studies.compare",
     "evaluation.study.answer": "evaluation.studies.compare.answer",
     "evaluation.study.command": "evaluation.studies.compare.command evaluation.studies.compare.study",
@@ -242,7 +242,8 @@ MOVED = {
     "scenarios.scenes.traffic_scenes": "scenarios.scenes.traffic",
     "smartmot.aeb": "smartmot.decision.aeb",
     "smartmot.area.monitored_area": (
-        "smartmot.area.monitored smartmot.area.lanes smartmot.area.rectangle smartmot.area.everything"
+        "smartmot.area.monitored smartmot.decision.braking smartmot.area.lanes smartmot.area.rectangle"
+        " smartmot.area.everything"
     ),
     "smartmot.assignment": "smartmot.tracking.assignment",
     "smartmot.association": "smartmot.tracking.association",
@@ -252,7 +253,8 @@ MOVED = {
     "smartmot.kalman": "smartmot.filters.kalman",
     "smartmot.lifecycle": "smartmot.tracking.lifecycle",
     "smartmot.monitored_area": (
-        "smartmot.area.monitored smartmot.area.lanes smartmot.area.rectangle smartmot.area.everything"
+        "smartmot.area.monitored smartmot.decision.braking smartmot.area.lanes smartmot.area.rectangle"
+        " smartmot.area.everything"
     ),
     "smartmot.motion_models": "smartmot.filters.motion_models",
     "smartmot.own_tracker": "smartmot.tracking.own",
@@ -329,7 +331,9 @@ def names_of(package: str, *modules: str) -> Callable[[str], Any]:
 
         if not name.startswith("__"):
             for module in modules:
-                if name in vars(importlib.import_module(module)):
+                content = vars(importlib.import_module(module))
+                # a name that has changed since has an alias of its own
+                if name in content or ("__getattr__" in content and hasattr(sys.modules[module], name)):
                     _warn(f"{package}.{name}", f"{module}.{name}")
                     return getattr(sys.modules[module], name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")

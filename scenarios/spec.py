@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+import _smartmot
 from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.bystanders import with_bystanders
 from scenarios.catalogue.library import scenario_path
@@ -256,6 +257,9 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
     )
 
 
-def scene_of(spec: RunSpec) -> MapView:
+def map_view_of(spec: RunSpec) -> MapView:
     """Map and route of a run, without running it; see `simulation_of` for what it raises."""
-    return simulation_of(spec).scene()
+    return simulation_of(spec).map_view()
+
+
+__getattr__ = _smartmot.renamed(__name__, {"scene_of": "scenarios.spec.map_view_of"})

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+import _smartmot
 from smartmot.area import MapArea, MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
@@ -296,3 +297,6 @@ def _lead(tracks: Tracks, candidate: BoolArray, gap_m: FloatArray, ego: EgoState
     vx, vy = tracks.velocity_mps[k] if tracks.dynamic[k] else (0.0, 0.0)
     along = float(vx * np.cos(ego.yaw_rad) + vy * np.sin(ego.yaw_rad))
     return LeadObject(int(tracks.track_id[k]), float(gap_m[k]), along)
+
+
+__getattr__ = _smartmot.renamed(__name__, {"STANDING_MPS": "smartmot.decision.rules.STANDING_MPS"})

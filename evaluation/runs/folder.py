@@ -288,7 +288,7 @@ def _map_view(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> 
     """Map and route of a run; nothing of the user's own is made."""
     name = perception_map(definition, spec.map_name)
     network = load_named_map(name) if name else None
-    return Simulation(definition, replace(preset, detector=None), None, network=network).scene()
+    return Simulation(definition, replace(preset, detector=None), None, network=network).map_view()
 
 
 def _strategy(

@@ -182,8 +182,8 @@ def grow(item: GrowthItem) -> tuple[GrowthRun, FrameTime]:
     definition = with_others(definition_of(spec), others, spec.seed)
     preset = preset_of(spec, definition)
 
-    def maker(scene: MapView) -> MonitoredAreaStrategy:
-        return make_strategy(spec.strategy, preset, scene)
+    def maker(view: MapView) -> MonitoredAreaStrategy:
+        return make_strategy(spec.strategy, preset, view)
 
     # all are seen: what grows is the number of objects, not of those hidden behind others
     open_view = replace(preset, sensor=replace(preset.sensor, min_visible=MIN_VISIBLE))

@@ -210,9 +210,9 @@ def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: s
     name = run_to_show(runs)
     spec = next(spec for spec in specs if spec.log == name)
     simulation = simulation_of(spec)
-    scene = simulation.scene()
+    view = simulation.map_view()
     strategy = None
     if spec.strategy != NO_AEB:  # else nobody perceives
-        strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), scene)
+        strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), view)
     logs = read_logs(directory, runs)
     return save_pictures(directory, runs, logs, simulation.network, strategy, shown=name, suffix=form)

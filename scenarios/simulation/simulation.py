@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import copy
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -238,13 +239,18 @@ class Simulation:
             frame_time_ms=np.zeros(0),
         )
 
-    def scene(self) -> MapView:
+    def map_view(self) -> MapView:
         """Map and route of perception for the way that the ego is on now.
 
         Raises:
             smartmot.maps.route.RouteError: that way runs on no driving lane of the map.
         """
         return map_view(self.network, self._way_ahead())
+
+    def scene(self) -> MapView:
+        """Old name of `map_view`, for one version."""
+        warnings.warn("Simulation.scene has moved to Simulation.map_view", DeprecationWarning, stacklevel=2)
+        return self.map_view()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Simulation:
         """A copy that goes on for itself; maps, scenario and preset, which never change, are shared."""

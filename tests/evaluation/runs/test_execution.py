@@ -34,9 +34,9 @@ from scenarios.spec import (
     definition_of,
     initial_speed_kmh,
     is_night,
+    map_view_of,
     perception_map,
     preset_of,
-    scene_of,
     told_environment,
 )
 
@@ -64,7 +64,7 @@ def test_the_map_is_laid_over_a_test_track_alone(track: RunSpec) -> None:
 
 
 def test_the_ego_of_a_test_track_drives_in_a_lane_of_the_street(track: RunSpec) -> None:
-    scene = scene_of(track)
+    scene = map_view_of(track)
     assert scene.network.name == "euro_ncap_street"
     (lane,) = scene.route.lanes
     assert float(scene.network.lane_width(lane, 100.0)) == pytest.approx(3.5)

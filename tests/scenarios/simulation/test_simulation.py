@@ -546,7 +546,7 @@ def test_the_ego_follows_its_lane_through_a_bend() -> None:
     made = definition(40, [], map_name="urban_bend")
     init = (("Ego", TeleportAction(WorldPosition(x, y, yaw))), made.init[1])
     built = Simulation(dataclasses.replace(made, init=init), PHYSICAL, None, rule=StopRule(12.0))
-    route = built.scene().route
+    route = built.map_view().route
     assert route.lanes == (lane,)
     table = built.run().log.table()
     ego = np.column_stack((table["x_m"], table["y_m"]))[table["kind"] == "ego"]
