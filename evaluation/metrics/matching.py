@@ -195,12 +195,13 @@ def assigned_pairs(
     label, track, value = label[~alone], track[~alone], value[~alone]
     stops = np.flatnonzero(np.diff(c.label_frame[label])) + 1
     for part in np.split(np.arange(len(label)), stops) if len(label) else []:
-        own_label, i = np.unique(label[part], return_inverse=True)
-        own_track, j = np.unique(track[part], return_inverse=True)
-        matrix = np.zeros((len(own_label), len(own_track)))
+        labels_there, i = np.unique(label[part], return_inverse=True)
+        tracks_there, j = np.unique(track[part], return_inverse=True)
+        # pairs that are not possible weigh nothing, so that they never take the place of one that is
+        matrix = np.zeros((len(labels_there), len(tracks_there)))
         matrix[i, j] = value[part]
         row, column = linear_sum_assignment(matrix, maximize=True)
         matched = matrix[row, column] > 0.0
-        rows.append(own_label[row[matched]])
-        columns.append(own_track[column[matched]])
+        rows.append(labels_there[row[matched]])
+        columns.append(tracks_there[column[matched]])
     return np.concatenate(rows), np.concatenate(columns)

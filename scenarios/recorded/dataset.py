@@ -10,10 +10,10 @@ How to use it::
         for detections in sequence.frames():  # smartmot.Detections, world frame, in the order of time
             tracks = tracker.update(detections)
 
-or, with accuracy (`evaluation.studies.mot.run`)::
+or with the vehicle's motion, for decisions (`scenarios.sources.recorded`)::
 
-    tracked = track_dataset(data, config)
-    scores = score_tracks(tracked, ("distance",))  # first of each category: all sequences together
+    for frame in frames(RecordedSource(sequence)):
+        state, result = pipeline.step(state, frame.detections, frame.ego)
 
 The world frame is that of the data set: x and y span the ground, z points up. With ego poses it stands still;
 without them it is the vehicle's own (x ahead, y left), and a track's velocity is relative to the vehicle.
@@ -243,6 +243,7 @@ def probability(score: FloatArray) -> FloatArray:
 
 def log_odds(probability: FloatArray) -> FloatArray:
     """Inverse of `probability`; certain scores stay finite."""
+    # log1p: the difference 1 - p has lost the digits of a small p
     clipped = np.clip(probability, 1e-12, 1.0 - 1e-12)
     return np.asarray(np.log(clipped) - np.log1p(-clipped))
 
