@@ -17,6 +17,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -81,9 +82,6 @@ FRAMES_CSV = "frames.csv"
 FRAME_S = 0.5
 """nuScenes' samples are taken at 2 Hz."""
 
-_TABLES = ("sample", "scene", "sample_annotation", "instance", "category")
-_POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
-_OTHER_TABLES = ("attribute", "visibility", "log", "map")
 _META = ("use_camera", "use_lidar", "use_radar", "use_map", "use_external")
 
 Scenes = dict[str, list[tuple[str, float]]]
@@ -94,6 +92,90 @@ Boxes = list[tuple[int, Any]]
 
 Annotations = dict[str, list[tuple[int, str, dict[str, Any]]]]
 """Annotated road users by sample: number of the instance, class and record."""
+
+
+_ABSENT = object()
+"""In place of a field that a record does not have; what it has may be None."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """What a field must be.
+
+    Args:
+        complaint: What is said of a value that is not; "{}" stands for it.
+        fits: Whether a value is.
+    """
+
+    complaint: str
+    fits: Callable[[Any], bool]
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def _is_number_or_null(value: object) -> bool:
+    # NaN, which some writers put as null, is rejected later with the impossible boxes
+    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
+
+
+def _vector(length: int, fits: Callable[[object], bool] = _is_finite, needed: bool = True) -> _Rule:
+    def is_vector(value: object) -> bool:
+        return isinstance(value, list) and len(value) == length and all(map(fits, value))
+
+    if needed:
+        return _Rule(f"must be {length} numbers", is_vector)
+    return _Rule(f"must be {length} numbers", lambda value: value in (None, _ABSENT) or is_vector(value))
+
+
+def _texts(*names: str) -> dict[str, _Rule]:
+    return dict.fromkeys(names, _Rule("must be a text", lambda value: isinstance(value, str)))
+
+
+_NUMBER = _Rule("must be a number", _is_finite)
+_FIELDS = {
+    "scene": _texts("token", "name"),
+    "sample": _texts("token", "scene_token") | {"timestamp": _NUMBER},
+    "category": _texts("token", "name"),
+    "instance": _texts("token", "category_token"),
+    "sample_annotation": _texts("sample_token", "instance_token")
+    | {"translation": _vector(3), "size": _vector(3), "rotation": _vector(4)},
+    "sensor": _texts("token", "channel"),
+    "calibrated_sensor": _texts("token", "sensor_token"),
+    "sample_data": _texts("sample_token", "ego_pose_token", "calibrated_sensor_token")
+    | {"is_key_frame": _NUMBER},
+    "ego_pose": _texts("token") | {"translation": _vector(3), "rotation": _vector(4)},
+}
+"""nuScenes' tables and the fields that are read of each."""
+
+_LABEL_TABLES = ("sample_annotation", "instance", "category")
+_POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
+_OTHER_TABLES = ("attribute", "visibility", "log", "map")
+
+
+def _require(record: object, rules: dict[str, _Rule], path: Path, noun: str, name: object) -> None:
+    """Demand rules of a record.
+
+    Raises:
+        DatasetError: The first rule that it breaks, with file, record and field.
+    """
+    for field, rule in rules.items():
+        value = record.get(field, _ABSENT) if isinstance(record, dict) else _ABSENT
+        if not isinstance(record, dict) or not rule.fits(value):
+            complaint = rule.complaint.format(shown(None if value is _ABSENT else value))
+            raise DatasetError(f"{path}: {noun} {name!r}: field {field!r} {complaint}")
+
+
+def _records(folder: Path, name: str) -> list[dict[str, Any]]:
+    """Rows of one of nuScenes' tables; they have the fields of `_FIELDS`."""
+    path = folder / f"{name}.json"
+    records = read_json(path)
+    if not isinstance(records, list):
+        raise DatasetError(f"{path}: expected a list of records")
+    for index, record in enumerate(records):
+        _require(record, _FIELDS[name], path, "record", index)
+    return records
 
 
 def read_nuscenes(folder: Path) -> Dataset:
@@ -163,7 +245,7 @@ def _scenes(path: Path, results: dict[str, Any], tables: Path | None, notes: lis
 
 def _results_file(folder: Path) -> Path:
     """The one JSON file of a folder that is no table of nuScenes."""
-    tables = {f"{name}.json" for name in (*_TABLES, *_POSE_TABLES, *_OTHER_TABLES)}
+    tables = {f"{name}.json" for name in (*_FIELDS, *_OTHER_TABLES)}
     paths = sorted(path for path in folder.glob("*.json") if path.name not in tables)
     if len(paths) != 1:
         listed = ", ".join(path.name for path in paths) or "none"
@@ -181,75 +263,11 @@ def _table_folder(folder: Path) -> Path | None:
     return None
 
 
-_ABSENT = object()
-"""In place of a field that a record does not have; what it has may be None."""
-
-Rule = tuple[str, str, Callable[[Any], bool]]
-"""A field, what is said of one that breaks the rule ("{}": its value), and whether a value keeps it."""
-
-
-def _require(record: object, rules: Iterable[Rule], path: Path, noun: str, name: object) -> None:
-    """Demand rules of a record.
-
-    Raises:
-        DatasetError: The first rule that it breaks, with file, record and field.
-    """
-    for field, complaint, fits in rules:
-        value = record.get(field, _ABSENT) if isinstance(record, dict) else _ABSENT
-        if not isinstance(record, dict) or not fits(value):
-            complaint = complaint.format(shown(None if value is _ABSENT else value))
-            raise DatasetError(f"{path}: {noun} {name!r}: field {field!r} {complaint}")
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
-def _is_number_or_null(value: object) -> bool:
-    # NaN, which some writers put as null, is rejected later with the impossible boxes
-    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
-
-
-def _is_list_of(length: int, fits: Callable[[object], bool]) -> Callable[[object], bool]:
-    def rule(value: object) -> bool:
-        return isinstance(value, list) and len(value) == length and all(map(fits, value))
-
-    return rule
-
-
-def _records(
-    folder: Path, name: str, texts: Iterable[str], numbers: Iterable[str] = (), **vectors: int
-) -> list[dict[str, Any]]:
-    """Rows of one of nuScenes' tables with the fields that are needed.
-
-    Args:
-        folder: Where the tables are.
-        name: The table.
-        texts: Fields that must be texts.
-        numbers: Fields that must be numbers.
-        vectors: Fields that must be lists of so many numbers.
-    """
-    path = folder / f"{name}.json"
-    records = read_json(path)
-    if not isinstance(records, list):
-        raise DatasetError(f"{path}: expected a list of records")
-    rules: list[Rule] = [(field, "must be a text", _is_text) for field in texts]
-    rules += [(field, "must be a number", _is_finite) for field in numbers]
-    rules += [(field, f"must be {n} numbers", _is_list_of(n, _is_finite)) for field, n in vectors.items()]
-    for index, record in enumerate(records):
-        _require(record, rules, path, "record", index)
-    return records
-
-
 def _scenes_of_tables(folder: Path) -> Scenes:
     """Scenes from nuScenes' tables; times there are microseconds."""
-    names = {scene["token"]: scene["name"] for scene in _records(folder, "scene", ("token", "name"))}
+    names = {scene["token"]: scene["name"] for scene in _records(folder, "scene")}
     scenes: Scenes = {name: [] for name in names.values()}
-    for sample in _records(folder, "sample", ("token", "scene_token"), ("timestamp",)):
+    for sample in _records(folder, "sample"):
         name = names.get(sample["scene_token"])
         if name is None:
             raise DatasetError(
@@ -283,20 +301,17 @@ def _boxes(path: Path, results: dict[str, Any], token: str) -> list[Any]:
 
 def _detections(path: Path, tokens: list[str], boxes: Boxes, classes: ClassMap) -> Objects:
     """Boxes of one scene, of the classes that have a category."""
-    three, two = _is_list_of(3, _is_number_or_null), _is_list_of(2, _is_number_or_null)
-    rules: tuple[Rule, ...] = (
-        ("translation", "must be 3 numbers", three),
-        ("size", "must be 3 numbers", three),
-        ("rotation", "must be 4 numbers", _is_list_of(4, _is_number_or_null)),
-        # not every detector estimates it
-        ("velocity", "must be 2 numbers", lambda value: value in (None, _ABSENT) or two(value)),
-        (
-            "detection_name",
+    rules = {
+        "translation": _vector(3, _is_number_or_null),
+        "size": _vector(3, _is_number_or_null),
+        "rotation": _vector(4, _is_number_or_null),
+        "velocity": _vector(2, _is_number_or_null, needed=False),  # not every detector estimates it
+        "detection_name": _Rule(
             f"is unknown: {{}}; give it a category in {CLASSES_CSV}",
             lambda value: isinstance(value, str) and value in classes,
         ),
-        ("detection_score", "must be a number", _is_number_or_null),
-    )
+        "detection_score": _Rule("must be a number", _is_number_or_null),
+    }
     for frame, box in boxes:
         _require(box, rules, path, "sample", tokens[frame])
     return _objects(
@@ -331,16 +346,15 @@ def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.nda
 
 def _annotations(folder: Path) -> Annotations:
     """Annotated road users by sample; empty without the tables."""
-    if not all((folder / f"{name}.json").is_file() for name in _TABLES[2:]):
+    if not all((folder / f"{name}.json").is_file() for name in _LABEL_TABLES):
         return {}
-    names = {row["token"]: row["name"] for row in _records(folder, "category", ("token", "name"))}
+    names = {row["token"]: row["name"] for row in _records(folder, "category")}
     instances = {
         row["token"]: (number, _CLASS_OF_LABEL.get(names.get(row["category_token"], "")))
-        for number, row in enumerate(_records(folder, "instance", ("token", "category_token")))
+        for number, row in enumerate(_records(folder, "instance"))
     }
-    texts = ("sample_token", "instance_token")
     by_sample: Annotations = {}
-    for row in _records(folder, "sample_annotation", texts, translation=3, size=3, rotation=4):
+    for row in _records(folder, "sample_annotation"):
         number, kind = instances.get(row["instance_token"], (0, None))
         if kind is not None:
             by_sample.setdefault(row["sample_token"], []).append((number, kind, row))
@@ -366,18 +380,15 @@ def _ego_poses(folder: Path) -> dict[str, FloatArray]:
     """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
     if not all((folder / f"{name}.json").is_file() for name in _POSE_TABLES):
         return {}
-    sensors = _records(folder, "sensor", ("token", "channel"))
-    lidars = {row["token"] for row in sensors if row["channel"] == "LIDAR_TOP"}
-    mounts = _records(folder, "calibrated_sensor", ("token", "sensor_token"))
-    lidar_mounts = {row["token"] for row in mounts if row["sensor_token"] in lidars}
-    texts = ("sample_token", "ego_pose_token", "calibrated_sensor_token")
+    lidars = {row["token"] for row in _records(folder, "sensor") if row["channel"] == "LIDAR_TOP"}
+    mounts = {row["token"] for row in _records(folder, "calibrated_sensor") if row["sensor_token"] in lidars}
     sample_of = {
         row["ego_pose_token"]: row["sample_token"]
-        for row in _records(folder, "sample_data", texts, ("is_key_frame",))
-        if row["is_key_frame"] and row["calibrated_sensor_token"] in lidar_mounts
+        for row in _records(folder, "sample_data")
+        if row["is_key_frame"] and row["calibrated_sensor_token"] in mounts
     }
     poses = {}
-    for row in _records(folder, "ego_pose", ("token",), translation=3, rotation=4):
+    for row in _records(folder, "ego_pose"):
         if row["token"] in sample_of:
             if not any(row["rotation"]):
                 raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
