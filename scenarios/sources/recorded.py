@@ -32,7 +32,8 @@ class RecordedSource:
 
     The ego's speed and turn rate are those since the frame before, by differences of the recorded poses; the
     first frame has the second's. The speed is negative where the vehicle moves against its heading.
-    Accelerations are not derived: they are 0.
+    Accelerations are not derived: they are 0. A brake rule that holds its request until standstill holds it
+    as long as the recorded vehicle goes on: what counts is when it began.
 
     Args:
         sequence: The recording.
