@@ -10,12 +10,15 @@ import pytest
 
 from opendrive import load_map
 from scenarios.errors import DatasetError, ScenarioError
+from scenarios.presets import PHYSICAL
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.poses import rigid, turned_about
 from scenarios.recorded.table import read_csv
 from scenarios.simulation.log import RunLog
 from scenarios.sources import Frame, FrameSource, StepResult, frames
+from scenarios.sources.perception import AreaPipelines, Perception
 from scenarios.sources.recorded import END_OF_RECORDING, RecordedSource, pose_rates, spaced
+from scenarios.strategies import STRATEGIES, NamedStrategy
 from smartmot.area import EverythingArea, MapArea, MapAreaConfig, MonitoredAreaStrategy
 from smartmot.decision.braking import BrakingDistance
 from smartmot.decision.rules import Command
@@ -209,6 +212,25 @@ def test_threat_and_emergency_come_when_the_closed_form_says(
     # the frame's forecast: the first box, 0.1 s apart, that overlaps
     [ttc_s] = first.threats.time_to_collision_s.tolist()
     assert ttc_s == pytest.approx(math.ceil((touch_s - brake_s) / 0.1) * 0.1)
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_the_perception_of_simulations_runs_on_recordings(towards_a_pedestrian: Sequence, name: str) -> None:
+    """The pedestrian stands in the lane: whatever the strategy, the brake comes at the braking distance."""
+    network = load_map(MAPS / "urban_street.xodr")
+    pipelines = AreaPipelines(NamedStrategy(name, PHYSICAL), PHYSICAL.pipeline)
+    perception = Perception(pipelines)
+    source = RecordedSource(towards_a_pedestrian, network, hindsight_s=2.0)
+    at, braked = source.start(), []
+    while at.frame is not None:
+        command = perception.step(at.frame).command
+        if command.emergency:
+            braked.append(at.frame.stamp_s)
+        at = source.step(command)
+    edge_m = PEDESTRIAN_X_M - 100.0 - SIDE_M / 2.0
+    needed_m = PHYSICAL.pipeline.braking_distance.at(SPEED_MPS)
+    assert braked[0] == pytest.approx(math.ceil((edge_m - needed_m) / SPEED_MPS / FRAME_S) * FRAME_S)
+    assert len(perception.frame_time_ms) == len(towards_a_pedestrian)
 
 
 def test_a_recorded_drive_is_logged_as_a_run_is(towards_a_pedestrian: Sequence) -> None:
