@@ -115,7 +115,7 @@ MOVED = {
     "evaluation.mot.nuscenes": "scenarios.recorded.nuscenes",
     "evaluation.mot.run": "evaluation.studies.mot.run evaluation.studies.mot.tables "
     "scenarios.recorded.formats evaluation.studies.mot.notes",
-    "evaluation.mot.table": "scenarios.recorded.table",
+    "evaluation.mot.table": "scenarios.recorded.csv_files",
     "evaluation.mot.textfile": "scenarios.recorded.textfile",
     "evaluation.mot.tracking": "evaluation.studies.mot.tracking",
     "evaluation.ncap": "evaluation.studies.ncap.run",

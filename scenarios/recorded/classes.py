@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.recorded.dataset import LEFT_OUT
-from scenarios.recorded.textfile import Table, read_headed_table
+from scenarios.recorded.textfile import TextTable, read_headed_table
 from smartmot.types import CATEGORIES, StrArray
 
 CLASSES_CSV = "classes.csv"
@@ -47,7 +47,7 @@ def read_classes(folder: Path, own: ClassMap) -> ClassMap:
     return {**own, **dict(zip(table["class"].tolist(), table["category"].tolist(), strict=True))}
 
 
-def require_categories(table: Table, name: str, classes: ClassMap, rule: str) -> StrArray:
+def require_categories(table: TextTable, name: str, classes: ClassMap, rule: str) -> StrArray:
     """(K,) categories of a table's rows by their column of classes.
 
     Raises:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenarios.errors import DatasetError
+from scenarios.recorded.csv_files import DETECTIONS, read_csv
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
 from scenarios.recorded.nuscenes import read_nuscenes
-from scenarios.recorded.table import DETECTIONS, read_csv
 
 READERS: dict[str, Callable[[Path], Dataset]] = {
     "kitti": read_kitti,

@@ -29,7 +29,7 @@ from scenarios.recorded.camera import from_camera, image_boxes, to_camera
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes, require_categories
 from scenarios.recorded.dataset import Camera, Dataset, Objects, Sequence, finished
 from scenarios.recorded.kitti_poses import read_matrix, read_poses
-from scenarios.recorded.textfile import MAX_FRAMES, Table, read_table, read_text
+from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_table, read_text
 from smartmot.geometry import wrap_angle
 from smartmot.types import FloatArray, IntArray
 
@@ -164,7 +164,7 @@ def _read_sequence(
     )
 
 
-def _length(known: list[FloatArray], tables: list[Table], label_table: Table | None) -> int:
+def _length(known: list[FloatArray], tables: list[TextTable], label_table: TextTable | None) -> int:
     """Frames of a sequence: those of its poses or else times, and up to the last of its boxes."""
     given = tables + ([label_table] if label_table is not None else [])
     for table in given:
@@ -173,7 +173,7 @@ def _length(known: list[FloatArray], tables: list[Table], label_table: Table | N
     return max([*map(len, known[:1]), *last], default=0)
 
 
-def _detection_table(path: Path) -> Table:
+def _detection_table(path: Path) -> TextTable:
     """Detections in either format, with the columns of both."""
     first = next((line for line in read_text(path).splitlines() if line.strip()), "")
     if "," not in first and len(first.split()) != len(DETECTION_COLUMNS):
@@ -190,7 +190,7 @@ def _detection_table(path: Path) -> Table:
 
 
 def _objects(
-    table: Table, length: int, pose: FloatArray | None, classes: ClassMap, **columns: np.ndarray
+    table: TextTable, length: int, pose: FloatArray | None, classes: ClassMap, **columns: np.ndarray
 ) -> Objects:
     """Rows of a table as boxes in the world frame, with further columns of `Objects`."""
     frame = table.whole("frame")
@@ -205,7 +205,7 @@ def _objects(
     return from_camera(frame, boxes, pose, **columns)
 
 
-def _labels(table: Table, length: int, pose: FloatArray | None, classes: ClassMap) -> Objects:
+def _labels(table: TextTable, length: int, pose: FloatArray | None, classes: ClassMap) -> Objects:
     """The labelled objects, with KITTI's rules of what is ignored."""
     rows = table.rows(table["type"] != "DontCare")
     rows.columns.pop("score", None)
@@ -214,7 +214,7 @@ def _labels(table: Table, length: int, pose: FloatArray | None, classes: ClassMa
     return _objects(rows, length, pose, classes, ignored=ignored)
 
 
-def _dont_care(table: Table) -> tuple[IntArray, FloatArray]:
+def _dont_care(table: TextTable) -> tuple[IntArray, FloatArray]:
     """Frames and image regions that have no labels."""
     chosen = table["type"] == "DontCare"
     frame = table.whole("frame")[chosen]

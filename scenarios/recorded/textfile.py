@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from scenarios import reading
 from scenarios.errors import DatasetError
 from smartmot.types import BoolArray, FloatArray, IntArray
@@ -22,7 +23,7 @@ _NOT_A_NUMBER = ["nan", "NaN", "NAN", "-nan", "+nan"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class TextTable:
     """Columns of a text file.
 
     Args:
@@ -44,10 +45,10 @@ class Table:
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]
 
-    def rows(self, chosen: BoolArray) -> Table:
+    def rows(self, chosen: BoolArray) -> TextTable:
         """The rows for which an (N,) mask is true."""
         columns = {name: values[chosen] for name, values in self.columns.items()}
-        return Table(self.path, self.line[chosen], columns)
+        return TextTable(self.path, self.line[chosen], columns)
 
     def stacked(self, *names: str) -> FloatArray:
         """(N, C) columns side by side."""
@@ -111,7 +112,7 @@ def read_json(path: Path) -> Any:
 
 def read_table(
     path: Path, columns: Sequence[str], text_columns: Collection[str] = (), optional: int = 0
-) -> Table:
+) -> TextTable:
     """Read rows of fields separated by commas or by white space; blank lines are skipped.
 
     Args:
@@ -126,7 +127,7 @@ def read_table(
     return _table(path, _filled_lines(path), list(columns), text_columns, optional)
 
 
-def read_headed_table(path: Path, needed: Collection[str], numbers: Collection[str]) -> Table:
+def read_headed_table(path: Path, needed: Collection[str], numbers: Collection[str]) -> TextTable:
     """Read rows of fields separated by commas, whose names are in the first line.
 
     Args:
@@ -160,12 +161,12 @@ def _filled_lines(path: Path) -> list[tuple[int, str]]:
 
 def _table(
     path: Path, lines: list[tuple[int, str]], names: list[str], texts: Collection[str], optional: int = 0
-) -> Table:
+) -> TextTable:
     """Rows with the named fields, the last ones of which may be absent."""
     rows = [line for _, line in lines]
     number = np.array([number for number, _ in lines], dtype=np.int64)
     if not rows:
-        return Table(path, number, {n: np.zeros(0, np.str_ if n in texts else np.float64) for n in names})
+        return TextTable(path, number, {n: np.zeros(0, np.str_ if n in texts else np.float64) for n in names})
     separator = "," if "," in rows[0] else None
     widths = np.array([len(row.split(separator)) for row in rows], dtype=np.int64)
     present = int(widths[0])
@@ -179,7 +180,7 @@ def _table(
         )
     numbers = [name for name in names if name not in texts]
     try:
-        return Table(path, number, _columns(rows, separator, names, numbers))
+        return TextTable(path, number, _columns(rows, separator, names, numbers))
     except ValueError:  # pandas does not tell where
         raise _no_number(path, lines, separator, names, numbers) from None
 
@@ -226,3 +227,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+__getattr__ = _smartmot.renamed(__name__, {"Table": "scenarios.recorded.textfile.TextTable"})

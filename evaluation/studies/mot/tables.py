@@ -17,10 +17,10 @@ from evaluation.results.files import write_whole
 from evaluation.results.tables import Table, csv_bytes, rich_table
 from evaluation.studies.mot.tracking import TrackedSequence
 from scenarios.errors import DatasetError
+from scenarios.recorded.csv_files import tracks_text
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import tracking_text
 from scenarios.recorded.nuscenes import submission_text
-from scenarios.recorded.table import tracks_text
 
 if TYPE_CHECKING:
     import rich.table

@@ -11,9 +11,9 @@ import pytest
 from opendrive import load_map
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.presets import PHYSICAL
+from scenarios.recorded.csv_files import read_csv
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.poses import rigid, turned_about
-from scenarios.recorded.table import read_csv
 from scenarios.simulation.log import RunLog
 from scenarios.sources import Frame, FrameSource, StepResult, frames
 from scenarios.sources.perception import AreaPipelines, Perception

@@ -9,8 +9,8 @@ import pytest
 from evaluation.studies.mot.run import track_dataset
 from evaluation.studies.mot.tables import write_tracks
 from scenarios.errors import DatasetError
+from scenarios.recorded.csv_files import read_csv
 from scenarios.recorded.formats import read_dataset
-from scenarios.recorded.table import read_csv
 from smartmot.tracking.configs import tracker_config
 from smartmot.tracking.tracker import TrackerConfig
 

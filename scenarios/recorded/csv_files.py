@@ -25,7 +25,7 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, read_classes, require_categories
 from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished
 from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
-from scenarios.recorded.textfile import MAX_FRAMES, Table, read_headed_table
+from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_headed_table
 from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
@@ -77,7 +77,7 @@ def read_csv(folder: Path) -> Dataset:
     return finished("csv", sequences, tuple(notes))
 
 
-def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
+def _table(path: Path, needed: Collection[str], classes: ClassMap) -> TextTable:
     """A file with the columns that it needs, its sequence and classes named, and its time as `time_s`."""
     table = read_headed_table(path, needed, _NUMBERS)
     if not (_stands_still(table) or all(name in table for name in _VEHICLE)):
@@ -97,12 +97,12 @@ def _table(path: Path, needed: Collection[str], classes: ClassMap) -> Table:
     return table
 
 
-def _stands_still(table: Table) -> bool:
+def _stands_still(table: TextTable) -> bool:
     """Whether positions are in a frame that stands still; else they are in the vehicle's."""
     return all(name in table for name in _STILL)
 
 
-def _sequence(name: str, tables: dict[str, Table]) -> Sequence:
+def _sequence(name: str, tables: dict[str, TextTable]) -> Sequence:
     """One sequence of all files."""
     parts = {key: table.rows(table["sequence"] == name) for key, table in tables.items()}
     detections = parts["detections"]
@@ -149,7 +149,7 @@ def _snapped(time_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
     return np.where(np.abs(nearest - time_s) <= SAME_FRAME_S, nearest, time_s)
 
 
-def _frame_names(stamp_s: FloatArray, detections: Table) -> tuple[str, ...]:
+def _frame_names(stamp_s: FloatArray, detections: TextTable) -> tuple[str, ...]:
     """F names: frame numbers if the detections go by them, else times."""
     number = np.rint(stamp_s / FRAME_S)
     by_time = "stamp_s" in detections or np.any(np.abs(number * FRAME_S - stamp_s) > SAME_FRAME_S)
@@ -158,7 +158,7 @@ def _frame_names(stamp_s: FloatArray, detections: Table) -> tuple[str, ...]:
     return tuple(f"{k:.0f}" for k in number.tolist())
 
 
-def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
+def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
     """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
     columns = {name: table[name] for name in ("category", "kind", "score", "height_m") if name in table}
     if "z_m" in table:
@@ -181,7 +181,7 @@ def _objects(table: Table, frame: IntArray, world_SE3_ego: FloatArray | None) ->
     return Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
 
 
-def _poses(table: Table, stamp_s: FloatArray) -> FloatArray:
+def _poses(table: TextTable, stamp_s: FloatArray) -> FloatArray:
     """(F, 4, 4) poses of the vehicle at the frames, linear between the given times."""
     time = table["time_s"]
     if len(time) == 0 or np.any(np.diff(time) <= 0.0):
