@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from types import MappingProxyType
+from typing import TypeVar
 
 from scenarios.presets import Preset
 from scenarios.strategies import STRATEGIES
 from smartmot.decision.aeb import AebConfig
-from smartmot.pipeline import PipelineConfig
+from smartmot.forecast import EGO_FORECASTS
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
 
@@ -46,57 +48,89 @@ class Parameter:
         return strategy in self.strategies or (is_plugin(strategy) and self.strategies == STRATEGIES)
 
 
-def _pipeline(preset: Preset, **changes: object) -> Preset:
-    return replace(preset, pipeline=replace(preset.pipeline, **changes))  # type: ignore[arg-type]
+T = TypeVar("T")
 
 
-def _filter_of(config: PipelineConfig) -> str:
-    names = {
-        (True, True): "both",
-        (True, False): "detections",
-        (False, True): "tracks",
-        (False, False): "none",
-    }
-    return names[config.filter_detections, config.filter_tracks]
+def _with(owner: T, path: Sequence[str], value: object) -> T:
+    """A dataclass with another value of a field of it, or of a dataclass in it."""
+    name, *deeper = path
+    inner = _with(getattr(owner, name), deeper, value) if deeper else value
+    return replace(owner, **{name: inner})  # type: ignore[type-var]  # T has no bound for dataclasses
+
+
+def _number(text: str, unit: str, strategies: tuple[str, ...], field: str) -> Parameter:
+    """The parameter that is one number of a preset, by its place in it."""
+    path = field.split(".")
+
+    def of(preset: Preset) -> Setting:
+        return float(attrgetter(field)(preset))
+
+    return Parameter(text, unit, strategies, (), of, lambda preset, v: _with(preset, path, float(v)))
+
+
+_FILTERS = {
+    "both": (True, True),
+    "detections": (True, False),
+    "tracks": (False, True),
+    "none": (False, False),
+}
+"""Whether detections and tracks are filtered, by name."""
+
+
+def _filter_of(preset: Preset) -> str:
+    chosen = (preset.pipeline.filter_detections, preset.pipeline.filter_tracks)
+    return next(name for name, filters in _FILTERS.items() if filters == chosen)
 
 
 def _put_filter(preset: Preset, value: Setting) -> Preset:
-    detections, tracks = value in ("both", "detections"), value in ("both", "tracks")
-    return _pipeline(preset, filter_detections=detections, filter_tracks=tracks)
+    detections, tracks = _FILTERS[str(value)]
+    pipeline = replace(preset.pipeline, filter_detections=detections, filter_tracks=tracks)
+    return replace(preset, pipeline=pipeline)
+
+
+def _put_forecast(preset: Preset, **changes: float | str) -> Preset:
+    forecast = replace(preset.pipeline.forecast, **changes)  # type: ignore[arg-type]  # fields of two kinds
+    return replace(preset, pipeline=replace(preset.pipeline, forecast=forecast))
 
 
 def _put_horizon(preset: Preset, value: Setting) -> Preset:
-    forecast, horizon = preset.pipeline.forecast, float(value)
-    longest = max(horizon, forecast.max_horizon_s)
-    return _pipeline(preset, forecast=replace(forecast, min_horizon_s=horizon, max_horizon_s=longest))
+    horizon = float(value)
+    longest = max(horizon, preset.pipeline.forecast.max_horizon_s)
+    return _put_forecast(preset, min_horizon_s=horizon, max_horizon_s=longest)
+
+
+def _reach_of(preset: Preset) -> float:
+    return math.inf if preset.map_area.reach_m is None else preset.map_area.reach_m
 
 
 def _put_reach(preset: Preset, value: Setting) -> Preset:
-    reach = None if value == math.inf else float(value)
-    return replace(preset, map_area=replace(preset.map_area, reach_m=reach))
+    return _with(preset, ("map_area", "reach_m"), None if value == math.inf else float(value))
 
 
 def _put_length(preset: Preset, value: Setting) -> Preset:
-    area, length = preset.rectangular, float(value)
-    shortest = min(area.min_length_m, length)
-    return replace(preset, rectangular=replace(area, min_length_m=shortest, max_length_m=length))
-
-
-def _put_ego_forecast(preset: Preset, value: Setting) -> Preset:
-    return _pipeline(preset, forecast=replace(preset.pipeline.forecast, ego=str(value)))
+    length = float(value)
+    shortest = min(preset.rectangular.min_length_m, length)
+    area = replace(preset.rectangular, min_length_m=shortest, max_length_m=length)
+    return replace(preset, rectangular=area)
 
 
 _TURNING_RADPS = 1.0
 """Limit on forecast turn rates where objects turn at all: the default of `smartmot.forecast`."""
 
 
+def _motion_of(preset: Preset) -> str:
+    return "ctrv" if preset.pipeline.forecast.max_yaw_rate_radps > 0 else "cv"
+
+
 def _put_motion(preset: Preset, value: Setting) -> Preset:
     limit = 0.0 if value == "cv" else preset.pipeline.forecast.max_yaw_rate_radps or _TURNING_RADPS
-    return _pipeline(preset, forecast=replace(preset.pipeline.forecast, max_yaw_rate_radps=limit))
+    return _put_forecast(preset, max_yaw_rate_radps=limit)
 
 
 OF_PRESET = "preset"
 """Name of the preset's own tracker or detector."""
+PAPER_RULE = "paper"
+"""Name of the brake rule that every preset has."""
 
 
 def _tracker_of(preset: Preset) -> str:
@@ -110,11 +144,8 @@ def _put_tracker(preset: Preset, value: Setting) -> Preset:
     name = str(value)
     if name == OF_PRESET:
         return preset
-    return _pipeline(preset, tracker=plugin(name) if is_plugin(name) else tracker_config(name))
-
-
-PAPER_RULE = "paper"
-"""Name of the brake rule that every preset has."""
+    tracker = plugin(name) if is_plugin(name) else tracker_config(name)
+    return _with(preset, ("pipeline", "tracker"), tracker)
 
 
 def _rule_of(preset: Preset) -> str:
@@ -123,65 +154,37 @@ def _rule_of(preset: Preset) -> str:
 
 
 def _put_rule(preset: Preset, value: Setting) -> Preset:
-    name = str(value)
-    if name == PAPER_RULE:
-        return preset if isinstance(preset.pipeline.aeb, AebConfig) else _pipeline(preset, aeb=AebConfig())
-    return _pipeline(preset, aeb=plugin(name))
+    if value == _rule_of(preset):
+        return preset
+    return _with(preset, ("pipeline", "aeb"), AebConfig() if value == PAPER_RULE else plugin(str(value)))
+
+
+def _detector_of(preset: Preset) -> str:
+    return preset.detector.name if preset.detector else OF_PRESET
 
 
 def _put_detector(preset: Preset, value: Setting) -> Preset:
     return preset if value == OF_PRESET else replace(preset, detector=plugin(str(value)))
 
 
+_MAP, _RECTANGLE = ("map",), ("rectangular",)
+
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
-        "margin_m": Parameter(
-            "VRU margin over the sidewalk",
-            "m",
-            ("map",),
-            (),
-            lambda preset: preset.map_area.vru_margin_m,
-            lambda preset, v: replace(preset, map_area=replace(preset.map_area, vru_margin_m=float(v))),
-        ),
-        "half_width_m": Parameter(
-            "half width of the rectangle",
-            "m",
-            ("rectangular",),
-            (),
-            lambda preset: preset.rectangular.half_width_m,
-            lambda preset, v: replace(preset, rectangular=replace(preset.rectangular, half_width_m=float(v))),
-        ),
-        "reach_m": Parameter(
-            "how far ahead an object may count",
-            "m",
-            ("map",),
-            (),
-            lambda preset: math.inf if preset.map_area.reach_m is None else preset.map_area.reach_m,
-            _put_reach,
-        ),
+        "margin_m": _number("VRU margin over the sidewalk", "m", _MAP, "map_area.vru_margin_m"),
+        "half_width_m": _number("half width of the rectangle", "m", _RECTANGLE, "rectangular.half_width_m"),
+        "reach_m": Parameter("how far ahead an object may count", "m", _MAP, (), _reach_of, _put_reach),
         "length_m": Parameter(
             "greatest length of the rectangle",
             "m",
-            ("rectangular",),
+            _RECTANGLE,
             (),
             lambda preset: preset.rectangular.max_length_m,
             _put_length,
         ),
-        "range_m": Parameter(
-            "range of the sensor",
-            "m",
-            STRATEGIES,
-            (),
-            lambda preset: preset.sensor.range_m,
-            lambda preset, v: replace(preset, sensor=replace(preset.sensor, range_m=float(v))),
-        ),
-        "iou_threshold": Parameter(
-            "overlap of forecast boxes that predicts a collision",
-            "",
-            STRATEGIES,
-            (),
-            lambda preset: preset.pipeline.iou_threshold,
-            lambda preset, v: _pipeline(preset, iou_threshold=float(v)),
+        "range_m": _number("range of the sensor", "m", STRATEGIES, "sensor.range_m"),
+        "iou_threshold": _number(
+            "overlap of forecast boxes that predicts a collision", "", STRATEGIES, "pipeline.iou_threshold"
         ),
         "horizon_s": Parameter(
             "shortest forecast horizon",
@@ -194,54 +197,29 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "ego_forecast": Parameter(
             "forecast of the ego",
             "",
-            ("map",),  # the others know no route and fall back on the turn rate
-            ("ctrv", "route"),
+            _MAP,  # the others do not use the planned path and fall back on the turn rate
+            EGO_FORECASTS,
             lambda preset: preset.pipeline.forecast.ego,
-            _put_ego_forecast,
+            lambda preset, v: _put_forecast(preset, ego=str(v)),
         ),
         "filter": Parameter(
             "what the monitored lanes filter",
             "",
-            ("map",),  # the others keep everything
+            _MAP,  # the others keep everything
             ("detections", "tracks", "both", "none"),
-            lambda preset: _filter_of(preset.pipeline),
+            _filter_of,
             _put_filter,
         ),
         "motion": Parameter(
-            "forecast of the others",
-            "",
-            STRATEGIES,
-            ("cv", "ctrv"),
-            lambda preset: "ctrv" if preset.pipeline.forecast.max_yaw_rate_radps > 0 else "cv",
-            _put_motion,
+            "forecast of the others", "", STRATEGIES, ("cv", "ctrv"), _motion_of, _put_motion
         ),
         "tracker": Parameter(
-            "tracker",
-            "",
-            STRATEGIES,
-            (OF_PRESET, *TRACKER_CONFIGS),
-            _tracker_of,
-            _put_tracker,
-            own=True,
+            "tracker", "", STRATEGIES, (OF_PRESET, *TRACKER_CONFIGS), _tracker_of, _put_tracker, own=True
         ),
         "detector": Parameter(
-            "detector",
-            "",
-            STRATEGIES,
-            (OF_PRESET,),
-            lambda preset: preset.detector.name if preset.detector else OF_PRESET,
-            _put_detector,
-            own=True,
+            "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True
         ),
-        "rule": Parameter(
-            "brake rule",
-            "",
-            STRATEGIES,
-            (PAPER_RULE,),
-            _rule_of,
-            _put_rule,
-            own=True,
-        ),
+        "rule": Parameter("brake rule", "", STRATEGIES, (PAPER_RULE,), _rule_of, _put_rule, own=True),
     }
 )
 """Parameters by name."""

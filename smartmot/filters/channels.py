@@ -172,6 +172,7 @@ class ChannelFilter:
         cross = rows[:, k : 2 * k].copy()
         gain = cross / (cross[:, :1] + self._noise.take(code, axis=0).reshape(-1, 1))
         change = np.empty_like(rows)
+        # one scalar is measured: the mean moves by K y, the upper triangle of P falls by K (H P), of rank one
         np.multiply(gain, innovation.reshape(-1, 1), out=change[:, :k])
         np.multiply(gain.take(i, axis=1), -cross.take(j, axis=1), out=change[:, k:])
         rows += change
@@ -181,6 +182,7 @@ class ChannelFilter:
             channels[:, self._copied, 0] = measurement[:, self._copied]
             channels[:, self._copied, 1] = 0.0
         if config.heading == "detector":
+            # the innovation is modulo half a turn, so that the filter may face the other way
             off = np.cos(measurement[:, YAW] - channels[:, YAW, 0]) < 0.0
             if np.count_nonzero(off):
                 channels[off, YAW, 0] += np.pi
@@ -200,6 +202,7 @@ class ChannelFilter:
         # Row 1 of the symmetric covariance.
         row = [k + int(np.flatnonzero((i == min(1, c)) & (j == max(1, c)))[0]) for c in range(k)]
         cross = part[..., row]
+        # as in `update`, with the rate as the scalar that is measured
         gain = cross / (cross[..., 1:2] + self._velocity_noise[code[known], None, None])
         part[..., :k] += gain * (velocity_mps[known] - part[..., 1])[..., None]
         part[..., k:] -= gain[..., i] * cross[..., j]

@@ -39,6 +39,7 @@ def ctrv_step(mean: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
     """
     yaw, speed, turn_rate = mean[:, _HEADING], mean[:, _SPEED], mean[:, _TURN]
     half = 0.5 * dt_s * turn_rate
+    # the chord of the arc, v t sinc(w t / 2), points along the mean course; `change` is its derivative by w
     chord = dt_s * np.sinc(half / np.pi)
     small = np.abs(half) < _SMALL_TURN_RAD
     divisor = np.where(small, 1.0, half)
@@ -137,6 +138,7 @@ class TurnFilter:
 
     def _process_noise(self, mean: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
         """(M, 5, 5) covariance of white noise on speed, turn rate and position over the step."""
+        # noise on the speed moves the position along the mean course; speed and turn rate are integrated once
         course = mean[:, _HEADING] + 0.5 * dt_s * mean[:, _TURN]
         along = np.zeros((len(mean), _D))
         along[:, 0], along[:, 1] = np.cos(course), np.sin(course)
@@ -179,6 +181,7 @@ class TurnFilter:
         corrected[:, :_D] = mean
         self._covariance(corrected)[:] = covariance
         size, spread = corrected[:, _SIZE : _SIZE + 2], corrected[:, _SIZE + 2 :]
+        # area and ratio are scalars of their own, without rates
         gain = spread / (spread + noise[:, [AREA, RATIO]]) if config.use_size else np.ones_like(spread)
         size += gain * (measurement[:, [AREA, RATIO]] - size)
         spread *= 1.0 - gain
@@ -197,6 +200,7 @@ class TurnFilter:
             return
         part = state[known]
         speed, c, s = part[:, _SPEED], np.cos(part[:, _HEADING]), np.sin(part[:, _HEADING])
+        # H is the derivative of (v cos yaw, v sin yaw) by heading and speed
         measures = np.zeros((len(known), 2, _D))
         measures[:, 0, _HEADING], measures[:, 0, _SPEED] = -speed * s, c
         measures[:, 1, _HEADING], measures[:, 1, _SPEED] = speed * c, s

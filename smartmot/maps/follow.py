@@ -62,6 +62,7 @@ def route_along(
             Where it ends, the number of lane changes (negative), how far inside the way is, and the lanes
             with the points at which they are entered.
         """
+        # what follows depends on lane and point alone, so that each pair of them is searched once
         end, inside = k, 0.0
         while end < len(margin_of) and lane in margin_of[end]:
             inside += margin_of[end][lane]

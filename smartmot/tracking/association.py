@@ -215,6 +215,7 @@ def mahalanobis(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     xx, yy, xy = (part[pairs.track] for part in pairs.covariance)
     xx, yy = xx + pairs.noise_m2, yy + pairs.noise_m2
     dx, dy = pairs.offset_m[:, 0], pairs.offset_m[:, 1]
+    # d' S^-1 d, with the inverse of the symmetric 2 x 2 innovation covariance S written out
     squared = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
     affinity: FloatArray = np.maximum(1.0 - squared / threshold, 0.0)
     return affinity
@@ -387,6 +388,7 @@ def _stages(pairs: Pairs, affinity: FloatArray, method: str, first: BoolArray | 
     track, detection, shape = pairs.track, pairs.detection, (len(pairs.tracks), len(pairs.detections))
     if first is None:
         return solve(track, detection, affinity, method, shape)
+    # the second stage solves only what the first left: pairs of its detections with tracks without a match
     early = first.take(detection)
     won = solve(track, detection, np.where(early, affinity, 0.0), method, shape)
     free = np.ones(int(track.max()) + 1, dtype=np.bool_)

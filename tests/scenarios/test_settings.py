@@ -70,7 +70,7 @@ def test_every_point_meets_the_same_scenes_and_noise() -> None:
     runs = study_runs(points_of(("map", "all"), {}), scenes, "physical", ["dry", "rain"], 3)
     met = {
         name: [
-            (r.scene, r.spec.weather, r.spec.seed, r.spec.phase_s) for r in runs if r.spec.strategy == name
+            (r.label, r.spec.weather, r.spec.seed, r.spec.phase_s) for r in runs if r.spec.strategy == name
         ]
         for name in ("map", "all")
     }
