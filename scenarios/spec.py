@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +15,6 @@ from scenarios.catalogue.library import scenario_path
 from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
-    Environment,
     EnvironmentAction,
     NamedAction,
     ScenarioDefinition,
@@ -27,20 +24,13 @@ from scenarios.openscenario.motion.roads import load_roads
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
-from scenarios.presets import (
-    Preset,
-    named_light,
-    named_preset,
-    named_weather,
-    preset_at_night,
-    preset_in_weather,
-    weather_of,
-)
+from scenarios.presets import Preset, named_preset, preset_at_night, preset_in_weather
 from scenarios.settings import Settings, preset_with
 from scenarios.simulation.ends import StopRule
 from scenarios.simulation.motion_actions import ego_actions, ego_of, is_motion
 from scenarios.simulation.simulation import Simulation
 from scenarios.strategies import NamedStrategy
+from scenarios.weather import initial_environment, is_night, named_light, named_weather, weather_of
 from smartmot.plugins import is_plugin
 
 NO_AEB = "none"
@@ -51,10 +41,6 @@ TEST_TRACK_LANE_M = 8.0
 """A driving lane wider than this is a test track, not a lane of a street: no HD map would show it."""
 SCENARIO_WEATHER = "dry"
 """With this weather, a run's unless another is asked for, rain, fog and friction of the scenario hold."""
-CIVIL_TWILIGHT_RAD = -math.radians(6.0)
-"""With the sun lower than this civil twilight is over: it is dark whatever illuminance a file gives."""
-NIGHT_LX = 10.0
-"""Darker than this is night (Euro NCAP: day tests at more than 2000 lx, night tests below 1 lx)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +58,7 @@ class RunSpec:
         adversaries: none or static.
         seed: of the sensor noise.
         phase_s: time of the first sensor frame.
-        night: how the sensor takes the night (`scenarios.presets.NIGHT`), where the scenario is at night.
+        night: how the sensor takes the night (`scenarios.weather.NIGHT`), where the scenario is at night.
         paper_points: whether the paper's score applies.
         adapts: whether the ego adapts its speed to who is ahead, as ACC does; else, as in tests of Euro NCAP,
             it holds it until it brakes, and the run ends when it stands.
@@ -140,33 +126,15 @@ def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str 
     return NCAP_MAP if len(driving) and all(wide) else None
 
 
-def initial_environment(definition: ScenarioDefinition) -> Environment:
-    """Light and weather after the initial actions; what a later one leaves open stays."""
-    told: dict[str, object] = {}
-    for _, action in definition.init:
-        if isinstance(action, EnvironmentAction):
-            fields = dataclasses.asdict(action.environment).items()
-            told |= {name: value for name, value in fields if value is not None}
-    return Environment(**{"name": "", **told})  # type: ignore[arg-type]
-
-
-def is_night(definition: ScenarioDefinition) -> bool:
-    """Whether the scenario starts in the dark."""
-    found = initial_environment(definition)
-    if found.sun_elevation_rad is not None and found.sun_elevation_rad < CIVIL_TWILIGHT_RAD:
-        return True
-    return found.illuminance_lx is not None and found.illuminance_lx < NIGHT_LX
-
-
-def told_environment(spec: RunSpec, definition: ScenarioDefinition) -> list[str]:
+def environment_notes(spec: RunSpec, definition: ScenarioDefinition) -> list[str]:
     """What becomes of the scenario's weather and of changes to it in a run, one line each."""
-    found = weather_of(initial_environment(definition))
+    weather = weather_of(initial_environment(definition))
     lines = []
-    if found.used and spec.weather == SCENARIO_WEATHER:
-        lines.append(f"weather of the scenario: {', '.join(found.used)}")
-    elif found.used:
-        lines.append(f"not used: {', '.join(found.used)} of the scenario; --weather {spec.weather} holds")
-    lines += [f"not used: {what}" for what in found.unused]
+    if weather.used and spec.weather == SCENARIO_WEATHER:
+        lines.append(f"weather of the scenario: {', '.join(weather.used)}")
+    elif weather.used:
+        lines.append(f"not used: {', '.join(weather.used)} of the scenario; --weather {spec.weather} holds")
+    lines += [f"not used: {what}" for what in weather.unused]
     changes = [e.name for e in definition.events() if any(_is_environment(a) for a in e.actions)]
     if changes:
         named = ", ".join(f"'{name}'" for name in dict.fromkeys(changes))
@@ -262,4 +230,14 @@ def map_view_of(spec: RunSpec) -> MapView:
     return simulation_of(spec).map_view()
 
 
-__getattr__ = _smartmot.renamed(__name__, {"scene_of": "scenarios.spec.map_view_of"})
+__getattr__ = _smartmot.renamed(
+    __name__,
+    {
+        "scene_of": "scenarios.spec.map_view_of",
+        "told_environment": "scenarios.spec.environment_notes",
+        "initial_environment": "scenarios.weather.initial_environment",
+        "is_night": "scenarios.weather.is_night",
+        "CIVIL_TWILIGHT_RAD": "scenarios.weather.CIVIL_TWILIGHT_RAD",
+        "NIGHT_LX": "scenarios.weather.NIGHT_LX",
+    },
+)

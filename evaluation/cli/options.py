@@ -142,14 +142,14 @@ def parse_preset(text: str) -> str:
 
 def parse_weather(text: str) -> tuple[str, ...]:
     """Weather conditions; see `parse_names`."""
-    from scenarios.presets import WEATHER
+    from scenarios.weather import WEATHER
 
     return parse_names(text, tuple(WEATHER), "--weather")
 
 
 def parse_night(text: str) -> str:
     """How the sensor takes the night; see `parse_names`."""
-    from scenarios.presets import NIGHT
+    from scenarios.weather import NIGHT
 
     return parse_name(text, tuple(NIGHT), "--night")
 

@@ -2,4 +2,4 @@
 
 from _smartmot import names_of
 
-__getattr__ = names_of(__name__, "scenarios.spec", "evaluation.runs.execution")
+__getattr__ = names_of(__name__, "scenarios.spec", "scenarios.weather", "evaluation.runs.execution")

@@ -24,10 +24,11 @@ from evaluation.runs.first_version import read_first
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
 from scenarios.catalogue.maps import SHIPPED_MAPS
 from scenarios.openscenario.model import ScenarioDefinition
-from scenarios.presets import Preset, named_light, named_weather, preset_at_night
+from scenarios.presets import Preset, preset_at_night
 from scenarios.reading import ReadError, read_json, shown
 from scenarios.settings import settings_text
-from scenarios.spec import RunSpec, definition_of, is_night, perception_map, preset_of
+from scenarios.spec import RunSpec, definition_of, perception_map, preset_of
+from scenarios.weather import is_night, named_light, named_weather
 from smartmot.plugins import plugin
 
 SHIPPED = "smartmot:"

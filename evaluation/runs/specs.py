@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand
-from scenarios.presets import named_light, named_preset, named_weather
+from scenarios.presets import named_preset
 from scenarios.settings import Settings, preset_with
 from scenarios.spec import (
     NO_AEB,
     RunSpec,
     definition_of,
+    environment_notes,
     initial_speed_kmh,
-    is_night,
     perception_map,
-    told_environment,
 )
+from scenarios.weather import is_night, named_light, named_weather
 from smartmot.plugins import is_plugin, plugin
 
 
@@ -159,6 +159,6 @@ def perception_notes(specs: Sequence[RunSpec]) -> list[str]:
                 tracks.append(definition.map_path.name)
         if is_night(definition):
             lines.setdefault(named_light(spec.night).source, [])
-        for line in told_environment(spec, definition):
+        for line in environment_notes(spec, definition):
             lines.setdefault(line, [])
     return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]

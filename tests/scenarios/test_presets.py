@@ -6,16 +6,12 @@ import pytest
 
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import Environment
-from scenarios.presets import (
+from scenarios.presets import PAPER, PHYSICAL, PRESETS, named_preset, preset_in_weather
+from scenarios.weather import (
     DRY_FRICTION,
-    PAPER,
-    PHYSICAL,
-    PRESETS,
     WEATHER,
     fog_attenuation_db_per_km,
-    named_preset,
     named_weather,
-    preset_in_weather,
     rain_attenuation_db_per_km,
     weather_of,
 )

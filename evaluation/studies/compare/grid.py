@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from evaluation.studies.study import LabelledRun
-from scenarios.presets import named_preset, named_weather
+from scenarios.presets import named_preset
 from scenarios.scenes.scenes import SceneRun
 from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
 from scenarios.spec import RunSpec
+from scenarios.weather import named_weather
 
 PHASES = 5
 """Frames come every 50 ms; seeds shift them by 0 to 40 ms, so that a seed has noise and phase of its own."""

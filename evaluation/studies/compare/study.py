@@ -46,9 +46,10 @@ from evaluation.studies.study import Finished, Study
 from scenarios.catalogue.library import scenario_path
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
-from scenarios.presets import named_preset, named_weather, preset_in_weather
+from scenarios.presets import named_preset, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
 from scenarios.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
+from scenarios.weather import named_weather
 from smartmot.errors import ConfigError
 
 

@@ -14,7 +14,8 @@ from scenarios.catalogue.library import shipped_scenario
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.reading.distributions import Variation, expand
-from scenarios.spec import NIGHT_LX, initial_speed_kmh, is_night
+from scenarios.spec import initial_speed_kmh
+from scenarios.weather import NIGHT_LX, is_night
 
 _FCW_PERCENT_2023 = {("CPLA", "25"), ("CBLA", "25")}
 """Rows that Euro NCAP 2023 drives as warning tests alone; their files tell it by the impact location."""

@@ -15,8 +15,9 @@ from evaluation.runs.specs import Conditions
 from evaluation.studies.suite import suite_configuration
 from scenarios.errors import ScenarioError
 from scenarios.places import Place, Site, lane_at
-from scenarios.presets import named_preset, named_weather, preset_in_weather
+from scenarios.presets import named_preset, preset_in_weather
 from scenarios.spec import load_named_map
+from scenarios.weather import named_weather
 
 PAPER = Conditions(("map",), "paper", ("dry",), "urban_street")
 PAPER_TABLE = CpnaSuite(

@@ -27,18 +27,18 @@ from scenarios.openscenario.model import (
 )
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
-from scenarios.presets import NIGHT, PHYSICAL, WEATHER
+from scenarios.presets import PHYSICAL
 from scenarios.spec import (
     NO_AEB,
     RunSpec,
     definition_of,
+    environment_notes,
     initial_speed_kmh,
-    is_night,
     map_view_of,
     perception_map,
     preset_of,
-    told_environment,
 )
+from scenarios.weather import NIGHT, WEATHER, is_night
 
 NCAP = Path(__file__).parents[4] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
 CPNA = RunSpec("CPNA", "crossing", (("Ego_speed_kmh", 50.0),), "map", "physical", "dry", 50.0)
@@ -112,7 +112,7 @@ def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Pat
     assert preset.brakes.max_decel_mps2 == pytest.approx(0.5 * PHYSICAL.brakes.max_decel_mps2)
     assert preset.sensor.range_m == WEATHER["rain"].range_m(PHYSICAL.sensor.range_m)
     told = "rain of 25 mm/h, friction factor 0.5 in place of the friction of rain"
-    assert told_environment(spec, definition_of(spec)) == [
+    assert environment_notes(spec, definition_of(spec)) == [
         f"weather of the scenario: {told}",
         "not used: the change of weather or light by event 'clears up'; those of Init hold",
     ]
@@ -126,7 +126,7 @@ def test_rain_and_friction_of_the_scenario_reach_brakes_and_sensor(tmp_path: Pat
         preset_of(snow, definition_of(snow)).brakes
         == preset_of(dataclasses.replace(CPNA, weather="snow"), definition_of(CPNA)).brakes
     )
-    assert told_environment(snow, definition_of(snow))[0] == (
+    assert environment_notes(snow, definition_of(snow))[0] == (
         f"not used: {told} of the scenario; --weather snow holds"
     )
 

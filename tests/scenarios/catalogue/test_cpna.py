@@ -11,10 +11,11 @@ from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build, find_site
 from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.places import Site
-from scenarios.presets import PAPER, PHYSICAL, WEATHER, preset_in_weather
+from scenarios.presets import PAPER, PHYSICAL, preset_in_weather
 from scenarios.simulation.ends import StopRule
 from scenarios.simulation.outcome import Outcome
 from scenarios.strategies import make_strategy
+from scenarios.weather import WEATHER
 from smartmot.geometry import signed_gap
 from smartmot.types import Boxes
 
