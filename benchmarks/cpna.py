@@ -9,6 +9,7 @@ cost on top of a bare traffic simulation.
 
 from __future__ import annotations
 
+import inspect
 import statistics
 import sys
 import tempfile
@@ -34,7 +35,8 @@ class Stages:
 
     def wrap(self, owner: Any, name: str, stage: str) -> None:
         """Measure every call of `owner.name` as part of a stage."""
-        original: Callable[..., Any] = getattr(owner, name)
+        member = inspect.getattr_static(owner, name)
+        original: Callable[..., Any] = member.fget if isinstance(member, property) else getattr(owner, name)
 
         def measured(*args: Any, **kwargs: Any) -> Any:
             self._open.append(0.0)
@@ -47,7 +49,7 @@ class Stages:
                 if self._open:
                     self._open[-1] += spent
 
-        setattr(owner, name, measured)
+        setattr(owner, name, property(measured) if isinstance(member, property) else measured)
 
 
 def suite() -> Any:
@@ -100,9 +102,11 @@ def stage_shares(directory: Path) -> dict[str, float]:
     from evaluation.runs import cpna, logged
     from scenarios import spec
     from scenarios.openscenario.running.engine import Engine
-    from scenarios.sensors.sensor import Sensor
+    from scenarios.sensors.suite import SensorSuite
     from scenarios.simulation.log import RunLog
     from scenarios.simulation.simulation import Simulation
+    from scenarios.simulation.truth import Truth
+    from scenarios.sources import perception
     from smartmot import pipeline
     from smartmot.area import lanes, rectangle
     from smartmot.tracking import tracker
@@ -110,13 +114,12 @@ def stage_shares(directory: Path) -> dict[str, float]:
     stages = Stages()
     stages.wrap(cpna, "load_site", "map and place")
     stages.wrap(spec, "definition_of", "scenario file")
-    stages.wrap(spec, "make_strategy", "map and place")
-    stages.wrap(Simulation, "scene", "map and place")
+    stages.wrap(perception.AreaPipelines, "__call__", "map and place")
     stages.wrap(Simulation, "run", "closed loop")
     stages.wrap(Engine, "__init__", "world: engine")
     stages.wrap(Engine, "advance", "world: engine")
-    stages.wrap(Simulation, "_world", "world: engine")
-    stages.wrap(Sensor, "observe", "sensor")
+    stages.wrap(Truth, "entities", "world: engine")
+    stages.wrap(SensorSuite, "measure", "sensor")
     stages.wrap(pipeline.Pipeline, "step", "forecast, threats, decision")
     stages.wrap(tracker.Tracker, "step", "tracking")
     for area in (lanes.MapArea, rectangle.RectangularArea):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import _smartmot
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import SensorConfig
+from scenarios.sensors.interfaces import SensorChain
+from scenarios.sensors.sensor import box_chain, observing_chain
 from scenarios.weather import DRY_FRICTION, Light, Weather
 from smartmot.area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
-from smartmot.plugins import Plugin
+from smartmot.plugins import Plugin, require
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +105,23 @@ def named_preset(name: str) -> Preset:
     if name not in PRESETS:
         raise ScenarioError(f"unknown preset {name!r}; use one of: {', '.join(PRESETS)}")
     return PRESETS[name]
+
+
+def sensor_of(preset: Preset, seed: int) -> SensorChain[Any]:
+    """The sensor of a preset, with the detector of the user's own if it has one.
+
+    Args:
+        preset: what it is like.
+        seed: of its errors.
+
+    Raises:
+        smartmot.errors.PluginError: that cannot be made.
+    """
+    plugin = preset.detector
+    if plugin is None:
+        return box_chain(preset.sensor, seed)
+    detector = require(plugin(preset.sensor, seed), "observe", plugin.name)
+    return observing_chain(preset.sensor, detector, plugin.name)
 
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.weather")

@@ -149,14 +149,14 @@ class RunLog:
             **_path_columns([(r.ego_forecast, np.ones(1, dtype=np.bool_)) for r in results]),
         }
         events = [(number, event) for number, _, result in self._frames for event in result.events]
-        told = {
+        event_rows = {
             "order": np.array([number for number, _ in events], dtype=np.int64),
             "kind": "event",
             "time_s": np.array([event.stamp_s for _, event in events]),
             "category": np.array([event.layer for _, event in events], dtype=np.str_),
             "label": np.array([event.name for _, event in events], dtype=np.str_),
         }
-        return [detections, tracks, forecasts, own, told]
+        return [detections, tracks, forecasts, own, event_rows]
 
 
 def _box_columns(boxes: Sequence[Boxes]) -> dict[str, FloatArray]:

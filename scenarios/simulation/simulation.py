@@ -37,27 +37,22 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
-from scenarios.presets import Preset
+from scenarios.presets import Preset, sensor_of
 from scenarios.sensors.interfaces import SensorChain
-from scenarios.sensors.sensor import box_chain, observing_chain
 from scenarios.sensors.suite import Arrival, SensorSuite
 from scenarios.simulation.counts import DetectionCounts
 from scenarios.simulation.drive import EgoDrive
 from scenarios.simulation.ends import STANDS_MPS, EndReason, EndWatch, StopRule
 from scenarios.simulation.log import RunLog
-from scenarios.simulation.motion_actions import drives_backwards, ego_of, is_to_set_off
+from scenarios.simulation.motion_actions import drives_backwards, ego_of
 from scenarios.simulation.outcome import Flag, Milestones, Outcome
-from scenarios.simulation.truth import Truth, reversed_course
+from scenarios.simulation.truth import STEP_S, Truth, reversed_course
 from scenarios.sources.frames import Frame, StepResult
 from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, map_view
 from smartmot.area import RectangularArea
 from smartmot.decision.rules import Command
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
-from smartmot.plugins import require
-
-STEP_S = 0.01
-"""Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
 
 WAY_STEP_M = 2.0
 """Spacing at which the ego's way is laid over the perception's map."""
@@ -114,7 +109,7 @@ class Simulation:
         self._truth = Truth(self.engine, self._drive, backwards, interval_s)
         self._rule = rule or StopRule()
         self._ends = EndWatch(self._truth, self._rule)
-        parts = ["target" if k == self._truth.target else "other" for k in self._truth.others.tolist()]
+        parts = ["target" if k == self._truth.target else "other" for k in self._truth.actors.tolist()]
         self._log = RunLog(self._truth.category, np.array(parts, dtype=np.str_))
         self._counts, self._milestones = DetectionCounts(), Milestones()
         self._suite: SensorSuite | None = None
@@ -229,7 +224,7 @@ class Simulation:
             target=run.target,
             target_start_time_s=run.target_start_time_s,
             target_steady_time_s=run.target_steady_time_s,
-            false_activation=self._false_activation(),
+            false_activation=self._truth.is_false_activation(flag.time_s if flag else None),
             end_reason=self._end_reason,
             end_time_s=engine.time_s,
             detections=self._counts.reported,
@@ -373,20 +368,11 @@ class Simulation:
         return PlannedPath.through(np.array([way.pose(s)[:2] for s in stations.tolist()]))
 
     def _log_truth(self, time_s: float) -> None:
-        entities, others = self._truth.entities, self._truth.others
-        there = np.flatnonzero(entities.exists[others])
-        shown = others[there]
-        self._log.frame(self._truth.odometry(time_s), entities.boxes[shown], entities.speed_mps[shown], there)
-
-    def _false_activation(self) -> bool | None:
-        """Whether the first request came before the target had set off; None where it does not do so."""
-        target, flag = self.engine.target, self._milestones.flag
-        set_off_s = None if target is None else self.engine.world.actors[target].set_off_s
-        if set_off_s is None:
-            return flag is not None if is_to_set_off(self.engine.definition, target) else None
-        if set_off_s <= STEP_S:
-            return None
-        return flag is not None and flag.time_s < set_off_s
+        entities, actors = self._truth.entities, self._truth.actors
+        existing = np.flatnonzero(entities.exists[actors])
+        rows = actors[existing]
+        odometry = self._truth.odometry(time_s)
+        self._log.frame(odometry, entities.boxes[rows], entities.speed_mps[rows], existing)
 
 
 class _FixedPipeline:
@@ -397,16 +383,3 @@ class _FixedPipeline:
 
     def __call__(self, frame: Frame) -> Pipeline:
         return Pipeline(self._area, self._config)
-
-
-def sensor_of(preset: Preset, seed: int) -> SensorChain[Any]:
-    """The sensor of a preset, with the detector of the user's own if it has one.
-
-    Raises:
-        smartmot.errors.PluginError: that cannot be made.
-    """
-    plugin = preset.detector
-    if plugin is None:
-        return box_chain(preset.sensor, seed)
-    detector = require(plugin(preset.sensor, seed), "observe", plugin.name)
-    return observing_chain(preset.sensor, detector, plugin.name)

@@ -11,9 +11,12 @@ from scenarios.openscenario.running.engine import Engine, Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
 from scenarios.sensors.world import MapSurface, World
 from scenarios.simulation.drive import Asked, EgoDrive
-from scenarios.simulation.motion_actions import is_motion
+from scenarios.simulation.motion_actions import is_motion, is_to_set_off
 from smartmot.area import ego_extent
 from smartmot.types import EgoState, FloatArray, IntArray, StrArray, unchecked
+
+STEP_S = 0.01
+"""Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
 
 
 class Truth:
@@ -27,9 +30,9 @@ class Truth:
 
     Attributes:
         own: index of the ego among the scenario's entities.
-        others: (N,) indices of all others.
+        actors: (N,) indices of everybody else.
         target: index of the entity that the test is about; None: there is nobody else.
-        category: (N,) names of all others.
+        category: (N,) names of the actors.
     """
 
     def __init__(self, engine: Engine, drive: EgoDrive, backwards: bool, frame_interval_s: float) -> None:
@@ -37,13 +40,13 @@ class Truth:
         self._drive, self._interval_s = drive, frame_interval_s
         names = [entity.name for entity in engine.definition.entities]
         self.own = names.index(engine.ego.name)
-        self.others: IntArray = np.array([k for k in range(len(names)) if k != self.own], dtype=np.int64)
+        self.actors: IntArray = np.array([k for k in range(len(names)) if k != self.own], dtype=np.int64)
         self.target = names.index(engine.target) if engine.target else None
         self._entities: Entities | None = None
         entities = engine.definition.entities
-        self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.others]
-        self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.others]
-        self._object_id: IntArray = np.arange(len(self.others))
+        self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.actors]
+        self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.actors]
+        self._object_id: IntArray = np.arange(len(self.actors))
         self._surface = MapSurface(engine.world.locator.roads.network)
         self._odometry: EgoState | None = None
         self._events: dict[str, list[EventElement]] = {}
@@ -57,10 +60,10 @@ class Truth:
 
     def world(self, time_s: float) -> World:
         """Everybody but the ego, for sensors; the objects are numbered as in the log."""
-        entities, others = self.entities, self.others
-        columns = (entities.speed_mps[others], self._height_m, self._object_id, self.category)
-        masks = (entities.exists[others], entities.seen[others])
-        return unchecked(World, time_s, entities.boxes[others], *columns, *masks, self._surface)
+        entities, actors = self.entities, self.actors
+        columns = (entities.speed_mps[actors], self._height_m, self._object_id, self.category)
+        masks = (entities.exists[actors], entities.seen[actors])
+        return unchecked(World, time_s, entities.boxes[actors], *columns, *masks, self._surface)
 
     @property
     def ego_speed_mps(self) -> float:
@@ -129,6 +132,20 @@ class Truth:
         target = self.engine.target
         events = [] if target is None else self._motion_events(target)
         return not events or any(action.running for event in events for action in event.actions)
+
+    def is_false_activation(self, flag_time_s: float | None) -> bool | None:
+        """Whether the first request came before the target had set off; None where it does not do so.
+
+        Args:
+            flag_time_s: when the request came; None: there was none.
+        """
+        target = self.engine.target
+        set_off_s = None if target is None else self.engine.world.actors[target].set_off_s
+        if set_off_s is None:
+            return flag_time_s is not None if is_to_set_off(self.engine.definition, target) else None
+        if set_off_s <= STEP_S:
+            return None
+        return flag_time_s is not None and flag_time_s < set_off_s
 
     def _motion_events(self, name: str) -> list[EventElement]:
         """Events of the storyboard that change the speed of an entity; looked up once."""
