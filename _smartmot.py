@@ -105,7 +105,7 @@ MOVED = {
     "evaluation.mot.classes": "scenarios.recorded.classes",
     "evaluation.mot.command": "evaluation.studies.mot.run evaluation.cli.mot",
     "evaluation.mot.dataset": "scenarios.recorded.dataset",
-    "evaluation.mot.film": "evaluation.studies.mot.film",
+    "evaluation.mot.film": "evaluation.studies.mot.film evaluation.views.film.tracks",
     "evaluation.mot.forecast_quality": "evaluation.studies.mot.forecasts evaluation.metrics.forecast_quality",
     "evaluation.mot.kitti": "scenarios.recorded.kitti",
     "evaluation.mot.kitti_poses": "scenarios.recorded.kitti_poses",
