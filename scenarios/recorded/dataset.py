@@ -195,11 +195,19 @@ class Sequence:
             return np.array(list(map(int, self.frame_name)), dtype=np.int64)
         return np.arange(len(self))
 
-    def frames(self) -> Iterator[Detections]:
-        """The detections of each frame, as the tracker takes them."""
+    def frames(self, first: int = 0) -> Iterator[Detections]:
+        """The detections of each frame, as the tracker takes them.
+
+        Args:
+            first: From which frame on.
+
+        Raises:
+            smartmot.errors.StampError: A stamp is not in seconds.
+        """
         objects = self.detections
         measured = bool(np.isfinite(objects.velocity_mps).any())
-        for stamp_s, rows in zip(self.stamp_s.tolist(), objects.frame_rows(len(self)), strict=True):
+        frame_rows = objects.frame_rows(len(self))
+        for stamp_s, rows in zip(self.stamp_s[first:].tolist(), frame_rows[first:], strict=True):
             boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
             velocity = objects.velocity_mps[rows] if measured else None
             yield Detections(stamp_s, boxes, objects.score[rows], objects.category[rows], velocity)

@@ -80,26 +80,34 @@ class RecordedSource:
         self._hindsight_s = hindsight_s
         self._window: int | None = None
         self._path: PlannedPath | None = None
-        self._frames: Iterator[Frame] | None = None
-        self._at_end = False
+        self._next: int | None = None
+        self._detections: Iterator[Detections] | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """All but the iterator, so that a source can be copied and pickled at any frame."""
+        return self.__dict__ | {"_detections": None}
 
     def start(self) -> StepResult:
         """Go to the first frame; see `FrameSource`."""
-        if self._frames is not None:
+        if self._next is not None:
             raise ScenarioError("recorded source: already started; make a new one")
-        self._frames = map(self._frame, range(len(self._sequence)), self._sequence.frames())
+        self._next = 0
         return self.step(None)
 
     def step(self, command: Command | None) -> StepResult:
         """Go on to the next frame; the command changes nothing. See `FrameSource`."""
-        if self._frames is None or self._at_end:
-            raise ScenarioError(f"recorded source: {'at its end' if self._at_end else 'not started'}")
-        frame = next(self._frames, None)
-        self._at_end = frame is None
-        return StepResult(frame, END_OF_RECORDING if frame is None else None)
+        k, count = self._next, len(self._sequence)
+        if k is None or k > count:
+            raise ScenarioError(f"recorded source: {'not started' if k is None else 'at its end'}")
+        self._next = k + 1
+        if k == count:
+            return StepResult(None, END_OF_RECORDING)
+        if self._detections is None:
+            self._detections = self._sequence.frames(k)
+        # the detections come first: they refuse a stamp that is none
+        return StepResult(self._frame(k, next(self._detections)))
 
     def _frame(self, k: int, detections: Detections) -> Frame:
-        # the detections come first: they refuse a stamp that is none
         x_m, y_m, yaw_rad, speed_mps, yaw_rate_radps = self._ego[k].tolist()
         length_m, width_m = self._outline
         ego = EgoState(

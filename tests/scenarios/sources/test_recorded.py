@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +154,23 @@ def test_each_frame_once_then_the_end(towards_a_pedestrian: Sequence) -> None:
         source.step(None)
     with pytest.raises(ScenarioError, match="already started"):
         source.start()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda source: pickle.loads(pickle.dumps(source))])
+def test_a_copy_goes_on_from_the_same_frame(
+    towards_a_pedestrian: Sequence, copied: Callable[[RecordedSource], RecordedSource]
+) -> None:
+    source = RecordedSource(towards_a_pedestrian, hindsight_s=2.0)
+    source.start()
+    for _ in range(24):
+        source.step(None)
+    pair = [each.step(None).frame for each in (copied(source), source)]
+    assert [frame.stamp_s for frame in pair if frame is not None] == [2.5, 2.5]
+    again, frame = pair
+    assert again is not None
+    assert frame is not None
+    assert again.ego == frame.ego
+    assert again.detections.boxes.center_m.tolist() == frame.detections.boxes.center_m.tolist()
 
 
 def test_the_path_is_known_only_in_hindsight_and_up_to_its_horizon(towards_a_pedestrian: Sequence) -> None:
