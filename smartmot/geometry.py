@@ -192,14 +192,6 @@ def signed_gap(
     that separates them, which for convex shapes runs along a normal of an edge (separating axis theorem).
     The value is continuous, so its root is the contact.
 
-    Args:
-        a_center_m: (..., 2) centres, map frame.
-        a_size_m: (..., 2) length and width.
-        a_yaw_rad: (...) headings.
-        b_center_m: (..., 2) centres, map frame.
-        b_size_m: (..., 2) length and width.
-        b_yaw_rad: (...) headings.
-
     Returns:
         (...) metres, shape of the broadcast inputs.
     """

@@ -43,14 +43,6 @@ def intersection_area(
 ) -> FloatArray:
     """Exact common area of rectangles a and b.
 
-    Args:
-        a_center_m: (..., 2) centres, map frame.
-        a_size_m: (..., 2) length and width.
-        a_yaw_rad: (...) headings.
-        b_center_m: (..., 2) centres, map frame.
-        b_size_m: (..., 2) length and width.
-        b_yaw_rad: (...) headings.
-
     Returns:
         (...) areas in square metres, shape of the broadcast inputs.
     """
@@ -162,14 +154,6 @@ def iou_pairs(
 ) -> FloatArray:
     """Intersection over union on the ground of rectangles a and b.
 
-    Args:
-        a_center_m: (..., 2) centres, map frame.
-        a_size_m: (..., 2) length and width.
-        a_yaw_rad: (...) headings.
-        b_center_m: (..., 2) centres, map frame.
-        b_size_m: (..., 2) length and width.
-        b_yaw_rad: (...) headings.
-
     Returns:
         (...) values in [0, 1], shape of the broadcast inputs.
     """
@@ -201,14 +185,6 @@ def iou_exact(
     b_yaw_rad: FloatArray,
 ) -> FloatArray:
     """`iou_pairs` without the circle test, for pairs known to be near.
-
-    Args:
-        a_center_m: (..., 2) centres, map frame.
-        a_size_m: (..., 2) length and width.
-        a_yaw_rad: (...) headings.
-        b_center_m: (..., 2) centres, map frame.
-        b_size_m: (..., 2) length and width.
-        b_yaw_rad: (...) headings.
 
     Returns:
         (...) values in [0, 1], shape of the broadcast inputs; 0 where both rectangles have no area.

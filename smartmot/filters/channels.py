@@ -113,16 +113,7 @@ class ChannelFilter:
         return state.reshape(len(state), len(CHANNELS), self._parts)
 
     def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
-        """States from one measurement each: at rest, or at the detector's velocity.
-
-        Args:
-            measurement: (N, 5) measurements.
-            velocity_mps: (N, 2) measured velocities, NaN where there is none, or None.
-            code: (N,) positions in CATEGORIES.
-
-        Returns:
-            (N, W) states.
-        """
+        """(N, W) states from one measurement each; see `BoxFilter`."""
         state = np.zeros((len(measurement), self.width))
         channels = self._channels(state)
         channels[..., 0] = measurement
@@ -132,16 +123,7 @@ class ChannelFilter:
         return state
 
     def predict(self, state: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
-        """States dt_s later.
-
-        Args:
-            state: (M, W) states.
-            code: (M,) positions in CATEGORIES.
-            dt_s: Time step.
-
-        Returns:
-            (M, W) states.
-        """
+        """(M, W) states dt_s later; see `BoxFilter`."""
         matrix, noise = self._step(dt_s)
         moved = state.reshape(-1, self._parts) @ matrix
         moved += noise.take(code, axis=0).reshape(-1, self._parts)
@@ -150,17 +132,7 @@ class ChannelFilter:
     def update(
         self, state: FloatArray, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray
     ) -> FloatArray:
-        """States after a measurement each.
-
-        Args:
-            state: (N, W) predicted states.
-            measurement: (N, 5) measurements.
-            velocity_mps: (N, 2) measured velocities, NaN where there is none, or None.
-            code: (N,) positions in CATEGORIES.
-
-        Returns:
-            (N, W) states.
-        """
+        """(N, W) states after a measurement each; see `BoxFilter`."""
         k, config, (i, j) = self._k, self._config, self._upper
         corrected = state.copy()
         channels = self._channels(corrected)
@@ -209,14 +181,7 @@ class ChannelFilter:
         channels[known, :AREA] = part
 
     def estimate(self, state: FloatArray) -> Estimate:
-        """What the states say.
-
-        Args:
-            state: (M, W) states.
-
-        Returns:
-            Boxes and velocities.
-        """
+        """Boxes and velocities that (M, W) states say."""
         channels = self._channels(state)
         value, rate = channels[..., 0], channels[..., 1]
         return Estimate(
@@ -238,14 +203,7 @@ class ChannelFilter:
         return 0.5 * (variance[:, X] + variance[:, Y])
 
     def moments(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and covariances of all entries in the order of `names`.
-
-        Args:
-            state: (M, W) states.
-
-        Returns:
-            (M, D) and (M, D, D).
-        """
+        """(M, D) means and (M, D, D) covariances of the entries in `names`."""
         mean_from, covariance_from = self._places
         d = len(mean_from)
         return state.take(mean_from, axis=1), state.take(covariance_from, axis=1).reshape(-1, d, d)

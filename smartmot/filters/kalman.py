@@ -156,7 +156,11 @@ class Estimate:
 
 
 class BoxFilter(Protocol):
-    """Estimates M boxes in one array (M, W). N stands for new or corrected tracks."""
+    """Estimates M boxes in one array (M, W). N stands for new or corrected tracks.
+
+    A state is (W,), a measurement (5,) as from `measurements`, a measured velocity (2,) or NaN where there is
+    none; `velocity_mps` is None where the detector measures none. `code` holds positions in CATEGORIES.
+    """
 
     @property
     def width(self) -> int:
@@ -169,7 +173,7 @@ class BoxFilter(Protocol):
         ...
 
     def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
-        """(N, W) states from one measurement each."""
+        """(N, W) states from one measurement each: at rest, or at the detector's velocity."""
         ...
 
     def predict(self, state: FloatArray, code: IntArray, dt_s: float) -> FloatArray:

@@ -92,16 +92,7 @@ class TurnFilter:
         return NAMES
 
     def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
-        """States from one measurement each: at rest, or at the detector's velocity.
-
-        Args:
-            measurement: (N, 5) measurements.
-            velocity_mps: (N, 2) measured velocities, NaN where there is none, or None.
-            code: (N,) positions in CATEGORIES.
-
-        Returns:
-            (N, W) states.
-        """
+        """(N, W) states from one measurement each; see `BoxFilter`."""
         state = np.zeros((len(measurement), self.width))
         state[:, [0, 1, _HEADING]] = measurement[:, [X, Y, YAW]]
         covariance = self._covariance(state)
@@ -117,16 +108,7 @@ class TurnFilter:
         return state
 
     def predict(self, state: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
-        """States dt_s later.
-
-        Args:
-            state: (M, W) states.
-            code: (M,) positions in CATEGORIES.
-            dt_s: Time step.
-
-        Returns:
-            (M, W) states.
-        """
+        """(M, W) states dt_s later; see `BoxFilter`."""
         predicted = state.copy()
         mean, jacobian = ctrv_step(state[:, :_D], dt_s)
         predicted[:, :_D] = mean
@@ -158,17 +140,7 @@ class TurnFilter:
     def update(
         self, state: FloatArray, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray
     ) -> FloatArray:
-        """States after a measurement each.
-
-        Args:
-            state: (N, W) predicted states.
-            measurement: (N, 5) measurements.
-            velocity_mps: (N, 2) measured velocities, NaN where there is none, or None.
-            code: (N,) positions in CATEGORIES.
-
-        Returns:
-            (N, W) states.
-        """
+        """(N, W) states after a measurement each; see `BoxFilter`."""
         config, noise = self._config, self._noise[code]
         corrected = state.copy()
         measured = self._measured
@@ -223,14 +195,7 @@ class TurnFilter:
         state[rows, _D:_SIZE] = covariance.reshape(len(rows), -1)
 
     def estimate(self, state: FloatArray) -> Estimate:
-        """What the states say.
-
-        Args:
-            state: (M, W) states.
-
-        Returns:
-            Boxes and velocities.
-        """
+        """Boxes and velocities that (M, W) states say."""
         yaw, speed = state[:, _HEADING], state[:, _SPEED]
         return Estimate(
             center_m=state[:, :2],
@@ -253,14 +218,7 @@ class TurnFilter:
         return variance
 
     def moments(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and covariances of the entries in `names`.
-
-        Args:
-            state: (M, W) states.
-
-        Returns:
-            (M, 5) and (M, 5, 5).
-        """
+        """(M, D) means and (M, D, D) covariances of the entries in `names`."""
         return state[:, :_D].copy(), self._covariance(state).copy()
 
     def _covariance(self, state: FloatArray) -> FloatArray:
