@@ -28,8 +28,8 @@ class Preset:
         rectangular, map_area: settings of the two strategies.
         pipeline: settings of tracking, forecast and decision.
         ego_length_m, ego_width_m: outline of the ego.
-        detector: makes a detector of the user's own from a `SensorConfig` and a seed, in place of
-            `scenarios.sensors.sensor.Sensor`.
+        detector: makes a detector or sensors of the user's own from a `SensorConfig` and a seed, in place of
+            the shipped sensor; see `sensors_of`.
     """
 
     name: str
@@ -107,21 +107,25 @@ def named_preset(name: str) -> Preset:
     return PRESETS[name]
 
 
-def sensor_of(preset: Preset, seed: int) -> SensorChain[Any]:
-    """The sensor of a preset, with the detector of the user's own if it has one.
+def sensors_of(preset: Preset, seed: int) -> tuple[SensorChain[Any], ...]:
+    """The sensors of a preset: the shipped one, or what the user's own name makes.
 
     Args:
-        preset: what it is like.
-        seed: of its errors.
+        preset: what they are like.
+        seed: of their errors.
 
     Raises:
-        smartmot.errors.PluginError: that cannot be made.
+        smartmot.errors.PluginError: what is made is neither a detector that observes, nor a `SensorChain` or
+            several of them.
     """
     plugin = preset.detector
     if plugin is None:
-        return box_chain(preset.sensor, seed)
-    detector = require(plugin(preset.sensor, seed), "observe", plugin.name)
-    return observing_chain(preset.sensor, detector, plugin.name)
+        return (box_chain(preset.sensor, seed),)
+    made = plugin(preset.sensor, seed)
+    parts = made if isinstance(made, (tuple, list)) else (made,)
+    if parts and all(isinstance(part, SensorChain) for part in parts):
+        return tuple(replace(chain, name=plugin.name) for chain in parts)
+    return (observing_chain(preset.sensor, require(made, "observe", plugin.name), plugin.name),)
 
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.weather")

@@ -89,12 +89,17 @@ def cpna(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Run]:
 
 
 def test_the_objects_of_the_documentation_run_as_printed(cpna: Callable[..., Run]) -> None:
-    misses, corridor, rule, in_python = _blocks(ROOT / "docs" / "plugins.md")
+    misses, sensors, corridor, rule, in_python = _blocks(ROOT / "docs" / "plugins.md")
     _, usual = cpna("my_area", corridor, "--strategy", "my_area:corridor")
     row, log = cpna("my_sensor", misses, "--strategy", "map", "--detector", "my_sensor:Misses")
     seen, all_seen = (int((one["kind"] == "detection").sum()) for one in (log, usual))
     assert float(row["v_impact_kmh"]) == 0.0
     assert 0.4 < seen / all_seen < 0.8
+    two, log = cpna("my_sensors", sensors, "--strategy", "map", "--detector", "my_sensors:front_and_round")
+    assert float(two["v_impact_kmh"]) == 0.0
+    # the front's of 0.0 and 0.1 s come at 0.04 and 0.14 s, with the other's of 0.02 and 0.12 s, which waits
+    arrivals = np.unique(log.loc[log["kind"] == "detection", "time_s"])
+    assert {0.03, 0.07} <= set(np.round(np.diff(arrivals), 9))
     braked, log = cpna("my_rule", rule, "--strategy", "map", "--rule", "my_rule:TimeToCollision")
     assert float(braked["v_impact_kmh"]) == 0.0
     assert float(braked["flag_time_s"]) != float(row["flag_time_s"])
@@ -108,6 +113,18 @@ def test_the_objects_of_the_documentation_run_as_printed(cpna: Callable[..., Run
     exec(rule, names)
     exec(in_python, names)
     assert not names["frame"].command.emergency  # one detection shows no velocity yet
+
+
+def test_stepping_runs_as_printed() -> None:
+    by_hand, perceived = _blocks(ROOT / "docs" / "simulation.md")
+    names: dict[str, Any] = {}
+    exec(by_hand, names)
+    assert names["outcome"].contact is None
+    assert names["unbraked"].outcome().impact_speed_mps == pytest.approx(40 / 3.6)
+    exec(perceived, names)
+    run = names["simulation_of"](names["spec"]).run()
+    assert names["outcome"].flag_time_s == run.flag_time_s
+    assert names["outcome"].log.table()["x_m"].tobytes() == run.log.table()["x_m"].tobytes()
 
 
 def test_the_tracker_of_the_readme_brakes_as_printed(cpna: Callable[..., Run]) -> None:

@@ -37,7 +37,7 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
-from scenarios.presets import Preset, sensor_of
+from scenarios.presets import Preset, sensors_of
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.suite import Arrival, SensorSuite
 from scenarios.simulation.counts import DetectionCounts
@@ -104,7 +104,7 @@ class Simulation:
         )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
-        self._chains = (sensor_of(preset, seed),) if sensors is None else tuple(sensors)
+        self._chains = sensors_of(preset, seed) if sensors is None else tuple(sensors)
         interval_s = min((1.0 / chain.sensor.timing.rate_hz for chain in self._chains), default=1.0)
         self._truth = Truth(self.engine, self._drive, backwards, interval_s)
         self._rule = rule or StopRule()
