@@ -1,1 +1,1 @@
-"""Numbers from runs and recordings: tracking metrics, criticality, intervals."""
+"""Numbers from runs and recordings: matching and accuracy of tracks, forecasts, criticality, intervals."""

@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from evaluation.metrics import mot as metrics
-from evaluation.metrics.matching import compare, pairs_of_frames
+from evaluation.metrics.matching import compare
 from evaluation.metrics.mot import MotScore, evaluate
 from evaluation.studies.mot.run import (
     labelled_categories,
@@ -23,7 +21,6 @@ from evaluation.studies.mot.run import (
     track_dataset,
 )
 from evaluation.studies.mot.tables import write_tracks
-from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Camera, Objects
 from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.kitti import read_tracks
@@ -195,12 +192,6 @@ def test_nothing_tracked(objects: Any, sequence: Any) -> None:
     assert (found.misses, found.matches, found.hota, found.samota) == (2, 0, 0.0, 0.0)
 
 
-def test_a_track_twice_in_a_frame_is_refused(objects: Any, sequence: Any) -> None:
-    truth = objects([(0, 1, 0.0, 0.0)])
-    with pytest.raises(DatasetError, match="track id 5 appears twice"):
-        compare(sequence(1, truth), objects([(0, 5, 0.0, 0.0), (0, 5, 9.0, 0.0)]), "car", "distance")
-
-
 def test_missing_trackeval_is_one_clear_error(
     monkeypatch: pytest.MonkeyPatch, objects: Any, sequence: Any
 ) -> None:
@@ -208,21 +199,6 @@ def test_missing_trackeval_is_one_clear_error(
     monkeypatch.setitem(sys.modules, "trackeval", None)
     with pytest.raises(metrics.MetricsUnavailableError, match=r"pip install trackeval$"):
         score(sequence(1, objects([(0, 1, 0.0, 0.0)])), Objects.empty())
-
-
-@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), max_size=6))
-def test_pairs_are_every_combination_of_each_frame(counts: list[tuple[int, int]]) -> None:
-    a_start, b_start = (
-        np.concatenate(([0], np.cumsum([c[k] for c in counts], dtype=np.int64))) for k in (0, 1)
-    )
-    a, b = pairs_of_frames(a_start.astype(np.int64), b_start.astype(np.int64))
-    expected = [
-        (i, j)
-        for k in range(len(counts))
-        for i in range(int(a_start[k]), int(a_start[k + 1]))
-        for j in range(int(b_start[k]), int(b_start[k + 1]))
-    ]
-    assert list(zip(a.tolist(), b.tolist(), strict=True)) == expected
 
 
 @needs_trackeval

@@ -175,14 +175,6 @@ def test_a_sample_that_is_there_twice_is_refused(tmp_path: Path) -> None:
         read_nuscenes(tmp_path)
 
 
-@pytest.mark.parametrize("length", [1.0, 2.5, 1e-200, 1e300])
-def test_a_rotation_may_have_any_length(length: float) -> None:
-    """A quarter turn about z, and its quaternion in any scale."""
-    half = np.sqrt(0.5) * length
-    turn = rotation_matrix(np.array([half, 0.0, 0.0, half]))
-    np.testing.assert_allclose(turn, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
-
-
 def test_a_score_that_is_not_there_is_refused_and_one_that_is_null_left_out(tmp_path: Path) -> None:
     boxes = [box(), box(20.0, detection_score=None)]
     assert len(read_nuscenes(write(tmp_path, {TOKENS[0]: boxes})).sequences[0].detections) == 1
