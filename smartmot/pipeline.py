@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 import _smartmot
-from smartmot.area import MapArea, MonitoredArea, MonitoredAreaStrategy, ego_extent, is_vulnerable
+from smartmot.area import (
+    MonitoredArea,
+    MonitoredAreaStrategy,
+    ego_extent,
+    is_vulnerable,
+    known_path,
+    uses_path,
+)
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
@@ -131,10 +138,10 @@ class Pipeline:
         self.strategy, self.config = strategy, config
         self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
         self._rule = PaperRule(config.aeb) if isinstance(config.aeb, AebConfig) else own_rule(config.aeb)
-        self._uses_path = bool(getattr(strategy, "uses_path", False))
+        self._uses_path = uses_path(strategy)
         self._area_along_path = self._uses_path and "path" in signature(strategy.at).parameters
-        # a map's route is planned where it is made, so that callers need not give it a second time
-        self._known_path: PlannedPath | None = strategy.route if isinstance(strategy, MapArea) else None
+        # a map's route is planned where the area is made, so that callers need not give it a second time
+        self._known_path = known_path(strategy)
 
     def initial(self) -> PipelineState:
         """State before the first frame.
@@ -158,7 +165,7 @@ class Pipeline:
             state: from `initial` or the step before.
             detections: what the sensor delivered; may be older than `ego` by the sensor's latency.
             ego: odometry now.
-            path: where the ego is going to go; None: not known, but a `MapArea` knows its route.
+            path: where the ego is going to go; None: not known, unless the strategy was made for a route.
 
         Raises:
             TimeOrderError: the detections are newer than the ego's state, or not newer than those before.

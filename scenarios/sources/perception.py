@@ -13,7 +13,7 @@ import numpy as np
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.sources.frames import Frame
-from smartmot.area import MapArea, MonitoredAreaStrategy
+from smartmot.area import MonitoredAreaStrategy, known_path
 from smartmot.maps.follow import route_along
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
@@ -110,8 +110,8 @@ class Perception:
         pipeline = self._pipeline
         state = self._state or pipeline.initial()
         ego = self._course_of(frame.ego) if self._course_of is not None else frame.ego
-        # a map's area knows the route that it was made for
-        path = None if isinstance(pipeline.strategy, MapArea) else frame.path
+        # an area that was made for a route keeps to it: the same way, laid over the lanes
+        path = None if known_path(pipeline.strategy) is not None else frame.path
         start_ns = time.thread_time_ns()
         self._state, result = pipeline.step(state, frame.detections, ego, path)
         self._spent_ns.append(time.thread_time_ns() - start_ns)

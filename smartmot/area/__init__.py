@@ -9,7 +9,9 @@ from smartmot.area.monitored import (
     ego_extent,
     ego_frame,
     is_vulnerable,
+    known_path,
     outline_points,
+    uses_path,
 )
 from smartmot.area.rectangle import RectangularArea, RectangularConfig
 
@@ -27,5 +29,7 @@ __all__ = [
     "ego_extent",
     "ego_frame",
     "is_vulnerable",
+    "known_path",
     "outline_points",
+    "uses_path",
 ]

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from smartmot.path import PlannedPath
 from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray, frozen
 
 
@@ -69,6 +70,20 @@ class MonitoredAreaStrategy(Protocol):
 
     def at(self, ego: EgoState) -> MonitoredArea:
         """The monitored area around `ego`."""
+
+
+def known_path(strategy: MonitoredAreaStrategy) -> PlannedPath | None:
+    """The path that a strategy was made for, if it was for one: its attribute `route`, as of a `MapArea`.
+
+    Strategies written for version 0.1.0 have no other way to say where the ego is going to go.
+    """
+    route = getattr(strategy, "route", None)
+    return route if isinstance(route, PlannedPath) else None
+
+
+def uses_path(strategy: MonitoredAreaStrategy) -> bool:
+    """Whether a strategy uses the planned path; one that does not say so does if it was made for one."""
+    return bool(getattr(strategy, "uses_path", known_path(strategy) is not None))
 
 
 def is_vulnerable(category: StrArray) -> BoolArray:

@@ -22,6 +22,7 @@ from smartmot import (
     PipelineConfig,
     PlannedPath,
 )
+from smartmot.area import known_path, uses_path
 from tests.smartmot.area.corridor import CorridorArea
 
 BEND = PlannedPath.through([[0.0, 0.0], [30.0, 0.0], [62.0, 24.0]])
@@ -64,12 +65,22 @@ def test_the_corridor_bends_with_the_planned_path(named: MonitoredAreaStrategy) 
         assert straight_on.track_id == 2
 
 
-@pytest.mark.parametrize(("make", "uses_path"), [(CorridorArea, True), (EverythingArea, False)])
+def test_an_area_that_was_made_for_a_route_says_so_by_that_alone() -> None:
+    """As strategies written for version 0.1.0 do; `uses_path = False` overrides it."""
+    area = EverythingArea()
+    area.route = BEND  # type: ignore[attr-defined]
+    assert (uses_path(area), known_path(area)) == (True, BEND)
+    assert last_frame(area, None, "route").ego_forecast.center_m[0, 30] == pytest.approx((38.0, 6.0))
+    area.uses_path = False  # type: ignore[attr-defined]
+    assert last_frame(area, None, "route").ego_forecast.center_m[0, 30] == pytest.approx((40.0, 0.0))
+
+
+@pytest.mark.parametrize(("make", "follows"), [(CorridorArea, True), (EverythingArea, False)])
 def test_the_ego_is_forecast_along_the_path_only_if_the_strategy_uses_it(
-    make: Callable[[], MonitoredAreaStrategy], uses_path: bool
+    make: Callable[[], MonitoredAreaStrategy], follows: bool
 ) -> None:
     """4 s after x = 10 the ego is 20 m round the bend, or straight on at x = 50."""
     frame = last_frame(make(), BEND, "route")
     along, straight = (30.0 + 0.8 * 10.0, 0.6 * 10.0), (40.0, 0.0)
-    assert frame.ego_forecast.center_m[0, 30] == pytest.approx(along if uses_path else straight)
+    assert frame.ego_forecast.center_m[0, 30] == pytest.approx(along if follows else straight)
     assert last_frame(make(), BEND, "ctrv").ego_forecast.center_m[0, 30] == pytest.approx(straight)
