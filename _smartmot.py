@@ -177,7 +177,7 @@ MOVED = {
     "evaluation.study.growth": "evaluation.studies.growth",
     "evaluation.study.intervals": "evaluation.metrics.intervals",
     "evaluation.study.journal": "evaluation.runs.journal",
-    "evaluation.study.labels": "evaluation.views.plots.values",
+    "evaluation.study.labels": "evaluation.views.plots.labels",
     "evaluation.study.measures": "evaluation.studies.compare.measures",
     "evaluation.study.progress": "evaluation.progress",
     "evaluation.study.table": "evaluation.studies.compare.table",

@@ -13,9 +13,9 @@ from evaluation.studies.compare.answer import Curve, curves
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.table import Summary
 from evaluation.views.pictures import drawn
+from evaluation.views.plots.labels import Mark, write_values
 from evaluation.views.plots.strategies import strategy_looks
 from evaluation.views.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style, set_title
-from evaluation.views.plots.values import Mark, write_values
 from scenarios.settings import PARAMETERS, setting_text
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
+from evaluation.views.plots.labels import Mark, write_values
 from evaluation.views.plots.style import new_figure
-from evaluation.views.plots.values import Mark, write_values
 
 COLOURS = ("red", "blue")
 Curves = list[list[Mark]]
