@@ -11,6 +11,7 @@ from evaluation.runs.folder import Run, RunSetup
 from evaluation.views.account.account import NO_BRAKING
 from evaluation.views.account.objects import IN_LANE, STAYED_EVERY, name_of_track, place_of, stay_of
 from evaluation.views.frames import LogFrames, boxes_in
+from evaluation.views.plots.log_rows import events_of
 from evaluation.views.plots.style import MPS_TO_KMH
 from smartmot.area import ego_extent, is_vulnerable
 from smartmot.decision.rules import STANDING_MPS
@@ -115,8 +116,8 @@ def _in_emergency(frames: LogFrames) -> BoolArray:
     """(F,) frames in which the emergency brake is on, from each request to its end."""
     on = np.zeros(len(frames), dtype=np.bool_)
     since: int | None = None
-    for time, label in zip(frames.events["time_s"], frames.events["label"], strict=True):
-        frame = frames.frame_at(float(time))
+    for time, _, label in events_of(frames.events):
+        frame = frames.frame_at(time)
         if label == "predicted_collision" and since is None:
             since = frame
         elif label == "end_unexpected" and since is not None:

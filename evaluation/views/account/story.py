@@ -10,6 +10,7 @@ from evaluation.runs.folder import Run
 from evaluation.views.account.braking import BrakeRequest
 from evaluation.views.account.slowing import Slowing
 from evaluation.views.frames import LogFrames
+from evaluation.views.plots.log_rows import events_of
 from evaluation.views.plots.style import MPS_TO_KMH
 from smartmot.decision.rules import STANDING_MPS
 
@@ -22,8 +23,8 @@ def story_of(
 ) -> tuple[str, ...]:
     """(F,) what is happening, frame by frame."""
     by_frame: dict[int, list[str]] = {}
-    for time, label in zip(frames.events["time_s"], frames.events["label"], strict=True):
-        by_frame.setdefault(frames.frame_at(float(time)), []).append(str(label))
+    for time, _, label in events_of(frames.events):
+        by_frame.setdefault(frames.frame_at(time), []).append(label)
     waiting = iter(requests)
     request: BrakeRequest | None = None
     alert = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evaluation.protocols.grid import Block, Layer
 from evaluation.protocols.marks import DARK, Mark
@@ -22,6 +22,8 @@ _GAP_IN, _HEAD_IN, _FOOT_IN = 0.3, 0.62, 0.14
 _MARGIN_IN, _TITLE_IN, _STRATEGY_IN, _LINE_IN = 0.15, 0.4, 0.34, 0.16
 _WIDEST_IN, _NARROWEST_IN = 14.0, 5.0
 _BAR_IN = 0.06
+_SWATCH_IN = (0.2, 0.15)
+_DASHES = (0, (2, 2))
 _CHARACTER_IN, _BOLD_IN = 0.062, 0.085  # mean width of a small character, and of a bold one of usual size
 
 
@@ -51,26 +53,16 @@ def matrix_figure(sheet: Sheet) -> Figure:
     page.set_ylim(total, 0)  # y runs down the page, in inches
     page.axis("off")
     y = _MARGIN_IN
-    page.text(_MARGIN_IN, y, sheet.title, fontsize=FONT_PT + 2, fontweight="bold", va="top", color=DARK)
-    page.text(
-        width - _MARGIN_IN, y + 0.03, sheet.protocol, fontsize=SMALL_PT, va="top", ha="right", color=DARK
-    )
+    _write(page, _MARGIN_IN, y, sheet.title, fontsize=FONT_PT + 2, fontweight="bold", va="top")
+    _write(page, width - _MARGIN_IN, y + 0.03, sheet.protocol, va="top", ha="right")
     y += _TITLE_IN
     looks = strategy_looks(lines)
     for name, rows in lines.items():
         # the strategy's colour, a bar above its part
         page.plot([_MARGIN_IN, width - _MARGIN_IN], [y - _BAR_IN] * 2, color=looks[name][0], linewidth=2.5)
         for index, text in enumerate(notes[name]):
-            size, weight = (FONT_PT, "bold") if index == 0 else (SMALL_PT, "normal")
-            page.text(
-                _MARGIN_IN,
-                y + _LINE_IN * index,
-                text,
-                fontsize=size,
-                fontweight=weight,
-                va="top",
-                color=DARK,
-            )
+            size, weight = (SMALL_PT, "normal") if index else (FONT_PT, "bold")
+            _write(page, _MARGIN_IN, y + _LINE_IN * index, text, fontsize=size, fontweight=weight, va="top")
         y += _STRATEGY_IN + _LINE_IN * (len(notes[name]) - 1)
         for line, height in zip(rows, heights[name], strict=True):
             x = _MARGIN_IN
@@ -83,9 +75,21 @@ def matrix_figure(sheet: Sheet) -> Figure:
         _draw_legend(page, marks, y, extended=sheet.extended and marks[-1] == sheet.marks[-1])
         y += _LINE_IN * 1.4
     for text in foot:
-        page.text(_MARGIN_IN, y, text, fontsize=SMALL_PT, va="top", color=DARK)
+        _write(page, _MARGIN_IN, y, text, va="top")
         y += _LINE_IN
     return figure
+
+
+def _write(page: Axes, x: float, y: float, text: str, **style: Any) -> None:
+    """A text, by default small and dark, with its middle at the height y."""
+    page.text(x, y, text, **{"fontsize": SMALL_PT, "va": "center", "color": DARK, **style})
+
+
+def _frame(page: Axes, x: float, y: float, size_in: tuple[float, float], fill: str, **style: Any) -> None:
+    """A filled box; dashed, that of an extended cell."""
+    from matplotlib.patches import Rectangle
+
+    page.add_patch(Rectangle((x, y), *size_in, facecolor=fill, edgecolor=DARK, **style))
 
 
 def _flow(scores: tuple[BlockScore, ...]) -> list[list[BlockScore]]:
@@ -125,58 +129,29 @@ def _points(score: BlockScore) -> list[str]:
 
 
 def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
-    from matplotlib.patches import Rectangle
-
     block = score.block
     left, top = x + _label_width(block), y + _HEAD_IN
-    middle = left + len(block.columns) * _CELL_W_IN / 2
-    page.text(x, y, block.name, fontsize=FONT_PT, fontweight="bold", va="top", color=DARK)
-    page.text(middle, y + 0.3, block.column_header, fontsize=SMALL_PT, ha="center", va="center", color=DARK)
-    page.text(
-        left - 0.08, top - 0.1, block.row_header, fontsize=SMALL_PT, ha="right", va="center", color=DARK
-    )
+    _write(page, x, y, block.name, fontsize=FONT_PT, fontweight="bold", va="top")
+    _write(page, left + len(block.columns) * _CELL_W_IN / 2, y + 0.3, block.column_header, ha="center")
+    _write(page, left - 0.08, top - 0.1, block.row_header, ha="right")
     for j, name in enumerate(block.columns):
-        page.text(
-            left + (j + 0.5) * _CELL_W_IN,
-            top - 0.1,
-            name,
-            fontsize=SMALL_PT,
-            ha="center",
-            va="center",
-            color=DARK,
-        )
+        _write(page, left + (j + 0.5) * _CELL_W_IN, top - 0.1, name, ha="center")
     for i, row in enumerate(block.rows):
-        middle_y = top + (i + 0.5) * _CELL_H_IN
-        page.text(left - 0.08, middle_y, row.label, fontsize=SMALL_PT, ha="right", va="center", color=DARK)
+        middle = top + (i + 0.5) * _CELL_H_IN
+        _write(page, left - 0.08, middle, row.label, ha="right")
         for j, cell in enumerate(row.cells):
             if cell is None:
                 continue
             outcome = score.scores[cell]
-            extended = cell.layer is Layer.EXTENDED
             x0, y0 = left + j * _CELL_W_IN + 0.02, top + i * _CELL_H_IN + 0.02
-            page.add_patch(
-                Rectangle(
-                    (x0, y0),
-                    _CELL_W_IN - 0.04,
-                    _CELL_H_IN - 0.04,
-                    facecolor=outcome.mark.fill,
-                    edgecolor=DARK,
-                    linewidth=0.8,
-                    linestyle=(0, (2, 2)) if extended else "-",
-                )
-            )
-            page.text(
-                left + (j + 0.5) * _CELL_W_IN,
-                middle_y,
-                f"{outcome.text} {outcome.mark.letter}".strip(),
-                fontsize=SMALL_PT,
-                ha="center",
-                va="center",
-                color=outcome.mark.ink,
-            )
+            line = _DASHES if cell.layer is Layer.EXTENDED else "-"
+            size = (_CELL_W_IN - 0.04, _CELL_H_IN - 0.04)
+            _frame(page, x0, y0, size, outcome.mark.fill, linewidth=0.8, linestyle=line)
+            text = f"{outcome.text} {outcome.mark.letter}".strip()
+            _write(page, left + (j + 0.5) * _CELL_W_IN, middle, text, ha="center", color=outcome.mark.ink)
     below = top + len(block.rows) * _CELL_H_IN + 0.06
     for i, text in enumerate(_points(score)):
-        page.text(x, below + i * _LINE_IN, text, fontsize=SMALL_PT, va="top", color=DARK)
+        _write(page, x, below + i * _LINE_IN, text, va="top")
 
 
 def _legend_lines(sheet: Sheet, width: float) -> list[list[Mark]]:
@@ -193,23 +168,15 @@ def _legend_lines(sheet: Sheet, width: float) -> list[list[Mark]]:
 
 
 def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> None:
-    from matplotlib.patches import Rectangle
-
     x = _MARGIN_IN
     for mark in marks:
-        page.add_patch(Rectangle((x, y), 0.2, 0.15, facecolor=mark.fill, edgecolor=DARK, linewidth=0.5))
-        page.text(
-            x + 0.1, y + 0.075, mark.letter, fontsize=SMALL_PT - 1, ha="center", va="center", color=mark.ink
-        )
-        page.text(x + 0.26, y + 0.075, mark.name, fontsize=SMALL_PT, va="center", color=DARK)
+        _frame(page, x, y, _SWATCH_IN, mark.fill, linewidth=0.5)
+        _write(page, x + 0.1, y + 0.075, mark.letter, fontsize=SMALL_PT - 1, ha="center", color=mark.ink)
+        _write(page, x + 0.26, y + 0.075, mark.name)
         x += 0.45 + len(mark.name) * _CHARACTER_IN
     if extended:
-        page.add_patch(
-            Rectangle(
-                (x, y), 0.2, 0.15, facecolor="white", edgecolor=DARK, linewidth=0.8, linestyle=(0, (2, 2))
-            )
-        )
-        page.text(x + 0.26, y + 0.075, "extended range", fontsize=SMALL_PT, va="center", color=DARK)
+        _frame(page, x, y, _SWATCH_IN, "white", linewidth=0.8, linestyle=_DASHES)
+        _write(page, x + 0.26, y + 0.075, "extended range")
 
 
 def _headline(sheet: Sheet, name: str, width: float) -> list[str]:

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import html
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from evaluation.runs.folder import Run
 from evaluation.views.frames import LogFrames
-from evaluation.views.plots.speed import panels_of, speed_before_t0, speed_style, time_step
+from evaluation.views.plots.log_rows import Event, events_of
+from evaluation.views.plots.speed import curves_of, panels_of, speed_before_t0, speed_style, time_step
 from evaluation.views.plots.style import BLACK, BLUE, GREY, MPS_TO_KMH, VERMILLION, WINE
-from evaluation.views.plots.temporal import LAYERS, STATE_COLOURS, Event, event_text, latest_cause
+from evaluation.views.plots.temporal import (
+    LAYER_HEIGHTS,
+    LAYERS,
+    STATE_COLOURS,
+    arrows_of,
+    event_text,
+    states_of,
+)
+from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 _DASHES = {"-": "solid", "--": "dash", ":": "dot"}
-_EARLIEST_S = -1.5
-"""Speed curves begin at least this long before stop or contact, as figure 5 of the paper does."""
-
-
 _BELOW = {"xaxis": "x2", "yaxis": "y2"}
 _ARROW = {
     "text": "", "showarrow": True, "arrowhead": 2, "arrowwidth": 1.2, "arrowcolor": "#444444", "standoff": 5,
@@ -36,7 +41,7 @@ _NOTE = {
 }  # fmt: skip
 
 Spec = dict[str, Any]
-"""Figure as plotly.js takes it: `data` and `layout`."""
+"""Figure as plotly.js takes it: `data` and `layout`; or a part of one."""
 
 
 def plotly_script() -> str:
@@ -48,65 +53,42 @@ def plotly_script() -> str:
 
 def temporal_spec(frames: LogFrames, run: Run) -> Spec:
     """Events of each layer over time, with causes and effects, above the ego's speed."""
-    height = {layer: len(LAYERS) - 1 - rank for rank, layer in enumerate(LAYERS)}
-    events: list[Event] = [
-        (float(time), str(layer), str(name))
-        for time, layer, name in zip(
-            frames.events["time_s"], frames.events["category"], frames.events["label"], strict=True
-        )
-        if layer in height
-    ]
+    events = events_of(frames.events, LAYERS)
     end = float(frames.time_s[-1])
-    data = []
-    for layer in LAYERS:
-        own = [event for event in events if event[1] == layer]
-        for (time, _, name), (until, _, _) in itertools.pairwise([*own, (end, layer, "")]):
-            if name in STATE_COLOURS:
-                data.append(_state(time, until, height[layer], name))
-    data.append(_events(events, height, end))
     speed = frames.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
+    data = [
+        {"type": "scatter", "mode": "lines", "x": _rounded([time, until], 3), "y": [LAYER_HEIGHTS[layer]] * 2,
+         "line": {"color": STATE_COLOURS[name], "width": 6},
+         "hovertemplate": f"{event_text(name)}<br>%{{x:.2f}} s<extra></extra>"}
+        for time, until, layer, name in states_of(events, end)
+    ]  # fmt: skip
+    data.append(_events(events, end))
     data.append(
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": _rounded(frames.time_s, 3),
-            "y": _rounded(speed, 2),
-            "line": {"color": WINE, "width": 2},
-            "hovertemplate": "%{x:.2f} s: %{y:.1f} km/h<extra></extra>",
-            **_BELOW,
-        }
-    )
-    data += _marks(frames, run)
+        {"type": "scatter", "mode": "lines", "x": _rounded(frames.time_s, 3), "y": _rounded(speed, 2),
+         "line": {"color": WINE, "width": 2}, "hovertemplate": "%{x:.2f} s: %{y:.1f} km/h<extra></extra>",
+         **_BELOW}
+    )  # fmt: skip
+    data += _marks(frames.time_s, speed, run)
     layout = _layout(330) | {
-        "annotations": _arrows(events, height),
+        "annotations": [
+            _ARROW | {"ax": round(cause_s, 3), "ay": LAYER_HEIGHTS[above],
+                      "x": round(time_s, 3), "y": LAYER_HEIGHTS[layer]}
+            for (cause_s, above, _), (time_s, layer, _) in arrows_of(events)
+        ],
         "xaxis": _axis(range=[-0.02 * end, 1.02 * end], matches="x2", showticklabels=False, anchor="y"),
         "xaxis2": _axis("Time (s)", anchor="y2"),
         "yaxis": _axis(
-            domain=[0.48, 1.0],
-            range=[-0.7, len(LAYERS) - 0.3],
-            tickvals=list(height.values()),
-            ticktext=[layer.capitalize() for layer in height],
+            domain=[0.48, 1.0], range=[-0.7, len(LAYERS) - 0.3], tickvals=list(LAYER_HEIGHTS.values()),
+            ticktext=[layer.capitalize() for layer in LAYERS],
         ),
         "yaxis2": _axis(
             "Ego speed (km/h)", domain=[0.0, 0.43], range=[0, 1.2 * max(float(speed.max()), 1.0)], anchor="x2"
         ),
-    }
+    }  # fmt: skip
     return {"data": data, "layout": layout}
 
 
-def _state(time_s: float, until_s: float, height: int, name: str) -> dict[str, Any]:
-    """A layer's line while a state lasts."""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": _rounded([time_s, until_s], 3),
-        "y": [height, height],
-        "line": {"color": STATE_COLOURS[name], "width": 6},
-        "hovertemplate": f"{event_text(name)}<br>%{{x:.2f}} s<extra></extra>",
-    }
-
-
-def _events(events: Sequence[Event], height: dict[str, int], end_s: float) -> dict[str, Any]:
+def _events(events: Sequence[Event], end_s: float) -> Spec:
     """Markers with names: the first of a layer towards the middle, others to the right if there is room."""
     named: set[str] = set()
     places = []
@@ -116,65 +98,52 @@ def _events(events: Sequence[Event], height: dict[str, int], end_s: float) -> di
         else:
             places.append("top left" if time > 0.5 * end_s else "top right")
         named.add(layer)
+    instant = [layer == "monitors" for _, layer, _ in events]
+    colours = [STATE_COLOURS.get(name, GREY) for _, _, name in events]
     return {
-        "type": "scatter",
-        "name": "events",
-        "mode": "markers+text",
+        "type": "scatter", "name": "events", "mode": "markers+text",
         "x": _rounded([time for time, _, _ in events], 3),
-        "y": [height[layer] for _, layer, _ in events],
+        "y": [LAYER_HEIGHTS[layer] for _, layer, _ in events],
         "text": [html.escape(event_text(name)) for _, _, name in events],  # plotly reads some HTML
         "textposition": places,
         "textfont": {"size": 11},
         "marker": {
             "size": 10,
-            "symbol": ["x" if layer == "monitors" else "square" for _, layer, _ in events],
-            "color": [
-                BLUE if layer == "monitors" else STATE_COLOURS.get(name, GREY) for _, layer, name in events
-            ],
+            "symbol": ["x" if over_at_once else "square" for over_at_once in instant],
+            "color": [BLUE if over_at_once else c for over_at_once, c in zip(instant, colours, strict=True)],
             "line": {"color": "white", "width": 1},
         },
         "hovertemplate": "%{text}<br>%{x:.2f} s<extra></extra>",
         "cliponaxis": False,
-    }
+    }  # fmt: skip
 
 
-def _arrows(events: Sequence[Event], height: dict[str, int]) -> list[dict[str, Any]]:
-    """From each cause down to its effect."""
-    arrows = []
-    for time, layer, name in events:
-        cause = latest_cause(events, name, time)
-        if cause is not None and height[cause[1]] > height[layer]:
-            ends = {"ax": round(cause[0], 3), "ay": height[cause[1]], "x": round(time, 3), "y": height[layer]}
-            arrows.append(_ARROW | ends)
-    return arrows
-
-
-def _marks(frames: LogFrames, run: Run) -> list[dict[str, Any]]:
+def _marks(time_s: FloatArray, speed_kmh: FloatArray, run: Run) -> list[Spec]:
     """Brake request, stop and contact on the speed."""
-    end = "contact" if run["collided"] else "stop"
-    marks = [
-        (run["flag_time_s"], "brake requested", "x-thin", BLACK, "top left"),
-        (run["contact_time_s"], "contact", "circle-open", VERMILLION, "bottom left"),
-        (run["t0_s"], "stop", "square-open", BLACK, "middle left"),
-    ]
-    speed = frames.ego["speed_mps"].to_numpy(np.float64) * MPS_TO_KMH
+    last_s = float(time_s[-1])
+    end = (
+        (run["contact_time_s"], "contact", "circle-open", VERMILLION, "bottom left")
+        if run["collided"]
+        else (run["t0_s"], "stop", "square-open", BLACK, "middle left")
+    )
     return [
         {
-            "type": "scatter",
-            "mode": "markers+text",
+            "type": "scatter", "mode": "markers+text",
             "x": [round(float(time), 3)],
-            "y": [round(float(np.interp(time, frames.time_s, speed)), 2)],
+            "y": [round(float(np.interp(time, time_s, speed_kmh)), 2)],
             "text": [name],
-            "textposition": place if time > 0.5 * frames.time_s[-1] else "top right",
+            "textposition": place if time > 0.5 * last_s else "top right",
             "textfont": {"size": 11},
             "marker": {"symbol": symbol, "size": 10, "color": colour, "line": {"width": 2, "color": colour}},
             "hovertemplate": f"{name}<br>%{{x:.2f}} s, %{{y:.1f}} km/h<extra></extra>",
             "cliponaxis": False,
             **_BELOW,
         }
-        for time, name, symbol, colour, place in marks
-        if name in ("brake requested", end) and not math.isnan(time)
-    ]
+        for time, name, symbol, colour, place in (
+            (run["flag_time_s"], "brake requested", "x-thin", BLACK, "top left"), end,
+        )
+        if not math.isnan(time)
+    ]  # fmt: skip
 
 
 def speed_specs(
@@ -189,12 +158,9 @@ def speed_specs(
         logs: rows of kind `ego` of their logs.
         many: scenarios share the panels of their strategies, and curves are named by scenario.
     """
-    drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
+    drawn, earliest, top = curves_of(runs, logs)
     if drawn.empty:
         return []
-    flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
-    earliest = min(_EARLIEST_S, float(flags.min()) - 0.3) if len(flags) else _EARLIEST_S
-    top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
     scenarios = dict(zip(runs["log"], map(str, runs["scenario"]), strict=True))
     panels = []
     for title, rows in panels_of(runs.assign(scenario="") if many else runs):
@@ -222,66 +188,46 @@ def speed_specs(
     return panels
 
 
-def _speed_curve(
-    run: dict[Any, Any], log: pd.DataFrame, earliest_s: float, name: str
-) -> list[dict[str, Any]]:
+def _speed_curve(run: dict[Any, Any], log: pd.DataFrame, earliest_s: float, name: str) -> list[Spec]:
     """Curve of one run under a name, with its brake request and its contact."""
     colour, style = speed_style(float(run["v_test_kmh"]))
-    time, speed = speed_before_t0(run, log)
-    first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
+    time, speed, flag, contact = speed_before_t0(run, log, earliest_s)
     curve = {"type": "scatter", "meta": str(run["log"])}
-    marks = []
-    if not math.isnan(run["flag_time_s"]):
-        at = float(run["flag_time_s"] - run["t0_s"])
-        marks.append((at, float(np.interp(at, time, speed)), "x-thin", "brake requested"))
-    if run["collided"]:
-        marks.append((0.0, float(speed[-1]), "circle-open", "contact"))
+    marks = ((flag, "x-thin", "brake requested"), (contact, "circle-open", "contact"))
     return [
-        curve
-        | {
-            "mode": "lines",
-            "x": _rounded(time[first:], 3),
-            "y": _rounded(speed[first:], 2),
+        curve | {
+            "mode": "lines", "x": _rounded(time, 3), "y": _rounded(speed, 2),
             "line": {"color": colour, "dash": _DASHES[style], "width": 2},
             "hovertemplate": f"{name}: %{{y:.1f}} km/h at %{{x:.2f}} s<extra></extra>",
         },
         *(
-            curve
-            | {
-                "mode": "markers",
-                "x": [round(x, 3)],
-                "y": [round(y, 2)],
+            curve | {
+                "mode": "markers", "x": [round(point[0], 3)], "y": [round(point[1], 2)],
                 "marker": {
-                    "symbol": symbol,
-                    "size": 9,
-                    "color": colour,
-                    "line": {"width": 2.5, "color": colour},
+                    "symbol": symbol, "size": 9, "color": colour, "line": {"width": 2.5, "color": colour},
                 },
-                "hovertemplate": f"{name}: {what}, %{{y:.1f}} km/h at %{{x:.2f}} s<extra></extra>",
+                "hovertemplate": f"{name}: {event}, %{{y:.1f}} km/h at %{{x:.2f}} s<extra></extra>",
                 "cliponaxis": False,
             }
-            for x, y, symbol, what in marks
+            for point, symbol, event in marks
+            if point is not None
         ),
-    ]
+    ]  # fmt: skip
 
 
-def _layout(height_px: int) -> dict[str, Any]:
+def _layout(height_px: int) -> Spec:
     return {
-        "height": height_px,
-        "showlegend": False,
-        "margin": {"l": 70, "r": 14, "t": 10, "b": 44},
-        "font": {"family": _FONT, "size": 12, "color": "#222222"},
-        "paper_bgcolor": "white",
-        "plot_bgcolor": "white",
-        "hovermode": "closest",
-    }
+        "height": height_px, "showlegend": False, "margin": {"l": 70, "r": 14, "t": 10, "b": 44},
+        "font": {"family": _FONT, "size": 12, "color": "#222222"}, "paper_bgcolor": "white",
+        "plot_bgcolor": "white", "hovermode": "closest",
+    }  # fmt: skip
 
 
-def _axis(title: str | None = None, **more: Any) -> dict[str, Any]:
+def _axis(title: str | None = None, **more: Any) -> Spec:
     axis = {"gridcolor": "#e6e6e6", "zeroline": False, "linecolor": "#999999", "automargin": True}
     return axis | ({} if title is None else {"title": {"text": title}}) | more
 
 
-def _rounded(values: Any, digits: int) -> list[float]:
+def _rounded(values: ArrayLike, digits: int) -> list[float]:
     rounded: list[float] = np.round(np.asarray(values, dtype=np.float64), digits).tolist()
     return rounded

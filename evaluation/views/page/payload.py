@@ -22,6 +22,7 @@ from evaluation.views.page.codec import (
     unpack,
 )
 from evaluation.views.plots.ground import lane_outlines
+from evaluation.views.plots.log_rows import events_of
 from evaluation.views.plots.temporal import event_text
 from opendrive import RoadNetwork
 from smartmot.types import FloatArray
@@ -89,10 +90,8 @@ def pack_run(frames: LogFrames, account: Account, origin_m: FloatArray, diagram:
             "story": deltas([stories.index(text) for text in account.story]),
             "status": list(account.status),
             "events": [
-                [frames.frame_at(float(time)), round(float(time), 3), str(layer), event_text(str(name))]
-                for time, layer, name in zip(
-                    frames.events["time_s"], frames.events["category"], frames.events["label"], strict=True
-                )
+                [frames.frame_at(time), round(time, 3), layer, event_text(name)]
+                for time, layer, name in events_of(frames.events)
             ],
             "diagram": diagram,
         }

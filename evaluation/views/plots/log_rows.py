@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import TYPE_CHECKING
 
 from evaluation.results.files import ResultsError
@@ -12,10 +13,28 @@ if TYPE_CHECKING:
 
 TIME_TOLERANCE_S = 1e-6
 
+Event = tuple[float, str, str]
+"""Time, layer and name."""
+
 
 def of_kind(log: pd.DataFrame, kind: str) -> pd.DataFrame:
     """Rows of one kind."""
     return log[log["kind"] == kind]
+
+
+def events_of(rows: pd.DataFrame, layers: Container[str] | None = None) -> list[Event]:
+    """Rows of kind `event` as time, layer and name.
+
+    Args:
+        rows: of that kind.
+        layers: only events of these; None: of all.
+    """
+    events = zip(rows["time_s"], rows["category"], rows["label"], strict=True)
+    return [
+        (float(time), str(layer), str(name))
+        for time, layer, name in events
+        if layers is None or layer in layers
+    ]
 
 
 def boxes_of(rows: pd.DataFrame, suffix: str = "") -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,6 +46,9 @@ _LEGEND_COLUMNS, _LEGEND_LINE_IN, _TITLE_IN = 5, 0.16, 0.3
 _TIME_STEPS_S, _MOST_TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0), 5
 """Steps of a time axis, and how many of them a panel has room for."""
 
+_EARLIEST_S = -1.5
+"""Curves begin at least this long before stop or contact, as figure 5 of the paper does."""
+
 _PANEL_CONDITIONS = ("scenario", "preset", "weather", "adversaries")
 _ADVERSARY_WORDS = {"none": "alone", "static": "with others"}
 
@@ -82,18 +85,9 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     height_in = 0.28 + above_in + 2.15 * lines
     figure = new_figure(height_in)
     grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
-    figure.subplots_adjust(
-        left=0.105,
-        right=0.98,
-        bottom=0.42 / height_in,
-        top=1.0 - above_in / height_in,
-        wspace=0.14,
-        hspace=0.2,
-    )
-    drawn = runs[runs["t0_s"].notna() & runs["log"].isin(list(logs))]
-    flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
-    earliest = min(-1.5, float(flags.min()) - 0.3) if len(flags) else -1.5
-    top = 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
+    bottom, top = 0.42 / height_in, 1.0 - above_in / height_in
+    figure.subplots_adjust(left=0.105, right=0.98, bottom=bottom, top=top, wspace=0.14, hspace=0.2)
+    drawn, earliest, top = curves_of(runs, logs)
     for number, (axes, (name, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
         letter = chr(ord("a") + number) if number < 26 else str(number + 1)
         set_title(axes, f"({letter}) {name}", room=30)
@@ -109,16 +103,21 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     for axes in grid[:, 0]:
         axes.set_ylabel("Vehicle speed (km/h)", fontsize=FONT_PT)
     figure.legend(
-        handles=handles,
-        loc="upper center",
-        ncols=legend_columns,
-        fontsize=SMALL_PT,
-        frameon=False,
-        columnspacing=1.2,
-        handlelength=1.6,
-        borderaxespad=0.2,
-    )
+        handles=handles, loc="upper center", ncols=legend_columns, fontsize=SMALL_PT, frameon=False,
+        columnspacing=1.2, handlelength=1.6, borderaxespad=0.2,
+    )  # fmt: skip
     return figure
+
+
+def curves_of(runs: pd.DataFrame, logs: Container[str]) -> tuple[pd.DataFrame, float, float]:
+    """Runs that have a curve, where the time axis begins (s) and where the speed axis ends (km/h).
+
+    All requests of the brake are in view.
+    """
+    drawn = runs[runs["t0_s"].notna() & runs["log"].map(lambda name: name in logs)]
+    flags = (drawn["flag_time_s"] - drawn["t0_s"]).dropna()
+    earliest = min(_EARLIEST_S, float(flags.min()) - 0.3) if len(flags) else _EARLIEST_S
+    return drawn, earliest, 10.0 * math.ceil((float(runs["v_test_kmh"].max()) + 2.0) / 10.0)
 
 
 def panels_of(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
@@ -161,54 +160,56 @@ def _short_number(value: float, _position: object) -> str:
     return f"{value:g}".replace("-", "\N{MINUS SIGN}")
 
 
-def speed_before_t0(run: Mapping[Any, Any], log: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+Point = tuple[float, float]
+"""Time relative to T0 in seconds, and speed in km/h."""
+
+
+def speed_before_t0(
+    run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float
+) -> tuple[FloatArray, FloatArray, Point | None, Point | None]:
     """Speed of a run up to its stop or contact, which ends the curve with the speed then.
 
     Args:
         run: its row in the table of runs, with a T0.
         log: its log.
+        earliest_s: where the time axis begins.
 
     Returns:
-        (N,) time relative to T0 in seconds, rising to 0, and (N,) speed in km/h.
+        (N,) time relative to T0 in seconds, rising to 0, and (N,) speed in km/h; the request of the brake
+        and the contact, if there were any.
     """
     ego = of_kind(log, "ego").sort_values("time_s")
     time = ego["time_s"].to_numpy(float) - float(run["t0_s"])
     speed = ego["speed_mps"].to_numpy(float) * MPS_TO_KMH
     before = time < -TIME_TOLERANCE_S
     final = float(run["v_impact_kmh"]) if run["collided"] else 0.0
-    return np.append(time[before], 0.0), np.append(speed[before], final)
+    time, speed = np.append(time[before], 0.0), np.append(speed[before], final)
+    flag = None
+    if not math.isnan(run["flag_time_s"]):
+        flag_s = float(run["flag_time_s"] - run["t0_s"])
+        flag = (flag_s, float(np.interp(flag_s, time, speed)))
+    contact = (0.0, float(speed[-1])) if run["collided"] else None
+    # one row before the left edge is kept, so that the curve begins at it
+    first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
+    return time[first:], speed[first:], flag, contact
 
 
 def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, earliest_s: float) -> None:
     colour, style = speed_style(float(run["v_test_kmh"]))
-    time, speed = speed_before_t0(run, log)
-    # One row before the left edge is kept, so that the curve begins at it.
-    first = max(int(np.searchsorted(time, earliest_s)) - 1, 0)
-    axes.plot(time[first:], speed[first:], color=colour, linestyle=style, linewidth=1.3, gid="curve")
-    if not math.isnan(run["flag_time_s"]):
-        flag = float(run["flag_time_s"]) - float(run["t0_s"])
+    time, speed, flag, contact = speed_before_t0(run, log, earliest_s)
+    axes.plot(time, speed, color=colour, linestyle=style, linewidth=1.3, gid="curve")
+    mark: dict[str, Any] = {"markersize": 6.0, "color": colour, "clip_on": False}
+    if flag is not None:
+        axes.plot(*flag, marker="x", markeredgewidth=1.8, gid="flag", **mark)
+    if contact is not None:
         axes.plot(
-            [flag],
-            [float(np.interp(flag, time, speed))],
-            marker="x",
-            markersize=6.0,
-            markeredgewidth=1.8,
-            color=colour,
-            gid="flag",
-            clip_on=False,
-        )
-    if run["collided"]:
-        axes.plot(
-            [0.0],
-            [float(speed[-1])],
+            *contact,
             marker="o",
-            markersize=6.0,
             markerfacecolor="white",
             markeredgewidth=1.4,
-            color=colour,
             gid="contact",
-            clip_on=False,
             zorder=5,
+            **mark,
         )
 
 

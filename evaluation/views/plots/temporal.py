@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evaluation.views.plots.labels import place_labels
-from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, boxes_of, of_kind
+from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, Event, boxes_of, events_of, of_kind
 from evaluation.views.plots.style import (
     BLACK,
     BLUE,
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Event = tuple[float, str, str]
-"""Time, layer and name."""
-
 LAYERS = ("monitors", "unexpected", "selector", "start")
 """Layers of the event log, from the top of the temporal diagram to its bottom."""
+
+LAYER_HEIGHTS = {layer: len(LAYERS) - 1 - rank for rank, layer in enumerate(LAYERS)}
+"""Where the line of each layer is drawn, the lowest at 0."""
 
 _EVENT_TEXTS = {"collision": "collision predicted"}
 """What the paper calls a collision is a prediction: nothing is hit then. The log keeps the paper's name."""
@@ -105,85 +105,64 @@ def time_range(ego: pd.DataFrame, events: pd.DataFrame) -> tuple[float, float]:
 
 def _draw_layers(axes: Axes, events: pd.DataFrame, end_s: float) -> None:
     """One line per layer with its states, its events as markers and the arrows between layers."""
-    height = {layer: float(len(LAYERS) - 1 - rank) for rank, layer in enumerate(LAYERS)}
+    height = {layer: float(rank) for layer, rank in LAYER_HEIGHTS.items()}
     axes.set_ylim(-0.75, len(LAYERS) - 0.25)
     axes.set_yticks([height[layer] for layer in LAYERS], [layer.capitalize() for layer in LAYERS])
     axes.tick_params(axis="both", length=0, labelbottom=False)
-    known: list[Event] = [
-        (float(time), str(layer), str(name))
-        for time, layer, name in zip(events["time_s"], events["category"], events["label"], strict=True)
-        if layer in height
-    ]
-    for layer in LAYERS:
-        _draw_states(axes, [(t, name) for t, one, name in known if one == layer], height[layer], end_s)
-    lines = []
+    known = events_of(events, height)
+    for time, until, layer, name in states_of(known, end_s):
+        axes.plot(
+            [time, until], [height[layer]] * 2, color=STATE_COLOURS[name], linewidth=3.0,
+            solid_capstyle="butt", gid="state",
+        )  # fmt: skip
     for time, layer, name in known:
         _draw_event(axes, time, height[layer], name, instant=layer == "monitors")
-        cause = latest_cause(known, name, time)
-        if cause is not None and height[cause[1]] > height[layer]:
-            arrow = ((cause[0], height[cause[1]]), (time, height[layer]))
-            _draw_arrow(axes, *arrow)
-            lines.append(arrow)
+    lines = [
+        ((t0, height[above]), (t1, height[layer])) for (t0, above, _), (t1, layer, _) in arrows_of(known)
+    ]
+    for arrow in lines:
+        _draw_arrow(axes, *arrow)
     if known:
         lines += [((float(events["time_s"].min()), h), (end_s, h)) for h in height.values()]
     texts = [(time, height[layer], event_text(name)) for time, layer, name in known]
     place_labels(axes, texts, lines, offsets_pt=(7.5, 16.5), leaders=True)
 
 
-def _draw_states(axes: Axes, states: Sequence[tuple[float, str]], height: float, end_s: float) -> None:
-    """The line of one layer: coloured from each event to the next, and to the end while a state lasts."""
-    for (time, name), (until, _) in itertools.pairwise([*states, (end_s, "")]):
-        if name in STATE_COLOURS:
-            axes.plot(
-                [time, until],
-                [height, height],
-                color=STATE_COLOURS[name],
-                linewidth=3.0,
-                solid_capstyle="butt",
-                gid="state",
-            )
+def states_of(events: Sequence[Event], end_s: float) -> Iterator[tuple[float, float, str, str]]:
+    """Beginning, end, layer and name of each state, which lasts to the layer's next event or to the end."""
+    for layer in LAYERS:
+        of_layer = [event for event in events if event[1] == layer]
+        for (time, _, name), (until, _, _) in itertools.pairwise([*of_layer, (end_s, layer, "")]):
+            if name in STATE_COLOURS:
+                yield time, until, layer, name
 
 
 def _draw_event(axes: Axes, time_s: float, height: float, name: str, *, instant: bool) -> None:
     """Marker of an event: a cross for what is over at once, a square for the start of a state."""
     axes.plot(
-        [time_s],
-        [height],
-        marker="X" if instant else "s",
-        markersize=6.0 if instant else 5.0,
-        color=BLUE if instant else STATE_COLOURS.get(name, GREY),
-        markeredgecolor="white",
-        markeredgewidth=0.5,
-        linestyle="none",
-        zorder=4,
-        gid="event",
-    )
+        [time_s], [height], marker="X" if instant else "s", markersize=6.0 if instant else 5.0,
+        color=BLUE if instant else STATE_COLOURS.get(name, GREY), markeredgecolor="white",
+        markeredgewidth=0.5, linestyle="none", zorder=4, gid="event",
+    )  # fmt: skip
 
 
 def _draw_arrow(axes: Axes, tail: tuple[float, float], head: tuple[float, float]) -> None:
-    axes.annotate(
-        "",
-        xy=head,
-        xytext=tail,
-        arrowprops={
-            "arrowstyle": "->",
-            "linestyle": (0, (3, 2)),
-            "linewidth": 0.9,
-            "color": "#333333",
-            "shrinkA": 3.0,
-            "shrinkB": 3.0,
-        },
-        gid="cause",
-        zorder=3,
-    )
+    style = {
+        "arrowstyle": "->", "linestyle": (0, (3, 2)), "linewidth": 0.9, "color": "#333333", "shrinkA": 3.0,
+        "shrinkB": 3.0,
+    }  # fmt: skip
+    axes.annotate("", xy=head, xytext=tail, arrowprops=style, gid="cause", zorder=3)
 
 
-def latest_cause(events: Sequence[Event], name: str, time_s: float) -> Event | None:
-    """Last event not after a time that an event of that name answers to."""
-    found = [
-        event for event in events if event[2] == CAUSES.get(name) and event[0] <= time_s + TIME_TOLERANCE_S
-    ]
-    return found[-1] if found else None
+def arrows_of(events: Sequence[Event]) -> list[tuple[Event, Event]]:
+    """Each event that answers to one of a layer above, after the last such event that is not later."""
+    arrows = []
+    for event in events:
+        time_s, layer, name = event
+        causes = [e for e in events if e[2] == CAUSES.get(name) and e[0] <= time_s + TIME_TOLERANCE_S]
+        if causes and LAYER_HEIGHTS[causes[-1][1]] > LAYER_HEIGHTS[layer]:
+            arrows.append((causes[-1], event))
+    return arrows
 
 
 def _draw_ego_speed(axes: Axes, ego: pd.DataFrame, contact_s: float | None) -> None:
@@ -205,17 +184,9 @@ def _draw_ego_speed(axes: Axes, ego: pd.DataFrame, contact_s: float | None) -> N
         marks.append((stop, 0.0, "stop", "s", BLACK))
     for x, y, text, marker, colour in marks:
         axes.plot(
-            [x],
-            [y],
-            marker=marker,
-            markersize=6.0,
-            markerfacecolor="white",
-            markeredgecolor=colour,
-            linestyle="none",
-            clip_on=False,
-            zorder=5,
-            gid=text.split()[0],
-        )
+            [x], [y], marker=marker, markersize=6.0, markerfacecolor="white", markeredgecolor=colour,
+            linestyle="none", clip_on=False, zorder=5, gid=text.split()[0],
+        )  # fmt: skip
     curve = np.column_stack([time, speed])
     pieces = np.stack([curve[:-1], curve[1:]], axis=1)
     place_labels(axes, [mark[:3] for mark in marks], pieces, offsets_pt=(8.0, 18.0, 28.0))
