@@ -53,6 +53,13 @@ def command(
         typer.echo(line)
     if png is not None:
         from evaluation.views.pictures import save_map
+        from scenarios.presets import named_preset
+        from scenarios.strategies import make_strategy
+        from smartmot.types import EgoState
 
-        save_map(network, png, site, strategy, speed, preset)
+        if site is None:
+            save_map(network, png)
+        else:
+            ego = EgoState(0.0, *site.route.pose(site.line_m), speed / 3.6)
+            save_map(network, png, make_strategy(strategy, named_preset(preset), site), ego)
         typer.echo(f"picture: {png}")

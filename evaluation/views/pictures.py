@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import write_whole
+from evaluation.views.plots.style import MPS_TO_KMH
 from opendrive import RoadNetwork
-from scenarios.places import Site
-from scenarios.presets import named_preset
-from scenarios.strategies import make_strategy
 from smartmot.area import MonitoredAreaStrategy
 from smartmot.types import EgoState
 
@@ -74,9 +74,7 @@ def save_pictures(
     title = f"{row['scenario']}, {row['strategy']}, {speed}, {row['weather']}, preset {row['preset']}"
     save(speed_curves(runs, logs), "speed_curves")
     save(temporal_diagram(log, title), "temporal_diagram")
-    time = (
-        float(row["flag_time_s"]) if row["flag_time_s"] == row["flag_time_s"] else float(log["time_s"].max())
-    )
+    time = float(log["time_s"].max() if math.isnan(row["flag_time_s"]) else row["flag_time_s"])
     if network is not None:
         areas = [] if strategy is None else strategy.at(_ego_at(log, time)).polygons()
         save(birdseye(network, log, time, areas, f"{title}; t = {time:.2f} s"), "birdseye")
@@ -84,24 +82,30 @@ def save_pictures(
 
 
 def save_map(
-    network: RoadNetwork, path: Path, site: Site | None, strategy: str, speed_kmh: float, preset_name: str
+    network: RoadNetwork,
+    path: Path,
+    strategy: MonitoredAreaStrategy | None = None,
+    ego: EgoState | None = None,
 ) -> None:
-    """Draw a map, and at a place the monitored area there.
+    """Draw a map, and the monitored area around an ego vehicle.
+
+    Args:
+        network: the map.
+        path: picture to write.
+        strategy: what makes the area; None: none is drawn.
+        ego: where the area is.
 
     Raises:
         ArgumentError: the file cannot be written, or its ending is not that of a picture.
     """
     from evaluation.views.plots import map_picture
 
-    if site is None:
+    if strategy is None or ego is None:
         figure = map_picture(network, title=network.name or None)
     else:
-        x, y, yaw = site.route.pose(site.line_m)
-        ego = EgoState(0.0, x, y, yaw, speed_kmh / 3.6)
-        areas = make_strategy(strategy, named_preset(preset_name), site).at(ego).polygons()
-        figure = map_picture(
-            network, areas, (x, y, yaw), f"{network.name or 'map'}: {strategy} area at {speed_kmh:g} km/h"
-        )
+        title = f"{network.name or 'map'}: {strategy.name} area at {ego.speed_mps * MPS_TO_KMH:g} km/h"
+        pose = (ego.x_m, ego.y_m, ego.yaw_rad)
+        figure = map_picture(network, strategy.at(ego).polygons(), pose, title)
     save_picture(figure, path, "--png")
 
 
@@ -110,8 +114,23 @@ def save_picture(figure: Figure, path: Path, where: str) -> None:
     ending = path.suffix.lower().removeprefix(".")
     if ending not in STAMPS:
         raise ArgumentError(f"{where}: cannot draw {path.name!r}; the ending must be .png, .svg or .pdf")
-    try:
+    with told_of_writing(where, path):
         write_whole(path, drawn(figure, ending, dpi=DPI))
+
+
+@contextlib.contextmanager
+def told_of_writing(where: str, path: Path) -> Iterator[None]:
+    """Says of a file that cannot be written which it is and what asked for it.
+
+    Args:
+        where: option or what else names the place.
+        path: the file.
+
+    Raises:
+        ArgumentError: in place of an OSError.
+    """
+    try:
+        yield
     except OSError as error:
         reason = error.strerror or str(error)
         raise ArgumentError(f"{where}: cannot write {path}: {reason}; choose another place") from None
@@ -148,12 +167,7 @@ def run_to_show(runs: pd.DataFrame) -> str:
 def _ego_at(log: pd.DataFrame, time_s: float) -> EgoState:
     ego = log[log["kind"] == "ego"]
     row = ego.iloc[(ego["time_s"] - time_s).abs().argmin()]
-    return EgoState(
-        float(row["time_s"]),
-        float(row["x_m"]),
-        float(row["y_m"]),
-        float(row["yaw_rad"]),
-        float(row["speed_mps"]),
-        length_m=float(row["length_m"]),
-        width_m=float(row["width_m"]),
+    time, x, y, yaw, speed, length, width = (
+        float(row[name]) for name in ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "length_m", "width_m")
     )
+    return EgoState(time, x, y, yaw, speed, length_m=length, width_m=width)

@@ -13,6 +13,7 @@ from evaluation.views.account.explain import explain
 from evaluation.views.film.maker import write_film, write_gif
 from evaluation.views.film.run import RunDrawing, film_of, film_times
 from evaluation.views.frames import frames_of
+from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.strategies import strategy_colour
 
 _SUFFIX = ".parquet"
@@ -81,9 +82,6 @@ def replay(
         progress(done, total)
 
     for path, option in files:
-        try:
+        with told_of_writing(option, path):
             write_gif(path, film, drawn) if option == "--gif" else write_film(path, film, option, drawn)
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise ArgumentError(f"{option}: cannot write {path}: {reason}; choose another place") from None
     return [path for path, _ in files], folder.notes

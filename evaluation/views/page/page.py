@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.errors import ArgumentError
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import comparison_table, impact_table
 from evaluation.results.files import write_whole
@@ -22,6 +21,7 @@ from evaluation.views.frames import frames_of
 from evaluation.views.page import charts
 from evaluation.views.page.payload import pack_map, pack_run
 from evaluation.views.page.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
+from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
 from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
 from evaluation.views.plots.speed import speed_style
@@ -101,11 +101,8 @@ def write_page(
     folder = read_folder(directory, allow_plugins)
     target = directory / PAGE_NAME if out is None else out
     text = render(page_content(folder, progress))
-    try:
+    with told_of_writing("--out", target):
         write_whole(target, text.encode())
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ArgumentError(f"--out: cannot write {target}: {reason}; choose another place") from None
     return target, folder.notes
 
 

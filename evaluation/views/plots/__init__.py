@@ -1,4 +1,4 @@
-"""Pictures of runs: the sequence of events, speed before stop or contact, the scene from above, the map.
+"""Pictures of runs: the sequence of events, speed before stop or contact, the view from above, the map.
 
 Every function returns a `matplotlib.figure.Figure` that is the caller's alone: no pyplot, no global state.
 Sizes are chosen so that the texts stay readable when a figure is printed 85 mm wide. Colours are safe for

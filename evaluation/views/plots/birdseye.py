@@ -1,4 +1,4 @@
-"""The scene around the ego from above, and the map with its lanes."""
+"""What is around the ego, from above, and the map with its lanes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TALLEST_IN = 5.0
 _LEGEND_COLUMNS, _LEGEND_LINE_IN = 4, 0.135
 _TITLE_ROOM = 62
 _AROUND_EGO = (-10.0, -13.75, 40.0, 13.75)
-"""View of the scene in the ego's frame, metres: further ahead than behind."""
+"""View in the ego's frame, metres: further ahead than behind."""
 
 
 def birdseye(
@@ -40,7 +40,7 @@ def birdseye(
     areas: Sequence[Area],
     title: str | None = None,
 ) -> Figure:
-    """The scene around the ego at one frame, from above, the ego driving to the right.
+    """What is around the ego at one frame, from above, the ego driving to the right.
 
     Args:
         network: the map.
@@ -55,7 +55,7 @@ def birdseye(
     frame = frame_at(log, time_s)
     ego = of_kind(frame, "ego").iloc[-1]
     pose = (float(ego["x_m"]), float(ego["y_m"]), float(ego["yaw_rad"]))
-    figure, axes = _scene_axes(_AROUND_EGO)
+    figure, axes = _map_axes(_AROUND_EGO)
     axes.set_xlabel("Ahead of ego (m)", fontsize=FONT_PT)
     axes.set_ylabel("Left of ego (m)", fontsize=FONT_PT)
     if title is None:
@@ -84,7 +84,7 @@ def map_picture(
     """
     origin = (0.0, 0.0, 0.0)
     view = _view_of([ring for _, ring in areas], 0.25) if areas else _whole_view(network)
-    figure, axes = _scene_axes(view)
+    figure, axes = _map_axes(view)
     axes.set_xlabel("x, east (m)", fontsize=FONT_PT)
     axes.set_ylabel("y, north (m)", fontsize=FONT_PT)
     if title:
@@ -113,7 +113,7 @@ def _view_of(outlines: Sequence[FloatArray], margin: float) -> Rectangle:
     return (float(left - more), float(low - more), float(right + more), float(high + more))
 
 
-def _scene_axes(view: Rectangle) -> tuple[Figure, Axes]:
+def _map_axes(view: Rectangle) -> tuple[Figure, Axes]:
     """Axes with equal scales that fill the width of a figure, or its height where the view is tall."""
     width_in = WIDTH_IN - _LEFT_IN - _RIGHT_IN
     height_in = min(max(width_in * (view[3] - view[1]) / (view[2] - view[0]), 1.2), _TALLEST_IN)
@@ -131,30 +131,16 @@ def _lay_out(figure: Figure, axes: Axes, height_in: float, bottom_in: float) -> 
     """Give axes of this height their place in a figure that is as tall as needed."""
     total_in = height_in + _TOP_IN + bottom_in
     figure.set_figheight(total_in)
-    axes.set_position(
-        (
-            _LEFT_IN / WIDTH_IN,
-            bottom_in / total_in,
-            1.0 - (_LEFT_IN + _RIGHT_IN) / WIDTH_IN,
-            height_in / total_in,
-        )
-    )
+    left, width = _LEFT_IN / WIDTH_IN, 1.0 - (_LEFT_IN + _RIGHT_IN) / WIDTH_IN
+    axes.set_position((left, bottom_in / total_in, width, height_in / total_in))
 
 
 def _add_legend(figure: Figure, axes: Axes, handles: Sequence[Patch]) -> None:
-    """Legend under the axes of a scene; the figure grows by its lines."""
+    """Legend under the axes; the figure grows by its lines."""
     lines = math.ceil(len(handles) / _LEGEND_COLUMNS)
     height_in = axes.get_position(original=True).height * figure.get_figheight()
     _lay_out(figure, axes, height_in, _BOTTOM_IN + _LEGEND_LINE_IN * lines)
     figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=_LEGEND_COLUMNS,
-        fontsize=SMALL_PT - 1.0,
-        frameon=False,
-        columnspacing=1.0,
-        handlelength=1.4,
-        handletextpad=0.5,
-        labelspacing=0.3,
-        borderaxespad=0.1,
-    )
+        handles=handles, loc="lower center", ncols=_LEGEND_COLUMNS, fontsize=SMALL_PT - 1.0, frameon=False,
+        columnspacing=1.0, handlelength=1.4, handletextpad=0.5, labelspacing=0.3, borderaxespad=0.1,
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What does not move in a scene: lanes, crosswalks and the monitored areas on them."""
+"""What does not move: lanes, crosswalks and the monitored areas on them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ LANE_COLOURS = {
 }
 """Light fills of the lane types, first in the legend; others share one tone."""
 
-OTHER_LANE_COLOUR = "#f7f7f7"
+OTHER_LANE_COLOUR, LANE_EDGE_COLOUR = "#f7f7f7", "#bdbdbd"
 
 
 def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> list[Patch]:
@@ -69,33 +69,20 @@ def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> l
         moved = to_frame(outline, *pose)
         if _meets(moved, view):
             by_type.setdefault(lane_type, []).append(moved)
-    handles = [
-        draw_polygons(
-            axes,
-            by_type[lane_type],
-            f"{lane_type} lane",
-            face=LANE_COLOURS.get(lane_type, OTHER_LANE_COLOUR),
-            edge="#bdbdbd",
-            width=0.3,
-            zorder=1.0,
+    handles = []
+    for lane_type in sorted(by_type, key=_lane_rank):
+        outlines, face = by_type[lane_type], LANE_COLOURS.get(lane_type, OTHER_LANE_COLOUR)
+        patch = draw_polygons(
+            axes, outlines, f"{lane_type} lane", face=face, edge=LANE_EDGE_COLOUR, width=0.3, zorder=1.0
         )
-        for lane_type in sorted(by_type, key=_lane_rank)
-    ]
-    crossings = [to_frame(one.polygon, *pose) for one in network.crosswalks]
+        handles.append(patch)
+    crossings = [to_frame(crosswalk.polygon, *pose) for crosswalk in network.crosswalks]
     crossings = [outline for outline in crossings if _meets(outline, view)]
     if crossings:
-        handles.append(
-            draw_polygons(
-                axes,
-                crossings,
-                "crosswalk",
-                face="white",
-                edge="#7a7a7a",
-                width=0.5,
-                hatch="/////",
-                zorder=1.5,
-            )
+        patch = draw_polygons(
+            axes, crossings, "crosswalk", face="white", edge="#7a7a7a", width=0.5, hatch="/////", zorder=1.5
         )
+        handles.append(patch)
     return handles
 
 
@@ -135,15 +122,15 @@ def area_paths(areas: Sequence[Area]) -> dict[str, Path]:
     taken: shapely.Geometry = shapely.Polygon()
     paths = {}
     for role in sorted(rings, key=lambda role: rank.get(role, len(rank))):
-        whole = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings[role]])
-        seen = shapely.difference(whole, taken)
-        taken = shapely.union(taken, whole)
+        area = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in rings[role]])
+        seen = shapely.difference(area, taken)
+        taken = shapely.union(taken, area)
         parts = [part for part in shapely.get_parts(seen) if part.area > _NO_AREA_M2]
         # outlines run against holes, which the rule of non-zero winding leaves open
         outlines = [
-            np.asarray(one.coords)
+            np.asarray(ring.coords)
             for part in map(shapely.geometry.polygon.orient, parts)
-            for one in (part.exterior, *part.interiors)
+            for ring in (part.exterior, *part.interiors)
         ]
         if outlines:
             paths[role] = Path.make_compound_path(*(Path(points, closed=True) for points in outlines))

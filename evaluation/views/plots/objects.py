@@ -1,4 +1,4 @@
-"""What moves in a scene: ground truth, detections, tracks, forecasts and the ego of one frame."""
+"""What moves: ground truth, detections, tracks, forecasts and the ego of one frame."""
 
 from __future__ import annotations
 
@@ -78,13 +78,9 @@ def _draw_velocities(axes: Axes, rows: pd.DataFrame, pose: Pose, colour: str) ->
     yaw = moving["yaw_rad"].to_numpy(float) - pose[2]
     steps = moving["speed_mps"].to_numpy(float)[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
     style = {
-        "arrowstyle": "-|>",
-        "color": colour,
-        "linewidth": 1.0,
-        "mutation_scale": 6.0,
-        "shrinkA": 0.0,
+        "arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "mutation_scale": 6.0, "shrinkA": 0.0,
         "shrinkB": 0.0,
-    }
+    }  # fmt: skip
     for tail, head in zip(tails.tolist(), (tails + steps).tolist(), strict=True):
         arrow = axes.annotate("", xy=head, xytext=tail, arrowprops=style, zorder=6.0, gid="velocity")
         arrow.set_clip_on(True)
@@ -95,16 +91,9 @@ def _ring_threats(axes: Axes, threats: pd.DataFrame, pose: Pose) -> None:
     """A ring around each threat: a pedestrian's box is tiny at this scale."""
     centres = to_frame(threats[["x_m", "y_m"]].to_numpy(float), *pose)
     axes.plot(
-        centres[:, 0],
-        centres[:, 1],
-        marker="o",
-        markersize=15.0,
-        markerfacecolor="none",
-        linestyle="none",
-        color=TRACK_COLOURS["threat"],
-        gid="threat",
-        zorder=5.5,
-    )
+        centres[:, 0], centres[:, 1], marker="o", markersize=15.0, markerfacecolor="none", linestyle="none",
+        color=TRACK_COLOURS["threat"], gid="threat", zorder=5.5,
+    )  # fmt: skip
 
 
 def _label_tracks(axes: Axes, tracks: pd.DataFrame, boxes: FloatArray, pose: Pose) -> None:

@@ -34,21 +34,10 @@ def draw_polygons(
     from matplotlib.patches import Patch
 
     collection = PolyCollection(
-        list(outlines),
-        facecolors=face,
-        edgecolors=edge,
-        linewidths=width,
-        linestyles=line,
-        hatch=hatch,
-        zorder=zorder,
-        gid=label,
-    )
+        list(outlines), facecolors=face, edgecolors=edge, linewidths=width, linestyles=line, hatch=hatch,
+        zorder=zorder, gid=label,
+    )  # fmt: skip
     axes.add_collection(collection, autolim=False)
     return Patch(
-        facecolor=face,
-        edgecolor=edge,
-        linestyle=line,
-        linewidth=max(width, 0.6),
-        hatch=hatch,
-        label=label,
+        facecolor=face, edgecolor=edge, linestyle=line, linewidth=max(width, 0.6), hatch=hatch, label=label
     )

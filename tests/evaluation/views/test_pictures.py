@@ -20,8 +20,10 @@ from evaluation.studies.suite import suite_configuration
 from evaluation.views import plots
 from evaluation.views.pictures import save_map, save_picture, save_pictures
 from scenarios.catalogue.cpna import Site
+from scenarios.presets import named_preset
 from scenarios.strategies import make_strategy
 from smartmot.area import MonitoredAreaStrategy
+from smartmot.types import EgoState
 
 SUITE = CpnaSuite((20.0, 50.0, 60.0), Conditions(("map",), "paper", ("dry",), "urban_street"))
 
@@ -204,16 +206,18 @@ def test_names_with_dollar_signs_are_no_formulas(tmp_path: Path, finished: Finis
 @pytest.mark.parametrize("strategy", ["rectangular", "map", "all"])
 def test_map_with_each_strategy(tmp_path: Path, finished: Finished, strategy: str) -> None:
     path = tmp_path / "map.png"
-    save_map(finished.site.network, path, finished.site, strategy, 50.0, "physical")
+    site = finished.site
+    ego = EgoState(0.0, *site.route.pose(site.line_m), 50.0 / 3.6)
+    save_map(site.network, path, make_strategy(strategy, named_preset("physical"), site), ego)
     assert path.stat().st_size > 1000
 
 
 def test_map_without_a_place(tmp_path: Path, finished: Finished) -> None:
-    save_map(finished.site.network, tmp_path / "map.SVG", None, "map", 50.0, "physical")
+    save_map(finished.site.network, tmp_path / "map.SVG")
     assert "<svg" in (tmp_path / "map.SVG").read_text()
 
 
 @pytest.mark.parametrize("name", ["map.bmp", "map"])
 def test_map_in_an_unknown_format_is_refused(tmp_path: Path, finished: Finished, name: str) -> None:
     with pytest.raises(ArgumentError, match=r"--png: .*; the ending must be \.png, \.svg or \.pdf"):
-        save_map(finished.site.network, tmp_path / name, None, "map", 50.0, "physical")
+        save_map(finished.site.network, tmp_path / name)
