@@ -38,7 +38,7 @@ class Finished:
 
     @property
     def area(self) -> MonitoredAreaStrategy:
-        return make_strategy("map", SUITE.preset_in("dry"), self.site)
+        return make_strategy("map", named_preset("paper"), self.site)
 
     def name(self, speed_kmh: float) -> str:
         return str(self.runs.loc[self.runs["v_test_kmh"] == speed_kmh, "log"].item())
