@@ -21,6 +21,8 @@ from smartmot.types import BoolArray, FloatArray, IntArray
 
 HORIZONS_S = (1.0, 2.0, 3.0)
 MISS_M = 2.0
+"""An error at the horizon beyond this is a miss (Argoverse)."""
+
 MOVING_MPS = 0.5
 """Slower objects count as standing (the paper's threshold between static and dynamic)."""
 

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from smartmot.types import FloatArray
 
 CONFIDENCE = 0.95
+"""Share of samples whose interval is to cover the true value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,7 @@ class Estimate:
 
 
 NO_SAMPLE = Estimate(math.nan, math.nan, math.nan, 0)
+"""Of nothing."""
 
 
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Estimate:

@@ -24,6 +24,8 @@ from evaluation.metrics.matching import Comparison, assigned_pairs, match_thresh
 from smartmot.types import BoolArray, IntArray
 
 RECALL_POINTS = 40
+"""Recall values over which accuracy is averaged: 1/40, 2/40, ... 1 (AB3DMOT)."""
+
 _RECALL_MARGIN = 0.02
 """The recall of a point may differ a little from that at its threshold: fewer tracks match otherwise."""
 

@@ -24,6 +24,7 @@ EGO_R_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from the camera's axes to the vehicle's."""
 
 _MIN_DEPTH_M = 0.1
+"""Nearer corners have no place in the image: they are taken to be this far ahead of the camera."""
 
 
 def from_camera(

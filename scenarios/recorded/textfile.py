@@ -20,6 +20,7 @@ MAX_FRAMES = 10_000_000
 """Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
 
 _NOT_A_NUMBER = ["nan", "NaN", "NAN", "-nan", "+nan"]
+"""Spellings that Python's `float` reads and pandas does not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
