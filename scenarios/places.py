@@ -101,8 +101,8 @@ def lane_under(network: RoadNetwork, pose: Pose) -> tuple[int, float]:
         ScenarioError: there is none.
     """
     under = lanes_under(network, np.array([[pose.x_m, pose.y_m]]), np.array([pose.yaw_rad]))
-    for lane, s_m in zip(under.lane.tolist(), under.s_m.tolist(), strict=True):
-        return lane, s_m
+    if len(under.lane):
+        return int(under.lane[0]), float(under.s_m[0])
     raise ScenarioError(
         f"no driving lane runs at x = {pose.x_m:g} m, y = {pose.y_m:g} m "
         f"with heading {np.degrees(pose.yaw_rad):g} degrees"

@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import sys
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
@@ -106,6 +107,25 @@ def require(made: T, method: str, name: str) -> T:
     if not callable(getattr(made, method, None)):
         raise PluginError(f"{name}: made {type(made).__name__}, which has no {method}(); see docs/plugins.md")
     return made
+
+
+def name_of(kind: str, user_object: object) -> str:
+    """What messages call an object of the user's: `tracker my_tracker:Nearest`."""
+    return f"{kind} {type(user_object).__module__}:{type(user_object).__qualname__}"
+
+
+def called(name: str, method: Callable[..., T], *arguments: object) -> T:
+    """What a method of the user's returns, its errors named.
+
+    Raises:
+        PluginError: It fails.
+    """
+    try:
+        return method(*arguments)
+    except SmartMotError as error:
+        raise PluginError(f"{name}: {error}") from error
+    except (Exception, SystemExit) as error:  # whatever a user's code may raise
+        raise failure(name, error) from error
 
 
 def failure(name: str, error: Exception | SystemExit) -> PluginError:

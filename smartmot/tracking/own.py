@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmot.errors import PluginError, SmartMotError
-from smartmot.plugins import failure, require
+from smartmot.errors import PluginError
+from smartmot.plugins import called, name_of, require
 from smartmot.tracking.tracker import ScoreLimits, Tracker
 from smartmot.types import CATEGORIES, Boxes, Detections, Tracks
 
@@ -128,8 +128,9 @@ def limits_of_own(tracker: object) -> ScoreLimits | None:
     if threshold is None:
         return None
     if not isinstance(threshold, (int, float)) or not 0.0 <= threshold <= 1.0:
-        kind = f"tracker {type(tracker).__module__}:{type(tracker).__qualname__}"
-        raise PluginError(f"{kind}: score_threshold must be a number in [0, 1], got {threshold!r}")
+        raise PluginError(
+            f"{name_of('tracker', tracker)}: score_threshold must be a number in [0, 1], got {threshold!r}"
+        )
     least = np.full(len(CATEGORIES), float(threshold))
     return ScoreLimits(least, least)
 
@@ -144,19 +145,13 @@ def update_own(tracker: ObjectTracker, detections: Detections) -> Tracks:
     Raises:
         PluginError: The tracker fails, or returns something else than tracks of the frame's time.
     """
-    name = f"tracker {type(tracker).__module__}:{type(tracker).__qualname__}"
-    when = f"frame at {detections.stamp_s:g} s"
-    try:
-        tracks = tracker.update(detections)
-    except SmartMotError as error:
-        raise PluginError(f"{name}, {when}: {error}") from error
-    except (Exception, SystemExit) as error:  # whatever a user's code may raise
-        raise failure(f"{name}, {when}", error) from error
+    name = f"{name_of('tracker', tracker)}, frame at {detections.stamp_s:g} s"
+    tracks = called(name, tracker.update, detections)
     if not isinstance(tracks, Tracks):
         raise PluginError(
-            f"{name}, {when}: update() returned {type(tracks).__name__}; return smartmot.Tracks, "
+            f"{name}: update() returned {type(tracks).__name__}; return smartmot.Tracks, "
             "for example from smartmot.tracks_from_arrays"
         )
     if abs(tracks.stamp_s - detections.stamp_s) > 1e-9:
-        raise PluginError(f"{name}, {when}: the tracks are of {tracks.stamp_s:g} s; give the frame's time")
+        raise PluginError(f"{name}: the tracks are of {tracks.stamp_s:g} s; give the frame's time")
     return tracks

@@ -1,14 +1,19 @@
 """Parameters: what is typed, and what it changes."""
 
+from dataclasses import replace
+
 import pytest
 
 from evaluation.cli.options import parse_vary
 from evaluation.errors import ArgumentError
 from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
-from scenarios.presets import PHYSICAL
+from scenarios.presets import PAPER, PHYSICAL
 from scenarios.scenes.scenes import choose_scenes
 from scenarios.settings import PARAMETERS, preset_with
+from smartmot.decision.aeb import AebConfig
+from smartmot.decision.rules import PaperRule
 from smartmot.errors import ConfigError
+from smartmot.plugins import Plugin
 
 
 def test_ranges_lists_and_names() -> None:
@@ -84,3 +89,14 @@ def test_a_setting_that_the_preset_has_anyway_makes_no_other_run() -> None:
     points = [Point("map", settings) for settings in ((), (("margin_m", 1.8),), (("margin_m", 1.0),))]
     bare, same, other = (run.key for run in study_runs(points, [scene], "physical", ["dry"], 1))
     assert bare == same != other
+
+
+def test_a_brake_rule_by_name() -> None:
+    """Ours under a user's name; `paper` puts the preset's own back, and changes nothing where it is."""
+    own = preset_with(PAPER, (("rule", "smartmot.decision.rules:PaperRule"),))
+    assert isinstance(own.pipeline.aeb, Plugin)
+    assert isinstance(own.pipeline.aeb(), PaperRule)
+    assert PARAMETERS["rule"].of(own) == "smartmot.decision.rules:PaperRule"
+    assert preset_with(own, (("rule", "paper"),)) == PAPER
+    assert preset_with(PAPER, (("rule", "paper"),)) is PAPER
+    assert replace(own, pipeline=replace(own.pipeline, aeb=AebConfig())) == PAPER
