@@ -5,7 +5,7 @@ All positions are in the map frame (OpenDRIVE's inertial frame), SI units and ra
 
 import _smartmot
 
-_smartmot.check(__name__)  # before `opendrive` is imported, which may be another
+_smartmot.check(__name__)  # said at the first import: maps of `opendrive`, which may be another, come later
 
 from smartmot.area import (
     EverythingArea,
