@@ -71,3 +71,6 @@ def unscored_categories(data: Dataset) -> list[str]:
 
 def _scale(data: Dataset) -> str:
     return " (as probability)" if data.log_odds else ""
+
+
+told_dropped = dropped_detections  # its name in version 0.1.0, found from the old module
