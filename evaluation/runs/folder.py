@@ -153,7 +153,15 @@ def read_run_log(directory: Path, name: str) -> pd.DataFrame:
     Raises:
         ResultsError: it is missing or broken, or has no such ego.
     """
-    path = log_path(directory, name)
+    return read_shown_log(log_path(directory, name))
+
+
+def read_shown_log(path: Path) -> pd.DataFrame:
+    """A log that has an ego that can be shown.
+
+    Raises:
+        ResultsError: it is missing or broken, or has no such ego.
+    """
     log = read_log(path)
     ego = log[log["kind"] == "ego"]
     if ego.empty:

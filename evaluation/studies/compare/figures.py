@@ -24,87 +24,6 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg")
 
-
-def _curve_looks(found: Sequence[Curve]) -> list[tuple[str, str, int]]:
-    """Colour and marker of each curve's strategy, and which of its strategy's curves it is."""
-    look = strategy_looks(curve.strategy for curve in found)
-    seen = [curve.strategy for curve in found]
-    return [(*look[name], seen[:k].count(name)) for k, name in enumerate(seen)]
-
-
-def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Figure:
-    """Collisions avoided against unnecessary stops: a curve per strategy, the width of its area along it.
-
-    Left, false activations; right, standstills by speed adaptation count as well.
-    Better is up and to the left. The paper's own widths are ringed.
-
-    Args:
-        rows: summaries of one weather, with scenes of both kinds.
-        points: that they are of.
-        title: what was run.
-    """
-    found = curves(rows, points)
-    look = _curve_looks(found)
-    lines_below = _LEGEND_IN * max(0, math.ceil(len(found) / 2) - 2)
-    height = _HEIGHT_IN + lines_below
-    figure = new_figure(height)
-    figure.set_size_inches(_WIDTH_IN, height)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 1.0 - 0.13 * _HEIGHT_IN / height
-    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
-    drawn: list[list[list[Mark]]] = []
-    for axes, name, label, heading in (
-        (
-            panels[0],
-            "false_activations",
-            "false activations (% of nothing scenes)",
-            "False activations",
-        ),
-        (
-            panels[1],
-            "needless_stops",
-            "activations or standstills (% of nothing scenes)",
-            "Unnecessary stops",
-        ),
-    ):
-        set_style(axes)
-        set_title(axes, heading, room=40)
-        axes.set_xlabel(label, fontsize=SMALL_PT)
-        # curves that fall on one another stay visible: the lower one is larger and thicker
-        drawn.append(
-            [_curve(axes, curve, name, look[k], _hiding(found, k, name)) for k, curve in enumerate(found)]
-        )
-    panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
-    most = max(mark.x for lines in drawn for line in lines for mark in line)
-    widest = min(max(most * 1.12, 30.0), 106.0)
-    panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
-    panels[0].set_xticks([tick for tick in panels[0].get_xticks() if 0.0 <= tick <= widest])
-    panels[0].set_ylim(-2.0, 109.0)
-    panels[0].set_yticks(range(0, 101, 20))
-    for axes, lines in zip(panels, drawn, strict=True):
-        write_values(figure, axes, lines, SMALL_PT - 1)
-    figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
-    handles, labels = panels[0].get_legend_handles_labels()
-    legend = figure.legend(
-        handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
-        bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
-    )  # fmt: skip
-    for line in legend.get_lines():
-        line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
-    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in found if curve.parameter}
-    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
-    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
-    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
-    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
-    figure.text(
-        0.5, 0.015 * _HEIGHT_IN / height,
-        f"{numbers}"
-        f"Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better.",
-        ha="center", va="bottom", fontsize=SMALL_PT - 1.0, color="#444444",
-    )  # fmt: skip
-    return figure
-
-
 _WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
 """Across both columns of a paper."""
 _LEGEND_IN = 0.165
@@ -124,6 +43,79 @@ _NAMES = {
     "ego_forecast=route": "ego expected along its route",
 }
 
+_PANELS = (
+    ("false_activations", "false activations (% of nothing scenes)", "False activations"),
+    ("needless_stops", "activations or standstills (% of nothing scenes)", "Unnecessary stops"),
+)
+"""Measure, label of its axis and heading of each panel of `frontier`."""
+
+
+def _curve_looks(plotted: Sequence[Curve]) -> list[tuple[str, str, int]]:
+    """Colour and marker of each curve's strategy, and which of its strategy's curves it is."""
+    look = strategy_looks(curve.strategy for curve in plotted)
+    seen = [curve.strategy for curve in plotted]
+    return [(*look[name], seen[:k].count(name)) for k, name in enumerate(seen)]
+
+
+def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Figure:
+    """Collisions avoided against unnecessary stops: a curve per strategy, the width of its area along it.
+
+    Left, false activations; right, standstills by speed adaptation count as well.
+    Better is up and to the left. The paper's own widths are ringed.
+
+    Args:
+        rows: summaries of one weather, with scenes of both kinds.
+        points: that they are of.
+        title: what was run.
+    """
+    plotted = curves(rows, points)
+    look = _curve_looks(plotted)
+    lines_below = _LEGEND_IN * max(0, math.ceil(len(plotted) / 2) - 2)
+    height = _HEIGHT_IN + lines_below
+    figure = new_figure(height)
+    figure.set_size_inches(_WIDTH_IN, height)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 1.0 - 0.13 * _HEIGHT_IN / height
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
+    drawn: list[list[list[Mark]]] = []
+    for axes, (name, label, heading) in zip(panels, _PANELS, strict=True):
+        set_style(axes)
+        set_title(axes, heading, room=40)
+        axes.set_xlabel(label, fontsize=SMALL_PT)
+        # curves that fall on one another stay visible: the lower one is larger and thicker
+        drawn.append(
+            [_curve(axes, curve, name, look[k], _hiding(plotted, k, name)) for k, curve in enumerate(plotted)]
+        )
+    panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
+    most = max(mark.x for lines in drawn for line in lines for mark in line)
+    widest = min(max(most * 1.12, 30.0), 106.0)
+    panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
+    panels[0].set_xticks([tick for tick in panels[0].get_xticks() if 0.0 <= tick <= widest])
+    panels[0].set_ylim(-2.0, 109.0)
+    panels[0].set_yticks(range(0, 101, 20))
+    for axes, lines in zip(panels, drawn, strict=True):
+        write_values(figure, axes, lines, SMALL_PT - 1)
+    figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend = figure.legend(
+        handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
+        bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
+    )  # fmt: skip
+    for line in legend.get_lines():
+        line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
+    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in plotted if curve.parameter}
+    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
+    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
+    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
+    figure.text(
+        0.5, 0.015 * _HEIGHT_IN / height,
+        f"{numbers}"
+        f"Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better.",
+        ha="center", va="bottom", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
 
 def _name(curve: Curve) -> str:
     """The curve in words, as far as there are any."""
@@ -131,19 +123,19 @@ def _name(curve: Curve) -> str:
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
 
 
-def _hiding(found: Sequence[Curve], k: int, name: str) -> int:
+def _hiding(plotted: Sequence[Curve], k: int, name: str) -> int:
     """How many of the curves drawn after one lie on all of its points."""
 
     def points(curve: Curve) -> list[tuple[float, float]]:
         return [(getattr(row, name).value, row.avoided.value) for row in curve.rows]
 
     def lie_on(above: Curve) -> bool:
-        there = points(above)
         return all(
-            any(abs(x - u) < _SAME and abs(y - v) < _SAME for u, v in there) for x, y in points(found[k])
+            any(abs(x - u) < _SAME and abs(y - v) < _SAME for u, v in points(above))
+            for x, y in points(plotted[k])
         )
 
-    return sum(map(lie_on, found[k + 1 :]))
+    return sum(map(lie_on, plotted[k + 1 :]))
 
 
 def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int) -> list[Mark]:
@@ -193,12 +185,8 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     figure.subplots_adjust(left=0.37, right=0.98, bottom=0.75 / figure.get_figheight(), wspace=0.12)
     figure.subplots_adjust(top=1 - 0.55 / figure.get_figheight())
     height = list(range(len(changed)))[::-1]
-    for axes, name, label in zip(
-        panels,
-        ("avoided", "false_activations"),
-        ("collisions avoided", "false activations"),
-        strict=True,
-    ):
+    measures = (("avoided", "collisions avoided"), ("false_activations", "false activations"))
+    for axes, (name, label) in zip(panels, measures, strict=True):
         set_style(axes)
         axes.axvline(0.0, color=GREY, linewidth=0.8)
         for row, y in zip(changed, height, strict=True):
@@ -221,13 +209,13 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
         f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_activations.value:.0f}"
         for name, row in base.items()
     )
-    one = [
+    one_run = [
         f"{100 / rate.count:.1f}" for rate in (changed[0].avoided, changed[0].false_activations) if rate.count
     ] if changed else []  # fmt: skip
     figure.text(
         0.5, 0.05 / figure.get_figheight(),
         f"Against the preset as it is, collisions avoided and false activations (%): {usual}.\n"
-        f"The same runs on both sides; one run more or less is {' or '.join(one)} points.",
+        f"The same runs on both sides; one run more or less is {' or '.join(one_run)} points.",
         ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
     )  # fmt: skip
     return figure

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.errors import ArgumentError
-from evaluation.results.files import LOGS_FOLDER
-from evaluation.runs.folder import read_folder
+from evaluation.results.files import LOGS_FOLDER, RUNS_CSV
+from evaluation.runs.folder import read_folder, read_shown_log
 from evaluation.views.account.explain import explain
 from evaluation.views.film.maker import write_film, write_gif
 from evaluation.views.film.run import RunDrawing, film_of, film_times
@@ -38,7 +38,8 @@ def replay(
     """Write a run as a film; without a file name a GIF in the folder of results.
 
     Args:
-        run: `DIR/NAME` with a name from column `log` of `runs.csv`, or the path of the log.
+        run: `DIR/NAME` with a name from column `log` of `runs.csv`, or the path of the log; a log without a
+            folder of results is drawn without map and areas.
         gif: animated GIF to write.
         mp4: H.264 film to write.
         fps: pictures per second.
@@ -54,23 +55,12 @@ def replay(
         ArgumentError: the folder has no such run, or a file cannot be written.
     """
     directory, name = split_run(run)
-    folder = read_folder(directory, allow_plugins)
-    match = folder.runs[folder.runs["log"] == name]
-    if match.empty:
-        known = folder.runs["log"].dropna().tolist()
-        more = f" and {len(known) - 3} more" if len(known) > 3 else ""
-        raise ArgumentError(f"RUN: no run {name!r} in {directory}; it has: {', '.join(known[:3])}{more}")
-    row: dict[Any, Any] = match.to_dict("records")[0]
-    setup = folder.setup(name)
-    frames = frames_of(folder.log(name), setup.strategy)
-    times = film_times(frames, fps, speed)
-    test = f"{row['v_test_kmh']:g} km/h"
-    tested = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
-    strategy = str(row["strategy"])
-    title = ", ".join([strategy, *tested, str(row["weather"])])
-    colour = strategy_colour(strategy, map(str, folder.runs["strategy"]))
-    account = explain(frames, row, setup)
-    film = film_of(RunDrawing(frames, account, setup.network, title, colour), times)
+    if run.suffix == _SUFFIX and run.is_file() and not (directory / RUNS_CSV).exists():
+        drawing, notes = _log_alone(run)
+    else:
+        drawing, notes = _run_of_folder(directory, name, allow_plugins)
+    times = film_times(drawing.frames, fps, speed)
+    film = film_of(drawing, times)
     # without a file name a GIF in the folder of results
     files = [(path, option) for path, option in ((gif, "--gif"), (mp4, "--mp4")) if path is not None]
     files = files or [(directory / f"{name}.gif", "--gif")]
@@ -84,4 +74,40 @@ def replay(
     for path, option in files:
         with told_of_writing(option, path):
             write_gif(path, film, drawn) if option == "--gif" else write_film(path, film, option, drawn)
-    return [path for path, _ in files], folder.notes
+    return [path for path, _ in files], notes
+
+
+def _log_alone(path: Path) -> tuple[RunDrawing, tuple[str, ...]]:
+    """A log without a folder of results, as of a recorded drive, and what is missing: scenario, map, table.
+
+    Raises:
+        ResultsError: the log cannot be read.
+    """
+    frames = frames_of(read_shown_log(path))
+    notes = ("Only the log is known: lanes and monitored areas are not drawn.",)
+    return RunDrawing(frames, explain(frames), None, path.stem), notes
+
+
+def _run_of_folder(directory: Path, name: str, allow_plugins: bool) -> tuple[RunDrawing, tuple[str, ...]]:
+    """A run of a folder of results by the name of its log, and what is missing.
+
+    Raises:
+        ResultsError: the folder or the log cannot be read.
+        ArgumentError: the folder has no such run.
+    """
+    folder = read_folder(directory, allow_plugins)
+    match = folder.runs[folder.runs["log"] == name]
+    if match.empty:
+        known = folder.runs["log"].dropna().tolist()
+        more = f" and {len(known) - 3} more" if len(known) > 3 else ""
+        raise ArgumentError(f"RUN: no run {name!r} in {directory}; it has: {', '.join(known[:3])}{more}")
+    row: dict[Any, Any] = match.to_dict("records")[0]
+    setup = folder.setup(name)
+    frames = frames_of(folder.log(name), setup.strategy)
+    test = f"{row['v_test_kmh']:g} km/h"
+    tested = [str(row["scenario"]), *([] if test in str(row["scenario"]) else [test])]
+    strategy = str(row["strategy"])
+    title = ", ".join([strategy, *tested, str(row["weather"])])
+    colour = strategy_colour(strategy, map(str, folder.runs["strategy"]))
+    account = explain(frames, row, setup)
+    return RunDrawing(frames, account, setup.network, title, colour), folder.notes

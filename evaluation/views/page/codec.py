@@ -34,8 +34,8 @@ def deltas(values: ArrayLike, per_unit: float = 1.0) -> list[int]:
 
     Differences are taken after rounding, so that no error adds up.
     """
-    whole = np.rint(np.asarray(values, dtype=np.float64) * per_unit).astype(np.int64)
-    steps: list[int] = np.diff(whole, prepend=0).tolist()
+    rounded = np.rint(np.asarray(values, dtype=np.float64) * per_unit).astype(np.int64)
+    steps: list[int] = np.diff(rounded, prepend=0).tolist()
     return steps
 
 
@@ -52,8 +52,8 @@ def ring(points_m: FloatArray, origin_m: FloatArray) -> list[int]:
     """
     if not (np.abs(points_m - origin_m) < _GREATEST_M).all():
         raise ResultsError(f"an outline reaches further than {_GREATEST_M:g} m; see presets in runs.json")
-    whole = np.rint((points_m - origin_m) * PER_METRE).astype(np.int64)
-    steps: list[int] = np.diff(whole, axis=0, prepend=np.zeros((1, 2), dtype=np.int64)).ravel().tolist()
+    rounded = np.rint((points_m - origin_m) * PER_METRE).astype(np.int64)
+    steps: list[int] = np.diff(rounded, axis=0, prepend=np.zeros((1, 2), dtype=np.int64)).ravel().tolist()
     return steps
 
 

@@ -172,16 +172,16 @@ def render(content: PageContent) -> str:
     """The page as text. All that comes from files is escaped."""
     import jinja2
 
-    here = importlib.resources.files("evaluation.views.page")
+    files = importlib.resources.files("evaluation.views.page")
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    template = environment.from_string((here / "template.html.j2").read_text(encoding="utf-8"))
+    template = environment.from_string((files / "template.html.j2").read_text(encoding="utf-8"))
     return template.render(
         page=content,
         colour_of=lambda title: _colour_of(title, content.colours),
-        style=(here / "page.css").read_text(encoding="utf-8"),
-        script=(here / "page.js").read_text(encoding="utf-8"),
+        style=(files / "page.css").read_text(encoding="utf-8"),
+        script=(files / "page.js").read_text(encoding="utf-8"),
         plotly=charts.plotly_script(),
         data=_script_json(
             {
@@ -213,9 +213,10 @@ def _distinct_columns(rows: pd.DataFrame) -> list[str]:
 
 
 def _title(run: dict[Hashable, Any], distinct: list[str]) -> str:
-    rest = [f"seed {run[name]}" if name == "seed" else str(run[name]) for name in distinct]
+    conditions = [f"seed {run[name]}" if name == "seed" else str(run[name]) for name in distinct]
     speed = f"{run['v_test_kmh']:g} km/h"
-    return ", ".join([str(run["strategy"]), *([] if any(speed in text for text in rest) else [speed]), *rest])
+    told_already = any(speed in text for text in conditions)
+    return ", ".join([str(run["strategy"]), *([] if told_already else [speed]), *conditions])
 
 
 def _subject(runs: pd.DataFrame) -> str:

@@ -60,7 +60,7 @@ def pack_map(network: RoadNetwork, ways_m: Sequence[FloatArray], origin_m: Float
         for kind, outline in lane_outlines(network)
         if shapely.box(*outline.min(axis=0), *outline.max(axis=0)).intersects(near)
     ]
-    crossings = [one.polygon for one in network.crosswalks if shapely.Polygon(one.polygon).intersects(near)]
+    crossings = [c.polygon for c in network.crosswalks if shapely.Polygon(c.polygon).intersects(near)]
     return pack(
         {
             "lanes": [[kind, ring(outline, origin_m)] for kind, outline in lanes],

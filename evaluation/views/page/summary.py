@@ -40,14 +40,14 @@ class Reason:
         log: the run of the example.
         title: what failed, and in which run.
         text: what happened in it, and why.
-        others: (log, title) of more runs with such an end.
+        also: (log, title) of further runs with such an end.
         more: how many there are besides.
     """
 
     log: str
     title: str
     text: str
-    others: tuple[tuple[str, str], ...]
+    also: tuple[tuple[str, str], ...]
     more: int
 
 
@@ -117,11 +117,11 @@ def _verdict(
         ("collision", hits), ("false activation", false), ("unnecessary braking", unnecessary)
     ):  # fmt: skip
         if failed:
-            example, *others = failed
+            example, *further = failed
             text = f"{accounts[example].finding} {accounts[example].why}".strip()
-            also = tuple((name, titles[name].removeprefix(f"{strategy}, ")) for name in others[:_NAMED])
+            also = tuple((name, titles[name].removeprefix(f"{strategy}, ")) for name in further[:_NAMED])
             title = f"Why the {what} ({titles[example]})"
-            reasons.append(Reason(example, title, text, also, len(others) - len(also)))
+            reasons.append(Reason(example, title, text, also, len(further) - len(also)))
     worst = min((accounts[name].kind for name in names), key=KINDS.index)
     headline = "; ".join(_rates(runs, accounts))
     return Verdict(strategy, worst, f"{headline[0].upper()}{headline[1:]}.", tuple(reasons))
@@ -188,11 +188,11 @@ def _count(what: str, chosen: list[str], of: list[str], group: str, runs: pd.Dat
     runs_there = f"{len(of)} run{'s' if len(of) > 1 else ''}{group}"
     if not chosen:
         return f"no {what} in {runs_there}"
-    found = f"{what} in {len(chosen)} of {runs_there}"
+    share = f"{what} in {len(chosen)} of {runs_there}"
     if len(set(runs["scenario"])) > 1:
-        return found
+        return share
     speeds = sorted(set(runs.loc[runs["log"].isin(chosen), "v_test_kmh"]))
-    return f"{found} (at {', '.join(f'{v:g}' for v in speeds)} km/h)"
+    return f"{share} (at {', '.join(f'{v:g}' for v in speeds)} km/h)"
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,14 +48,14 @@ def strategy_looks(strategies: Iterable[str]) -> dict[str, Look]:
     """
     names = list(dict.fromkeys(strategies))
     taken: dict[int, str] = {}
-    found = {name: SHIPPED[name] for name in names if name in SHIPPED}
-    for name in sorted(set(names) - set(found)):
+    looks = {name: SHIPPED[name] for name in names if name in SHIPPED}
+    for name in sorted(set(names) - set(looks)):
         first = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
         places = [(first + step) % len(OWN) for step in range(len(OWN))]
         place = next((place for place in places if place not in taken), places[0])
         taken[place] = name
-        found[name] = OWN[place]
-    return {name: found[name] for name in names}
+        looks[name] = OWN[place]
+    return {name: looks[name] for name in names}
 
 
 def strategy_colour(strategy: str, among: Iterable[str] = ()) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -92,6 +93,25 @@ def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
     assert (np.abs(first[view].astype(int) - vermillion).max(axis=2) < 8).sum() == 0
     assert (np.abs(flag[view].astype(int) - vermillion).max(axis=2) < 8).sum() > 100
     assert np.array_equal(film.picture(0), first)
+
+
+def test_a_log_alone_is_a_film(folder: Path, name: str, tmp_path: Path) -> None:
+    """As of a recorded drive: no table of runs, no scenario, no map. Boxes are drawn, lanes are not."""
+    alone = tmp_path / "drive.parquet"
+    shutil.copy(log_path(folder, name), alone)
+    written, notes = replay(alone, None, None, fps=2, speed=1.0)
+    assert written == [tmp_path / "drive.gif"]
+    assert notes == ("Only the log is known: lanes and monitored areas are not drawn.",)
+    log = read_log(alone)
+    frames = frames_of(log)
+    drawing = RunDrawing(frames, explain(frames), None, "drive")
+    image = drawing.picture(len(frames) // 2).astype(int)
+    ego = np.array([0x4D, 0x4D, 0x4D])
+    # 4.4 m x 1.8 m at 19.2 pixels per metre, outlined
+    drawn = (np.abs(image - ego).max(axis=2) < 8).sum()
+    assert 0.5 < drawn / ((960 / 50) ** 2 * log["length_m"].iloc[0] * log["width_m"].iloc[0]) < 1.05
+    road = np.array([0xD2, 0xD2, 0xD2])
+    assert (np.abs(image[50:525] - road).max(axis=2) < 2).mean() < 0.001  # smoothed edges only
 
 
 def test_long_texts_stay_in_the_picture(folder: Path, name: str) -> None:

@@ -168,6 +168,21 @@ def test_a_folder_whose_configuration_is_unknown_still_gets_a_page(folder: Path,
     assert len(content.runs) == 4
 
 
+def test_runs_without_scenario_and_map_get_a_page(folder: Path, tmp_path: Path) -> None:
+    """As of a recorded drive: a table of runs and logs, and nothing that says how they were set up."""
+    for file in ("runs.csv", *(f"logs/{path.name}" for path in (folder / "logs").iterdir())):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        shutil.copy(folder / file, tmp_path / file)
+    content = page.page_content(read_folder(tmp_path))
+    assert len(content.runs) == 4
+    assert {view.map_index for view in content.runs} == {-1}
+    assert content.packed_maps == []
+    packed = unpack(content.runs[0].packed)
+    assert packed["roles"] == []
+    assert set(packed["objects"]["track"]["labels"]) <= {"static", "dynamic", "threat"}
+    assert "Map" not in content.facts
+
+
 def test_matrix_and_verdicts_count_outcomes(folder: Path) -> None:
     content = page.page_content(read_folder(folder))
     runs = read_runs(folder)

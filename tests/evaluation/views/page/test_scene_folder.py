@@ -113,8 +113,8 @@ def test_runs_that_end_alike_are_named(folder: Path) -> None:
     [verdict] = verdicts(many, dict.fromkeys(many["log"], account), titles)
     [reason] = verdict.reasons
     assert reason.log == "log0"
-    assert reason.others[:2] == (("log1", "bend 1"), ("log2", "bend 2"))
-    assert len(reason.others) + reason.more == 14
+    assert reason.also[:2] == (("log1", "bend 1"), ("log2", "bend 2"))
+    assert len(reason.also) + reason.more == 14
 
 
 def test_the_folder_of_a_comparison_is_refused_by_name(tmp_path: Path) -> None:
