@@ -132,10 +132,11 @@ class TracksDrawing:
             self._axes.add_collection(collection)
             return collection
 
-        if self._with_ego:
+        ego: list[Collection] = []
+        if self._with_ego:  # it stays where it is, but above the map, which moves
             half_x, half_y = (0.5 * edge for edge in _EGO_SIZE_M)
             outline = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
-            add(PolyCollection([outline], facecolors=EGO_COLOUR, edgecolors=BLACK))
+            ego = [add(PolyCollection([outline], facecolors=EGO_COLOUR, edgecolors=BLACK, animated=True))]
         open_box: dict[str, Any] = {"facecolors": "none", "animated": True}
         self._found = add(PolyCollection([], edgecolors=GREY, linewidths=0.7, **open_box))
         self._true = add(PolyCollection([], edgecolors=BLACK, linewidths=0.9, linestyles="--", **open_box))
@@ -145,7 +146,8 @@ class TracksDrawing:
         self._forecast = add(LineCollection([], linewidths=1.2, linestyles=":", animated=True))
         self._points: PathCollection = self._axes.scatter([], [], s=9.0, linewidths=0.0, animated=True)
         self._layers = [
-            self._found, self._true, self._boxes, self._noses, self._history, self._forecast, self._points,
+            *ego, self._found, self._true, self._boxes, self._noses, self._history, self._forecast,
+            self._points,
         ]  # fmt: skip
         self._title = self._axes.set_title("", fontsize=SMALL_PT + 1, animated=True)
         self._texts: list[Any] = []

@@ -85,6 +85,13 @@ def test_on_a_map_with_ego_poses(objects: Any, tmp_path: Path) -> None:
             return np.asarray(image.convert("RGB"))
 
     assert (pixels("map.gif") != pixels("plain.gif")).any(axis=2).mean() > 0.05
+    # the vehicle is seen on the map as without it
+    dark, view = np.array((0x4D, 0x4D, 0x4D)), slice(40, 400)
+    seen = [
+        (np.abs(pixels(n)[view].astype(int) - dark).max(axis=2) < 12).sum() for n in ("map.gif", "plain.gif")
+    ]
+    assert seen[1] > 100
+    assert seen[0] == pytest.approx(seen[1], rel=0.1)
 
 
 def test_video_without_ffmpeg_is_one_clear_error(
