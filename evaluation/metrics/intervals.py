@@ -38,6 +38,11 @@ class Estimate:
     high: float
     count: int
 
+    @property
+    def hits(self) -> int:
+        """Of a rate: how many of the sample are so."""
+        return round(self.value * self.count) if self.count else 0
+
 
 NO_SAMPLE = Estimate(math.nan, math.nan, math.nan, 0)
 """Of nothing."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol as Interface
 
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
@@ -127,61 +127,91 @@ class Assessment:
         raise ProtocolError(f"no matrix {name!r}; there are: {', '.join(b.block.name for b in self.blocks)}")
 
 
-class Protocol(Interface):
-    """A set of rules that scores runs."""
+class Protocol(ABC):
+    """A set of rules that scores runs; subclasses are frozen values."""
+
+    __slots__ = ()
 
     @property
+    @abstractmethod
     def title(self) -> str:
         """Name and edition."""
 
     @property
+    @abstractmethod
     def unknown(self) -> tuple[str, ...]:
         """What no source gives, and what is therefore not scored."""
 
     @property
+    @abstractmethod
     def blocks(self) -> tuple[Block, ...]:
         """All matrices."""
 
-    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Cells of the grid, of one scenario or all."""
-
+    @abstractmethod
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
-        """Score finished runs."""
+        """Score finished runs; cells that were not run and invalid ones win nothing.
 
+        Raises:
+            ProtocolError: a result belongs to no cell, or does not fit it.
+        """
 
-def select_cells(blocks: Iterable[Block], scenario: str | None) -> tuple[Cell, ...]:
-    """Cells of all matrices, or of one scenario by its own or its matrix's name.
+    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
+        """Cells of the grid, of all scenarios or of one by its own or its matrix's name.
 
-    Raises:
-        ProtocolError: there is no such scenario.
-    """
-    every = [(block, cell) for block in blocks for cell in block.cells]
-    if scenario is None:
-        return tuple(cell for _, cell in every)
-    chosen = tuple(cell for block, cell in every if scenario in (block.scenario, block.name, cell.scenario))
-    if not chosen:
-        names = sorted({block.scenario for block, _ in every})
-        raise ProtocolError(f"no scenario {scenario!r}; use one of: {', '.join(names)}")
-    return chosen
-
-
-def require_known(results: Mapping[Cell, Measurement], cells: Iterable[Cell], title: str) -> None:
-    """Refuse results for cells that the grid does not have.
-
-    Raises:
-        ProtocolError: there is such a result.
-    """
-    strange = set(results) - set(cells)
-    if strange:
-        first = min(strange, key=str)
-        raise ProtocolError(
-            f"{title} has no cell {first}; take the cells from the protocol's grid ({len(strange)} unknown)"
+        Raises:
+            ProtocolError: there is no such scenario.
+        """
+        pairs = [(block, cell) for block in self.blocks for cell in block.cells]
+        if scenario is None:
+            return tuple(cell for _, cell in pairs)
+        chosen = tuple(
+            cell for block, cell in pairs if scenario in (block.scenario, block.name, cell.scenario)
         )
+        if not chosen:
+            names = sorted({block.scenario for block, _ in pairs})
+            raise ProtocolError(f"no scenario {scenario!r}; use one of: {', '.join(names)}")
+        return chosen
+
+    @property
+    def all_cells(self) -> tuple[Cell, ...]:
+        """Cells of the grid, and those that other rules ask for."""
+        return self.cells()
+
+    def valid_results(self, results: Mapping[Cell, Measurement]) -> dict[Cell, Measurement]:
+        """The results that score.
+
+        Raises:
+            ProtocolError: there is a result for a cell that the protocol does not have.
+        """
+        strange = set(results) - set(self.all_cells)
+        if strange:
+            first = min(strange, key=str)
+            raise ProtocolError(
+                f"{self.title} has no cell {first}; take the cells from the protocol's grid "
+                f"({len(strange)} unknown)"
+            )
+        return {cell: measured for cell, measured in results.items() if not measured.invalid}
 
 
-def valid_results(results: Mapping[Cell, Measurement]) -> dict[Cell, Measurement]:
-    """The results that score."""
-    return {cell: measured for cell, measured in results.items() if not measured.invalid}
+def summed(parts: Iterable[tuple[str, float, float]], unit: str = "points") -> tuple[Total, ...]:
+    """Totals of what was won and was to be won, by name in the order of the first of that name."""
+    sums: dict[str, tuple[float, float]] = {}
+    for name, won, most in parts:
+        before_won, before_most = sums.get(name, (0, 0))
+        sums[name] = before_won + won, before_most + most
+    return tuple(Total(name, won, most, unit) for name, (won, most) in sums.items())
+
+
+def score_block(
+    block: Block,
+    results: Mapping[Cell, Measurement],
+    mark: Callable[[Cell, Measurement], Mark],
+    totals: tuple[Total, ...] = (),
+    text: Callable[[Cell, Measurement], str] | None = None,
+) -> BlockScore:
+    """A matrix with the outcome of every cell; see `cell_score`."""
+    scores = {cell: cell_score(cell, results, mark, text) for cell in block.cells}
+    return BlockScore(block, scores, totals)
 
 
 def cell_score(

@@ -10,18 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from evaluation.protocols.assessment import (
-    Assessment,
-    BlockScore,
-    Total,
-    cell_score,
-    invalid_notes,
-    require_known,
-    select_cells,
-    valid_results,
-)
+from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block, summed
 from evaluation.protocols.grid import Block, Cell, Function, Lighting, Measurement, Row
-from evaluation.protocols.marks import AVOIDED, CONTACT
+from evaluation.protocols.marks import AVOIDED, CONTACT, Mark
 
 UNKNOWN = (
     "Points per test speed, their limits and colours (assessment protocols v10.0.3 and v11) are in no "
@@ -36,7 +27,7 @@ _ROW, _COLUMN, _OVERLAP = "VUT (km/h)", "impact location (%)", "overlap (%)"
 
 
 @dataclass(frozen=True, slots=True)
-class EuroNcap2023:
+class EuroNcap2023(Protocol):
     """The grid of 2023.
 
     Args:
@@ -60,39 +51,22 @@ class EuroNcap2023:
         """The matrices."""
         return (*_vru(self.night), *_car())
 
-    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Cells of the grid, of one scenario or all.
-
-        Raises:
-            ProtocolError: there is no such scenario.
-        """
-        return select_cells(self.blocks, scenario)
-
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
-        """Which collisions were avoided.
+        """Which collisions were avoided."""
+        valid = self.valid_results(results)
+        scored = []
+        for block in self.blocks:
+            outcomes = [valid[cell].avoided for cell in block.cells if cell in valid]
+            total = Total("avoided", sum(outcomes), len(outcomes), "valid cells")
+            scored.append(score_block(block, results, _mark, (total,)))
+        parts = [(score.block.scenario, total.won, total.most) for score in scored for total in score.totals]
+        together = [("together", won, most) for _, won, most in parts]
+        totals = summed([*parts, *together], "cells avoided")
+        return Assessment(self.title, tuple(scored), totals, (), (*invalid_notes(results), *UNKNOWN))
 
-        Raises:
-            ProtocolError: a result belongs to no cell.
-        """
-        blocks, valid = self.blocks, valid_results(results)
-        require_known(results, self.cells(), self.title)
-        done = []
-        counts: dict[str, list[int]] = {}
-        for block in blocks:
-            run = [cell for cell in block.cells if cell in valid]
-            avoided = sum(valid[cell].avoided for cell in run)
-            scores = {
-                cell: cell_score(cell, results, lambda _, run: AVOIDED if run.avoided else CONTACT)
-                for cell in block.cells
-            }
-            done.append(BlockScore(block, scores, (Total("avoided", avoided, len(run), "valid cells"),)))
-            for name in (block.scenario, "together"):
-                line = counts.setdefault(name, [0, 0])
-                line[0] += avoided
-                line[1] += len(run)
-        ordered = sorted(counts.items(), key=lambda item: item[0] == "together")
-        totals = tuple(Total(name, avoided, run, "cells avoided") for name, (avoided, run) in ordered)
-        return Assessment(self.title, tuple(done), totals, (), (*invalid_notes(results), *UNKNOWN))
+
+def _mark(cell: Cell, measured: Measurement) -> Mark:
+    return AVOIDED if measured.avoided else CONTACT
 
 
 def _steps(first: int, last: int) -> tuple[float, ...]:

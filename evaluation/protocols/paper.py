@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from evaluation.protocols.assessment import (
-    Assessment,
-    BlockScore,
-    Total,
-    cell_score,
-    invalid_notes,
-    require_known,
-    select_cells,
-    valid_results,
-)
+from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Block, Cell, Measurement, Row
 from evaluation.protocols.marks import ALL_POINTS, NO_POINTS, SOME_POINTS, Mark
@@ -87,7 +78,7 @@ UNKNOWN = (
 
 
 @dataclass(frozen=True, slots=True)
-class PaperProtocol:
+class PaperProtocol(Protocol):
     """The paper's points: CPNA at 10 to 60 km/h, and their mean over the weather.
 
     Args:
@@ -122,38 +113,21 @@ class PaperProtocol:
         )
         return (Block("CPNA", "CPNA", "VUT (km/h)", "weather", self.weather, rows),)
 
-    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Cells of the grid.
-
-        Raises:
-            ProtocolError: the scenario is not CPNA.
-        """
-        return select_cells(self.blocks, scenario)
-
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
-        """Points per weather, and their mean.
-
-        Raises:
-            ProtocolError: a result belongs to no cell, or is faster than its test.
-        """
+        """Points per weather, and their mean."""
         (block,) = self.blocks
-        require_known(results, block.cells, self.title)
-        points = {cell: _points(cell, measured) for cell, measured in valid_results(results).items()}
+        points = {cell: _points(cell, measured) for cell, measured in self.valid_results(results).items()}
         most = sum(PAPER_SCORE_MAX.values())
         totals = tuple(
             Total(name, sum(won for cell, won in points.items() if cell.condition == name), most)
             for name in self.weather
         )
-        scores = {cell: cell_score(cell, results, lambda c, _: _mark(c, points[c])) for cell in block.cells}
+        score = score_block(block, results, lambda cell, _: _mark(cell, points[cell]), totals)
         mean = Total("mean", sum(total.won for total in totals) / len(totals), most)
         missing = len(block.cells) - len(results)
         notes = (f"{missing} cells not run, counted as no points",) if missing else ()
         return Assessment(
-            self.title,
-            (BlockScore(block, scores, totals),),
-            (*totals, mean),
-            (),
-            (*invalid_notes(results), *notes, *UNKNOWN),
+            self.title, (score,), (*totals, mean), (), (*invalid_notes(results), *notes, *UNKNOWN)
         )
 
 

@@ -12,16 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 
-from evaluation.protocols.assessment import (
-    Assessment,
-    BlockScore,
-    Total,
-    cell_score,
-    invalid_notes,
-    require_known,
-    select_cells,
-    valid_results,
-)
+from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block, summed
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.grid import Block, Cell, Measurement, Row
@@ -119,7 +110,7 @@ def verdict(
 
 
 @dataclass(frozen=True, slots=True)
-class R152:
+class R152(Protocol):
     """The regulation's limits over the harness's scenarios.
 
     Args:
@@ -151,14 +142,6 @@ class R152:
             _block("CCRm", 50.0, {speed: speed + 20.0 for speed in car}, 20.0),
         )
 
-    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Cells of the grid, of one scenario or all.
-
-        Raises:
-            ProtocolError: there is no such scenario.
-        """
-        return select_cells(self.blocks, scenario)
-
     def verdict(self, cell: Cell, measured: Measurement) -> bool | None:
         """Whether a valid run of a cell passes; None where there is no limit."""
         walks = cell.scenario.startswith("CP")
@@ -169,24 +152,16 @@ class R152:
         return verdict(target, speed, measured.impact_speed_kmh, self.series, self.load)
 
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
-        """Pass or fail of every run; the totals count passed tests, of those that are valid.
-
-        Raises:
-            ProtocolError: a result belongs to no cell.
-        """
-        require_known(results, self.cells(), self.title)
-        valid, done = valid_results(results), []
+        """Pass or fail of every run; the totals count passed tests, of those that are valid."""
+        valid, scored = self.valid_results(results), []
         for block in self.blocks:
-            passed = {cell: self.verdict(cell, valid[cell]) for cell in block.cells if cell in valid}
-            scores = {
-                cell: cell_score(cell, results, lambda c, run: _MARKS[self.verdict(c, run)])
-                for cell in block.cells
-            }
-            total = Total(block.name, sum(map(bool, passed.values())), len(passed), "tests passed")
-            done.append(BlockScore(block, scores, (total,)))
-        totals = tuple(total for score in done for total in score.totals)
-        every = Total("together", sum(t.won for t in totals), sum(t.most for t in totals), "tests passed")
-        return Assessment(self.title, tuple(done), (*totals, every), (), (*invalid_notes(results), *UNKNOWN))
+            verdicts = [self.verdict(cell, valid[cell]) for cell in block.cells if cell in valid]
+            total = Total(block.name, sum(map(bool, verdicts)), len(verdicts), "tests passed")
+            scored.append(score_block(block, results, lambda c, run: _MARKS[self.verdict(c, run)], (total,)))
+        totals = [total for score in scored for total in score.totals]
+        together = summed([("together", total.won, total.most) for total in totals], "tests passed")
+        notes = (*invalid_notes(results), *UNKNOWN)
+        return Assessment(self.title, tuple(scored), (*totals, *together), (), notes)
 
 
 def _block(scenario: str, percent: float, speeds: Mapping[float, float], target_kmh: float) -> Block:

@@ -7,8 +7,8 @@ with Vector's OpenSCENARIO files of the protocol. CBTA and CCFhol have no such f
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from evaluation.protocols.grid import Block, Cell, Function, Layer, Lighting, Row
@@ -45,6 +45,11 @@ class Maxima:
     standard: float
     extended: float
     robustness: float
+
+    @property
+    def total(self) -> float:
+        """Of all layers."""
+        return self.standard + self.extended + self.robustness
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +107,10 @@ def blocks(choice: Function = Function.FCW) -> tuple[ScoredBlock, ...]:
     return (*_car_blocks(choice), *_ped_blocks(choice))
 
 
-def _car_blocks(choice: Function) -> Iterable[ScoredBlock]:
-    rear = (125, 100, 75, 50, 25, 0, -25)
-    bike = (90, 75, 50, 25, 10)
-    partners = (("CC", "car", rear), ("CM", "motorcyclist", bike))
-    for letters, partner, columns in partners:
+def _car_blocks(choice: Function) -> Iterator[ScoredBlock]:
+    """Cars and motorcycles: driven behind, met head on, while turning across their path, and in crossings."""
+    kinds = {"CC": ("car", (125, 100, 75, 50, 25, 0, -25)), "CM": ("motorcyclist", (90, 75, 50, 25, 10))}
+    for letters, (partner, columns) in kinds.items():
         inner = columns[1:-1]
         stationary = [
             _Line(v, inner, 0, function=choice if v >= 60 else Function.AEB) for v in range(10, 81, 10)
@@ -114,101 +118,80 @@ def _car_blocks(choice: Function) -> Iterable[ScoredBlock]:
         braking = [_Line(v, inner if v <= 80 else (), v) for v in range(30, 131, 10)]
         moving = [_Line(v, inner, 20) for v in range(30, 81, 10)]
         moving += [_Line(v, inner, v - 60) for v in range(90, 131, 10)]
-        yield _rear(f"{letters}Rs", partner, columns, stationary, Maxima(1.2, 0.15, 0.15))
+        rear = _Scoring(Category.LONGITUDINAL, partner, Criterion.IMPACT_SPEED)
+        yield rear.block(f"{letters}Rs", columns, stationary, Maxima(1.2, 0.15, 0.15))
         if letters == "CC":
-            yield _rear("CCRm", partner, columns, moving, Maxima(2.4, 0.3, 0.3))
-        yield _rear(f"{letters}Rb", partner, columns, braking, Maxima(1.6, 0.2, 0.2))
+            yield rear.block("CCRm", columns, moving, Maxima(2.4, 0.3, 0.3))
+        yield rear.block(f"{letters}Rb", columns, braking, Maxima(1.6, 0.2, 0.2))
     head_on = [
         _Line(v, (75, 50, 25) if v <= 80 else (), target)
         for v, target in zip(range(30, 101, 10), (50, 50, 50, 70, 70, 70, 90, 100), strict=True)
     ]
-    for name, drawn in (("CCFhos", 4), ("CCFhol", 4)):
-        yield ScoredBlock(
-            _block(name, name, (100, 75, 50, 25), head_on),
-            Subelement.CAR_PTW,
-            Category.LONGITUDINAL,
-            "car",
-            Criterion.REDUCTION,
-            Maxima(2.0, 0.25, 0.25),
-            drawn,
-        )
-    for letters, partner in (("CC", "car"), ("CM", "motorcyclist")):
-        turning = [_Line(v, (30, 45, 60) if v <= 20 else ()) for v in (10, 15, 20, 25)]
-        yield ScoredBlock(
-            _block(f"{letters}Ftap", f"{letters}Ftap", (30, 45, 60, 80), turning, by_target=True),
-            Subelement.CAR_PTW,
-            Category.TURNING,
-            partner,
-            Criterion.AVOIDANCE,
-            Maxima(4.0, 0.5, 0.5),
-        )
-    for letters, partner in (("CC", "car"), ("CM", "motorcyclist")):
-        both = (20, 30, 40, 50, 60)
-        crossing = [_Line(v, both, extended=(70, 80)) for v in (20, 30)]
-        crossing += [_Line(v, both, extended=()) for v in (40, 50, 60)]
-        crossing += [_Line(v, (), extended=(20, 30)) for v in (70, 80)]
-        yield ScoredBlock(
-            _block(f"{letters}Cscp", f"{letters}Cscp", (*both, 70, 80), crossing, by_target=True),
-            Subelement.CAR_PTW,
-            Category.CROSSING,
-            partner,
-            Criterion.AVOIDANCE,
-            Maxima(6.0, 0.75, 0.75),
-            drawn=5,
-        )
+    for name in ("CCFhos", "CCFhol"):
+        scoring = _Scoring(Category.LONGITUDINAL, "car", Criterion.REDUCTION, drawn=4)
+        yield scoring.block(name, (100, 75, 50, 25), head_on, Maxima(2.0, 0.25, 0.25))
+    turning = [_Line(v, (30, 45, 60) if v <= 20 else ()) for v in (10, 15, 20, 25)]
+    both = (20, 30, 40, 50, 60)
+    crossing = [
+        *(_Line(v, both, extended=(70, 80)) for v in (20, 30)),
+        *(_Line(v, both, extended=()) for v in (40, 50, 60)),
+        *(_Line(v, (), extended=(20, 30)) for v in (70, 80)),
+    ]
+    for name, category, columns, lines, points, drawn in (
+        ("Ftap", Category.TURNING, (30, 45, 60, 80), turning, Maxima(4.0, 0.5, 0.5), 3),
+        ("Cscp", Category.CROSSING, (*both, 70, 80), crossing, Maxima(6.0, 0.75, 0.75), 5),
+    ):
+        for letters, (partner, _) in kinds.items():
+            scoring = _Scoring(category, partner, Criterion.AVOIDANCE, drawn=drawn)
+            yield scoring.block(f"{letters}{name}", columns, lines, points, by_target=True)
 
 
-def _ped_blocks(choice: Function) -> Iterable[ScoredBlock]:
-    for lighting in Lighting:
-        points = Maxima(1.0, 0.125, _by_day(0.25, lighting))
-        lines = _following(range(10, 61, 10), _PEDESTRIAN_KMH, _PEDESTRIAN_KMH, choice)
-        block = _block(f"CPLA {lighting}", "CPLA", (75, 50, 25, 10), lines, lighting)
-        yield _longitudinal(block, "pedestrian", points)
+def _ped_blocks(choice: Function) -> Iterator[ScoredBlock]:
+    """Pedestrians and cyclists: along the lane, at turns, and crossing."""
+    ahead, percent = (75, 50, 25, 10), (90, 75, 50, 25, 10)
+    walker, rider = (
+        _Scoring(Category.LONGITUDINAL, partner, Criterion.IMPACT_SPEED, warning=True)
+        for partner in ("pedestrian", "cyclist")
+    )
+    lines = _following(range(10, 61, 10), _PEDESTRIAN_KMH, _PEDESTRIAN_KMH, choice)
+    yield from walker.by_light("CPLA", ahead, lines, Maxima(1.0, 0.125, 0.25))
     lines = _following(range(20, 61, 10), 15.0, 20.0, choice)
-    block = _block("CBLA", "CBLA", (75, 50, 25, 10), lines)
-    yield _longitudinal(block, "cyclist", Maxima(2.0, 0.25, 0.25))
+    yield rider.block("CBLA", ahead, lines, Maxima(2.0, 0.25, 0.25))
     yield from _turning()
-    percent = (90, 75, 50, 25, 10)
-    for name, target, columns, standard, most in (
+    walker, rider = (
+        _Scoring(Category.CROSSING, partner, Criterion.IMPACT_SPEED) for partner in ("pedestrian", "cyclist")
+    )
+    speeds = range(10, 61, 10)
+    for name, target, columns, standard, points in (
         ("CPNA", _PEDESTRIAN_KMH, percent, (75, 50, 25), Maxima(0.5, 0.0625, 0.125)),
         ("CPFA", _RUNNER_KMH, percent, (50,), Maxima(0.5, 0.0625, 0.125)),
         ("CPNCO", _PEDESTRIAN_KMH, (75, 50, 25), (50,), Maxima(1.0, 0.125, 0.25)),
     ):
-        for lighting in Lighting:
-            lines = [_Line(v, standard, target) for v in range(10, 61, 10)]
-            points = Maxima(most.standard, most.extended, _by_day(most.robustness, lighting))
-            yield _crossing(
-                _block(f"{name} {lighting}", name, columns, lines, lighting), "pedestrian", points
-            )
-    for name, target, columns, middle, most in (
-        ("CBNA", 15.0, percent, (75, 50), Maxima(1.0, 0.125, 0.125)),
-        ("CBFA", 20.0, percent, (50, 25), Maxima(1.0, 0.125, 0.125)),
-        ("CBNAO", 10.0, percent, (75, 50), Maxima(2.0, 0.25, 0.25)),
+        yield from walker.by_light(name, columns, [_Line(v, standard, target) for v in speeds], points)
+    for name, target, middle, points in (
+        ("CBNA", 15.0, (75, 50), Maxima(1.0, 0.125, 0.125)),
+        ("CBFA", 20.0, (50, 25), Maxima(1.0, 0.125, 0.125)),
+        ("CBNAO", 10.0, (75, 50), Maxima(2.0, 0.25, 0.25)),
     ):
-        lines = [_Line(v, middle, target) for v in range(10, 61, 10)]
-        yield _crossing(_block(name, name, columns, lines), "cyclist", most)
+        yield rider.block(name, percent, [_Line(v, middle, target) for v in speeds], points)
 
 
-def _turning() -> Iterable[ScoredBlock]:
+def _turning() -> Iterator[ScoredBlock]:
     """CPTA and CBTA: turning to far (f) or near side (n), target in same (s) or opposite direction (o)."""
     percent = (90, 75, 50, 25, 10)
+    walker = _turns((50,), (50,), percent, percent)
     plans: tuple[tuple[str, str, float, str, Sequence[float], list[_Line]], ...] = (
-        ("CPTA", "pedestrian", _PEDESTRIAN_KMH, "s", percent, _turns((50,), (50,), percent, percent)),
-        ("CPTA", "pedestrian", _PEDESTRIAN_KMH, "o", percent, _turns((50,), (50,), percent, percent)),
+        ("CPTA", "pedestrian", _PEDESTRIAN_KMH, "s", percent, walker),
+        ("CPTA", "pedestrian", _PEDESTRIAN_KMH, "o", percent, walker),
         ("CBTA", "cyclist", 15.0, "s", (100, 75, 0), _turns((100,), (0,), (100, 75), (75, 0))),
         ("CBTA", "cyclist", 15.0, "o", percent, _turns((50,), (50,), percent, (75, 50, 25))),
     )
     for name, partner, target, direction, columns, lines in plans:
         far, near = f"{name}f{direction}", f"{name}n{direction}"
-        named = [_Line(r.speed, r.standard, target, r.extended, near if r.near else far) for r in lines]
-        yield ScoredBlock(
-            _block(f"{far} & {near}", name, columns, named),
-            Subelement.PED_CYC,
-            Category.TURNING,
-            partner,
-            Criterion.AVOIDANCE,
-            Maxima(1.0, 0.125, 0.125),
-        )
+        named = [replace(line, target=target, scenario=near if line.near else far) for line in lines]
+        scoring = _Scoring(Category.TURNING, partner, Criterion.AVOIDANCE)
+        points = Maxima(1.0, 0.125, 0.125)
+        yield scoring.block(f"{far} & {near}", columns, named, points, scenario=name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,15 +207,63 @@ class _Line:
     near: bool = False
 
 
+_PARTNERS = {
+    **dict.fromkeys(("car", "motorcyclist"), Subelement.CAR_PTW),
+    **dict.fromkeys(("pedestrian", "cyclist"), Subelement.PED_CYC),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Scoring:
+    """What the matrices of one kind have in common; see `ScoredBlock`."""
+
+    category: Category
+    partner: str
+    criterion: Criterion
+    drawn: int = 3
+    warning: bool = False
+
+    def block(
+        self,
+        name: str,
+        columns: Sequence[float],
+        lines: Iterable[_Line],
+        points: Maxima,
+        lighting: Lighting = Lighting.DAY,
+        scenario: str = "",
+        by_target: bool = False,
+    ) -> ScoredBlock:
+        """A matrix with its score; its scenario has its name unless another is given."""
+        block = _block(name, scenario or name, columns, lines, lighting, by_target=by_target)
+        return ScoredBlock(
+            block,
+            _PARTNERS[self.partner],
+            self.category,
+            self.partner,
+            self.criterion,
+            points,
+            self.drawn,
+            self.warning,
+        )
+
+    def by_light(
+        self, name: str, columns: Sequence[float], lines: Sequence[_Line], points: Maxima
+    ) -> Iterator[ScoredBlock]:
+        """The matrix by day and by night; the points for robustness belong to the day (calculator)."""
+        for lighting in Lighting:
+            most = points if lighting is Lighting.DAY else replace(points, robustness=0.0)
+            yield self.block(f"{name} {lighting}", columns, lines, most, lighting, name)
+
+
 def _turns(
     far: Sequence[float], near: Sequence[float], far_columns: Sequence[float], near_columns: Sequence[float]
 ) -> list[_Line]:
-    def others(columns: Sequence[float], standard: Sequence[float]) -> tuple[float, ...]:
-        return tuple(c for c in columns if c not in standard)
-
-    lines = [_Line(v, far, extended=others(far_columns, far)) for v in (10, 15, 20)]
-    lines.append(_Line(25, (), extended=far_columns))
-    return [*lines, _Line(10, near, extended=others(near_columns, near), near=True)]
+    """Rows of turns to the far side, then that of the near side; what is not standard is extended."""
+    return [
+        *(_Line(v, far, extended=far_columns) for v in (10, 15, 20)),
+        _Line(25, (), extended=far_columns),
+        _Line(10, near, extended=near_columns, near=True),
+    ]
 
 
 def _following(speeds: Iterable[float], target: float, warned: float, choice: Function) -> list[_Line]:
@@ -255,7 +286,7 @@ def _block(
 ) -> Block:
     rows = []
     for line in lines:
-        others = line.extended if line.extended is not None else columns
+        extended = columns if line.extended is None else line.extended
         cells = tuple(
             Cell(
                 line.scenario or scenario,
@@ -266,7 +297,7 @@ def _block(
                 line.function,
                 Layer.STANDARD if column in line.standard else Layer.EXTENDED,
             )
-            if column in line.standard or column in others
+            if column in line.standard or column in extended
             else None
             for column in columns
         )
@@ -278,37 +309,3 @@ def _block(
         rows.append(Row(" ".join(filter(None, words)), cells))
     header = TARGET if by_target else IMPACT
     return Block(name, scenario, VUT, header, tuple(f"{c:g}" for c in columns), tuple(rows))
-
-
-def _rear(
-    name: str, partner: str, columns: Sequence[float], lines: Iterable[_Line], points: Maxima
-) -> ScoredBlock:
-    return ScoredBlock(
-        _block(name, name, columns, lines),
-        Subelement.CAR_PTW,
-        Category.LONGITUDINAL,
-        partner,
-        Criterion.IMPACT_SPEED,
-        points,
-    )
-
-
-def _longitudinal(block: Block, partner: str, points: Maxima) -> ScoredBlock:
-    return ScoredBlock(
-        block,
-        Subelement.PED_CYC,
-        Category.LONGITUDINAL,
-        partner,
-        Criterion.IMPACT_SPEED,
-        points,
-        warning=True,
-    )
-
-
-def _crossing(block: Block, partner: str, points: Maxima) -> ScoredBlock:
-    return ScoredBlock(block, Subelement.PED_CYC, Category.CROSSING, partner, Criterion.IMPACT_SPEED, points)
-
-
-def _by_day(most: float, lighting: Lighting) -> float:
-    """Points for robustness belong to the matrix driven by day (calculator)."""
-    return most if lighting is Lighting.DAY else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,13 +11,13 @@ from evaluation.protocols.assessment import (
     BlockScore,
     CellScore,
     Gate,
+    Protocol,
     Total,
     cell_score,
     impact_text,
     invalid_notes,
-    require_known,
-    select_cells,
-    valid_results,
+    score_block,
+    summed,
 )
 from evaluation.protocols.bands import (
     NEWEST,
@@ -68,7 +68,7 @@ _ROUNDING = 6  # decimals at which a score is compared with a step, as the calcu
 
 
 @dataclass(frozen=True, slots=True)
-class EuroNcap2026:
+class EuroNcap2026(Protocol):
     """The protocol.
 
     Args:
@@ -99,14 +99,6 @@ class EuroNcap2026:
         """The matrices."""
         return tuple(scored.block for scored in self.scored_blocks)
 
-    def cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
-        """Standard and extended cells, of one scenario or all.
-
-        Raises:
-            ProtocolError: there is no such scenario.
-        """
-        return select_cells(self.blocks, scenario)
-
     def robustness_cells(self, scenario: str | None = None) -> tuple[Cell, ...]:
         """Standard cells under the robustness conditions that are numbers, by day, where the points are.
 
@@ -128,6 +120,11 @@ class EuroNcap2026:
     def requirement_cells(self) -> tuple[Cell, ...]:
         """Runs for the general requirements only."""
         return requirement_cells()
+
+    @property
+    def all_cells(self) -> tuple[Cell, ...]:
+        """Standard and extended cells, and those of robustness and of the general requirements."""
+        return (*self.cells(), *self.robustness_cells(), *self.requirement_cells())
 
     def colour(self, block: ScoredBlock, cell: Cell, measured: Measurement) -> Colour:
         """Colour of a valid measured cell; red if the emergency was requested before the target set off.
@@ -171,13 +168,11 @@ class EuroNcap2026:
             ProtocolError: a result belongs to no cell, or lacks what its criterion needs.
         """
         scored = self.scored_blocks
-        known = (*self.cells(), *self.robustness_cells(), *self.requirement_cells())
-        require_known(results, known, self.title)
+        valid = self.valid_results(results)
         checked = verification or {}
         strange = set(checked) - {block.block.name for block in scored}
         if strange:
             raise ProtocolError(f"verification of {min(strange)!r}: there is no such matrix in {self.title}")
-        valid = valid_results(results)
         colours = {
             cell: self.colour(block, cell, valid[cell])
             for block in scored
@@ -192,11 +187,12 @@ class EuroNcap2026:
         for block in scored:
             totals = _block_totals(block, colours, checked.get(block.block.name), held)
             points.append((block, sum(total.won for total in totals)))
-            scores = {
-                cell: cell_score(cell, results, lambda c, _: MARKS[colours[c]], partial(_text, block))
-                for cell in block.block.cells
-            }
-            done.append(BlockScore(block.block, scores, totals if open_gates else _shut(totals)))
+            shown = totals if open_gates else _shut(totals)
+            done.append(
+                score_block(
+                    block.block, results, lambda c, _: MARKS[colours[c]], shown, partial(_text, block)
+                )
+            )
         sums = _sums(points)
         conditions = list(filter(None, (self._conditions(block, results, colours) for block in scored)))
         return Assessment(
@@ -349,26 +345,15 @@ def extended_share(not_red: float) -> float:
     return 0.0
 
 
-def _sums(points: Iterable[tuple[ScoredBlock, float]]) -> tuple[Total, ...]:
+def _sums(points: Sequence[tuple[ScoredBlock, float]]) -> tuple[Total, ...]:
     """Totals by scenario, then by category and family, then of all."""
-    sums: dict[str, list[float]] = {}
-
-    def add(name: str, won: float, most: float) -> None:
-        line = sums.setdefault(name, [0.0, 0.0])
-        line[0] += won
-        line[1] += most
-
-    listed = list(points)
-    for name_of in (
+    names: tuple[Callable[[ScoredBlock], str], ...] = (
         lambda block: block.block.scenario,
         lambda block: f"{block.subelement} / {block.category}",
         lambda block: str(block.subelement),
         lambda block: "Frontal Collisions",
-    ):
-        for block, won in listed:
-            most = block.points.standard + block.points.extended + block.points.robustness
-            add(name_of(block), won, most)
-    return tuple(Total(name, won, most) for name, (won, most) in sums.items())
+    )
+    return summed((name(block), won, block.points.total) for name in names for block, won in points)
 
 
 def _missing(done: Iterable[BlockScore]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from evaluation.protocols.assessment import BlockScore, Gate, cell_score
+from evaluation.protocols.assessment import BlockScore, Gate, score_block
 from evaluation.protocols.bands import Colour, round_half_up
 from evaluation.protocols.euroncap_2026.grid import VUT
 from evaluation.protocols.grid import Block, Cell, Layer, Lighting, Measurement, Row
@@ -91,11 +91,7 @@ def requirement_matrix(results: Mapping[Cell, Measurement]) -> Iterable[BlockSco
         names,
         (Row(f"{_SLOW_TEST_KMH:g}", cells),),
     )
-    scores = {
-        cell: cell_score(cell, results, lambda c, run: PASSED if _slowed(c, run) else FAILED)
-        for cell in cells
-    }
-    yield BlockScore(block, scores, ())
+    yield score_block(block, results, lambda cell, run: PASSED if _slowed(cell, run) else FAILED)
 
 
 def _slowed(cell: Cell, measured: Measurement) -> bool:

@@ -128,19 +128,12 @@ def _told(curve: Curve) -> str:
         f"{curve.values[-1]:g} {parameter.unit}, "
     )
     if not first.false_activations.count:
-        text += (
-            f"{curve.values[k]:g} {parameter.unit} is the least that avoids most: {_numbers(curve.rows[k])}. "
-        )
+        merit = "is the least that avoids most"
     elif not first.avoided.count:
-        text += (
-            f"{curve.values[k]:g} {parameter.unit} has the fewest false activations: "
-            f"{_numbers(curve.rows[k])}. "
-        )
+        merit = "has the fewest false activations"
     else:
-        text += (
-            f"{curve.values[k]:g} {parameter.unit} avoids most at the fewest false activations: "
-            f"{_numbers(curve.rows[k])}. "
-        )
+        merit = "avoids most at the fewest false activations"
+    text += f"{curve.values[k]:g} {parameter.unit} {merit}: {_numbers(curve.rows[k])}. "
     ends = [
         f"{value:g} {parameter.unit}: {_numbers(row)}"
         for value, row in ((curve.values[0], first), (curve.values[-1], last))
@@ -151,16 +144,11 @@ def _told(curve: Curve) -> str:
 
 def _numbers(row: Summary) -> str:
     """Counts of one summary."""
+    avoided, false = row.avoided, row.false_activations
     parts = []
-    if row.avoided.count:
-        parts.append(
-            f"{round(row.avoided.value * row.avoided.count)} of {row.avoided.count} collisions avoided"
-        )
-    if row.false_activations.count:
-        stops, needless = (
-            round(rate.value * rate.count) for rate in (row.false_activations, row.needless_stops)
-        )
-        parts.append(
-            f"{stops} of {row.false_activations.count} false activations ({needless} counting standstills)"
-        )
+    if avoided.count:
+        parts.append(f"{avoided.hits} of {avoided.count} collisions avoided")
+    if false.count:
+        still = row.needless_stops.hits
+        parts.append(f"{false.hits} of {false.count} false activations ({still} counting standstills)")
     return ", ".join(parts)

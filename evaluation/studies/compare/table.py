@@ -146,8 +146,8 @@ def _rate_of(runs: Sequence[RunMeasures], is_so: Callable[[RunMeasures], bool]) 
 
 def _mean_of(runs: Sequence[RunMeasures], value: Callable[[RunMeasures], float | None]) -> Estimate:
     """Mean over the runs that have a value, with the scenes as clusters."""
-    found = [(number, run.scene) for run in runs if (number := value(run)) is not None]
-    return clustered_mean([number for number, _ in found], [scene for _, scene in found])
+    pairs = [(number, run.scene) for run in runs if (number := value(run)) is not None]
+    return clustered_mean([number for number, _ in pairs], [scene for _, scene in pairs])
 
 
 def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
@@ -158,94 +158,74 @@ def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
     return [summarise(group) for group in groups.values()]
 
 
+_USUAL = "as the preset has it"
+_Column = tuple[str, Callable[[Summary], str]]
+"""Header and cell of a row."""
+
+
+def _table(rows: Sequence[Summary], columns: Sequence[_Column], caption: str, usual: str = _USUAL) -> Table:
+    """A line per summary: its weather where there are several, strategy, settings, and the columns."""
+    lead: list[_Column] = [("weather", lambda row: row.weather)] if len({r.weather for r in rows}) > 1 else []
+    lead += [("strategy", lambda row: row.strategy), ("settings", lambda row: row.settings or usual)]
+    every = (*lead, *columns)
+    lines = tuple(tuple(cell(row) for _, cell in every) for row in rows)
+    return Table(tuple(header for header, _ in every), lines, (), caption)
+
+
 def summary_table(rows: Sequence[Summary]) -> Table:
     """The summaries as text."""
-    weathers = len({row.weather for row in rows}) > 1
-    header = (
-        *(("weather",) if weathers else ()),
-        "strategy", "settings", "avoided (%)", "impact (km/h)", "points (%)", "bands (%)",
-        "TTC at flag (s)", "distance at flag (m)", "early activations (%)", "false activations (%)", "per km",
-        "unnecessary stops (%)", "speed loss (km/h)", "delay (s)", "tracks", "cut off (%)",
-    )  # fmt: skip
-    lines = [
-        (
-            *((row.weather,) if weathers else ()),
-            row.strategy,
-            row.settings or "as the preset has it",
-            _rate(row.avoided),
-            _mean(row.v_impact_kmh, 1),
-            fixed(100 * row.score_share, 0),
-            fixed(100 * row.band_share.value, 0),
-            _mean(row.flag_ttc_s, 2),
-            _mean(row.flag_distance_m, 1),
-            _rate(row.early_activations),
-            _rate(row.false_activations),
-            fixed(row.false_activations_per_km, 2),
-            _rate(row.needless_stops),
-            _mean(row.speed_loss_kmh, 1),
-            _mean(row.delay_s, 2),
-            _mean(row.tracks, 1),
-            _rate(row.cut_off),
-        )
-        for row in rows
-    ]
-    return Table(header, tuple(lines), (), f"{_counts(rows)} {INTERVALS}")
+    columns: tuple[_Column, ...] = (
+        ("avoided (%)", lambda row: _rate(row.avoided)),
+        ("impact (km/h)", lambda row: _mean(row.v_impact_kmh, 1)),
+        ("points (%)", lambda row: fixed(100 * row.score_share, 0)),
+        ("bands (%)", lambda row: fixed(100 * row.band_share.value, 0)),
+        ("TTC at flag (s)", lambda row: _mean(row.flag_ttc_s, 2)),
+        ("distance at flag (m)", lambda row: _mean(row.flag_distance_m, 1)),
+        ("early activations (%)", lambda row: _rate(row.early_activations)),
+        ("false activations (%)", lambda row: _rate(row.false_activations)),
+        ("per km", lambda row: fixed(row.false_activations_per_km, 2)),
+        ("unnecessary stops (%)", lambda row: _rate(row.needless_stops)),
+        ("speed loss (km/h)", lambda row: _mean(row.speed_loss_kmh, 1)),
+        ("delay (s)", lambda row: _mean(row.delay_s, 2)),
+        ("tracks", lambda row: _mean(row.tracks, 1)),
+        ("cut off (%)", lambda row: _rate(row.cut_off)),
+    )
+    return _table(rows, columns, f"{_counts(rows)} {INTERVALS}")
 
 
 def short_table(rows: Sequence[Summary]) -> Table:
     """The columns of the summaries that decide, for a terminal."""
-    weathers = len({row.weather for row in rows}) > 1
-    header = (
-        *(("weather",) if weathers else ()), "strategy", "settings", "avoided", "impact (km/h)",
-        "early activations", "false activations", "unnecessary stops", "delay (s)",
-    )  # fmt: skip
-    lines = [
-        (
-            *((row.weather,) if weathers else ()),
-            row.strategy,
-            row.settings or "-",
-            f"{fixed(100 * row.avoided.value, 0)} %",
-            fixed(row.v_impact_kmh.value, 1),
-            *(
-                EMPTY if math.isnan(rate.value) else f"{fixed(100 * rate.value, 0)} %"
-                for rate in (row.early_activations, row.false_activations, row.needless_stops)
-            ),
-            fixed(row.delay_s.value, 2),
-        )
-        for row in rows
-    ]
-    return Table(header, tuple(lines), (), _counts(rows))
+
+    def percent(rate: Estimate) -> str:
+        return EMPTY if math.isnan(rate.value) else f"{fixed(100 * rate.value, 0)} %"
+
+    columns: tuple[_Column, ...] = (
+        ("avoided", lambda row: f"{fixed(100 * row.avoided.value, 0)} %"),
+        ("impact (km/h)", lambda row: fixed(row.v_impact_kmh.value, 1)),
+        ("early activations", lambda row: percent(row.early_activations)),
+        ("false activations", lambda row: percent(row.false_activations)),
+        ("unnecessary stops", lambda row: percent(row.needless_stops)),
+        ("delay (s)", lambda row: fixed(row.delay_s.value, 2)),
+    )
+    return _table(rows, columns, _counts(rows), "-")
 
 
 def seed_table(rows: Sequence[Summary]) -> Table:
     """The measures that decide, with intervals over the seeds."""
-    weathers = len({row.weather for row in rows}) > 1
-    header = (
-        *(("weather",) if weathers else ()), "strategy", "settings", "avoided (%)", "impact (km/h)",
-        "early activations (%)", "false activations (%)", "unnecessary stops (%)", "delay (s)",
-    )  # fmt: skip
-    lines = []
-    for row in rows:
-        over = row.over_seeds
-        lines.append(
-            (
-                *((row.weather,) if weathers else ()),
-                row.strategy,
-                row.settings or "as the preset has it",
-                _rate(over["avoided"]),
-                _mean(over["v_impact_kmh"], 1),
-                _rate(over["early_activations"]),
-                _rate(over["false_activations"]),
-                _rate(over["needless_stops"]),
-                _mean(over["delay_s"], 2),
-            )
-        )
+    columns: tuple[_Column, ...] = (
+        ("avoided (%)", lambda row: _rate(row.over_seeds["avoided"])),
+        ("impact (km/h)", lambda row: _mean(row.over_seeds["v_impact_kmh"], 1)),
+        ("early activations (%)", lambda row: _rate(row.over_seeds["early_activations"])),
+        ("false activations (%)", lambda row: _rate(row.over_seeds["false_activations"])),
+        ("unnecessary stops (%)", lambda row: _rate(row.over_seeds["needless_stops"])),
+        ("delay (s)", lambda row: _mean(row.over_seeds["delay_s"], 2)),
+    )
     caption = (
         "Each seed has noise and frame phase of its own, and gives one value over all scenes; Student's "
         "interval (95 %) of these values. All measures: columns `..._seed_low` and `..._seed_high` of "
         "`table.csv`."
     )
-    return Table(header, tuple(lines), (), caption)
+    return _table(rows, columns, caption)
 
 
 def _counts(rows: Sequence[Summary]) -> str:
@@ -260,7 +240,7 @@ def _counts(rows: Sequence[Summary]) -> str:
         f"Per line {brake} runs where the ego must brake, in {early} of them for a target that sets off "
         f"(early: braked before that), and {nothing} where nothing should happen."
     )
-    ended = [round(row.cut_off.value * row.cut_off.count) for row in rows]
+    ended = [row.cut_off.hits for row in rows]
     return text + (
         f" {sum(ended)} runs were cut off, and are in no rate of their line." if any(ended) else ""
     )
@@ -271,28 +251,26 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
     chosen = [(point.strategy, point.text) for point in points]
     scenes: dict[tuple[str, str], dict[tuple[str, str], list[RunMeasures]]] = {}
     for run in runs:
-        who = (run.strategy, run.settings)
-        if who in chosen:
-            scenes.setdefault((run.must, run.scene), {}).setdefault(who, []).append(run)
+        if (run.strategy, run.settings) in chosen:
+            scene = scenes.setdefault((run.must, run.scene), {})
+            scene.setdefault((run.strategy, run.settings), []).append(run)
     header = ("must", "scene", *(f"{strategy} {settings}".strip() for strategy, settings in chosen))
-    lines = []
-    for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake"):
-        cells = []
-        for who in chosen:
-            mine = [run for run in group.get(who, []) if not run.cut_off]
-            if must == "brake":
-                early = sum(run.false_activation is True for run in mine)
-                cells.append(
-                    f"{sum(run.avoided for run in mine)}/{len(mine)} avoided"
-                    + (f", {early} early" if early else "")
-                )
-            else:
-                stops = sum(run.false_activation is True for run in mine)
-                still = sum(run.needless_stop for run in mine)
-                other = f" +{still - stops} standstill" if still > stops else ""
-                cells.append(f"{stops}/{len(mine)} false activations{other}")
-        lines.append((must, scene, *cells))
+    lines = [
+        (must, scene, *(_outcomes(must, group.get(point, [])) for point in chosen))
+        for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake")
+    ]
     return Table(header, tuple(lines))
+
+
+def _outcomes(must: str, runs: Sequence[RunMeasures]) -> str:
+    """How the runs of one scene ended."""
+    finished = [run for run in runs if not run.cut_off]
+    false = sum(run.false_activation is True for run in finished)
+    if must == "brake":
+        avoided = f"{sum(run.avoided for run in finished)}/{len(finished)} avoided"
+        return avoided + (f", {false} early" if false else "")
+    still = sum(run.needless_stop for run in finished) - false
+    return f"{false}/{len(finished)} false activations" + (f" +{still} standstill" if still > 0 else "")
 
 
 def runs_csv(runs: Sequence[RunMeasures]) -> bytes:

@@ -100,13 +100,6 @@ def scenario_files(paths: Iterable[str]) -> list[Path]:
     return files
 
 
-def all_cells(protocol: Protocol) -> tuple[Cell, ...]:
-    """Cells of the grid, and those that only robustness and general requirements ask for."""
-    if isinstance(protocol, EuroNcap2026):
-        return (*protocol.cells(), *protocol.robustness_cells(), *protocol.requirement_cells())
-    return protocol.cells()
-
-
 def grid_of_files(files: Sequence[Path], protocol: Protocol, robustness: bool = True) -> Grid:
     """The runs that files ask for, one that several files ask for once, and what the protocol adds to them.
 

@@ -28,7 +28,6 @@ from evaluation.studies.ncap.cell_table import CELLS_CSV, cell_table, told_inval
 from evaluation.studies.ncap.grid import (
     Grid,
     GridRun,
-    all_cells,
     grid_of_files,
     grid_of_shipped,
     scenario_files,
@@ -94,7 +93,7 @@ def assess(
         by_strategy.setdefault(record.spec.strategy, []).append((run, record))
     if known is None:
         known = conflicts(record.spec for runs in by_strategy.values() for _, record in runs)
-    cells, overlaps = all_cells(protocol), isinstance(protocol, EuroNcap2023)
+    cells, overlaps = protocol.all_cells, isinstance(protocol, EuroNcap2023)
     assessments = {}
     for name, runs in by_strategy.items():
         found = [known[unbraked(record.spec)] for _, record in runs]

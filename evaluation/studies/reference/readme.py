@@ -15,6 +15,7 @@ from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun, growth_table
 from evaluation.studies.reference import cpna_findings as cpna
+from evaluation.studies.reference import growth_findings as crowds
 from evaluation.studies.reference import scene_findings as scenes
 from evaluation.studies.reference import seed_findings as seeds
 from evaluation.studies.reference.kept import read_json, read_records
@@ -68,6 +69,7 @@ def _values(reports: Path) -> dict[str, Any]:
         "versions": sorted({_made_by(read_json(reports / path)) for path in VERSIONED}),
         "cpna": cpna,
         "scenes": scenes,
+        "crowds": crowds,
         "seeds": seeds,
         "rows": rows,
         "measures": measures,
@@ -80,7 +82,8 @@ def _values(reports: Path) -> dict[str, Any]:
         "growth_table": growth_table(growth, spent),
         "contradictions": [
             *cpna.contradictions(rows["paper"], rows["static"], mechanisms, rows["physical"]),
-            *scenes.contradictions(measures["frontier_paper"], growth, spent),
+            *scenes.contradictions(measures["frontier_paper"]),
+            *crowds.contradictions(growth, spent),
         ],
     }
 

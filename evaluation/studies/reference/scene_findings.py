@@ -1,19 +1,19 @@
-"""What the comparison over scenes, the ablations and the growth came to, in sentences from the tables."""
+"""What the comparison over scenes and the ablations came to, in sentences from the tables."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 
 from evaluation.metrics.intervals import Estimate
-from evaluation.results.tables import Table
-from evaluation.runs.execution import FrameTime
+from evaluation.results.tables import EMPTY, Table
 from evaluation.studies.compare.answer import answer
 from evaluation.studies.compare.differences import differences, pairs_with, told_differences
 from evaluation.studies.compare.grid import FRONTIER, Point, points_of
 from evaluation.studies.compare.measures import RunMeasures
-from evaluation.studies.compare.table import Summary, scene_table, summaries
-from evaluation.studies.growth import GrowthRun
+from evaluation.studies.compare.table import Summary, scene_table, summaries, summarise
 from evaluation.studies.reference.words import counted, listed
 from scenarios.strategies import STRATEGIES
 
@@ -31,6 +31,34 @@ SHOWN = {
 and everything that is seen."""
 
 
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run of one kind of scene came to.
+
+    Args:
+        text: in words.
+        must: kind of the scene.
+        is_so: whether it came to that.
+    """
+
+    text: str
+    must: str
+    is_so: Callable[[RunMeasures], bool]
+
+    def runs(self, runs: Iterable[RunMeasures]) -> list[RunMeasures]:
+        """The runs that could come to that."""
+        return [run for run in runs if run.must == self.must]
+
+
+OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
+    {
+        "avoided": Outcome("collisions avoided", "brake", lambda run: run.avoided),
+        "needless_stops": Outcome("unnecessary stops", "nothing", lambda run: run.needless_stop),
+    }
+)
+"""By the names of the measures of a summary."""
+
+
 def of_point(runs: Sequence[RunMeasures], point: Point) -> list[RunMeasures]:
     """Runs of a strategy with settings."""
     return [run for run in runs if (run.strategy, run.settings) == (point.strategy, point.text)]
@@ -40,53 +68,45 @@ def _named(strategy: str, settings: str) -> str:
     return next(name for name, p in SHOWN.items() if (p.strategy, p.text) == (strategy, settings))
 
 
+def _of(rate: Estimate) -> str:
+    return f"{rate.hits} of {rate.count}"
+
+
 def strategy_table(runs: Sequence[RunMeasures]) -> Table:
     """A line per strategy shown: what it avoids and what it costs."""
     header = (
         "strategy", "collisions avoided", "mean impact (km/h)", "false activations", "unnecessary stops",
         "mean delay (s)", "tracks per frame",
     )  # fmt: skip
-    lines = []
-    for row in summaries([run for point in SHOWN.values() for run in of_point(runs, point)]):
-        avoided, stops, any_stop = (
-            f"{_count(rate)} of {rate.count}"
-            for rate in (row.avoided, row.false_activations, row.needless_stops)
+    lines = [
+        (
+            _named(row.strategy, row.settings), _of(row.avoided), f"{row.v_impact_kmh.value:.1f}",
+            _of(row.false_activations), _of(row.needless_stops), f"{row.delay_s.value:.2f}",
+            f"{row.tracks.value:.1f}",
         )
-        lines.append(
-            (
-                _named(row.strategy, row.settings), avoided, f"{row.v_impact_kmh.value:.1f}", stops, any_stop,
-                f"{row.delay_s.value:.2f}", f"{row.tracks.value:.1f}",
-            )
-        )  # fmt: skip
+        for row in summaries([run for point in SHOWN.values() for run in of_point(runs, point)])
+    ]  # fmt: skip
     return Table(header, tuple(lines))
 
 
 def speed_table(runs: Sequence[RunMeasures]) -> Table:
     """Collisions avoided and unnecessary stops by test speed."""
-    header = (
-        "v_test (km/h)",
-        *(f"{name}: avoided" for name in SHOWN),
-        *(f"{name}: stops" for name in SHOWN),
-    )
+    kinds = (OUTCOMES["avoided"], OUTCOMES["needless_stops"])
+    header = ("v_test (km/h)", *(f"{name}: {word}" for word in ("avoided", "stops") for name in SHOWN))
     lines = []
     for speed in sorted({run.v_test_kmh for run in runs}):
         cells = []
-        for must, good in (
-            ("brake", lambda run: run.avoided),
-            ("nothing", lambda run: run.needless_stop),
-        ):
-            for point in SHOWN.values():
-                mine = [r for r in of_point(runs, point) if r.v_test_kmh == speed and r.must == must]
-                cells.append(f"{sum(map(good, mine))} of {len(mine)}" if mine else "–")
+        for outcome, point in itertools.product(kinds, SHOWN.values()):
+            marks = [outcome.is_so(r) for r in outcome.runs(of_point(runs, point)) if r.v_test_kmh == speed]
+            cells.append(f"{sum(marks)} of {len(marks)}" if marks else EMPTY)
         lines.append((f"{speed:g}", *cells))
     return Table(header, tuple(lines))
 
 
 def different_scenes(runs: Sequence[RunMeasures]) -> Table:
     """The lines of the table by scene in which the strategies differ."""
-    whole = scene_table(runs, list(SHOWN.values()))
-    header = (*whole.header[:2], *SHOWN)
-    return Table(header, tuple(row for row in whole.rows if len(set(row[2:])) > 1))
+    every = scene_table(runs, list(SHOWN.values()))
+    return Table((*every.header[:2], *SHOWN), tuple(row for row in every.rows if len(set(row[2:])) > 1))
 
 
 def told_scenes(runs: Sequence[RunMeasures]) -> list[str]:
@@ -174,11 +194,8 @@ def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -
         header += [f"{title}: collisions avoided", "false activations", "unnecessary stops"]
     lines = []
     for name, point in SHOWN.items():
-        cells = []
-        for runs in (physical, paper):
-            row = summaries(of_point(runs, point))[0]
-            rates = (row.avoided, row.false_activations, row.needless_stops)
-            cells += [f"{_count(rate)} of {rate.count}" for rate in rates]
+        rows = [summarise(of_point(runs, point)) for runs in (physical, paper)]
+        cells = [_of(r) for row in rows for r in (row.avoided, row.false_activations, row.needless_stops)]
         lines.append((name, *cells))
     return Table(tuple(header), tuple(lines))
 
@@ -186,121 +203,58 @@ def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -
 # ---- ablations ---------------------------------------------------------------------------------------------
 
 
+def _ablations(
+    runs: Sequence[RunMeasures],
+) -> list[tuple[Summary, list[tuple[Summary, tuple[int, int, int]]]]]:
+    """Each strategy as the preset has it: with a choice changed, and by how much the counts change."""
+    rows = summaries(runs)
+    return [
+        (usual, [(r, _changes(r, usual)) for r in rows if r.strategy == usual.strategy and r.settings])
+        for usual in rows
+        if not usual.settings
+    ]
+
+
+def _changes(row: Summary, usual: Summary) -> tuple[int, int, int]:
+    return (
+        row.avoided.hits - usual.avoided.hits,
+        row.false_activations.hits - usual.false_activations.hits,
+        row.needless_stops.hits - usual.needless_stops.hits,
+    )
+
+
 def ablation_table(runs: Sequence[RunMeasures]) -> Table:
     """Changes against the preset of every choice that changes a count."""
-    rows = summaries(runs)
-    base = {row.strategy: row for row in rows if not row.settings}
-    lines = []
-    for row in rows:
-        changes = _changes(row, base[row.strategy])
-        if row.settings and any(changes):
-            lines.append(
-                (row.strategy, row.settings, *(f"{change:+d}" if change else "0" for change in changes))
-            )
+    lines = [
+        (row.strategy, row.settings, *(f"{change:+d}" if change else "0" for change in changes))
+        for _, rows in _ablations(runs)
+        for row, changes in rows
+        if any(changes)
+    ]
     header = ("strategy", "changed", "collisions avoided", "false activations", "unnecessary stops")
     return Table(header, tuple(lines))
 
 
-def _changes(row: Summary, base: Summary) -> tuple[int, int, int]:
-    return (
-        _count(row.avoided) - _count(base.avoided),
-        _count(row.false_activations) - _count(base.false_activations),
-        _count(row.needless_stops) - _count(base.needless_stops),
-    )
-
-
-def _count(rate: Estimate) -> int:
-    return round(rate.value * rate.count)
-
-
 def told_ablation(runs: Sequence[RunMeasures]) -> list[str]:
     """Which of the paper's choices change anything."""
-    rows = summaries(runs)
-    base = {row.strategy: row for row in rows if not row.settings}
     lines = []
-    for strategy, usual in base.items():
-        changed = [row for row in rows if row.strategy == strategy and row.settings]
-        changes = {row.settings: _changes(row, usual) for row in changed}
-        idle = [settings for settings, change in changes.items() if not any(change)]
+    for usual, rows in _ablations(runs):
+        idle = [row.settings for row, changes in rows if not any(changes)]
         free = [
-            settings
-            for settings, (avoided, false, stops) in changes.items()
+            row.settings
+            for row, (avoided, false, stops) in rows
             if avoided >= 0 and false <= 0 and stops <= 0 and any((avoided, false, stops))
         ]
-        brake, nothing = usual.avoided, usual.needless_stops
-        avoided = counted(_count(brake), brake.count)
-        stops = counted(_count(nothing), nothing.count)
+        avoided, stops = (counted(rate.hits, rate.count) for rate in (usual.avoided, usual.needless_stops))
         lines.append(
-            f"As the preset has it, {strategy} avoids {avoided} collisions and stops unnecessarily in "
+            f"As the preset has it, {usual.strategy} avoids {avoided} collisions and stops unnecessarily in "
             f"{stops}."
         )
         if idle:
-            lines.append(f"No count of {strategy} changes with {listed(idle)}.")
+            lines.append(f"No count of {usual.strategy} changes with {listed(idle)}.")
         if free:
-            lines.append(f"Better in one count and worse in none ({strategy}): {listed(free)}.")
+            lines.append(f"Better in one count and worse in none ({usual.strategy}): {listed(free)}.")
     return lines
-
-
-# ---- growth ------------------------------------------------------------------------------------------------
-
-
-def told_growth(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> list[str]:
-    """What more others cost each strategy."""
-    most, few = max(run.others for run in runs), min(run.others for run in runs)
-    half = max((run.others for run in runs if run.others <= most / 2), default=few)
-
-    def mean(
-        strategy: str, others: int, value: Callable[[GrowthRun, FrameTime], float | None]
-    ) -> float | None:
-        found = [
-            value(run, time)
-            for run, time in zip(runs, spent, strict=True)
-            if (run.strategy, run.others) == (strategy, others)
-        ]
-        numbers = [number for number in found if number is not None]
-        return sum(numbers) / len(numbers) if numbers else None
-
-    def milliseconds(strategy: str, others: int) -> float:
-        return mean(strategy, others, lambda run, time: time.median_ms) or 0.0
-
-    lines = []
-    for strategy in dict.fromkeys(run.strategy for run in runs):
-        alone, middle, crowd = (milliseconds(strategy, n) for n in (few, half, most))
-        tracks = mean(strategy, most, lambda run, time: run.tracks_mean) or 0.0
-        flags = [
-            mean(strategy, n, lambda run, time: None if run.false_activation else run.flag_time_s)
-            for n in (few, most)
-        ]
-        false = sum(run.false_activation for run in runs if run.strategy == strategy and run.others == most)
-        runs_there = sum(run.strategy == strategy and run.others == most for run in runs)
-        text = (
-            f"{strategy.capitalize()}: {alone:.2f} ms per frame with {few} others, {middle:.2f} with {half}, "
-            f"{crowd:.2f} with {most} ({tracks:.0f} tracks)"
-        )
-        if flags[1] is None:
-            text += f"; no emergency request for the pedestrian with {most} others"
-        elif flags[0] is not None:
-            text += f"; the flag comes {flags[1] - flags[0]:+.2f} s later".replace(
-                "+0.00 s later", "no later"
-            )
-        if false:
-            text += f"; {false} of {runs_there} runs with {most} others have a false activation"
-        lines.append(f"{text}.")
-    return lines
-
-
-def grows_in_proportion(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bool:
-    """Whether the time of no strategy outgrows the number of others from half of them to all, noise apart."""
-    most = max(run.others for run in runs)
-    for strategy in {run.strategy for run in runs}:
-        by_count: dict[int, list[float]] = defaultdict(list)
-        for run, time in zip(runs, spent, strict=True):
-            if run.strategy == strategy:
-                by_count[run.others].append(time.median_ms)
-        # the least of the seeds: what else the machine does only adds
-        if by_count[most // 2] and min(by_count[most]) > 2.5 * min(by_count[most // 2]):
-            return False
-    return True
 
 
 # ---- in short ----------------------------------------------------------------------------------------------
@@ -327,17 +281,12 @@ def told_in_short(runs: Sequence[RunMeasures]) -> list[str]:
     return lines
 
 
-def contradictions(
-    runs: Sequence[RunMeasures], growth: Sequence[GrowthRun], spent: Sequence[FrameTime]
-) -> list[str]:
+def contradictions(runs: Sequence[RunMeasures]) -> list[str]:
     """Statements of the paper that did not come out beyond its own test."""
-    lines = []
     worse = contacts_avoided(runs, "the rectangle", "the map")
-    if worse:
-        lines.append(
-            "The paper's map is never worse than its rectangle. Under the paper's own conditions the "
-            f"rectangle avoids {_text(worse, 'contact')} that the map does not."
-        )
-    if grows_in_proportion(growth, spent):
-        lines.append("The paper expects an exponential increase with the number of others; see *Crowds*.")
-    return lines
+    if not worse:
+        return []
+    return [
+        "The paper's map is never worse than its rectangle. Under the paper's own conditions the rectangle "
+        f"avoids {_text(worse, 'contact')} that the map does not."
+    ]

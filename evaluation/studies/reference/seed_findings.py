@@ -3,40 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
+from collections.abc import Sequence
 
 from evaluation.results.tables import Table
 from evaluation.studies.compare.answer import told_intervals
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import summaries, summarise
-from evaluation.studies.reference.scene_findings import SHOWN, of_point
+from evaluation.studies.reference.scene_findings import OUTCOMES, SHOWN, Outcome, of_point
 from evaluation.studies.reference.words import counted, listed
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What a run of one kind of scene came to.
-
-    Args:
-        text: in words.
-        must: kind of the scene.
-        is_so: whether it came to that.
-    """
-
-    text: str
-    must: str
-    is_so: Callable[[RunMeasures], bool]
-
-
-OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
-    {
-        "avoided": Outcome("collisions avoided", "brake", lambda run: run.avoided),
-        "needless_stops": Outcome("unnecessary stops", "nothing", lambda run: run.needless_stop),
-    }
-)
-"""By the names of the measures of a summary."""
 
 
 def _names(runs: Sequence[RunMeasures]) -> list[str]:
@@ -47,10 +21,9 @@ def _names(runs: Sequence[RunMeasures]) -> list[str]:
 def _by_seed(runs: Sequence[RunMeasures], outcome: Outcome) -> tuple[list[int], int]:
     """How many runs of each seed came to that, and of how many."""
     seeds: dict[int, list[bool]] = defaultdict(list)
-    for run in runs:
-        if run.must == outcome.must:
-            seeds[run.seed].append(outcome.is_so(run))
-    return [sum(found) for _, found in sorted(seeds.items())], max(map(len, seeds.values()), default=0)
+    for run in outcome.runs(runs):
+        seeds[run.seed].append(outcome.is_so(run))
+    return [sum(marks) for _, marks in sorted(seeds.items())], max(map(len, seeds.values()), default=0)
 
 
 def seed_table(runs: Sequence[RunMeasures]) -> Table:
@@ -60,11 +33,11 @@ def seed_table(runs: Sequence[RunMeasures]) -> Table:
         header += [f"{outcome.text}, by seed", "over the seeds (%)", "over the scenes (%)"]
     lines = []
     for name in _names(runs):
-        mine = of_point(runs, SHOWN[name])
-        row = summarise(mine)
+        of_name = of_point(runs, SHOWN[name])
+        row = summarise(of_name)
         cells = [name]
         for measure, outcome in OUTCOMES.items():
-            counts, of = _by_seed(mine, outcome)
+            counts, of = _by_seed(of_name, outcome)
             estimates = (row.over_seeds[measure], getattr(row, measure))
             cells += [
                 f"{listed(counts)} of {of}",
@@ -91,13 +64,13 @@ def told_changed(runs: Sequence[RunMeasures]) -> str:
     """Which outcomes are not the same for all seeds."""
     total, changed = 0, []
     for name in _names(runs):
-        found: dict[tuple[str, str, float], set[bool]] = defaultdict(set)
+        outcomes: dict[tuple[str, str, float], set[bool]] = defaultdict(set)
         for run in of_point(runs, SHOWN[name]):
             for outcome in OUTCOMES.values():
                 if run.must == outcome.must:
-                    found[run.scene, run.variant, run.v_test_kmh].add(outcome.is_so(run))
-        total += len(found)
-        changed += [(name, scene, v) for (scene, _, v), values in found.items() if len(values) > 1]
+                    outcomes[run.scene, run.variant, run.v_test_kmh].add(outcome.is_so(run))
+        total += len(outcomes)
+        changed += [(name, scene, v) for (scene, _, v), values in outcomes.items() if len(values) > 1]
     seeds = len({run.seed for run in runs})
     text = f"{counted(len(changed), total).capitalize()} outcomes are not the same for all {seeds} seeds"
     if not changed:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from evaluation.results.tables import fixed
+
 
 def listed(parts: Iterable[object]) -> str:
     """`a`, `a and b`, `a, b and c`; numbers without needless digits."""
@@ -19,7 +21,7 @@ def span(values: Sequence[float], digits: int) -> str:
     Raises:
         ValueError: there are no values.
     """
-    low, high = (f"{round(value, digits) + 0.0:.{digits}f}" for value in (min(values), max(values)))
+    low, high = (fixed(value, digits) for value in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
 
 

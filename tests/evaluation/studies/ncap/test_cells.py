@@ -13,7 +13,7 @@ from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
 from evaluation.runs.specs import Conditions
 from evaluation.studies.ncap.cells import cell_columns, changed_run, counted_otherwise, shipped_run
-from evaluation.studies.ncap.grid import all_cells, grid_of_files, grid_of_shipped, scenario_files
+from evaluation.studies.ncap.grid import grid_of_files, grid_of_shipped, scenario_files
 from evaluation.studies.ncap.run import protocol_for, specs_of
 from scenarios.openscenario.reading.distributions import expand
 from scenarios.openscenario.reading.reader import load
@@ -294,7 +294,7 @@ def test_farside_walkers_of_vectors_files_are_hit_where_their_cell_is(ncap: Path
 def test_conditions_and_requirements_are_run_with_the_cells_that_they_change() -> None:
     protocol = EuroNcap2026()
     grid = grid_of_files(scenario_files(["cpna"]), protocol)
-    cells = all_cells(protocol)
+    cells = protocol.all_cells
     found = Counter(
         cell.condition
         for run in grid.runs

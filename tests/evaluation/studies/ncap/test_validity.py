@@ -11,7 +11,7 @@ from evaluation.protocols.grid import Cell
 from evaluation.protocols.registry import named_protocol
 from evaluation.protocols.table import measurements
 from evaluation.runs.conflict import Conflict, Part, Touch, conflicts, unbraked
-from evaluation.studies.ncap.grid import all_cells, grid_of_files, grid_of_shipped, scenario_files
+from evaluation.studies.ncap.grid import grid_of_files, grid_of_shipped, scenario_files
 from evaluation.studies.ncap.validity import _FAMILIES, why_invalid
 
 NCAP = Path(__file__).parents[5] / "shared" / "ncap" / "scenarios" / "OpenSCENARIO" / "NCAP"
@@ -94,13 +94,13 @@ def test_without_contact_every_cell_is_invalid() -> None:
     nobody = Conflict("Target", None)
     other = replace(met_at(75.0), target="Somebody else")
     for protocol in ("2023", "2026", "r152", "paper"):
-        for cell in all_cells(named_protocol(protocol)):
+        for cell in named_protocol(protocol).all_cells:
             assert why_invalid(cell, nobody).startswith("no conflict without braking")
             assert why_invalid(cell, other).startswith("no conflict with the target")
 
 
 def test_every_scenario_of_the_protocols_has_a_family() -> None:
-    names = {cell.scenario for name in ("2023", "2026", "r152") for cell in all_cells(named_protocol(name))}
+    names = {cell.scenario for name in ("2023", "2026", "r152") for cell in named_protocol(name).all_cells}
     assert names == set(_FAMILIES)
 
 
@@ -192,7 +192,7 @@ def invalid_of(name: str, folder: Path | None, every: int) -> tuple[int, list[st
         grid = grid_of_files(scenario_files([str(folder)]), protocol)
     runs = grid.runs[::every]
     found = conflicts([run.spec for run in runs])
-    cells = all_cells(protocol)
+    cells = protocol.all_cells
     overlaps = isinstance(protocol, EuroNcap2023)
     reasons = [
         f"{cell}: {reason}"

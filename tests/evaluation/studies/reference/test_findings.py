@@ -12,6 +12,7 @@ from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun
 from evaluation.studies.reference import cpna_findings as cpna
+from evaluation.studies.reference import growth_findings as crowds
 from evaluation.studies.reference import scene_findings as scenes
 from evaluation.studies.reference.mechanisms import CONDITIONS, MechanismRun
 from evaluation.studies.reference.words import counted, listed, span
@@ -140,5 +141,5 @@ def test_pairs_are_compared_both_ways() -> None:
 def test_growth_in_proportion(power: int, in_proportion: bool) -> None:
     runs = [GrowthRun("all", n, 0, float(n), 3.0, False, 0.0) for n in (0, 50, 100)]
     spent = [FrameTime(10, 1.0 + 0.1 * run.others**power, 0.0) for run in runs]
-    assert scenes.grows_in_proportion(runs, spent) == in_proportion
-    assert "the flag comes no later" in scenes.told_growth(runs, spent)[0]
+    assert crowds.grows_in_proportion(runs, spent) == in_proportion
+    assert "the flag comes no later" in crowds.told_growth(runs, spent)[0]
