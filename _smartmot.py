@@ -219,7 +219,8 @@ MOVED = {
     "scenarios.openscenario.conditions": "scenarios.openscenario.running.conditions",
     "scenarios.openscenario.distributions": "scenarios.openscenario.reading.distributions",
     "scenarios.openscenario.document": "scenarios.openscenario.reading.document",
-    "scenarios.openscenario.engine": "scenarios.openscenario.running.engine",
+    "scenarios.openscenario.engine": "scenarios.openscenario.running.engine "
+    "scenarios.openscenario.running.results",
     "scenarios.openscenario.holding": "scenarios.openscenario.running.holding "
     "scenarios.openscenario.running.relative scenarios.openscenario.running.own "
     "scenarios.openscenario.running.conditions",

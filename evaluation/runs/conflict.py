@@ -10,7 +10,8 @@ from enum import StrEnum
 from evaluation.results.rows import RunRow
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.workers import execute_all
-from scenarios.openscenario.running.engine import Contact, Engine
+from scenarios.openscenario.running.engine import Engine
+from scenarios.openscenario.running.results import Contact
 from scenarios.simulation.ends import EndReason
 from scenarios.spec import NO_AEB, RunSpec, simulation_of
 from smartmot.geometry import signed_gap_scalar

@@ -18,7 +18,8 @@ from scenarios.openscenario.errors import (
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.openscenario.reading.reader import load
-from scenarios.openscenario.running.engine import Contact, Engine, Entities, Run
+from scenarios.openscenario.running.engine import Engine
+from scenarios.openscenario.running.results import Contact, Entities, Run
 
 __all__ = [
     "BrakeAt",

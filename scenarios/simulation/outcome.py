@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarios.openscenario.running.engine import Contact
+from scenarios.openscenario.running.results import Contact
 from scenarios.simulation.ends import EndReason, is_avoided
 from scenarios.simulation.log import RunLog
 from smartmot.types import Dropped, FloatArray

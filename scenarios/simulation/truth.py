@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.openscenario.running.engine import Engine, Entities
+from scenarios.openscenario.running.engine import Engine
+from scenarios.openscenario.running.results import Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
 from scenarios.sensors.world import MapSurface, World
 from scenarios.simulation.drive import Asked, EgoDrive

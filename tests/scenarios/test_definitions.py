@@ -18,7 +18,8 @@ from scenarios.catalogue.library import (
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.openscenario.reading.reader import load
-from scenarios.openscenario.running.engine import Engine, Run
+from scenarios.openscenario.running.engine import Engine
+from scenarios.openscenario.running.results import Run
 
 KMH = 1 / 3.6
 LEAD_S = 2.0

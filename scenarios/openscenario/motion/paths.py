@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.openscenario.elements import Immutable
+from smartmot.path import chord_stations
 from smartmot.types import FloatArray
 
 SPACING_M = 0.05
@@ -59,7 +60,7 @@ class Path(Immutable):
         points = np.column_stack((np.asarray(x_m, float), np.asarray(y_m, float)))
         chord = np.diff(points, axis=0)
         if station_m is None:
-            station_m = np.concatenate(([0.0], np.cumsum(np.hypot(chord[:, 0], chord[:, 1]))))
+            station_m = chord_stations(points)
         self.points_m = points
         self._x, self._y = points[:, 0].tolist(), points[:, 1].tolist()
         self._station: list[float] = station_m.tolist()

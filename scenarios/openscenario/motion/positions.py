@@ -139,9 +139,9 @@ class Locator:
         Raises:
             RunError: a waypoint is in no lane, or no way leads there.
         """
-        found: list[Leg] | None = self._kept.get(route)
-        if found is not None:
-            return found
+        known_legs: list[Leg] | None = self._kept.get(route)
+        if known_legs is not None:
+            return known_legs
         places: list[LanePlace] = []
         for waypoint in route.waypoints:
             if isinstance(waypoint, LanePosition):
@@ -163,11 +163,11 @@ class Locator:
         Raises:
             RunError: it has no start and there is no entity to begin at.
         """
-        found: Path | None = self._kept.get(trajectory)
-        if found is not None:
-            return found
-        here = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
-        path = build(trajectory, self.pose, here)
+        known_path: Path | None = self._kept.get(trajectory)
+        if known_path is not None:
+            return known_path
+        entity_pose = self._pose_of(entity) if entity is not None and starts_at_entity(trajectory) else None
+        path = build(trajectory, self.pose, entity_pose)
         if not starts_at_entity(trajectory) and not referred(trajectory):
             self._kept[trajectory] = path
         return path

@@ -142,6 +142,7 @@ class SpeedProfile(Immutable):
         low = time_s
         for high in (*(start for start, _ in self._starts if start > time_s), max(self.end_s, time_s)):
             if left_m(high) <= 0.0:
+                # some way is left at low and none at high: 60 halvings leave no more than rounding
                 for _ in range(60):
                     middle = 0.5 * (low + high)
                     low, high = (middle, high) if left_m(middle) > 0.0 else (low, middle)

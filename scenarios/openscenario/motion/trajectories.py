@@ -25,24 +25,24 @@ def starts_at_entity(trajectory: Trajectory) -> bool:
     return isinstance(trajectory.shape, ClothoidSpline) and trajectory.shape.segments[0].start is None
 
 
-def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
     """Path of a trajectory.
 
     Args:
         trajectory: as read.
         pose_of: pose of a position.
-        here: the entity's pose, at which a spline without start begins.
+        entity_pose: the entity's pose, at which a spline without start begins.
 
     Raises:
         RunError: it has no length, or no start.
     """
     try:
-        return _build(trajectory.shape, pose_of, here)
+        return _build(trajectory.shape, pose_of, entity_pose)
     except RunError as error:
         raise RunError(f"trajectory '{trajectory.name}': {error}") from None
 
 
-def _build(shape: Shape, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+def _build(shape: Shape, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
     match shape:
         case Polyline():
             poses = [pose_of(vertex.position) for vertex in shape.vertices]
@@ -51,16 +51,16 @@ def _build(shape: Shape, pose_of: Callable[[Position], Pose], here: Pose | None)
                 raise RunError("two vertices in a row are at the same place")
             return Path(x, y)
         case ClothoidSpline():
-            return _spline(shape, pose_of, here)
+            return _spline(shape, pose_of, entity_pose)
         case Nurbs():
             return _nurbs(shape, pose_of)
 
 
-def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], here: Pose | None) -> Path:
+def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
     start = shape.segments[0].start
-    if start is None and here is None:
+    if start is None and entity_pose is None:
         raise RunError("it has no PositionStart and no entity to begin at")
-    pose = here if start is None else pose_of(start)
+    pose = entity_pose if start is None else pose_of(start)
     assert pose is not None
     rows: list[FloatArray] = []
     stations: list[FloatArray] = []
@@ -109,6 +109,7 @@ def _nurbs(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> Path:
         raise RunError(f"its control points span more than {MAX_POINTS * SPACING_M:g} m")
     u = np.linspace(knots[degree], knots[len(points)], count)
     span = np.clip(np.searchsorted(knots, u, side="right") - 1, degree, len(points) - 1)
+    # all points of the curve at once: row k has the control points that count in the span of u[k]
     d = homogeneous[span[:, None] - degree + np.arange(degree + 1)]
     for level in range(1, degree + 1):
         for j in range(degree, level - 1, -1):

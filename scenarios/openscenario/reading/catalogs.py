@@ -71,16 +71,16 @@ class Catalogs:
         """
         reference.allow("catalogName entryName", "ParameterAssignments")
         name, entry_name = reference.text("catalogName"), reference.text("entryName")
-        found = self._entries.get((name, entry_name))
-        if found is None:
+        located = self._entries.get((name, entry_name))
+        if located is None:
             if name not in self._names:
                 listed = ", ".join(sorted(set(self._names))) or "none"
                 raise CatalogError(f"{reference.where} no catalog '{name}'; catalogs found: {listed}")
-            there = ", ".join(sorted(e for c, e in self._entries if c == name))
+            entries = ", ".join(sorted(e for c, e in self._entries if c == name))
             raise CatalogError(
-                f"{reference.where} no entry '{entry_name}' in catalog '{name}'; entries there: {there}"
+                f"{reference.where} no entry '{entry_name}' in catalog '{name}'; entries there: {entries}"
             )
-        file, element = found
+        file, element = located
         if element.tag not in tags.split():
             wanted = " or ".join(f"<{tag}>" for tag in tags.split())
             raise CatalogError(f"{reference.where} '{entry_name}' is a <{element.tag}>, expected a {wanted}")

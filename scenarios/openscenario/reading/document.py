@@ -139,10 +139,10 @@ class Node:
         Raises:
             ContentError: there are several.
         """
-        found = self.all(tag)
-        if len(found) > 1:
-            raise ContentError(f"{found[1].where} stands a second time in <{self.tag}>")
-        return found[0] if found else None
+        children = self.all(tag)
+        if len(children) > 1:
+            raise ContentError(f"{children[1].where} stands a second time in <{self.tag}>")
+        return children[0] if children else None
 
     def need(self, tag: str) -> Node:
         """The child of a name.

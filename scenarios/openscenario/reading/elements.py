@@ -112,6 +112,18 @@ def declared(kind: type[RecordT], node: Node, context: Context, /, **given: obje
     return cast(Callable[..., RecordT], kind)(**values)
 
 
+_OPTIONS: dict[object, dict[str, list[type[Element]]]] = {}
+
+
+def _options(kinds: object) -> dict[str, list[type[Element]]]:
+    """Records of a union by the names of the elements, or of the groups that hold them."""
+    options: dict[str, list[type[Element]]] = {}
+    for kind in get_args(kinds):
+        if kind is not type(None):
+            options.setdefault(kind.xml.group or kind.xml.tag, []).append(kind)
+    return options
+
+
 def one_of(kinds: object, node: Node, context: Context) -> Element:
     """The record of the only child of an element, which is of one of the types of a union."""
     return read(*chosen(kinds, node), context)
@@ -124,10 +136,7 @@ def chosen(kinds: object, node: Node) -> tuple[type[Element], Node]:
         ContentError: there is no child, or there are several.
         UnsupportedError: it is of none of them.
     """
-    options: dict[str, list[type[Element]]] = {}
-    for kind in get_args(kinds):
-        if kind is not type(None):
-            options.setdefault(kind.xml.group or kind.xml.tag, []).append(kind)
+    options = _OPTIONS.get(kinds) or _OPTIONS.setdefault(kinds, _options(kinds))
     child = node.one_of(" ".join(options))
     members = options[child.tag]
     if members[0].xml.group is not None:
@@ -137,13 +146,39 @@ def chosen(kinds: object, node: Node) -> tuple[type[Element], Node]:
 
 @dataclass(frozen=True, slots=True)
 class _Field:
-    """A field of a record: what is checked first, where it is read from, and as what."""
+    """A field of a record: what is checked first, where it is read from, and as what.
+
+    Args:
+        name: of the field.
+        checks: what is checked before.
+        source: where it is read from.
+        names: attributes or children that it may be read from.
+        kind: its type; without None if that and another one are all.
+        optional: whether it may be None.
+        words: that its attribute may have (separated by blanks); None: it is no choice of words.
+    """
 
     name: str
     checks: tuple[Check, ...]
     source: Source
+    names: tuple[str, ...]
     kind: object
     optional: bool
+    words: str | None
+
+
+def _field(name: str, hint: object) -> _Field:
+    kind, *metadata = get_args(hint)
+    checks = tuple(part for part in metadata if isinstance(part, Only | Never))
+    source = next(part for part in metadata if isinstance(part, Attribute | Reference | Child))
+    names: tuple[str, ...] = (source.name,)
+    if optional := type(None) in get_args(kind):
+        kind = get_args(kind)[0] if len(get_args(kind)) == 2 else kind
+    words = " ".join(get_args(kind)) if get_origin(kind) is Literal else None
+    if isinstance(source, Attribute):
+        names += () if source.older is None else (source.older,)
+        words = words if source.values is None else " ".join(source.values)
+    return _Field(name, checks, source, names, kind, optional, words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,10 +198,8 @@ def _plan(kind: type[Element]) -> _Plan:
         hints = get_type_hints(kind, include_extras=True)
         fields = [_field(name, hint) for name, hint in hints.items() if get_origin(hint) is Annotated]
         checked = [check.name for field in fields for check in field.checks]
-        names = [
-            name for field in fields if not isinstance(field.source, Child) for name in _spellings(field)
-        ]
         tags = [field.source.name for field in fields if isinstance(field.source, Child)]
+        names = [name for field in fields for name in field.names if name not in tags]
         xml = kind.xml
         _PLANS[kind] = _Plan(
             tuple(sorted(fields, key=lambda field: field.name not in xml.first.split())),
@@ -174,21 +207,6 @@ def _plan(kind: type[Element]) -> _Plan:
             " ".join(tags) if xml.children is None else xml.children,
         )
     return _PLANS[kind]
-
-
-def _spellings(field: _Field) -> list[str]:
-    older = field.source.older if isinstance(field.source, Attribute) else None
-    return [field.source.name] if older is None else [field.source.name, older]
-
-
-def _field(name: str, hint: object) -> _Field:
-    kind, *metadata = get_args(hint)
-    checks = tuple(part for part in metadata if isinstance(part, Only | Never))
-    source = next(part for part in metadata if isinstance(part, Attribute | Reference | Child))
-    optional = type(None) in get_args(kind)
-    if optional and len(get_args(kind)) == 2:
-        kind = get_args(kind)[0]
-    return _Field(name, checks, source, kind, optional)
 
 
 def _value(field: _Field, node: Node, context: Context) -> object:
@@ -205,10 +223,9 @@ def _value(field: _Field, node: Node, context: Context) -> object:
         if isinstance(field.kind, type) and issubclass(field.kind, Element):
             return read(field.kind, child, context)
         return one_of(field.kind, child, context)
-    given = any(node.has(name) for name in _spellings(field))
-    if field.optional and source.default is None and not given:
+    if field.optional and source.default is None and not any(map(node.has, field.names)):
         return None
-    return _attribute(source, field.kind, node)
+    return _attribute(field, source, node)
 
 
 def _check(check: Check, node: Node) -> None:
@@ -218,18 +235,17 @@ def _check(check: Check, node: Node) -> None:
         raise UnsupportedError(f"{node.where} {check.name}='true' is not supported{check.instead}")
 
 
-def _attribute(source: Attribute, kind: object, node: Node) -> object:
+def _attribute(field: _Field, source: Attribute, node: Node) -> object:
     name = source.name if source.older is None or node.has(source.name) else source.older
     default = source.default
-    if source.values is not None:
-        return source.values[node.choice(name, " ".join(source.values), default)]
-    if get_origin(kind) is Literal:
-        return node.choice(name, " ".join(get_args(kind)), default)
-    if kind is str:
+    if field.words is not None:
+        word = node.choice(name, field.words, default)
+        return word if source.values is None else source.values[word]
+    if field.kind is str:
         return node.text(name, default)
-    if kind is bool:
+    if field.kind is bool:
         return node.boolean(name, default)
-    if kind is int:
+    if field.kind is int:
         return node.integer(name, default)
     if source.sign == "any":
         return node.number(name, default)

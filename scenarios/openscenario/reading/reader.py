@@ -135,10 +135,10 @@ def _map_path(node: Node) -> Path:
 
 def _entities(node: Node) -> list[Node]:
     node.allow(children="ScenarioObject")
-    found = list(node)
-    if not found:
+    objects = list(node)
+    if not objects:
         raise ContentError(f"{node.where} needs at least one ScenarioObject: the scenario has no road user")
-    return found
+    return objects
 
 
 def _entity(node: Node, context: Context) -> EntityDefinition:
@@ -190,15 +190,15 @@ def _init(node: Node, context: Context) -> list[tuple[str | None, Action]]:
     node.allow(children="Actions")
     actions = node.need("Actions")
     actions.allow(children="GlobalAction Private")
-    found: list[tuple[str | None, Action]] = []
+    initial: list[tuple[str | None, Action]] = []
     for child in actions:
         if child.tag == "GlobalAction":
-            found.append((None, global_action(child, context)))
+            initial.append((None, global_action(child, context)))
             continue
         child.allow("entityRef", "PrivateAction")
         entity = context.entity(child)
-        found.extend((entity, private_action(action, context)) for action in child)
-    return found
+        initial.extend((entity, private_action(action, context)) for action in child)
+    return initial
 
 
 def _story(node: Node, context: Context) -> Story:

@@ -171,6 +171,7 @@ class Actor:
             return None
         if self.standing_since_s is not None:
             return self.standing_since_s
+        # it moved when that was noted last, and stands now: halve down to when it came to rest
         low, high = self._noted_s, time_s
         while high - low > COMMAND_EPSILON_S:
             middle = 0.5 * (low + high)

@@ -31,10 +31,10 @@ def bare(kind: model.ValueConditionKind | model.EntityCondition, world: World) -
 def _on_entities(condition: model.EntityCondition, world: World) -> Holding:
     actors = [world.actors[name] for name in condition.entities]
     parts = [(actor, _on_entity(condition.kind, actor, world)) for actor in actors]
-    others = [world.actors[name] for name in referred(condition.kind)]
+    subjects = [world.actors[name] for name in referred(condition.kind)]
     if len(parts) == 1:
-        return holding.OnEntity(*parts[0], others)
-    return holding.OnEntities(parts, condition.every, others)
+        return holding.OnEntity(*parts[0], subjects)
+    return holding.OnEntities(parts, condition.every, subjects)
 
 
 def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> Holding:

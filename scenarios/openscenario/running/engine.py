@@ -7,8 +7,6 @@ touch inside a step, the instant is found by bisection and the step is split the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
@@ -20,13 +18,14 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
-from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.initial import in_order
 from scenarios.openscenario.running.relative import Touching
+from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
-from smartmot.types import BoolArray, Boxes, FloatArray, StrArray, unchecked
+from smartmot.types import Boxes, unchecked
 
 STEP_S = 0.01
 """Step of a run: how often states are sampled and a synchronised entity looks at its master."""
@@ -45,103 +44,6 @@ MAX_LOOKS, MANY_LOOKS_S = 100, 1e-3
 
 MAX_SPLITS = 1000
 """More changes within one step are a fault of the scenario."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Entities:
-    """All entities at one instant, as arrays in the order of the scenario, map frame.
-
-    Args:
-        time_s: when.
-        name: (N,) names.
-        category: (N,) detection categories.
-        reference_m: (N, 2) reference points (of vehicles: middle of the rear axle).
-        boxes: N bounding boxes.
-        speed_mps: (N,) along the heading, negative in reverse.
-        exists: (N,) not deleted.
-        seen: (N,) exists and is visible to sensors.
-    """
-
-    time_s: float
-    name: StrArray
-    category: StrArray
-    reference_m: FloatArray
-    boxes: Boxes
-    speed_mps: FloatArray
-    exists: BoolArray
-    seen: BoolArray
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """First touch of the ego's outline with another.
-
-    Args:
-        time_s: when.
-        entity: the other.
-        ego_speed_mps, entity_speed_mps: along their headings.
-        impact_location_percent: where the centre of the other's box meets the ego's width: 0 its right edge,
-            100 its left edge (Euro NCAP's counting).
-    """
-
-    time_s: float
-    entity: str
-    ego_speed_mps: float
-    entity_speed_mps: float
-    impact_location_percent: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """What a run came to; None where it did not happen. N entities, T samples.
-
-    Args:
-        contact_time_s: first contact of the ego.
-        contact_entity: with whom.
-        target: the entity that the scenario is about.
-        target_start_time_s: when it left standstill.
-        target_steady_time_s: since when its speed was constant at the contact (without contact: at the end).
-        ego_speed_at_contact_kmh, target_speed_at_contact_kmh: of the ego and of the entity hit.
-        impact_location_percent: see `Contact`.
-        end_time_s: end of the run.
-        stopped: whether the storyboard's stop trigger ended it (not the time limit).
-        names: (N,) entities.
-        time_s: (T,) sampling times.
-        x_m, y_m, yaw_rad: (T, N) reference points and headings.
-        speed_mps: (T, N) speeds.
-        exists: (T, N) whether the entity is there.
-    """
-
-    contact_time_s: float | None
-    contact_entity: str | None
-    target: str | None
-    target_start_time_s: float | None
-    target_steady_time_s: float | None
-    ego_speed_at_contact_kmh: float | None
-    target_speed_at_contact_kmh: float | None
-    impact_location_percent: float | None
-    end_time_s: float
-    stopped: bool
-    names: StrArray
-    time_s: FloatArray
-    x_m: FloatArray
-    y_m: FloatArray
-    yaw_rad: FloatArray
-    speed_mps: FloatArray
-    exists: BoolArray
-
-
-@dataclass(slots=True)
-class Samples:
-    """What a run came to so far, one entry for each sampling time: times, states, who exists."""
-
-    time_s: list[float] = field(default_factory=list)
-    states: list[list[State]] = field(default_factory=list)
-    exists: list[list[bool]] = field(default_factory=list)
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Samples:
-        """Lists of its own, of the same samples, which are never changed."""
-        return Samples(self.time_s.copy(), self.states.copy(), self.exists.copy())
 
 
 class Engine:
@@ -188,8 +90,11 @@ class Engine:
         self.contact: Contact | None = None
         self._names = tuple(entity.name for entity in definition.entities)
         self._categories = tuple(entity.category for entity in definition.entities)
-        self._others = [actor for actor in self._actors.values() if actor is not self.ego]
-        self._touches = [(other, Observed(Touching(self.ego, other))) for other in self._others]
+        self._touches = [
+            (other, Observed(Touching(self.ego, other)))
+            for other in self._actors.values()
+            if other is not self.ego
+        ]
         self._watching: list[Observed] = []
         self._open: list[Observed] = []
         self._looks = 0
@@ -273,7 +178,7 @@ class Engine:
                     names.extend(action.entities)
                 elif isinstance(action.action, model.SpeedAction | model.FollowTrajectoryAction):
                     moved.extend(action.entities)
-        names.extend((*moved, *(actor.name for actor in self._others)))
+        names.extend((*moved, *(other.name for other, _ in self._touches)))
         return next((name for name in names if name != self.ego.name), None)
 
     @property
@@ -378,6 +283,7 @@ class Engine:
         """
         if self._differs(b):
             if not self._may_flip(a, b):
+                # one change at most: the same before it, different after it
                 return self._bisected(a.time_s, b)
             least = TOLERANCE_S
         elif self._may_flip(a, b):
@@ -387,6 +293,7 @@ class Engine:
             return None
         if b.time_s - a.time_s <= least:
             return b if least == TOLERANCE_S else None
+        # reaches shrink with the interval, so that near a value that is only approached this ends soon
         middle = Instant(0.5 * (a.time_s + b.time_s), self._actors)
         return self._first_change(a, middle) or self._first_change(middle, b)
 
@@ -409,6 +316,7 @@ class Engine:
 
     def _bisected(self, low_s: float, high: Instant) -> Instant:
         """The instant of a change before an instant at which something differs."""
+        # nothing differs at the low end and something does at the high one, however often this is halved
         while high.time_s - low_s > TOLERANCE_S:
             middle = Instant(0.5 * (low_s + high.time_s), self._actors)
             if self._differs(middle):
@@ -430,6 +338,7 @@ class Engine:
         name = other.name
         ego, hit = instant.state(self.ego.name), instant.state(name)
         ego_box, hit_box = self.ego.box(ego), other.box(hit)
+        # from the centre of the ego's box to that of the other's, along the ego's y axis
         left = (hit_box[1] - ego_box[1]) * math.cos(ego.yaw_rad) - (hit_box[0] - ego_box[0]) * math.sin(
             ego.yaw_rad
         )
@@ -462,8 +371,8 @@ class Engine:
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
         return Entities(
             time_s=self.time_s,
-            name=_read_only(self._names),
-            category=_read_only(self._categories),
+            name=read_only(self._names),
+            category=read_only(self._categories),
             reference_m=np.array([(state.x_m, state.y_m) for state in states]),
             boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
             speed_mps=np.array([state.speed_mps for state in states]),
@@ -496,7 +405,7 @@ class Engine:
             impact_location_percent=contact.impact_location_percent if contact else None,
             end_time_s=self.time_s,
             stopped=self.over,
-            names=_read_only(self._names),
+            names=read_only(self._names),
             time_s=np.array(self._samples.time_s),
             x_m=table[..., 0],
             y_m=table[..., 1],
@@ -504,10 +413,3 @@ class Engine:
             speed_mps=table[..., 3],
             exists=np.array(self._samples.exists),
         )
-
-
-@lru_cache(maxsize=64)
-def _read_only(names: tuple[str, ...]) -> StrArray:
-    array = np.array(names, dtype=np.str_)
-    array.setflags(write=False)
-    return array

@@ -44,15 +44,15 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
                 f"trajectory '{action.trajectory.name}': initialDistanceOffset {station:.6g} m is more than "
                 f"its length of {self._path.length_m:.6g} m"
             )
-        here: float | None = None
+        own_station: float | None = None
         pose = self.who.state(time_s).pose
         if action.steers and self.who.placed and not self._is_at(station, pose):
-            here = station = self._steer(time_s, pose)
+            own_station = station = self._steer(time_s, pose)
         if action.timing is None:
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
-        profile = timed_profile(action, trajectory, time_s, here)
-        if here is None:
+        profile = timed_profile(action, trajectory, time_s, own_station)
+        if own_station is None:
             station = profile.at(time_s)[0]
         self.who.follow(time_s, self._path, station, trajectory=True)
         self.drive(time_s, profile)

@@ -21,11 +21,12 @@ class StandStill(Holding):
 
     def __init__(self, condition: model.StandStillCondition, actor: Actor) -> None:
         self._duration_s, self._actor = condition.duration_s, actor
+        self._least_s = condition.duration_s - TIME_EPSILON_S
 
     def holds(self, instant: Instant) -> bool:
         """Whether the entity has stood long enough."""
         since = self._actor.standing_since(instant.time_s, instant.state(self._actor.name))
-        return since is not None and instant.time_s - since >= self._duration_s - TIME_EPSILON_S
+        return since is not None and instant.time_s - since >= self._least_s
 
     def next_s(self) -> float:
         """When it will have, if it goes on to stand."""

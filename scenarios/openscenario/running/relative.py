@@ -46,31 +46,17 @@ class Pair:
         """Greatest speed at which they can approach or part from now on."""
         return self.actor.fastest_mps(now.time_s) + self.other.fastest_mps(now.time_s)
 
-    def turns_rad(self, a: Instant, b: Instant) -> tuple[float, float]:
-        """How much each turns between two instants at most."""
-        (state, other), (later, other_later) = self.states(a), self.states(b)
-        return self.actor.turn_rad(state, later), self.other.turn_rad(other, other_later)
-
-    def changes_mps(self, a: Instant, b: Instant, turns_rad: tuple[float, float]) -> float:
-        """By how much both velocities together can have changed."""
-        (state, other), (later, other_later) = self.states(a), self.states(b)
-        return change_mps(state, later, turns_rad[0]) + change_mps(other, other_later, turns_rad[1])
-
-    def passed_m(self, a: Instant, b: Instant, turns_rad: tuple[float, float]) -> float:
-        """How far the reference points can have moved against each other.
+    def passed(self, a: Instant, b: Instant) -> tuple[float, float, float]:
+        """How far the reference points can have moved against each other, and how far each entity turned.
 
         By the difference of their ways, and by what velocities that change can depart from their means.
         """
         (state, other), (later, other_later) = self.states(a), self.states(b)
+        turn, other_turn = self.actor.turn_rad(state, later), self.other.turn_rad(other, other_later)
+        changes_mps = change_mps(state, later, turn) + change_mps(other, other_later, other_turn)
         dx = (later.x_m - state.x_m) - (other_later.x_m - other.x_m)
         dy = (later.y_m - state.y_m) - (other_later.y_m - other.y_m)
-        return math.hypot(dx, dy) + self.changes_mps(a, b, turns_rad) * (b.time_s - a.time_s)
-
-    def outlines_passed_m(self, a: Instant, b: Instant) -> float:
-        """How far points of the outlines can have moved against each other."""
-        turns_rad = turn, other_turn = self.turns_rad(a, b)
-        passed_m = self.passed_m(a, b, turns_rad)
-        return passed_m + turn * self.actor.radius_m + other_turn * self.other.radius_m
+        return math.hypot(dx, dy) + changes_mps * (b.time_s - a.time_s), turn, other_turn
 
 
 def change_mps(state: State, later: State, turn_rad: float) -> float:
@@ -91,7 +77,9 @@ class Touching(Holding):
 
     def flips(self, a: Instant, b: Instant) -> bool:
         """Whether they can have met and parted, or parted and met."""
-        passed_m, names = self._pair.outlines_passed_m(a, b), self._names
+        pair, names = self._pair, self._names
+        passed_m, turn, other_turn = pair.passed(a, b)
+        passed_m = passed_m + turn * pair.actor.radius_m + other_turn * pair.other.radius_m
         if a.circle_gap_m(*names) + b.circle_gap_m(*names) >= passed_m:
             return False
         return abs(a.gap_m(*names)) + abs(b.gap_m(*names)) + SLACK < passed_m
@@ -117,8 +105,8 @@ class RelativeSpeed(Compared):
         (state, other), (later, other_later) = self._pair.states(a), self._pair.states(b)
         turn_rad = 0.0
         if self._direction:
-            turn, other_turn = self._pair.turns_rad(a, b)
-            turn_rad = turn + other_turn
+            pair = self._pair
+            turn_rad = pair.actor.turn_rad(state, later) + pair.other.turn_rad(other, other_later)
         return abs(later.speed_mps - state.speed_mps) + change_mps(other, other_later, turn_rad)
 
     def settled_s(self, now: Instant) -> float:
@@ -160,8 +148,7 @@ class _Distance(Compared):
     def reach(self, a: Instant, b: Instant) -> float:
         """How much the distance can have changed."""
         pair = self._pair
-        turns_rad = turn, other_turn = pair.turns_rad(a, b)
-        reach_m = pair.passed_m(a, b, turns_rad)
+        reach_m, turn, other_turn = pair.passed(a, b)
         actor_m, other_m = pair.actor.radius_m, pair.other.radius_m
         if self._freespace:
             reach_m += turn * actor_m + other_turn * other_m
@@ -274,8 +261,9 @@ class TimeToCollision(_Distance):
         """
         (apart_m, speed_mps), (later_m, later_mps) = self._closing(a), self._closing(b)
         reach_m, seconds = self.reach(a, b), b.time_s - a.time_s
-        turns_rad = turn, other_turn = self._pair.turns_rad(a, b)
-        changes_mps = self._pair.changes_mps(a, b, turns_rad)
+        _, turn, other_turn = self._pair.passed(a, b)
+        (state, other), (later, other_later) = self._pair.states(a), self._pair.states(b)
+        changes_mps = change_mps(state, later, turn) + change_mps(other, other_later, other_turn)
         nearest_m = min(apart_m, later_m) - reach_m
         if nearest_m <= 0.0:
             # where they meet, the direction in which they approach can be any: look every millisecond

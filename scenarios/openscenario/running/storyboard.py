@@ -190,15 +190,15 @@ class Storyboard:
             self._stories.append(element)
         self._elements = [element for story in self._stories for element in story.everything()]
         self._running: list[Running] = []
-        self._found: dict[tuple[str, tuple[str, ...]], Element] = {}
+        self._named: dict[tuple[str, tuple[str, ...]], Element] = {}
         self.over = False
         world.element_state = self._element_state
 
     def _element_state(self, kind: str, path: tuple[str, ...], state: str) -> bool:
-        element = self._found.get((kind, path))
+        element = self._named.get((kind, path))
         if element is None:
             element = next(e for e in self._elements if e.kind == kind and ends_with(e.path, path))
-            self._found[kind, path] = element
+            self._named[kind, path] = element
         return element.transition == state if state.endswith("Transition") else element.state == state
 
     # Actions
@@ -382,15 +382,15 @@ class Storyboard:
             return changed
         if event.state == COMPLETE or not event.start.look(instant):
             return False
-        others = [other for other in siblings if other is not event and other.state == RUNNING]
-        if event.event.priority == "skip" and others:
+        rivals = [other for other in siblings if other is not event and other.state == RUNNING]
+        if event.event.priority == "skip" and rivals:
             event.executions += 1
             event.transition = "skipTransition"
             if event.executions >= event.event.max_executions:
                 event.state = COMPLETE
             return True
         if event.event.priority == "override":
-            for other in others:
+            for other in rivals:
                 other.halt(instant.time_s)
         event.begin()
         for action in event.actions:

@@ -40,7 +40,9 @@ def approach(
     if abs(0.5 * (v0 + v1) * t - d) <= _SMALL * max(1.0, d):
         return (Piece(t, v0, v1),)
     # Two pieces with accelerations of one size: speed v0 -> vx in x, vx -> v1 in t - x, where
-    # (vx - v0) / x = (vx - v1) / (t - x) and the mean speeds cover the distance.
+    # (vx - v0) / x = (vx - v1) / (t - x) and the mean speeds cover the distance. Without x that is
+    # 2 t vx^2 - 4 d vx + 2 (v0 + v1) d - (v0^2 + v1^2) t = 0: the greater root is the way by a faster extreme,
+    # the other that by a slower.
     root = math.sqrt(max(2.0 * (2.0 * d * d - 2.0 * (v0 + v1) * t * d + (v0 * v0 + v1 * v1) * t * t), 0.0))
     faster = 0.5 * (v0 + v1) * t < d
     extreme = (2.0 * d + root if faster else 2.0 * d - root) / (2.0 * t)
@@ -48,7 +50,7 @@ def approach(
         away, back = abs(extreme - v0), abs(extreme - v1)
         first = t * away / (away + back)
         return (Piece(first, v0, extreme), Piece(t - first, extreme, v1))
-    # To a standstill, a wait, and on, again with accelerations of one size.
+    # To a standstill, a wait, and on, again with accelerations of one size: both ramps cover the distance.
     size = (v0 * v0 + v1 * v1) / (2.0 * d)
     stop, start = v0 / size, v1 / size
     return (Piece(stop, v0, 0.0), Piece(t - stop - start, 0.0, 0.0), Piece(start, 0.0, v1))
@@ -134,6 +136,7 @@ class Synchronize(RunningAction[model.SynchronizeAction]):
         if self._from_rest and final <= 0.0:
             self._steady_from_s = time_s + left_s
             return
+        # the steady state is the last part of the way; what comes before it is left for the approach
         steady_m, steady_s = self._steady(final)
         pieces = approach(max(speed, 0.0), final, left_m - steady_m, left_s - steady_s)
         # no way or no time left: on at the final speed

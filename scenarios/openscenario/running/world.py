@@ -41,16 +41,16 @@ class Instant:
         """Free distance of two outlines; not positive where they touch or overlap."""
         gap: float | None = self.memo.get((a, b))
         if gap is None:
-            one, other = self.actors[a], self.actors[b]
-            gap = signed_gap_scalar(one.box(self.state(a)), other.box(self.state(b)))
+            box, other_box = self.actors[a].box(self.state(a)), self.actors[b].box(self.state(b))
+            gap = signed_gap_scalar(box, other_box)
             self.memo[a, b] = gap
         return gap
 
     def circle_gap_m(self, a: str, b: str) -> float:
         """A lower bound of the free distance, quickly."""
-        one, other = self.state(a), self.state(b)
+        state, other = self.state(a), self.state(b)
         reach = self.actors[a].radius_m + self.actors[b].radius_m
-        dx, dy = one.x_m - other.x_m, one.y_m - other.y_m
+        dx, dy = state.x_m - other.x_m, state.y_m - other.y_m
         return float((dx * dx + dy * dy) ** 0.5) - reach
 
 

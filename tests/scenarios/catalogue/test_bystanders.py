@@ -11,7 +11,8 @@ from scenarios.catalogue.library import shipped_scenario
 from scenarios.catalogue.maps import shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
-from scenarios.openscenario.running.engine import Engine, Entities
+from scenarios.openscenario.running.engine import Engine
+from scenarios.openscenario.running.results import Entities
 
 KERB_M = 3.5  # of the street, from its middle; the lane's centre is 1.75 m from there
 PLACES = {
