@@ -41,8 +41,8 @@ def approach(
         return (Piece(t, v0, v1),)
     # Two pieces with accelerations of one size: speed v0 -> vx in x, vx -> v1 in t - x, where
     # (vx - v0) / x = (vx - v1) / (t - x) and the mean speeds cover the distance. Without x that is
-    # 2 t vx^2 - 4 d vx + 2 (v0 + v1) d - (v0^2 + v1^2) t = 0: the greater root is the way by a faster extreme,
-    # the other that by a slower.
+    # 2 t vx^2 - 4 d vx + 2 (v0 + v1) d - (v0^2 + v1^2) t = 0: the greater root is that by a faster
+    # extreme, the other that by a slower.
     root = math.sqrt(max(2.0 * (2.0 * d * d - 2.0 * (v0 + v1) * t * d + (v0 * v0 + v1 * v1) * t * t), 0.0))
     faster = 0.5 * (v0 + v1) * t < d
     extreme = (2.0 * d + root if faster else 2.0 * d - root) / (2.0 * t)
