@@ -73,7 +73,7 @@ def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeo
     # One walk over the file, by name; which of them stand where they count is seen from their parents.
     elements: Elements = {tag: [] for tag in _READ}
     for element in root.iter(*_READ):
-        elements[str(element.tag)].append(element)
+        elements[element.tag].append(element)
     for tag in ("crossfall", "shape"):
         _check(not len(_children(elements[tag], parts["lateralProfile"])[1]))
 

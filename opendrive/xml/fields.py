@@ -28,6 +28,8 @@ REQUIRED = Required.REQUIRED
 Convert: TypeAlias = Callable[[Values, Element, str, str], Any]
 """Makes a value of an element's attribute, given by name and text; raises `MapContentError`."""
 
+_NO_TAGS: frozenset[str] = frozenset()
+
 _Value = TypeVar("_Value")
 _Record = TypeVar("_Record")
 
@@ -58,7 +60,7 @@ class Field(Generic[_Value]):
         attributes: names of the attributes that it is read from.
         tags: names of the children that it is read from.
         part: child that attributes and children stand in; empty for the record's own element.
-        absent: value where that child is missing.
+        absent: value where those children are missing; None if the field has to be read all the same.
         leftovers: returns the elements inside the children that are kept, but not read.
     """
 
@@ -69,6 +71,11 @@ class Field(Generic[_Value]):
     part: str = ""
     absent: _Value | None = None
     leftovers: Callable[[Values, Element], list[Element]] | None = None
+
+    @property
+    def own_tags(self) -> tuple[str, ...]:
+        """Names of the children of the record's own element."""
+        return (self.part,) if self.part else self.tags
 
     def then(self, change: Callable[[_Value], _Value]) -> "Field[_Value]":
         """Return the field with what is read put through a function."""
@@ -107,33 +114,35 @@ class Attribute(Field[Any]):
     convert: Convert | None = None
 
 
-_Step: TypeAlias = tuple[str, object, Convert | None, Callable[[Values, Element], Any]]
+class _Steps:
+    """The reading of several fields of an element, with few calls: there are thousands of elements."""
 
+    def __init__(self, columns: Iterable[Field[Any]]) -> None:
+        self._steps = [
+            (column.attributes[0], column.default, column.convert, column.read, ())
+            if isinstance(column, Attribute)
+            else ("", column.absent, None, column.read, () if column.absent is None else column.own_tags)
+            for column in columns
+        ]
 
-def _steps(columns: Iterable[Field[Any]]) -> list[_Step]:
-    """Return the reading of fields as a list, which costs no call for most attributes."""
-    return [
-        (column.attributes[0], column.default, column.convert, column.read)
-        if isinstance(column, Attribute)
-        else ("", None, None, column.read)
-        for column in columns
-    ]
-
-
-def _read_steps(values: Values, element: Element, steps: list[_Step]) -> list[Any]:
-    result: list[Any] = []
-    for name, default, convert, read in steps:
-        if not name:
-            result.append(read(values, element))
-            continue
-        text = element.get(name)
-        if text is None:
-            if default is REQUIRED:
-                raise values.missing(element, name)
-            result.append(default)
-        else:
-            result.append(text if convert is None else convert(values, element, name, text))
-    return result
+    def read(self, values: Values, element: Element) -> list[Any]:
+        """Return the values of the fields."""
+        result: list[Any] = []
+        tags = {child.tag for child in element} if len(element) else _NO_TAGS
+        for name, absent, convert, read, read_tags in self._steps:
+            if name:
+                text = element.get(name)
+                if text is None:
+                    if absent is REQUIRED:
+                        raise values.missing(element, name)
+                    result.append(absent)
+                else:
+                    result.append(text if convert is None else convert(values, element, name, text))
+            elif read_tags and tags.isdisjoint(read_tags):
+                result.append(absent)
+            else:
+                result.append(read(values, element))
+        return result
 
 
 class Table(Generic[_Record]):
@@ -162,13 +171,17 @@ class Table(Generic[_Record]):
         late = _field_names(details)
         assert columns.keys() == {*eager, *late}, f"{record}: {columns.keys() ^ {*eager, *late}}"
         self._record, self._details, self._check = record, details, check
-        self._columns = [columns[name] for name in (*eager, *late)]
-        self._attributes = {name for column in self._columns if not column.part for name in column.attributes}
-        own = [(column.part,) if column.part else column.tags for column in self._columns]
-        self.tags = tuple(dict.fromkeys(tag for tags in own for tag in tags))
+        ordered = [columns[name] for name in (*eager, *late)]
+        self._attributes = {name for column in ordered if not column.part for name in column.attributes}
+        self.tags = tuple(dict.fromkeys(tag for column in ordered for tag in column.own_tags))
+        self._parts = {
+            part: tuple(tag for column in ordered if column.part == part for tag in column.tags)
+            for part in dict.fromkeys(column.part for column in ordered if column.part)
+        }
+        self._leftovers = [column.leftovers for column in ordered if column.leftovers is not None]
         bound = {name: self._bound(column) for name, column in columns.items()}
-        self._steps = _steps(bound[name] for name in eager)
-        self._late_steps = _steps(bound[name] for name in late)
+        self._steps = _Steps(bound[name] for name in eager)
+        self._late_steps = _Steps(bound[name] for name in late)
         self._writes = [(name, column.write) for name, column in bound.items()]
         # An element with nothing but these children has no details.
         self._plain_tags = {tag for name in eager if not columns[name].part for tag in columns[name].tags}
@@ -180,7 +193,7 @@ class Table(Generic[_Record]):
         Raises:
             MapContentError: a value is missing or impossible.
         """
-        arguments = _read_steps(values, element, self._steps)
+        arguments = self._steps.read(values, element)
         if self._details is not None:
             arguments.append(self._deferred(values, element))
         record = self._record(*arguments)
@@ -202,7 +215,7 @@ class Table(Generic[_Record]):
 
     def _read_details(self, values: Values, element: Element) -> object:
         assert self._details is not None
-        return self._details(*_read_steps(values, element, self._late_steps))
+        return self._details(*self._late_steps.read(values, element))
 
     def _bound(self, column: Field[Any]) -> Field[Any]:
         """Return a column that knows which children and attributes the others read."""
@@ -215,12 +228,10 @@ class Table(Generic[_Record]):
     def _rest(self, values: Values, element: Element) -> list[Element]:
         """Return the elements that no field reads: children, and those inside the parts."""
         elements = others(element, self.tags)
-        for part in dict.fromkeys(column.part for column in self._columns if column.part):
-            known = [tag for column in self._columns if column.part == part for tag in column.tags]
-            elements += others(first(element, part), known)
-        for column in self._columns:
-            if column.leftovers is not None:
-                elements += column.leftovers(values, element)
+        for part, tags in self._parts.items():
+            elements += others(first(element, part), tags)
+        for leftovers in self._leftovers:
+            elements += leftovers(values, element)
         return elements
 
     def _other_attributes(self, values: Values, element: Element) -> tuple[tuple[str, str], ...]:
@@ -238,17 +249,17 @@ def attribute(
     name: str, default: object, convert: Convert | None, write: Callable[[Element, Any], None]
 ) -> Attribute:
     """Return the field of an attribute; see `Attribute`."""
-    steps: list[_Step] = []
-    field = Attribute(
-        lambda values, element: _read_steps(values, element, steps)[0],
-        write,
-        (name,),
-        absent=None if default is REQUIRED else default,
-        default=default,
-        convert=convert,
-    )
-    steps += _steps([field])
-    return field
+
+    def read(values: Values, element: Element) -> object:
+        value = element.get(name)
+        if value is None:
+            if default is REQUIRED:
+                raise values.missing(element, name)
+            return default
+        return value if convert is None else convert(values, element, name, value)
+
+    absent = None if default is REQUIRED else default
+    return Attribute(read, write, (name,), absent=absent, default=default, convert=convert)
 
 
 def text(
@@ -331,9 +342,9 @@ def row(*items: Field[Any], order: Sequence[int] = ()) -> Field[tuple[Any, ...]]
         for k in order or range(len(items)):
             items[k].write(element, value[k])
 
-    steps = _steps(items)
+    steps = _Steps(items)
     return Field(
-        lambda values, element: tuple(_read_steps(values, element, steps)),
+        lambda values, element: tuple(steps.read(values, element)),
         write,
         tuple(name for item in items for name in item.attributes),
     )

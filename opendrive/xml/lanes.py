@@ -120,8 +120,11 @@ def _by_start(records: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(sorted(records, key=attrgetter("s_offset_m")))
 
 
+_HEIGHT_ROW = numbers(*HEIGHT)
+
+
 def _read_heights(values: Values, element: Element) -> FloatArray:
-    heights = values.each(numbers(*HEIGHT).read, children(element, "height"))
+    heights = values.each(_HEIGHT_ROW.read, children(element, "height"))
     return read_only(np.array(sorted(heights))) if heights else NO_HEIGHTS
 
 
@@ -245,7 +248,9 @@ def _read_sections(values: Values, lanes: Element) -> tuple[LaneSection, ...]:
     elements = children(lanes, "laneSection")
     if not elements:
         raise values.error(lanes, "no <laneSection>; a road needs at least one")
-    length_m = LENGTH.read(values, next(lanes.iterancestors("road")))
+    road = lanes.getparent()
+    assert road is not None
+    length_m: float = LENGTH.read(values, road)
     sections: list[LaneSection] = []
     for element in elements:
         section = _SECTION.read(values, element)

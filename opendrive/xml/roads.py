@@ -235,7 +235,7 @@ ROAD = Table(
     predecessor=child("predecessor", LINK).inside("link", always=True),
     successor=child("successor", LINK).inside("link", always=True),
     types=children_of("type", ROAD_TYPE),
-    geometries=replace(_PIECES.inside("planView", always=True), read=_read_pieces),
+    geometries=replace(_PIECES.inside("planView", always=True), read=_read_pieces, absent=None),
     elevation=table_of("elevation", CUBIC).inside("elevationProfile", always=True),
     superelevation=table_of("superelevation", CUBIC).inside("lateralProfile", always=True),
     crossfall_left=_crossfall("left").inside("lateralProfile", always=True),
