@@ -199,7 +199,7 @@ MOVED = {
     "opendrive.profiles": "opendrive.geometry.profiles",
     "opendrive.reader": "opendrive.xml.reader",
     "opendrive.road_cells": "opendrive.geometry.cells",
-    "opendrive.road_geometry": "opendrive.roads.geometry",
+    "opendrive.road_geometry": "opendrive.roads.geometry opendrive.roads.road",
     "opendrive.road_reader": "opendrive.xml.roads",
     "opendrive.road_records": "opendrive.xml.road_records",
     "opendrive.travel": "opendrive.lanes.travel",

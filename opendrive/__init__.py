@@ -28,9 +28,10 @@ from opendrive.lanes.travel import LanePlaces, LaneRoute
 from opendrive.loading import load_map
 from opendrive.network import RoadNetwork
 from opendrive.roads.borders import SampledBorders
-from opendrive.roads.geometry import RoadGeometry, SurfaceAttitudes, SurfacePoints
+from opendrive.roads.geometry import SurfacePoints
 from opendrive.roads.lane_index import LaneHits, NearestLanes
 from opendrive.roads.objects import Crosswalk, RoadSignal
+from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
 from opendrive.xml.reader import read_map
 from opendrive.xml.writer import write_map
 

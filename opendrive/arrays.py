@@ -35,6 +35,17 @@ def finite(values: ArrayLike, name: str) -> FloatArray:
     return array
 
 
+def positive(value: float, name: str) -> float:
+    """Return a positive, finite number.
+
+    Raises:
+        PositionError: it is not.
+    """
+    if not (value > 0.0 and np.isfinite(value)):
+        raise PositionError(f"{name}: expected a positive number, got {value}")
+    return float(value)
+
+
 def points_xy(xy_m: ArrayLike) -> FloatArray:
     """Return points as an (N, 2) float64 array; one (2,) point counts as N = 1.
 
@@ -54,6 +65,28 @@ def points_xy(xy_m: ArrayLike) -> FloatArray:
 def wrapped(angle_rad: FloatArray) -> FloatArray:
     """Return angles wrapped to (-pi, pi]."""
     return np.pi - np.mod(np.pi - angle_rad, 2.0 * np.pi)
+
+
+def first_rows(count: IntArray) -> IntArray:
+    """Return the first row of each of N groups that follow one another, and the number of rows, (N + 1,)."""
+    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)])
+
+
+def run_starts(group: IntArray) -> IntArray:
+    """Return where the runs of equal neighbours start; groups are 0 or greater."""
+    return np.flatnonzero(np.diff(group, prepend=-1))
+
+
+def until_next(owner: IntArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return where each record ends: at the start of its owner's next one, and at `end` for the last one.
+
+    Args:
+        owner: (N,) owner of each record; those of one lie together.
+        start: (N,) start of each record.
+        end: (N,) where the last record of its owner ends.
+    """
+    has_next = np.append(owner[1:] == owner[:-1], False)
+    return np.where(has_next, np.append(start[1:], 0.0), end)
 
 
 def concatenated_ranges(first: IntArray, count: IntArray) -> IntArray:

@@ -7,15 +7,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opendrive.arrays import FloatArray, IntArray, finite, points_xy, wrapped
+from opendrive.arrays import FloatArray, finite, points_xy, positive
 from opendrive.checks import curve_warnings, refuse_impossible_lanes
 from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
 from opendrive.export import lane_table, to_geojson
 from opendrive.geo import GeoReference
 from opendrive.lanes.graph import LaneGraph, Side, crossing_ranges, may_cross, neighbour_key
-from opendrive.lanes.table import LaneKey, LaneTable
+from opendrive.lanes.table import LaneKey
 from opendrive.lanes.travel import (
     LANE_CHANGE_COST_M,
     ROUTE_LANE_TYPES,
@@ -25,23 +25,16 @@ from opendrive.lanes.travel import (
     travelled,
 )
 from opendrive.model import MapModel, Signal
-from opendrive.roads.borders import SampledBorders, lane_polygons, sample_borders
-from opendrive.roads.geometry import (
-    S_TOLERANCE_M,
-    NetworkGeometry,
-    RoadGeometry,
-    SurfaceAttitudes,
-    SurfacePoints,
-    within,
-)
+from opendrive.roads.borders import bounds_of
+from opendrive.roads.geometry import NetworkGeometry, SurfacePoints
 from opendrive.roads.lane_index import LaneHits, LaneIndex, NearestLanes
+from opendrive.roads.network_lanes import NetworkLanes
 from opendrive.roads.objects import Crosswalk, RoadSignal, crosswalks_on, signals_on
+from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
 from opendrive.xml.road_records import RoadRecords
 
-_BOUNDS_TOLERANCE_M = 5e-3
 
-
-class RoadNetwork:
+class RoadNetwork(NetworkLanes):
     """A road network made from an OpenDRIVE map; `load_map` makes one from a file.
 
     Lanes are numbered 0 .. L-1 over the whole network (`lanes`); the centre lanes are not counted. Positions
@@ -54,7 +47,7 @@ class RoadNetwork:
     def __init__(self, model: MapModel) -> None:
         self._model = model
         geometry = model.roads.geometry if isinstance(model.roads, RoadRecords) else None
-        self._geometry = geometry or NetworkGeometry.collect(tuple(model.roads.values()))
+        super().__init__(geometry or NetworkGeometry.collect(tuple(model.roads.values())))
         refuse_impossible_lanes(self._geometry)
 
     def __reduce__(self) -> tuple[type["RoadNetwork"], tuple[MapModel]]:
@@ -75,11 +68,6 @@ class RoadNetwork:
     def name(self) -> str:
         """Name in the header of the file."""
         return self._model.header.name
-
-    @property
-    def lanes(self) -> LaneTable:
-        """All lanes, as a struct of arrays."""
-        return self._geometry.lanes
 
     @cached_property
     def roads(self) -> Mapping[str, RoadGeometry]:
@@ -106,15 +94,7 @@ class RoadNetwork:
 
         Exact where the borders are straight, within 5 mm where they bend; 0 without lanes.
         """
-        every = np.arange(len(self.lanes), dtype=np.int64)
-        if not every.size:
-            return (0.0, 0.0, 0.0, 0.0)
-        stretches = self._geometry.knots(every)
-        lane, s_m, _ = self._geometry.refine(*stretches, np.zeros(2), _BOUNDS_TOLERANCE_M)
-        lane, s_m = np.append(lane, every), np.append(s_m, self.lanes.s_end_m)
-        xy_m = self._geometry.border_points(lane, s_m)
-        (x_min, y_min), (x_max, y_max) = xy_m.min(axis=(0, 1)).tolist(), xy_m.max(axis=(0, 1)).tolist()
-        return (x_min, y_min, x_max, y_max)
+        return bounds_of(self._geometry)
 
     @cached_property
     def _index(self) -> LaneIndex:
@@ -141,149 +121,6 @@ class RoadNetwork:
         if lane is None:
             raise LaneNotFoundError(f"no lane {lane_id} in section {section} of road {road_id!r}")
         return lane
-
-    def center_line(
-        self, lane: ArrayLike, s_m: ArrayLike
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return points of the middle of lanes.
-
-        Args:
-            lane: index of a lane, or an array of them.
-            s_m: road s, broadcast against `lane`.
-
-        Returns:
-            x, y, z and heading in travel direction, all of the broadcast shape.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-            PositionError: s is not finite or off the lane.
-        """
-        lanes, s = self._on_lanes(lane, s_m)
-        many, flat = lanes.ravel(), s.ravel()
-        inner, outer, d_inner, d_outer = self.lanes.offsets_and_slopes(many, flat)
-        t = 0.5 * (inner + outer)
-        points = self._geometry.lane_surface(many, flat, t, 0.5 * (d_inner + d_outer))
-        against = np.where(self.lanes.direction[many] > 0, 0.0, np.pi)
-        columns = (points.x_m, points.y_m, points.z_m, wrapped(points.heading_rad + against))
-        x, y, z, heading = (column.reshape(s.shape) for column in columns)
-        return x, y, z, heading
-
-    def lane_offsets(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return t of lanes' inner borders (those towards the centre lane) and of their outer borders.
-
-        Lane indices and s are broadcast against each other; so are the results.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-            PositionError: s is not finite or off the lane.
-        """
-        lanes, s = self._on_lanes(lane, s_m)
-        inner, outer, _, _ = self.lanes.offsets_and_slopes(lanes.ravel(), s.ravel())
-        return inner.reshape(s.shape), outer.reshape(s.shape)
-
-    def lane_knots(self, lane: int) -> FloatArray:
-        """Return the s (K,) of a lane's start, of its end and of all records of its shape in between.
-
-        Between two of them reference line and borders are smooth.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-        """
-        _, low_m, high_m = self._geometry.knots(np.array([self._checked(lane)]))
-        return np.append(low_m, high_m[-1])
-
-    def lane_width(self, lane: ArrayLike, s_m: ArrayLike) -> FloatArray:
-        """Return the widths of lanes along t; lane indices and s are broadcast against each other.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-            PositionError: s is not finite or off the lane.
-        """
-        inner, outer = self.lane_offsets(lane, s_m)
-        width: FloatArray = (outer - inner) * self.lanes.side[np.asarray(lane, dtype=np.int64)]
-        return width
-
-    def borders(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the left and the right border of lanes as seen in travel direction, (N, 2) each.
-
-        Lane indices and s are broadcast against each other and flattened.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-            PositionError: s is not finite or off the lane.
-        """
-        lanes, s = self._on_lanes(lane, s_m)
-        inner, outer = self._geometry.border_points(lanes.ravel(), s.ravel())
-        outer_is_left = (self.lanes.side == self.lanes.direction)[lanes.ravel(), None]
-        return np.where(outer_is_left, outer, inner), np.where(outer_is_left, inner, outer)
-
-    def lane_polygon(
-        self,
-        lane: int,
-        s0_m: float,
-        s1_m: float,
-        margin_left_m: float = 0.0,
-        margin_right_m: float = 0.0,
-        tolerance_m: float = 0.05,
-    ) -> FloatArray:
-        """Return the outline of a stretch of a lane.
-
-        The outline follows the curve of the road and the change of width within `tolerance_m`. Margins that
-        reach beyond the centre of a tight bend make it cross itself, as the border moved there does.
-
-        Args:
-            lane: index of the lane.
-            s0_m: one end of the stretch, road s.
-            s1_m: the other end.
-            margin_left_m: by how much the left border (in travel direction) is moved outwards, along t.
-            margin_right_m: the same for the right border.
-            tolerance_m: greatest distance between border and outline.
-
-        Returns:
-            (P, 2) corners, map frame, without repetition of the first; along the right border and back along
-            the left.
-
-        Raises:
-            LaneNotFoundError: no such lane.
-            PositionError: s is not finite or off the lane, a margin is not finite, or the tolerance is not
-            positive.
-        """
-        s0, s1 = np.sort(self._on_lane(lane, [s0_m, s1_m])).tolist()
-        finite([margin_left_m, margin_right_m], "margin")
-        tolerance_m = _positive(tolerance_m, "tolerance_m")
-        outer_is_left = self.lanes.side[lane] == self.lanes.direction[lane]
-        margins = np.array(
-            [margin_right_m, margin_left_m] if outer_is_left else [margin_left_m, margin_right_m]
-        )
-        many, low, high = self._geometry.knots(np.array([lane]))
-        low, high = np.maximum(low, s0), np.minimum(high, s1)
-        kept = high > low
-        _, low, high = self._geometry.refine(many[kept], low[kept], high[kept], margins, tolerance_m)
-        s = np.append(low, high[-1]) if low.size else np.array([s0, s1])
-        inner, outer = self._geometry.border_points(np.full(s.size, lane), s, margins)
-        left, right = (outer, inner) if outer_is_left else (inner, outer)
-        if self.lanes.direction[lane] < 0:
-            left, right = left[::-1], right[::-1]
-        return np.concatenate([right, left[::-1]])
-
-    def lane_polygons(self, tolerance_m: float = 0.05) -> NDArray[np.object_]:
-        """Return the outlines of all lanes as shapely polygons, (L,), counter-clockwise.
-
-        Args:
-            tolerance_m: greatest distance between border and outline.
-
-        Raises:
-            PositionError: the tolerance is not positive.
-        """
-        return lane_polygons(self._geometry, _positive(tolerance_m, "tolerance_m"))
-
-    def sampled_borders(self, step_m: float = 1.0) -> SampledBorders:
-        """Return points of both borders of all lanes, at equal distances of at most `step_m` along the road.
-
-        Raises:
-            PositionError: the step is not positive.
-        """
-        return sample_borders(self._geometry, _positive(step_m, "step_m"))
 
     def speed_limit(self, lane: int, s_m: float) -> float | None:
         """Return the speed limit of a lane at `s_m`, m/s, or None.
@@ -369,24 +206,12 @@ class RoadNetwork:
         """
         types = (lane_types,) if isinstance(lane_types, str) else tuple(lane_types)
         points = points_xy(xy_m)
-        nearest = self._index.nearest(points, types)
         if heading_rad is None:
-            return nearest
+            return self._index.nearest(points, types)
         heading = finite(heading_rad, "heading_rad")
         if heading.shape not in ((), (1,), (len(points),)):
             raise PositionError(f"heading_rad: expected shape ({len(points)},), got {heading.shape}")
-        hits = self._index.containing(points)
-        wanted = np.flatnonzero(np.isin(self.lanes.lane_type[hits.lane], types))
-        point, lane, s, t = hits.point[wanted], hits.lane[wanted], hits.s_m[wanted], hits.t_m[wanted]
-        road_heading = self._geometry.curves.evaluate(self.lanes.road[lane], s).heading_rad
-        travel = road_heading + np.where(self.lanes.direction[lane] > 0, 0.0, np.pi)
-        off = np.abs(wrapped(travel - np.broadcast_to(heading, len(points))[point]))
-        order = np.lexsort((off, point))
-        first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
-        rows = point[first]
-        nearest.lane[rows], nearest.s_m[rows], nearest.t_m[rows] = lane[first], s[first], t[first]
-        nearest.distance_m[rows] = 0.0
-        return nearest
+        return self._index.nearest_along(points, types, np.broadcast_to(heading, len(points)))
 
     # Topology
 
@@ -563,7 +388,7 @@ class RoadNetwork:
         Raises:
             PositionError: the tolerance is not positive.
         """
-        return lane_table(self, _positive(tolerance_m, "tolerance_m"))
+        return lane_table(self, positive(tolerance_m, "tolerance_m"))
 
     def to_geojson(
         self, path: str | PathLike[str] | None = None, tolerance_m: float = 0.05
@@ -576,7 +401,7 @@ class RoadNetwork:
             PositionError: the tolerance is not positive.
             OSError: the file cannot be written.
         """
-        return to_geojson(self, path, _positive(tolerance_m, "tolerance_m"))
+        return to_geojson(self, path, positive(tolerance_m, "tolerance_m"))
 
     # Objects and signals
 
@@ -599,33 +424,6 @@ class RoadNetwork:
 
     # Checks
 
-    def _checked(self, lane: int) -> int:
-        if not 0 <= lane < len(self.lanes):
-            raise LaneNotFoundError(f"no lane {lane}: the network has lanes 0 to {len(self.lanes) - 1}")
-        return int(lane)
-
-    def _on_lanes(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[IntArray, FloatArray]:
-        """Return lane indices and s on the lanes, broadcast against each other."""
-        lanes, s = np.broadcast_arrays(np.asarray(lane), finite(s_m, "s_m"))
-        if not lanes.size:
-            return lanes.astype(np.int64), s
-        if lanes.dtype.kind not in "iu":
-            raise LaneNotFoundError(f"lane: expected indices, got values of type {lanes.dtype}")
-        for extreme in (lanes.min(), lanes.max()):
-            self._checked(int(extreme))
-        lanes = lanes.astype(np.int64)
-        on_lane = np.clip(s, self.lanes.s_start_m[lanes], self.lanes.s_end_m[lanes])
-        off = np.flatnonzero(np.abs(s - on_lane) > S_TOLERANCE_M)
-        if off.size:
-            self._on_lane(int(lanes.flat[off[0]]), s.flat[off[0]])
-        return lanes, on_lane
-
-    def _on_lane(self, lane: int, s_m: ArrayLike) -> FloatArray:
-        i = self._checked(lane)
-        s = finite(s_m, "s_m")
-        low, high = float(self.lanes.s_start_m[i]), float(self.lanes.s_end_m[i])
-        return within(s, low, high, f"lane {tuple(self.lanes.key[i])}")
-
     def _road(self, road_id: str) -> RoadGeometry:
         road = self.roads.get(road_id)
         if road is None:
@@ -637,9 +435,3 @@ class RoadNetwork:
         return self.lanes.lane_of_key.get(
             neighbour_key(self.lanes.key[i], int(self.lanes.direction[i]), side)
         )
-
-
-def _positive(value: float, name: str) -> float:
-    if not (value > 0.0 and np.isfinite(value)):
-        raise PositionError(f"{name}: expected a positive number, got {value}")
-    return float(value)

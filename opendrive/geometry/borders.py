@@ -11,8 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    concatenated_ranges,
+    first_rows,
+    run_starts,
+    until_next,
+)
 from opendrive.errors import MapContentError
+from opendrive.geometry.cubic import control_values, restarted
 from opendrive.geometry.profiles import CubicTable, sort_keys
 
 MAX_ROWS = 1_000_000
@@ -68,7 +77,7 @@ class BorderTable:
             MapContentError: the lanes have so many records that the table would not fit into memory.
         """
         lanes = np.arange(len(road), dtype=np.int64)
-        first_lane = np.flatnonzero(np.diff(section, prepend=-1))
+        first_lane = run_starts(section)
         lane_count = np.diff(np.append(first_lane, len(lanes)))
         dense = np.repeat(np.arange(len(first_lane), dtype=np.int64), lane_count)
         start_m, end_m, of_road = s_start_m[first_lane], s_end_m[first_lane], road[first_lane]
@@ -87,11 +96,10 @@ class BorderTable:
         distinct = np.ones(len(order), dtype=np.bool_)
         distinct[1:] = (of_section[1:] != of_section[:-1]) | (low_m[1:] != low_m[:-1])
         of_section, low_m = of_section[distinct], low_m[distinct]
-        same = np.append(of_section[1:] == of_section[:-1], False)
-        high_m = np.where(same, np.append(low_m[1:], 0.0), end_m[of_section])
+        high_m = until_next(of_section, low_m, end_m[of_section])
 
         count = lane_count[of_section]
-        first_row = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)])
+        first_row = first_rows(count)
         if first_row[-1] > MAX_ROWS:
             raise MapContentError(
                 f"the lanes have {len(profiles.start_m) + len(lane_offset.start_m)} width, border and "
@@ -103,7 +111,7 @@ class BorderTable:
         own = _about(profiles, lane, low_m[stretch])
         centre = _about(lane_offset, of_road[of_section], low_m)
         coefficients = _summed(own, centre, stretch, rank[lane], side[lane], is_border[lane])
-        ends = np.cumsum(np.bincount(of_section, minlength=len(first_lane)))
+        first_stretch = first_rows(np.bincount(of_section, minlength=len(first_lane)))
         return cls(
             key=sort_keys(of_road[of_section], low_m),
             road=of_road[of_section],
@@ -113,16 +121,16 @@ class BorderTable:
             lane_count=count,
             first_row=first_row,
             coefficients=np.ascontiguousarray(coefficients.transpose(1, 2, 0)),
-            first_stretch=np.concatenate([np.zeros(1, dtype=np.int64), ends[:-1]])[dense],
-            last_stretch=ends[dense] - 1,
+            first_stretch=first_stretch[dense],
+            last_stretch=first_stretch[dense + 1] - 1,
             is_slanted=np.asarray(coefficients[:, :, 1:].any(axis=(1, 2)), dtype=np.bool_),
         )
 
     def stretch_of(self, lane: IntArray, road: IntArray, s_m: FloatArray) -> IntArray:
         """Return the stretch of each lane that holds `s_m`, both (N,); at a lane's end its last one."""
         stretch = np.searchsorted(self.key, sort_keys(road, s_m), side="right") - 1
-        found: IntArray = np.clip(stretch, self.first_stretch[lane], self.last_stretch[lane])
-        return found
+        within: IntArray = np.clip(stretch, self.first_stretch[lane], self.last_stretch[lane])
+        return within
 
     def rows(self, stretch: IntArray, lane: IntArray) -> IntArray:
         """Return the rows of lanes in stretches, both (N,)."""
@@ -151,19 +159,15 @@ class BorderTable:
         span = np.repeat(self.high_m - self.low_m, counts)
         a, b, c, d = np.moveaxis(self.coefficients, 1, 0)
         b, c, d = b * span, c * span**2, d * span**3
-        control = np.concatenate([a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d])
-        return control.min(axis=0), control.max(axis=0)
+        control = control_values(a, b, c, d)
+        return control.min(axis=(0, 1)), control.max(axis=(0, 1))
 
 
 def _about(table: CubicTable, profile: IntArray, s_m: FloatArray) -> FloatArray:
     """Return the coefficients (N, 4) of profiles as cubics of the distance from `s_m`."""
     if not len(table.start_m):
         return np.zeros((len(profile), 4))
-    row, found = table.find(profile, s_m)
-    a, b, c, d = np.where(found[:, None], table.coefficients[row], 0.0).T
-    ds = np.where(found, s_m - table.start_m[row], 0.0)
-    value = a + ds * (b + ds * (c + ds * d))
-    return np.stack([value, b + ds * (2.0 * c + 3.0 * ds * d), c + 3.0 * ds * d, d], axis=1)
+    return restarted(*table.records(profile, s_m))
 
 
 def _summed(

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, until_next
 from opendrive.geometry.borders import BorderTable
+from opendrive.geometry.cubic import control_values, restarted, slope_of, value_of
 from opendrive.geometry.curves import CLOTHOID, CUBIC, CurveTable, circular
 from opendrive.geometry.profiles import sort_keys
 
@@ -60,8 +61,7 @@ class RoadParts:
         low_m = np.concatenate([borders.low_m, curves.start_m[cut[inside]]])
         order = np.lexsort((low_m, stretch))
         stretch, low_m = stretch[order], low_m[order]
-        same = np.append(stretch[1:] == stretch[:-1], False)
-        high_m = np.where(same, np.append(low_m[1:], 0.0), borders.high_m[stretch])
+        high_m = until_next(stretch, low_m, borders.high_m[stretch])
         road = borders.road[stretch]
         piece = np.searchsorted(curves.key, sort_keys(road, low_m), side="right") - 1
         return cls(stretch, np.maximum(piece, curves.first[road]), low_m, high_m)
@@ -307,18 +307,6 @@ def _foot_on_cubic(
     return r * (speeds @ _FINE_WEIGHTS), t, left_over
 
 
-def value_of(k: FloatArray, r: FloatArray) -> FloatArray:
-    """Return the values of cubics with coefficients (..., 4)."""
-    value: FloatArray = k[..., 0] + r * (k[..., 1] + r * (k[..., 2] + r * k[..., 3]))
-    return value
-
-
-def slope_of(k: FloatArray, r: FloatArray) -> FloatArray:
-    """Return the derivatives of cubics with coefficients (..., 4)."""
-    slope: FloatArray = k[..., 1] + r * (2.0 * k[..., 2] + r * 3.0 * k[..., 3])
-    return slope
-
-
 def _short(curves: CurveTable, parts: RoadParts) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return part, start and end of cells that are short enough."""
     span = parts.high_m - parts.low_m
@@ -352,8 +340,7 @@ def _cubic_cells(curves: CurveTable, piece: IntArray, low_m: FloatArray, high_m:
 
 def _restarted(k: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
     """Return the coefficients (H, 4) over r of cubics over q + r dq."""
-    c, d = k[:, 2], k[:, 3]
-    return np.stack([value_of(k, q), slope_of(k, q) * dq, (c + 3.0 * q * d) * dq**2, d * dq**3], axis=1)
+    return restarted(k, q) * np.stack([np.ones_like(dq), dq, dq**2, dq**3], axis=1)
 
 
 def _cubic_bounds(
@@ -368,8 +355,7 @@ def _cubic_bounds(
         start: (3, H) x, y, heading at the start.
         middle: (3, H) the same at the middle.
     """
-    a, b, c, d = np.moveaxis(xy_of_r, -1, 0)
-    control = np.stack([a, a + b / 3.0, a + (2.0 * b + c) / 3.0, a + b + c + d])
+    control = control_values(*np.moveaxis(xy_of_r, -1, 0))
     turn = middle[2] - start[2]
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = middle[0] - start[0], middle[1] - start[1]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opendrive.arrays import FloatArray, IntArray
+from opendrive.geometry.cubic import slope_of, value_of
 from opendrive.geometry.profiles import sort_keys
 from opendrive.model import Arc, Geometry, Line, ParamPoly3, Poly3, Shape, Spiral
 
@@ -85,8 +86,8 @@ class CubicCurves:
     def tabulate(cls, u: FloatArray, v: FloatArray) -> "CubicCurves":
         """Tabulate the arc lengths of curves given by coefficients (H, 4)."""
         q = (np.arange(_CELLS)[:, None] + _UNIT_NODES) / _CELLS
-        du = _cubic_slope(u[:, None, None, :], q)
-        dv = _cubic_slope(v[:, None, None, :], q)
+        du = slope_of(u[:, None, None, :], q)
+        dv = slope_of(v[:, None, None, :], q)
         cells = (np.hypot(du, dv) @ _UNIT_WEIGHTS) / _CELLS
         length_at = np.zeros((len(u), _CELLS + 1))
         np.cumsum(cells, axis=1, out=length_at[:, 1:])
@@ -106,8 +107,8 @@ class CubicCurves:
         q: FloatArray = q_base + fraction / _CELLS
         for _ in range(_NEWTON_STEPS):
             at = q_base[:, None] + (q - q_base)[:, None] * _UNIT_NODES
-            travelled = (q - q_base) * (np.hypot(_cubic_slope(u, at), _cubic_slope(v, at)) @ _UNIT_WEIGHTS)
-            speed = np.hypot(_cubic_slope(self.u[curve], q), _cubic_slope(self.v[curve], q))
+            travelled = (q - q_base) * (np.hypot(slope_of(u, at), slope_of(v, at)) @ _UNIT_WEIGHTS)
+            speed = np.hypot(slope_of(self.u[curve], q), slope_of(self.v[curve], q))
             excess = base + travelled - ds_m
             q = q - np.divide(excess, speed, out=np.zeros_like(speed), where=speed > 0.0)
             q = np.clip(q, q_base, q_base + 1.0 / _CELLS)
@@ -119,22 +120,12 @@ class CubicCurves:
         """Return u, v, heading and curvature after `ds_m` of arc length."""
         q = self.parameter(curve, ds_m)
         u, v = self.u[curve], self.v[curve]
-        du, dv = _cubic_slope(u, q), _cubic_slope(v, q)
+        du, dv = slope_of(u, q), slope_of(v, q)
         ddu, ddv = 2.0 * u[:, 2] + 6.0 * u[:, 3] * q, 2.0 * v[:, 2] + 6.0 * v[:, 3] * q
         speed = np.hypot(du, dv)
         bend = du * ddv - dv * ddu
         curvature = np.divide(bend, speed**3, out=np.zeros_like(speed), where=speed > 1e-9)
-        return _cubic(u, q), _cubic(v, q), np.arctan2(dv, du), curvature
-
-
-def _cubic(k: FloatArray, q: FloatArray) -> FloatArray:
-    value: FloatArray = k[..., 0] + q * (k[..., 1] + q * (k[..., 2] + q * k[..., 3]))
-    return value
-
-
-def _cubic_slope(k: FloatArray, q: FloatArray) -> FloatArray:
-    slope: FloatArray = k[..., 1] + q * (2.0 * k[..., 2] + q * 3.0 * k[..., 3])
-    return slope
+        return value_of(u, q), value_of(v, q), np.arctan2(dv, du), curvature
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import FloatArray, IntArray
+from opendrive.arrays import FloatArray, IntArray, first_rows
 from opendrive.geometry.profiles import CubicTable, sort_keys
 
 
@@ -48,7 +48,7 @@ class ShapeTable:
         at = np.array(s_m, dtype=np.float64)
         return cls(
             key=sort_keys(np.array(owner, dtype=np.int64), at),
-            first=np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)]),
+            first=first_rows(count),
             s_m=at,
             heights=CubicTable.stack(places),
             least_t_m=np.array([rows[0, 0] for rows in places], dtype=np.float64),
@@ -59,14 +59,9 @@ class ShapeTable:
 
     def greatest_heights(self, reach_m: float) -> FloatArray:
         """Return bounds (R,) of the magnitude of the heights within `reach_m` of the reference lines."""
-        place = np.repeat(np.arange(len(self.s_m)), np.diff(self.heights.first))
-        start, (a, b, c, d) = self.heights.start_m, np.abs(self.heights.coefficients).T
-        # The last cubic of a place goes on; the others end where the next one starts.
-        end = np.where(np.append(np.diff(place) == 0, False), np.append(start[1:], 0.0), reach_m)
-        span = np.maximum(np.minimum(end, reach_m) - start, 0.0)
+        road = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
         greatest = np.zeros(len(self.first) - 1)
-        road = np.searchsorted(self.first, place, side="right") - 1
-        np.maximum.at(greatest, road, a + span * (b + span * (c + span * d)))
+        np.maximum.at(greatest, road, self.heights.greatest(np.full(len(road), reach_m)))
         return greatest
 
     def height(self, road: IntArray, s_m: FloatArray, t_m: FloatArray) -> FloatArray:
@@ -80,10 +75,10 @@ class ShapeTable:
         if not some.size:
             return height
         road, s_m, t_m = road[some], s_m[some], t_m[some]
-        found = np.searchsorted(self.key, sort_keys(road, s_m), side="right") - 1
+        place = np.searchsorted(self.key, sort_keys(road, s_m), side="right") - 1
         last = self.first[road + 1] - 1
-        before = np.clip(found, self.first[road], last)
-        after = np.clip(found + 1, self.first[road], last)
+        before = np.clip(place, self.first[road], last)
+        after = np.clip(place + 1, self.first[road], last)
         gap = self.s_m[after] - self.s_m[before]
         share = np.where(gap > 0.0, (s_m - self.s_m[before]) / np.where(gap > 0.0, gap, 1.0), 0.0)
         low, high = (self.heights.value(at, np.maximum(t_m, self.least_t_m[at])) for at in (before, after))

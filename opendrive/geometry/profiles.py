@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray
+from opendrive.arrays import FloatArray, IntArray, until_next
+from opendrive.geometry.cubic import slope_of, value_of
 
 
 def sort_keys(owner: IntArray, start: FloatArray) -> NDArray[np.complex128]:
@@ -69,10 +70,15 @@ class CubicTable:
         owner = np.repeat(np.arange(len(profiles)), [len(profile) for profile in profiles])
         return cls.of_rows(owner, np.concatenate([np.empty((0, 5)), *profiles]), len(profiles), origin_m)
 
-    def find(self, profile: IntArray, s_m: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Return the record that holds at `s_m`, and whether there is one."""
+    def records(self, profile: IntArray, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the coefficients (N, 4) that hold at `s_m` (N,) and the distance (N,) from their start.
+
+        Both are 0 before the first record of a profile. There has to be a record of any profile.
+        """
         row = np.searchsorted(self.key, sort_keys(profile, s_m), side="right") - 1
-        return row, row >= self.first[profile]
+        is_there = row >= self.first[profile]
+        ds = np.where(is_there, s_m - self.start_m[row], 0.0)
+        return np.where(is_there[..., None], self.coefficients[row], 0.0), ds
 
     def value_and_slope(self, profile: IntArray, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Evaluate profiles; a profile is 0 before its first record.
@@ -87,11 +93,21 @@ class CubicTable:
         if not len(self.start_m):
             zero = np.zeros(np.broadcast(profile, s_m).shape)
             return zero, zero
-        row, found = self.find(profile, s_m)
-        ds = np.where(found, s_m - self.start_m[row], 0.0)
-        a, b, c, d = np.where(found[..., None], self.coefficients[row], 0.0).T
-        return a + ds * (b + ds * (c + ds * d)), b + ds * (2.0 * c + ds * 3.0 * d)
+        k, ds = self.records(profile, s_m)
+        return value_of(k, ds), slope_of(k, ds)
 
     def value(self, profile: IntArray, s_m: FloatArray) -> FloatArray:
         """Evaluate profiles; see `value_and_slope`."""
         return self.value_and_slope(profile, s_m)[0]
+
+    def greatest(self, end: FloatArray, slope: bool = False) -> FloatArray:
+        """Return bounds (P,) of the magnitude of each profile up to `end` (P,), or of its slope.
+
+        The cubic of the coefficients' magnitudes is nowhere less than the cubic's magnitude, and ascends.
+        """
+        owner = np.repeat(np.arange(len(end)), np.diff(self.first))
+        last = np.minimum(until_next(owner, self.start_m, end[owner]), end[owner])
+        span = np.maximum(last - self.start_m, 0.0)
+        greatest = np.zeros(len(end))
+        np.maximum.at(greatest, owner, (slope_of if slope else value_of)(np.abs(self.coefficients), span))
+        return greatest

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, first_rows
 from opendrive.errors import PositionError, RouteNotFoundError
 from opendrive.lanes.graph import LaneGraph, Side, crossing_ranges, neighbour_key
 from opendrive.lanes.table import LaneTable
@@ -231,7 +231,7 @@ class _Stations:
         count = bounds[1] - bounds[0]
         self.lane = np.repeat(every, count)
         self.s_m = pairs[concatenated_ranges(bounds[0], count), 1]
-        self.first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(count)])
+        self.first = first_rows(count)
 
     @property
     def along(self) -> tuple[IntArray, IntArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""The borders of all lanes of a map as flat arrays of points."""
+"""The borders of lanes as points: at equal distances, or as polygons within a tolerance."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,21 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from opendrive.arrays import FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, first_rows, run_starts
 from opendrive.roads.geometry import NetworkGeometry
+
+_SHARE = 0.9
+"""Part of a tolerance that the probes may use up; the border may depart a little more between them."""
+
+_PROBES = np.array([0.0, (3.0 - np.sqrt(3.0)) / 6.0, 0.5, (3.0 + np.sqrt(3.0)) / 6.0, 1.0])
+"""Where a cubic departs most from its chord; irrational, so that no number of whole turns is overlooked."""
+
+_LEAST_CHORD_M = 0.01
+_HALVINGS = 24
+"""More than any stretch of a road needs: 1,000 km in chords of 6 cm."""
+
+_BOUNDS_TOLERANCE_M = 5e-3
+_NO_MARGINS = np.zeros(2)
 
 
 class SampledBorders(NamedTuple):
@@ -29,7 +42,7 @@ class SampledBorders(NamedTuple):
 def sample_borders(geometry: NetworkGeometry, step_m: float) -> SampledBorders:
     """Sample the borders of all lanes at equal distances of at most `step_m` along each lane section."""
     lanes, borders = geometry.lanes, geometry.lanes.borders
-    lane_of_section = np.flatnonzero(np.diff(lanes.section, prepend=-1))
+    lane_of_section = run_starts(lanes.section)
     start_m, end_m = lanes.s_start_m[lane_of_section], lanes.s_end_m[lane_of_section]
     count = np.maximum(np.ceil((end_m - start_m) / step_m), 1.0).astype(np.int64) + 1
     # Reference line and profiles are evaluated once per cross section, whatever the number of lanes.
@@ -55,15 +68,95 @@ def sample_borders(geometry: NetworkGeometry, step_m: float) -> SampledBorders:
     left, right = inner.copy(), outer.copy()
     outer_is_left = (lanes.side == lanes.direction)[lane]
     left[outer_is_left], right[outer_is_left] = outer[outer_is_left], inner[outer_is_left]
-    first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
-    return SampledBorders(first, sections.s_m, left, right)
+    return SampledBorders(first_rows(size), sections.s_m, left, right)
+
+
+def chords(
+    geometry: NetworkGeometry,
+    stretches: tuple[IntArray, FloatArray, FloatArray],
+    margins_m: FloatArray,
+    tolerance_m: float,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Halve stretches of lanes until straight chords follow both borders within a tolerance.
+
+    Args:
+        geometry: geometry of the network.
+        stretches: lane, start and end of each, (N,).
+        margins_m: (2,) by how much the inner and outer border are moved outwards.
+        tolerance_m: greatest distance between border and chord.
+
+    Returns:
+        lane, start and end of the chords, by lane and start.
+    """
+    lane, low_m, high_m = stretches
+    done: list[tuple[IntArray, FloatArray, FloatArray]] = []
+    share = _PROBES[:, None]
+    for _ in range(_HALVINGS):
+        if not lane.size:
+            break
+        s = low_m + share * (high_m - low_m)
+        xy = geometry.border_points(np.broadcast_to(lane, s.shape).ravel(), s.ravel(), margins_m)
+        xy = xy.reshape(2, len(_PROBES), lane.size, 2)
+        chord = xy[:, :1] + share[:, :, None] * (xy[:, -1:] - xy[:, :1])
+        rough = (np.hypot(*np.moveaxis(xy - chord, -1, 0)) > _SHARE * tolerance_m).any(axis=(0, 1))
+        rough &= high_m - low_m > _LEAST_CHORD_M
+        done.append((lane[~rough], low_m[~rough], high_m[~rough]))
+        middle = 0.5 * (low_m + high_m)[rough]
+        lane, low_m, high_m = (
+            np.concatenate([lane[rough], lane[rough]]),
+            np.concatenate([low_m[rough], middle]),
+            np.concatenate([middle, high_m[rough]]),
+        )
+    done.append((lane, low_m, high_m))
+    lane, low_m, high_m = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    order = np.lexsort((low_m, lane))
+    return lane[order], low_m[order], high_m[order]
+
+
+def bounds_of(geometry: NetworkGeometry) -> tuple[float, float, float, float]:
+    """Return the least and greatest x and y of all lanes, 0 without lanes; see `RoadNetwork.bounds`."""
+    every = np.arange(len(geometry.lanes), dtype=np.int64)
+    if not every.size:
+        return (0.0, 0.0, 0.0, 0.0)
+    lane, s_m, _ = chords(geometry, geometry.knots(every), _NO_MARGINS, _BOUNDS_TOLERANCE_M)
+    lane, s_m = np.append(lane, every), np.append(s_m, geometry.lanes.s_end_m)
+    xy_m = geometry.border_points(lane, s_m)
+    (x_min, y_min), (x_max, y_max) = xy_m.min(axis=(0, 1)).tolist(), xy_m.max(axis=(0, 1)).tolist()
+    return (x_min, y_min, x_max, y_max)
+
+
+def lane_polygon(
+    geometry: NetworkGeometry, lane: int, s0_m: float, s1_m: float, margins_m: FloatArray, tolerance_m: float
+) -> FloatArray:
+    """Return the outline (P, 2) of a lane between two s: along the right border and back along the left.
+
+    Args:
+        geometry: geometry of the network.
+        lane: index of the lane.
+        s0_m: least s.
+        s1_m: greatest s.
+        margins_m: (2,) by how much the left and the right border are moved outwards, along t.
+        tolerance_m: greatest distance between border and outline.
+    """
+    outer_is_left = geometry.lanes.side[lane] == geometry.lanes.direction[lane]
+    margins_m = margins_m[::-1] if outer_is_left else margins_m
+    many, low, high = geometry.knots(np.array([lane]))
+    low, high = np.maximum(low, s0_m), np.minimum(high, s1_m)
+    kept = high > low
+    _, low, high = chords(geometry, (many[kept], low[kept], high[kept]), margins_m, tolerance_m)
+    s = np.append(low, high[-1]) if low.size else np.array([s0_m, s1_m])
+    inner, outer = geometry.border_points(np.full(s.size, lane), s, margins_m)
+    left, right = (outer, inner) if outer_is_left else (inner, outer)
+    if geometry.lanes.direction[lane] < 0:
+        left, right = left[::-1], right[::-1]
+    return np.concatenate([right, left[::-1]])
 
 
 def lane_polygons(geometry: NetworkGeometry, tolerance_m: float) -> NDArray[np.object_]:
     """Return the outlines of all lanes, within `tolerance_m` of their borders, counter-clockwise, (L,)."""
     lanes = geometry.lanes
     every = np.arange(len(lanes), dtype=np.int64)
-    lane, low_m, _ = geometry.refine(*geometry.knots(every), np.zeros(2), tolerance_m)
+    lane, low_m, _ = chords(geometry, geometry.knots(every), _NO_MARGINS, tolerance_m)
     # Along one border and back along the other: the ends of each stretch but the last are the next one's
     # start.
     size = np.bincount(lane, minlength=len(lanes)) + 1

@@ -1,35 +1,24 @@
 """From (s, t) to the map frame and back, for roads and lanes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, finite, points_xy, wrapped
-from opendrive.errors import PositionError
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, first_rows, wrapped
 from opendrive.geometry.cells import RoadParts, arc_step
-from opendrive.geometry.curves import CurveTable, Poses
+from opendrive.geometry.curves import CUBIC, CurveTable
 from opendrive.geometry.lateral_shape import ShapeTable
 from opendrive.geometry.profiles import CubicTable
 from opendrive.lanes.table import LaneTable, RoadTable
 from opendrive.model import Road
 
-S_TOLERANCE_M = 1e-3
-"""A position this far off the end of a road or lane is moved onto it; further off is an error."""
-
 _FOOT_STEPS = 30
 _SHAPE_STEPS = 12
 _KINK_STEP_M = 1e-7
 _SLOPE_STEP_M = 1e-3
-
-_SHARE = 0.9
-"""Part of a tolerance that the probes may use up; the border may depart a little more between them."""
-
-_PROBES = np.array([0.0, (3.0 - np.sqrt(3.0)) / 6.0, 0.5, (3.0 + np.sqrt(3.0)) / 6.0, 1.0])
-"""Where a cubic departs most from its chord; irrational, so that no number of whole turns is overlooked."""
 
 
 class SurfacePoints(NamedTuple):
@@ -139,8 +128,8 @@ class NetworkGeometry:
     @cached_property
     def greatest_shear(self) -> FloatArray:
         """(R,) bound of how far banking moves the surface along a road that climbs, per metre of t."""
-        roll = _greatest_values(self.superelevation, self.length_m)
-        grade = _greatest_values(self.elevation, self.length_m, slope=True)
+        roll = self.superelevation.greatest(self.length_m)
+        grade = self.elevation.greatest(self.length_m, slope=True)
         return np.where(self.banked_roads, np.minimum(roll, 1.0) * np.minimum(grade, 1.0), 0.0)
 
     @cached_property
@@ -338,44 +327,6 @@ class NetworkGeometry:
             along = along + (across * sin_roll + raised * cos_roll) * grade / np.hypot(1.0, grade)
         return along, across, poses.curvature_per_m
 
-    def refine(
-        self, lane: IntArray, low_m: FloatArray, high_m: FloatArray, margins_m: FloatArray, tolerance_m: float
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Split stretches of lanes until straight chords follow both borders within `tolerance_m`.
-
-        Args:
-            lane: (N,) lane indices.
-            low_m: (N,) start of each stretch.
-            high_m: (N,) end of each stretch.
-            margins_m: (2,) by how much the inner and outer border are moved outwards.
-            tolerance_m: greatest distance between border and chord.
-
-        Returns:
-            lane, start and end of the finer stretches, ordered by lane and start.
-        """
-        done: list[tuple[IntArray, FloatArray, FloatArray]] = []
-        for _ in range(24):
-            if not lane.size:
-                break
-            fractions = _PROBES[:, None]
-            s = low_m + fractions * (high_m - low_m)
-            xy = self.border_points(np.broadcast_to(lane, s.shape).ravel(), s.ravel(), margins_m)
-            xy = xy.reshape(2, 5, lane.size, 2)
-            chord = xy[:, :1] + fractions[:, :, None] * (xy[:, -1:] - xy[:, :1])
-            rough = (np.hypot(*np.moveaxis(xy - chord, -1, 0)) > _SHARE * tolerance_m).any(axis=(0, 1))
-            rough &= high_m - low_m > 0.01
-            done.append((lane[~rough], low_m[~rough], high_m[~rough]))
-            middle = 0.5 * (low_m + high_m)[rough]
-            lane, low_m, high_m = (
-                np.concatenate([lane[rough], lane[rough]]),
-                np.concatenate([low_m[rough], middle]),
-                np.concatenate([middle, high_m[rough]]),
-            )
-        done.append((lane, low_m, high_m))
-        lane, low_m, high_m = (np.concatenate(parts) for parts in zip(*done, strict=True))
-        order = np.lexsort((low_m, lane))
-        return lane[order], low_m[order], high_m[order]
-
     def border_points(
         self, lane: IntArray, s_m: FloatArray, margins_m: FloatArray | None = None
     ) -> FloatArray:
@@ -408,7 +359,7 @@ class NetworkGeometry:
             bend = (
                 np.abs(self.curves.curvature_per_m[pieces]) + np.abs(self.curves.rate_per_m2[pieces]) * span
             )
-            bend[self.curves.kind[pieces] == 2] = 0.1
+            bend[self.curves.kind[pieces] == CUBIC] = 0.1
             count = np.clip(np.ceil(span * bend / 0.2), 1, 10_000).astype(np.int64)
             s = [
                 low + (high - low) * np.arange(n) / n
@@ -418,8 +369,7 @@ class NetworkGeometry:
         size = np.array([len(s) for s in roads], dtype=np.int64)
         s_m = np.concatenate(roads)
         poses = self.curves.evaluate(np.repeat(np.arange(len(roads)), size), s_m)
-        first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
-        return first, s_m, np.stack([poses.x_m, poses.y_m], axis=-1)
+        return first_rows(size), s_m, np.stack([poses.x_m, poses.y_m], axis=-1)
 
     def nearest_on_road(self, road: int, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return s and t of the nearest point of one road's reference line, for points (N, 2)."""
@@ -443,144 +393,3 @@ class NetworkGeometry:
             high[rows] = s[np.minimum(best + 2, len(s) - 1)]
         s_m, t_m, _ = self.project(np.full(len(xy_m), road), xy_m, guess, low, high)
         return s_m, t_m
-
-
-class SurfaceAttitudes(NamedTuple):
-    """How road surfaces lie in space at given points; arrays of one shape.
-
-    Attributes:
-        z_m: height.
-        heading_rad: direction of increasing s, wrapped to (-pi, pi].
-        pitch_rad: rotation about the axis to the left, right-handed: negative where the road climbs along s.
-        roll_rad: rotation about the axis ahead, right-handed: positive where the left side is higher.
-        normal: unit vectors upwards, map frame; one axis of length 3 more than the others.
-    """
-
-    z_m: FloatArray
-    heading_rad: FloatArray
-    pitch_rad: FloatArray
-    roll_rad: FloatArray
-    normal: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RoadGeometry:
-    """Geometry of one road.
-
-    Attributes:
-        id: id of the road.
-        index: its index in the network.
-        geometry: geometry of the network.
-        records: roads as read, by id.
-    """
-
-    id: str
-    index: int
-    geometry: NetworkGeometry
-    records: Mapping[str, Road]
-
-    @property
-    def record(self) -> Road:
-        """The road as read."""
-        return self.records[self.id]
-
-    @property
-    def length_m(self) -> float:
-        """Length of the reference line."""
-        return float(self.geometry.length_m[self.index])
-
-    def reference_line(self, s_m: ArrayLike) -> Poses:
-        """Return poses and curvature of the reference line at `s_m`, of any shape.
-
-        Raises:
-            PositionError: s is not finite or off the road.
-        """
-        s = self._on_road(s_m)
-        road = np.full(s.size, self.index)
-        return Poses(*(column.reshape(s.shape) for column in self.geometry.curves.evaluate(road, s.ravel())))
-
-    def point(self, s_m: ArrayLike, t_m: ArrayLike) -> SurfacePoints:
-        """Return points of the surface at (s, t), broadcast against each other.
-
-        Raises:
-            PositionError: s or t is not finite, or s is off the road.
-        """
-        s, t = np.broadcast_arrays(self._on_road(s_m), finite(t_m, "t_m"))
-        road = np.full(s.size, self.index)
-        return SurfacePoints(
-            *(column.reshape(s.shape) for column in self.geometry.surface(road, s.ravel(), t.ravel()))
-        )
-
-    def attitude(self, s_m: ArrayLike, t_m: ArrayLike) -> SurfaceAttitudes:
-        """Return height, heading, pitch, roll and normal of the surface at (s, t), broadcast.
-
-        Elevation, superelevation, crossfall and lateral shape count. The slopes are taken over a few
-        millimetres, towards the road where that is its end.
-
-        Raises:
-            PositionError: s or t is not finite, or s is off the road.
-        """
-        s, t = np.broadcast_arrays(self._on_road(s_m), finite(t_m, "t_m"))
-        at, across = s.ravel(), t.ravel()
-        road = np.full(s.size, self.index)
-        low, high = np.maximum(at - _SLOPE_STEP_M, 0.0), np.minimum(at + _SLOPE_STEP_M, self.length_m)
-        point = self.geometry.surface(road, at, across)
-        steps = []
-        for before, after in (
-            ((low, across), (high, across)),
-            ((at, across - _SLOPE_STEP_M), (at, across + _SLOPE_STEP_M)),
-        ):
-            first, second = (np.stack(self.geometry.surface(road, *place)[:3]) for place in (before, after))
-            steps.append(second - first)
-        normal = np.cross(steps[0], steps[1], axis=0)
-        normal /= np.maximum(np.linalg.norm(normal, axis=0), 1e-300)
-        cos, sin = np.cos(point.heading_rad), np.sin(point.heading_rad)
-        ahead = cos * normal[0] + sin * normal[1]
-        left = cos * normal[1] - sin * normal[0]
-        pitch = np.arctan2(ahead, normal[2])
-        roll = -np.arcsin(np.clip(left, -1.0, 1.0))
-        z, heading, pitch, roll = (
-            column.reshape(s.shape) for column in (point.z_m, point.heading_rad, pitch, roll)
-        )
-        return SurfaceAttitudes(z, heading, pitch, roll, normal.T.reshape(*s.shape, 3))
-
-    def coordinates(self, xy_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return (s, t) of points (N, 2), each at the nearest point of the reference line.
-
-        Beyond an end of the road s is held there and t is the lateral part of the offset.
-
-        Raises:
-            PositionError: the shape is not (N, 2), or a value is not finite.
-        """
-        return self.geometry.nearest_on_road(self.index, points_xy(xy_m))
-
-    def _on_road(self, s_m: ArrayLike) -> FloatArray:
-        s = finite(s_m, "s_m")
-        return within(s, 0.0, self.length_m, f"road {self.id!r}")
-
-
-def _greatest_values(table: CubicTable, length_m: FloatArray, slope: bool = False) -> FloatArray:
-    """Return bounds (R,) of the magnitude of each profile, or of its slope."""
-    owner = np.repeat(np.arange(len(length_m)), np.diff(table.first))
-    a, b, c, d = np.abs(table.coefficients).T
-    end = np.append(table.start_m[1:], 0.0)
-    end = np.where(np.append(owner[1:] == owner[:-1], False), end, length_m[owner])
-    h = np.maximum(end - table.start_m, 0.0)
-    bound = b + h * (2.0 * c + 3.0 * h * d) if slope else a + h * (b + h * (c + h * d))
-    greatest = np.zeros(len(length_m))
-    np.maximum.at(greatest, owner, bound)
-    return greatest
-
-
-def within(s_m: FloatArray, low_m: float, high_m: float, where: str) -> FloatArray:
-    """Return `s_m` moved onto [low, high] if it is off by at most `S_TOLERANCE_M`.
-
-    Raises:
-        PositionError: s is further off.
-    """
-    if s_m.size and (s_m.min() < low_m - S_TOLERANCE_M or s_m.max() > high_m + S_TOLERANCE_M):
-        raise PositionError(
-            f"{where}: s from {s_m.min():.6g} to {s_m.max():.6g} m, "
-            f"expected within [{low_m:.6g}, {high_m:.6g}] m"
-        )
-    return np.clip(s_m, low_m, high_m)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, run_starts, wrapped
 from opendrive.geometry.cells import RoadCells
 from opendrive.roads.geometry import NetworkGeometry
 
@@ -227,6 +227,27 @@ class LaneIndex:
             self._settle(result, xy_m, order[k], row, tree)
         return result
 
+    def nearest_along(
+        self, xy_m: FloatArray, lane_types: Collection[str], heading_rad: FloatArray
+    ) -> NearestLanes:
+        """Return the nearest lane of the given types for each point (N, 2) that is headed somewhere, (N,).
+
+        Of several lanes that contain a point, the one whose travel direction is nearest to the heading is
+        taken.
+        """
+        nearest, hits, lanes = self.nearest(xy_m, lane_types), self.containing(xy_m), self.geometry.lanes
+        wanted = np.flatnonzero(np.isin(lanes.lane_type[hits.lane], tuple(lane_types)))
+        point, lane, s, t = hits.point[wanted], hits.lane[wanted], hits.s_m[wanted], hits.t_m[wanted]
+        road_heading = self.geometry.curves.evaluate(lanes.road[lane], s).heading_rad
+        travel = road_heading + np.where(lanes.direction[lane] > 0, 0.0, np.pi)
+        off = np.abs(wrapped(travel - heading_rad[point]))
+        order = np.lexsort((off, point))
+        first = order[run_starts(point[order])]
+        rows = point[first]
+        nearest.lane[rows], nearest.s_m[rows], nearest.t_m[rows] = lane[first], s[first], t[first]
+        nearest.distance_m[rows] = 0.0
+        return nearest
+
     def _reach(self, xy_m: FloatArray, tree: _CellTree) -> FloatArray:
         """Return how far points (N, 2) at most are from the lane of the nearest sample."""
         distance, sample = tree.samples.query(xy_m)
@@ -373,7 +394,7 @@ class LaneIndex:
 
 def _per_group(reduction: np.ufunc, value: FloatArray, group: IntArray) -> FloatArray:
     """Return the reduction of each group of equal neighbours, for each member."""
-    first = np.flatnonzero(np.diff(group, prepend=-1))
+    first = run_starts(group)
     reduced: FloatArray = np.repeat(reduction.reduceat(value, first), np.diff(np.append(first, len(group))))
     return reduced
 
@@ -383,7 +404,7 @@ def _least(value: FloatArray, group: IntArray) -> IntArray:
     if not value.size:
         return np.empty(0, dtype=np.int64)
     least = np.flatnonzero(value == _per_group(np.minimum, value, group))
-    return least[np.flatnonzero(np.diff(group[least], prepend=-1))]
+    return least[run_starts(group[least])]
 
 
 def _extremes(geometry: NetworkGeometry, lane_wanted: BoolArray) -> tuple[FloatArray, FloatArray]:

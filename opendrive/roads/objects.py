@@ -7,7 +7,7 @@ import numpy as np
 
 from opendrive.arrays import FloatArray, read_only
 from opendrive.model import LaneRange, Road, RoadObject, Signal
-from opendrive.roads.geometry import RoadGeometry
+from opendrive.roads.road import RoadGeometry
 
 
 @dataclass(frozen=True, slots=True, eq=False)

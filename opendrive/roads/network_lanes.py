@@ -1,0 +1,182 @@
+"""Where the lanes of a network lie: their middles, borders and outlines."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from opendrive.arrays import FloatArray, IntArray, finite, positive, wrapped
+from opendrive.errors import LaneNotFoundError
+from opendrive.lanes.table import LaneTable
+from opendrive.roads.borders import SampledBorders, lane_polygon, lane_polygons, sample_borders
+from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.road import S_TOLERANCE_M, within
+
+
+class NetworkLanes:
+    """The lanes of a network and their shapes; `RoadNetwork` adds everything else."""
+
+    def __init__(self, geometry: NetworkGeometry) -> None:
+        self._geometry = geometry
+
+    @property
+    def lanes(self) -> LaneTable:
+        """All lanes, as a struct of arrays."""
+        return self._geometry.lanes
+
+    def center_line(
+        self, lane: ArrayLike, s_m: ArrayLike
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return points of the middle of lanes.
+
+        Args:
+            lane: index of a lane, or an array of them.
+            s_m: road s, broadcast against `lane`.
+
+        Returns:
+            x, y, z and heading in travel direction, all of the broadcast shape.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane.
+        """
+        lanes, s = self._on_lanes(lane, s_m)
+        many, flat = lanes.ravel(), s.ravel()
+        inner, outer, d_inner, d_outer = self.lanes.offsets_and_slopes(many, flat)
+        t = 0.5 * (inner + outer)
+        points = self._geometry.lane_surface(many, flat, t, 0.5 * (d_inner + d_outer))
+        against = np.where(self.lanes.direction[many] > 0, 0.0, np.pi)
+        columns = (points.x_m, points.y_m, points.z_m, wrapped(points.heading_rad + against))
+        x, y, z, heading = (column.reshape(s.shape) for column in columns)
+        return x, y, z, heading
+
+    def lane_offsets(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return t of lanes' inner borders (those towards the centre lane) and of their outer borders.
+
+        Lane indices and s are broadcast against each other; so are the results.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane.
+        """
+        lanes, s = self._on_lanes(lane, s_m)
+        inner, outer, _, _ = self.lanes.offsets_and_slopes(lanes.ravel(), s.ravel())
+        return inner.reshape(s.shape), outer.reshape(s.shape)
+
+    def lane_knots(self, lane: int) -> FloatArray:
+        """Return the s (K,) of a lane's start, of its end and of all records of its shape in between.
+
+        Between two of them reference line and borders are smooth.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+        """
+        _, low_m, high_m = self._geometry.knots(np.array([self._checked(lane)]))
+        return np.append(low_m, high_m[-1])
+
+    def lane_width(self, lane: ArrayLike, s_m: ArrayLike) -> FloatArray:
+        """Return the widths of lanes along t; lane indices and s are broadcast against each other.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane.
+        """
+        inner, outer = self.lane_offsets(lane, s_m)
+        width: FloatArray = (outer - inner) * self.lanes.side[np.asarray(lane, dtype=np.int64)]
+        return width
+
+    def borders(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the left and the right border of lanes as seen in travel direction, (N, 2) each.
+
+        Lane indices and s are broadcast against each other and flattened.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane.
+        """
+        lanes, s = self._on_lanes(lane, s_m)
+        inner, outer = self._geometry.border_points(lanes.ravel(), s.ravel())
+        outer_is_left = (self.lanes.side == self.lanes.direction)[lanes.ravel(), None]
+        return np.where(outer_is_left, outer, inner), np.where(outer_is_left, inner, outer)
+
+    def lane_polygon(
+        self,
+        lane: int,
+        s0_m: float,
+        s1_m: float,
+        margin_left_m: float = 0.0,
+        margin_right_m: float = 0.0,
+        tolerance_m: float = 0.05,
+    ) -> FloatArray:
+        """Return the outline of a stretch of a lane.
+
+        The outline follows the curve of the road and the change of width within `tolerance_m`. Margins that
+        reach beyond the centre of a tight bend make it cross itself, as the border moved there does.
+
+        Args:
+            lane: index of the lane.
+            s0_m: one end of the stretch, road s.
+            s1_m: the other end.
+            margin_left_m: by how much the left border (in travel direction) is moved outwards, along t.
+            margin_right_m: the same for the right border.
+            tolerance_m: greatest distance between border and outline.
+
+        Returns:
+            (P, 2) corners, map frame, without repetition of the first; along the right border and back along
+            the left.
+
+        Raises:
+            LaneNotFoundError: no such lane.
+            PositionError: s is not finite or off the lane, a margin is not finite, or the tolerance is not
+            positive.
+        """
+        s0, s1 = np.sort(self._on_lane(lane, [s0_m, s1_m])).tolist()
+        margins = finite([margin_left_m, margin_right_m], "margin")
+        tolerance_m = positive(tolerance_m, "tolerance_m")
+        return lane_polygon(self._geometry, lane, s0, s1, margins, tolerance_m)
+
+    def lane_polygons(self, tolerance_m: float = 0.05) -> NDArray[np.object_]:
+        """Return the outlines of all lanes as shapely polygons, (L,), counter-clockwise.
+
+        Args:
+            tolerance_m: greatest distance between border and outline.
+
+        Raises:
+            PositionError: the tolerance is not positive.
+        """
+        return lane_polygons(self._geometry, positive(tolerance_m, "tolerance_m"))
+
+    def sampled_borders(self, step_m: float = 1.0) -> SampledBorders:
+        """Return points of both borders of all lanes, at equal distances of at most `step_m` along the road.
+
+        Raises:
+            PositionError: the step is not positive.
+        """
+        return sample_borders(self._geometry, positive(step_m, "step_m"))
+
+    # Checks
+
+    def _checked(self, lane: int) -> int:
+        if not 0 <= lane < len(self.lanes):
+            raise LaneNotFoundError(f"no lane {lane}: the network has lanes 0 to {len(self.lanes) - 1}")
+        return int(lane)
+
+    def _on_lanes(self, lane: ArrayLike, s_m: ArrayLike) -> tuple[IntArray, FloatArray]:
+        """Return lane indices and s on the lanes, broadcast against each other."""
+        lanes, s = np.broadcast_arrays(np.asarray(lane), finite(s_m, "s_m"))
+        if not lanes.size:
+            return lanes.astype(np.int64), s
+        if lanes.dtype.kind not in "iu":
+            raise LaneNotFoundError(f"lane: expected indices, got values of type {lanes.dtype}")
+        for extreme in (lanes.min(), lanes.max()):
+            self._checked(int(extreme))
+        lanes = lanes.astype(np.int64)
+        on_lane = np.clip(s, self.lanes.s_start_m[lanes], self.lanes.s_end_m[lanes])
+        off = np.flatnonzero(np.abs(s - on_lane) > S_TOLERANCE_M)
+        if off.size:
+            self._on_lane(int(lanes.flat[off[0]]), s.flat[off[0]])
+        return lanes, on_lane
+
+    def _on_lane(self, lane: int, s_m: ArrayLike) -> FloatArray:
+        i = self._checked(lane)
+        s = finite(s_m, "s_m")
+        low, high = float(self.lanes.s_start_m[i]), float(self.lanes.s_end_m[i])
+        return within(s, low, high, f"lane {tuple(self.lanes.key[i])}")
