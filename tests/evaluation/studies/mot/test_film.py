@@ -76,6 +76,7 @@ def test_the_track_moves_in_the_picture(objects: Any, tmp_path: Path) -> None:
 def test_on_a_map_with_ego_poses(objects: Any, tmp_path: Path) -> None:
     network = load_map(shipped_map("urban_street"))
     pose = np.tile(np.eye(4), (4, 1, 1))
+    pose[:, :2, 3] = 20.0, -1.75  # in a lane
     write_gif(film(objects, range(2), network=network, pose=pose), tmp_path / "map.gif")
     write_gif(film(objects, range(2), pose=pose), tmp_path / "plain.gif")
 
