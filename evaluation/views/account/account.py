@@ -41,3 +41,8 @@ class Account:
     frame: int
     story: tuple[str, ...]
     status: tuple[str, ...]
+
+    @property
+    def collided(self) -> bool:
+        """Whether the run ended in a collision, at a reduced speed or not."""
+        return self.kind in ("hit", "mitigated")

@@ -36,6 +36,15 @@ if TYPE_CHECKING:
 
 PAGE_NAME = "report.html"
 
+_FEW = 3
+"""Names that a heading holds, and scenarios that get diagrams of their own."""
+
+_PALETTE = {
+    "lanes": LANE_COLOURS, "other": OTHER_LANE_COLOUR, "areas": AREA_COLOURS, "tracks": TRACK_COLOURS,
+    "detections": DETECTION_COLOURS, "ego": EGO_COLOUR,
+}  # fmt: skip
+"""Colours that the page's script draws with."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunView:
@@ -143,14 +152,6 @@ def page_content(
         progress(len(views), len(rows))
     accounts = {view.log: view.account for view in views}
     assert origin is not None  # a folder has runs
-    palette = {
-        "lanes": LANE_COLOURS,
-        "other": OTHER_LANE_COLOUR,
-        "areas": AREA_COLOURS,
-        "tracks": TRACK_COLOURS,
-        "detections": DETECTION_COLOURS,
-        "ego": EGO_COLOUR,
-    }
     return PageContent(
         title=_subject(rows),
         facts=_facts(folder),
@@ -164,7 +165,7 @@ def page_content(
         panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
-        palette=palette,
+        palette=_PALETTE,
     )
 
 
@@ -225,10 +226,6 @@ def _subject(runs: pd.DataFrame) -> str:
     return ", ".join(names) if len(names) <= _FEW else f"{len(names)} scenarios"
 
 
-_FEW = 3
-"""Names that a heading holds, and scenarios that get diagrams of their own."""
-
-
 def _facts(folder: RunFolder) -> dict[str, str]:
     """What the runs have in common, and what made them."""
     runs = folder.runs
@@ -244,13 +241,13 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     for name in ("detector", "tracker", "rule"):
         of = PARAMETERS[name].of
         used = {s.preset.name: of(s.preset) for s in folder.setups.values() if s.preset is not None}
-        own = [
+        changed = [
             str(value)
             for preset, value in used.items()
             if preset not in PRESETS or value != of(PRESETS[preset])
         ]
-        if own:
-            facts[PARAMETERS[name].text.capitalize()] = ", ".join(dict.fromkeys(own))
+        if changed:
+            facts[PARAMETERS[name].text.capitalize()] = ", ".join(dict.fromkeys(changed))
     if folder.version:
         facts["Made by"] = f"smartmot {folder.version}"
     return facts

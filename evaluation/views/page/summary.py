@@ -28,6 +28,9 @@ _SHARES = {
 }  # fmt: skip
 """Where an outcome stands on that scale when there are no points."""
 
+_NAMED = 12
+"""Further runs that failed in the same way, named in a verdict."""
+
 _UNDECIDED = "#e4e6e9"
 """Fill of runs that decide nothing: in no rate, or without braking where it is unknown what must happen."""
 
@@ -109,7 +112,7 @@ def _verdict(
     def those(chosen: Callable[[Account], bool]) -> list[str]:
         return [name for name in names if chosen(accounts[name])]
 
-    hits = those(lambda account: account.kind in ("hit", "mitigated"))
+    hits = those(lambda account: account.collided)
     false = those(lambda account: bool(account.false_activation))
     unnecessary = those(lambda account: account.unnecessary and not account.false_activation)
     reasons = []
@@ -133,44 +136,37 @@ def _rates(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> list[str]:
     Runs that the time limit cut off before anything was decided, and tests without conflict, are in no rate
     and have a part of their own.
     """
-    kinds = {str(name): accounts[str(name)] for name in runs["log"]}
-    decided = [name for name, account in kinds.items() if account.kind not in ("cut", "invalid")]
-    brake = [name for name in decided if kinds[name].must != "nothing"]
-    nothing = [name for name in decided if kinds[name].must == "nothing"]
-    group = " in must-brake scenes" if brake and all(kinds[name].must == "brake" for name in brake) else ""
+    known = {str(name): accounts[str(name)] for name in runs["log"]}
+    decided = {name: account for name, account in known.items() if account.kind not in ("cut", "invalid")}
+    brake = {name: account for name, account in decided.items() if account.must != "nothing"}
+    nothing = {name: account for name, account in decided.items() if account.must == "nothing"}
+    group = " in must-brake scenes" if all(account.must == "brake" for account in brake.values()) else ""
+    in_nothing = " in nothing scenes"
 
-    def of(what: str, chosen: Callable[[Account], bool], names: list[str], group: str) -> str:
-        return _count(what, [name for name in names if chosen(kinds[name])], names, group, runs)
+    def rate(what: str, is_so: Callable[[Account], bool], among: Mapping[str, Account], group: str) -> str:
+        return _count(what, [name for name in among if is_so(among[name])], len(among), group, runs)
 
     parts = []
     if brake:
-        parts.append(of("collision", lambda a: a.kind in ("hit", "mitigated"), brake, group))
-        mitigated = sum(kinds[name].kind == "mitigated" for name in brake)
-        hits = sum(kinds[name].kind == "hit" for name in brake)
-        parts[-1] += f", {_of_them(mitigated, hits + mitigated)}mitigated" if mitigated else ""
-        applies = [name for name in brake if kinds[name].false_activation is not None]
-        if applies and (not nothing or any(kinds[name].false_activation for name in applies)):
-            parts.append(of("false activation", lambda a: bool(a.false_activation), applies, group))
+        mitigated = sum(account.kind == "mitigated" for account in brake.values())
+        collisions = sum(account.collided for account in brake.values())
+        some = f", {_of_them(mitigated, collisions)}mitigated" if mitigated else ""
+        parts.append(rate("collision", lambda a: a.collided, brake, group) + some)
+        applies = {name: account for name, account in brake.items() if account.false_activation is not None}
+        if applies and (not nothing or any(account.false_activation for account in applies.values())):
+            parts.append(rate("false activation", lambda a: bool(a.false_activation), applies, group))
     if nothing:
-        if any(kinds[name].kind in ("hit", "mitigated") for name in nothing):
-            parts.append(
-                of("collision", lambda a: a.kind in ("hit", "mitigated"), nothing, " in nothing scenes")
-            )
-        parts.append(
-            of("false activation", lambda a: bool(a.false_activation), nothing, " in nothing scenes")
-        )
-        parts.append(of("unnecessary braking", lambda a: a.unnecessary, nothing, " in nothing scenes"))
-        adapted = sum(kinds[name].unnecessary and not kinds[name].false_activation for name in nothing)
-        braked = sum(kinds[name].unnecessary for name in nothing)
-        parts[-1] += f", {_of_them(adapted, braked)}by speed adaptation alone" if adapted else ""
+        if any(account.collided for account in nothing.values()):
+            parts.append(rate("collision", lambda a: a.collided, nothing, in_nothing))
+        parts.append(rate("false activation", lambda a: bool(a.false_activation), nothing, in_nothing))
+        braked = [account for account in nothing.values() if account.unnecessary]
+        adapted = sum(not account.false_activation for account in braked)
+        some = f", {_of_them(adapted, len(braked))}by speed adaptation alone" if adapted else ""
+        parts.append(rate("unnecessary braking", lambda a: a.unnecessary, nothing, in_nothing) + some)
     for kind, why in (("cut", "cut off by the time limit"), ("invalid", "without conflict")):
-        if number := sum(account.kind == kind for account in kinds.values()):
+        if number := sum(account.kind == kind for account in known.values()):
             parts.append(f"{number} run{'s' if number > 1 else ''} {why}, in no rate")
     return parts
-
-
-_NAMED = 12
-"""Further runs that failed in the same way, named in a verdict."""
 
 
 def _in_order(runs: pd.DataFrame) -> pd.DataFrame:
@@ -183,9 +179,9 @@ def _of_them(count: int, of: int) -> str:
     return "" if count == of else f"{count} of them "
 
 
-def _count(what: str, chosen: list[str], of: list[str], group: str, runs: pd.DataFrame) -> str:
+def _count(what: str, chosen: list[str], of: int, group: str, runs: pd.DataFrame) -> str:
     """`collision in 1 of 2 runs in must-brake scenes (at 60 km/h)`, or `no collision in 2 runs`."""
-    runs_there = f"{len(of)} run{'s' if len(of) > 1 else ''}{group}"
+    runs_there = f"{of} run{'s' if of > 1 else ''}{group}"
     if not chosen:
         return f"no {what} in {runs_there}"
     share = f"{what} in {len(chosen)} of {runs_there}"
