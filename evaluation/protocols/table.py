@@ -62,7 +62,7 @@ def measurements(
     grid: dict[tuple[str, float], list[Cell]] = {}
     for cell in cells:
         grid.setdefault((cell.scenario, cell.speed_kmh), []).append(cell)
-    found: dict[Cell, Measurement] = {}
+    by_cell: dict[Cell, Measurement] = {}
     for index, record in enumerate(records):
         run = _Run(index, record)
         fitting = [cell for cell in grid.get((run.scenario, run.speed_kmh), ()) if run.fits(cell)]
@@ -72,8 +72,8 @@ def measurements(
         for cell in fitting:
             reason = measured.invalid or (why_invalid(index, cell) if why_invalid else "")
             judged = replace(measured, invalid=reason)
-            found[cell] = _worse(found[cell], judged) if cell in found else judged
-    return found
+            by_cell[cell] = _worse(by_cell[cell], judged) if cell in by_cell else judged
+    return by_cell
 
 
 @dataclass(frozen=True, slots=True)

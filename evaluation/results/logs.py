@@ -140,7 +140,7 @@ def _log_column(name: str, values: NDArray[Any]) -> tuple[NDArray[Any], str, NDA
     if name != "id":
         return numbers, "float64", None
     absent = ~np.isfinite(numbers)
-    whole = np.where(absent, 0.0, numbers)
-    if np.any(whole % 1.0):
+    ids = np.where(absent, 0.0, numbers)
+    if np.any(ids % 1.0):
         raise ValueError("column 'id' of the log: expected whole numbers")
-    return whole.astype(np.int64), "int64", absent
+    return ids.astype(np.int64), "int64", absent

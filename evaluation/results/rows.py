@@ -236,8 +236,8 @@ def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
             raise ValueError(f"column {name!r}: a value is missing")
         if kinds[name].startswith(("float", "int")) and (column.abs() > GREATEST).any():
             raise ValueError(f"column {name!r}: a value is beyond {GREATEST:g}")
-    told = set(runs["end_reason"]) if "end_reason" in names else set()
-    unknown = told - {reason.value for reason in EndReason}
+    reasons = set(runs["end_reason"]) if "end_reason" in names else set()
+    unknown = reasons - {reason.value for reason in EndReason}
     if unknown:
         raise ValueError(f"column 'end_reason': unknown: {shown(min(unknown))}")
     ended = ~runs["end_reason"].isin(CUT_OFF) if "end_reason" in names else True

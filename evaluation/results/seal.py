@@ -42,11 +42,11 @@ def check_seal(content: bytes) -> None:
     marks = content.count(KEY.encode()), content.count(_PREFIX)
     if marks == (0, 0):
         return
-    found = list(_SEALED.finditer(content))
+    checksums = list(_SEALED.finditer(content))
     # a mark alone, or another number of them, is what damage leaves
-    if min(marks) == 0 or len(found) != 1:
+    if min(marks) == 0 or len(checksums) != 1:
         raise ReadError("damaged: its checksum is not whole")
-    (match,) = found
+    (match,) = checksums
     zeros = content[: match.start()] + _EMPTY + content[match.end() :]
     if hashlib.sha256(zeros).hexdigest().encode() != match.group(1):
         raise ReadError("damaged: its checksum is another")

@@ -161,11 +161,11 @@ def conflicts(
     """
     runs = list(dict.fromkeys(map(unbraked, specs)))
     workers = min(workers, max(len(runs) // RUNS_PER_WORKER, 1))
-    found = {}
+    by_run = {}
     for run, conflict in zip(runs, execute_all(conflict_of, runs, workers), strict=True):
-        found[run] = conflict
+        by_run[run] = conflict
         done()
-    return found
+    return by_run
 
 
 def scored(row: RunRow, conflict: Conflict) -> RunRow:
@@ -173,16 +173,16 @@ def scored(row: RunRow, conflict: Conflict) -> RunRow:
     return replace(row, score=None) if conflict.missing else row
 
 
-def told_without_conflict(specs: Sequence[RunSpec], found: Mapping[RunSpec, Conflict]) -> list[str]:
+def told_without_conflict(specs: Sequence[RunSpec], by_run: Mapping[RunSpec, Conflict]) -> list[str]:
     """A line for each scenario and speed in which nothing is to be avoided.
 
     Args:
         specs: the runs.
-        found: what comes to pass without braking, as `conflicts` gives it.
+        by_run: what comes to pass without braking, as `conflicts` gives it.
     """
     lines: dict[str, None] = {}
     for spec in specs:
-        missing = found[unbraked(spec)].missing
+        missing = by_run[unbraked(spec)].missing
         if missing:
             lines[f"{spec.scenario}, {spec.v_test_kmh:g} km/h: {missing}"] = None
     return list(lines)

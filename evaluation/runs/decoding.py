@@ -73,26 +73,32 @@ def _value(kind: Any, value: object, where: str, defaults: bool) -> Any:
     kinds = typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
     if value is None and type(None) in kinds:
         return None
-    for one in kinds:
-        if one is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+    for option in kinds:
+        if option is float and isinstance(value, (int, float)) and not isinstance(value, bool):
             if not math.isfinite(value):
                 break
             return float(value)
-        if one in (int, bool, str) and type(value) is one:
+        if option in (int, bool, str) and type(value) is option:
             return value
-        if typing.get_origin(one) is tuple and isinstance(value, list):
-            item = typing.get_args(one)[0]
+        if typing.get_origin(option) is tuple and isinstance(value, list):
+            item = typing.get_args(option)[0]
             return tuple(_value(item, v, f"{where}[{k}]", defaults) for k, v in enumerate(value))
     if isinstance(value, Mapping):
-        if set(value) == {"name", "digest"} and any(one is Plugin or _is_callable(one) for one in kinds):
+        if set(value) == {"name", "digest"} and any(
+            option is Plugin or _is_callable(option) for option in kinds
+        ):
             return decode(Plugin, value, where)
-        named = [own for one in kinds for own in _CLASSES_OF.get(one, (one,))]
-        classes = [one for one in named if dataclasses.is_dataclass(one) and isinstance(one, type)]
+        named = [own for option in kinds for own in _CLASSES_OF.get(option, (option,))]
+        classes = [
+            option for option in named if dataclasses.is_dataclass(option) and isinstance(option, type)
+        ]
         if classes:
             # of several the one whose fields are most like those that are there
-            best = max(classes, key=lambda one: -len(set(value) ^ {f.name for f in dataclasses.fields(one)}))
+            best = max(
+                classes, key=lambda option: -len(set(value) ^ {f.name for f in dataclasses.fields(option)})
+            )
             return decode(best, value, where, defaults)
-    names = " or ".join(_name(one) for one in kinds)
+    names = " or ".join(_name(option) for option in kinds)
     raise ReadError(f"{where} must be {names}, got {shown(value)}")
 
 

@@ -73,10 +73,10 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     parameters.pop("Map", None)
     told_map = None if spec.map_name is None else Path(spec.map_name).name
     values = asdict(replace(spec, file=path.name, parameters=(), settings=(), map_name=told_map))
-    told = [values, parameters, _preset_text(spec.preset, spec.settings), files, version(), *more]
+    hashed = [values, parameters, _preset_text(spec.preset, spec.settings), files, version(), *more]
     if is_plugin(spec.strategy):
-        told.append(plugin(spec.strategy).digest)
-    return digest_of(told)
+        hashed.append(plugin(spec.strategy).digest)
+    return digest_of(hashed)
 
 
 def map_file(name: str) -> Path:

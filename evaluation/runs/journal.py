@@ -92,17 +92,17 @@ class Journal(Generic[Measures]):
         Raises:
             ResultsError: a line has other fields than this version writes, or values of another kind.
         """
-        found: dict[str, tuple[Measures, FrameTime]] = {}
+        by_key: dict[str, tuple[Measures, FrameTime]] = {}
         try:
             for key, values in self._lines.items():
                 if key in keys:
                     spent = FrameTime(0, 0.0, 0.0)
                     if key in self._times:
                         spent = _checked(FrameTime, self._times[key], f"times of run {shown(key)}")
-                    found[key] = _checked(self._kind, values, f"run {shown(key)}"), spent
+                    by_key[key] = _checked(self._kind, values, f"run {shown(key)}"), spent
         except ReadError as error:
             raise ResultsError(f"{self._path}: not a journal of this version ({error}); remove it") from None
-        return found
+        return by_key
 
     def add(self, key: str, measures: Measures, spent: FrameTime) -> None:
         """Write a finished run down; when this returns it is on disk.
@@ -147,16 +147,16 @@ class Journal(Generic[Measures]):
         Raises:
             ResultsError: a line has other fields than this version writes.
         """
-        found = {key: kept for key, kept in self.finished(items).items() if is_whole(items[key])}
-        before = len(found)
+        by_key = {key: kept for key, kept in self.finished(items).items() if is_whole(items[key])}
+        before = len(by_key)
         done(before)
-        missing = [key for key in items if key not in found]
+        missing = [key for key in items if key not in by_key]
         fresh = execute_all(job, [items[key] for key in missing], workers)
         for key, (measures, spent) in zip(missing, fresh, strict=True):
             self.add(key, measures, spent)
-            found[key] = measures, spent
+            by_key[key] = measures, spent
             done(1)
-        return found, before
+        return by_key, before
 
 
 def _checked(kind: type[Kept], values: Mapping[str, Any], where: str) -> Kept:
@@ -203,20 +203,20 @@ def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     if not path.exists():
         return {}
     content = path.read_bytes()
-    whole = content.rfind(b"\n") + 1
-    lines = content[:whole].splitlines(keepends=True)
-    found: dict[str, dict[str, Any]] = {}
+    end = content.rfind(b"\n") + 1
+    lines = content[:end].splitlines(keepends=True)
+    by_key: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(lines, 1):
         try:
             values = parse_json(_unsealed(line.decode()))
-            found[values.pop("key")] = values
+            by_key[values.pop("key")] = values
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if number == len(lines) and b"\0" in line:  # what a file system leaves of a power cut
-                whole -= len(line)
+                end -= len(line)
                 break
             raise ResultsError(
                 f"{path}: not a journal of a comparison (line {number}: {shown(error)}); remove it"
             ) from None
-    if cut and whole < len(content):
-        os.truncate(path, whole)
-    return found
+    if cut and end < len(content):
+        os.truncate(path, end)
+    return by_key

@@ -123,12 +123,12 @@ def _call(job: bytes, item: bytes) -> Any:
         work, given = pickle.loads(job), pickle.loads(item)
     except BaseException as error:  # a module may even leave the interpreter
         frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith("<")]
-        place, line, told = frames[-1].filename, frames[-1].lineno, str(error)
+        place, line, reason = frames[-1].filename, frames[-1].lineno, str(error)
         if isinstance(error, SyntaxError) and error.filename is not None:
-            place, line, told = error.filename, error.lineno, error.msg
+            place, line, reason = error.filename, error.lineno, error.msg
         raise WorkerError(
             f"a worker process cannot import what it needs: {type(error).__name__}: "
-            f"{' '.join(told.split())} ({place}, line {line})"
+            f"{' '.join(reason.split())} ({place}, line {line})"
         ) from None
     return work(given)
 

@@ -252,14 +252,14 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
     for others in dict.fromkeys(run.others for run in runs):
         line = [str(others)]
         for strategy in strategies:
-            mine = _cell(pairs, strategy, others)
-            flag = _flag_s(mine)
-            impact = mean_t([run.v_impact_kmh for run, _ in mine if run.v_impact_kmh is not None])
+            cell = _cell(pairs, strategy, others)
+            flag = _flag_s(cell)
+            impact = mean_t([run.v_impact_kmh for run, _ in cell if run.v_impact_kmh is not None])
             line += [
-                f"{_median_ms(mine).value:.2f}",
-                f"{_tracks(mine).value:.1f}",
+                f"{_median_ms(cell).value:.2f}",
+                f"{_tracks(cell).value:.1f}",
                 f"{flag.value:.2f}" if flag.count else EMPTY,
-                f"{sum(run.false_activation for run, _ in mine)}/{len(mine)}",
+                f"{sum(run.false_activation for run, _ in cell)}/{len(cell)}",
                 f"{impact.value:.1f}" if impact.count else EMPTY,
             ]
         lines.append(tuple(line))

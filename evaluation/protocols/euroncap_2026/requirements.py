@@ -49,7 +49,7 @@ def gates(
             what is required, so that the requirement is not met.
         colours: of the cells of the grid with a valid run.
     """
-    found = []
+    tested = []
     for lighting in Lighting:
         first = [
             cell
@@ -59,21 +59,21 @@ def gates(
             == ("CPNA", _GATE_SPEED_KMH, _GATE_IMPACT_PERCENT, lighting)
         ]
         name = _named(f"CPNA-75 at 10 km/h is green by {lighting}", first, results)
-        found.append(Gate(name, _all([colours.get(cell) is Colour.GREEN for cell in first])))
+        tested.append(Gate(name, _all([colours.get(cell) is Colour.GREEN for cell in first])))
     for cell in requirement_cells():
         slow = [cell] if cell in results else []
         name = (
             f"CPNA-75 at 20 km/h slows down by {_SLOWED_KMH:g} km/h for a pedestrian of 3 km/h "
             f"by {cell.lighting}"
         )
-        found.append(Gate(_named(name, slow, results), _all([_slowed(c, results[c]) for c in slow])))
+        tested.append(Gate(_named(name, slow, results), _all([_slowed(c, results[c]) for c in slow])))
     rear = [cell for cell in cells if _is_gate_of_rear(cell)]
     driven = [cell for cell in rear if cell in results]
     green = all(colours.get(cell) is Colour.GREEN for cell in driven)
-    whole = green if driven and (not green or len(driven) == len(rear)) else None
+    passed = green if driven and (not green or len(driven) == len(rear)) else None
     name = "CCRs avoids every standard collision up to 20 km/h"
-    found.append(Gate(_named(name, driven, results), whole))
-    return tuple(found)
+    tested.append(Gate(_named(name, driven, results), passed))
+    return tuple(tested)
 
 
 def requirement_matrix(results: Mapping[Cell, Measurement]) -> Iterable[BlockScore]:

@@ -22,21 +22,21 @@ class Curve:
     Args:
         strategy: monitored area.
         parameter: the parameter along the curve; empty where there is but one point.
-        rest: the other settings, the same along the curve.
+        fixed: the other settings, the same along the curve.
         values: of the parameter, rising; empty where there is none.
         rows: a summary for each.
     """
 
     strategy: str
     parameter: str
-    rest: Settings
+    fixed: Settings
     values: tuple[float, ...]
     rows: tuple[Summary, ...]
 
     @property
     def name(self) -> str:
         """Strategy and other settings."""
-        return ", ".join((self.strategy, *(setting_text(name, value) for name, value in self.rest)))
+        return ", ".join((self.strategy, *(setting_text(name, value) for name, value in self.fixed)))
 
 
 def curves(rows: Sequence[Summary], points: Sequence[Point]) -> list[Curve]:
@@ -47,20 +47,20 @@ def curves(rows: Sequence[Summary], points: Sequence[Point]) -> list[Curve]:
         points: that they are of.
     """
     by_name = {(row.strategy, row.settings): row for row in rows}
-    found: dict[tuple[str, Settings, bool], list[tuple[float, Summary]]] = {}
+    groups: dict[tuple[str, Settings, bool], list[tuple[float, Summary]]] = {}
     for point in points:
         width = WIDTHS.get(point.strategy, "")
         value = dict(point.settings).get(width)
-        rest = tuple((name, other) for name, other in point.settings if name != width)
+        fixed = tuple((name, other) for name, other in point.settings if name != width)
         at = math.nan if value is None else float(value)
-        group = found.setdefault((point.strategy, rest, value is None), [])
+        group = groups.setdefault((point.strategy, fixed, value is None), [])
         group.append((at, by_name[point.strategy, point.text]))
     made = []
-    for (strategy, rest, _), pairs in found.items():
+    for (strategy, fixed, _), pairs in groups.items():
         ordered = sorted(pairs, key=lambda pair: pair[0])
         values = tuple(value for value, _ in ordered if not math.isnan(value))
         parameter = WIDTHS[strategy] if values else ""
-        made.append(Curve(strategy, parameter, rest, values, tuple(row for _, row in ordered)))
+        made.append(Curve(strategy, parameter, fixed, values, tuple(row for _, row in ordered)))
     return made
 
 

@@ -109,7 +109,7 @@ def differences(runs: Sequence[RunMeasures], pairs: Sequence[Pair]) -> list[Diff
     for run in runs:
         group = by_point.setdefault((run.weather, run.strategy, run.settings), {})
         group[run.scene, run.variant, run.seed] = run
-    found = []
+    made = []
     for weather in dict.fromkeys(run.weather for run in runs):
         for point, other in pairs:
             first, second = (by_point[weather, p.strategy, p.text] for p in (point, other))
@@ -117,8 +117,8 @@ def differences(runs: Sequence[RunMeasures], pairs: Sequence[Pair]) -> list[Diff
             for name in COMPARED:
                 difference = _difference(weather, point, other, name, both)
                 if difference.estimate.count:
-                    found.append(difference)
-    return found
+                    made.append(difference)
+    return made
 
 
 def _difference(
@@ -128,12 +128,12 @@ def _difference(
     changes: list[float] = []
     scenes: list[str] = []
     variants: list[tuple[str, str]] = []
-    for one, two in both:
-        a, b = compared.value(one), compared.value(two)
-        if one.must == (compared.must or one.must) and a is not None and b is not None:
+    for first, second in both:
+        a, b = compared.value(first), compared.value(second)
+        if first.must == (compared.must or first.must) and a is not None and b is not None:
             changes.append(a - b)
-            scenes.append(one.scene)
-            variants.append((one.scene, one.variant))
+            scenes.append(first.scene)
+            variants.append((first.scene, first.variant))
     better, worse, equal = _signs(changes, variants, compared)
     scenes_better, scenes_worse, _ = _signs(changes, scenes, compared)
     if not compared.unit:
@@ -168,7 +168,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def differences_csv(found: Sequence[Difference]) -> bytes:
+def differences_csv(compared: Sequence[Difference]) -> bytes:
     """One line per difference."""
     lines = [
         (
@@ -176,18 +176,18 @@ def differences_csv(found: Sequence[Difference]) -> bytes:
             d.estimate.value, d.estimate.low, d.estimate.high, d.estimate.count, d.better, d.worse, d.equal,
             d.scenes_better, d.scenes_worse, d.p_value,
         )
-        for d in found
+        for d in compared
     ]  # fmt: skip
     return csv_bytes(_COLUMNS, lines)
 
 
-def difference_table(found: Sequence[Difference]) -> Table:
+def difference_table(compared: Sequence[Difference]) -> Table:
     """A line per pair and weather, if anything that is shown differs in any variant."""
-    weathers = len({one.weather for one in found}) > 1
+    weathers = len({d.weather for d in compared}) > 1
     lines: dict[tuple[str, Point, Point], dict[str, Difference]] = {}
-    for one in found:
-        if one.measure in SHOWN:
-            lines.setdefault((one.weather, one.point, one.against), {})[one.measure] = one
+    for d in compared:
+        if d.measure in SHOWN:
+            lines.setdefault((d.weather, d.point, d.against), {})[d.measure] = d
     header = (
         *(("weather",) if weathers else ()), "strategy", "against",
         *(f"{COMPARED[name].text} ({_unit(name)})" for name in SHOWN),
@@ -200,7 +200,7 @@ def difference_table(found: Sequence[Difference]) -> Table:
             *(_cell(cells[name]) if name in cells else EMPTY for name in SHOWN),
         )
         for (weather, point, other), cells in lines.items()
-        if any(one.better or one.worse for one in cells.values())
+        if any(d.better or d.worse for d in cells.values())
     ]
     caption = (
         "Run by run on the same scenes and noise: difference, interval (95 %) over the scenes, scenes in "
@@ -215,24 +215,24 @@ def point_name(point: Point) -> str:
     return f"{point.strategy} {point.text}".strip()
 
 
-def told_differences(found: Sequence[Difference], name: Callable[[Point], str] = point_name) -> str:
+def told_differences(compared: Sequence[Difference], name: Callable[[Point], str] = point_name) -> str:
     """Which measures differ by more than another choice of scenes would explain, in one sentence.
 
     Args:
-        found: differences.
+        compared: differences.
         name: of a point.
     """
     together = "Run by run on the same scenes and noise"
-    shown = [one for one in found if one.measure in SHOWN and (one.better or one.worse)]
+    shown = [d for d in compared if d.measure in SHOWN and (d.better or d.worse)]
     if not shown:
         return f"{together}, the strategies do not differ."
-    clear = [one for one in shown if one.estimate.low > 0.0 or one.estimate.high < 0.0]
-    weathers = len({one.weather for one in found}) > 1
+    clear = [d for d in shown if d.estimate.low > 0.0 or d.estimate.high < 0.0]
+    weathers = len({d.weather for d in compared}) > 1
     groups: dict[str, list[str]] = {}
-    for one in clear:
-        where = f" ({one.weather})" if weathers else ""
-        text = f"{COMPARED[one.measure].text} {_interval(one)} {_unit(one.measure)}"
-        groups.setdefault(f"{name(one.point)} against {name(one.against)}{where}", []).append(text)
+    for d in clear:
+        where = f" ({d.weather})" if weathers else ""
+        text = f"{COMPARED[d.measure].text} {_interval(d)} {_unit(d.measure)}"
+        groups.setdefault(f"{name(d.point)} against {name(d.against)}{where}", []).append(text)
     texts = "; ".join(f"{pair}: {', '.join(group)}" for pair, group in groups.items())
     count = f"{len(clear) or 'none'} of {len(shown)} differences have an interval over the scenes without 0"
     open_ = f"; which side is better{' in the others' if clear else ''}, these scenes do not decide"
@@ -243,13 +243,13 @@ def _unit(name: str) -> str:
     return COMPARED[name].unit or "points"
 
 
-def _cell(one: Difference) -> str:
-    return f"{_interval(one)}, {one.scenes_better}:{one.scenes_worse}, p {one.p_value:.2g}"
+def _cell(d: Difference) -> str:
+    return f"{_interval(d)}, {d.scenes_better}:{d.scenes_worse}, p {d.p_value:.2g}"
 
 
-def _interval(one: Difference) -> str:
+def _interval(d: Difference) -> str:
     """`+7 [-3, +17]`; outcomes in percentage points."""
-    compared, estimate = COMPARED[one.measure], one.estimate
+    compared, estimate = COMPARED[d.measure], d.estimate
     scale = 1.0 if compared.unit else 100.0
     value, low, high = (
         f"{round(scale * number, compared.digits) + 0.0:+.{compared.digits}f}"

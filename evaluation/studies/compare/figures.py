@@ -119,7 +119,7 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
 
 def _name(curve: Curve) -> str:
     """The curve in words, as far as there are any."""
-    settings = (setting_text(name, value) for name, value in curve.rest)
+    settings = (setting_text(name, value) for name, value in curve.fixed)
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
 
 

@@ -34,8 +34,8 @@ def valid_scenes(scenes: Sequence[SceneRun], workers: int = 1) -> tuple[tuple[Sc
         for scene in scenes
         if scene.must == "brake"
     }
-    found = conflicts(specs.values(), workers)
-    missing = {name: found[unbraked(spec)].missing for name, spec in specs.items()}
+    known = conflicts(specs.values(), workers)
+    missing = {name: known[unbraked(spec)].missing for name, spec in specs.items()}
     reasons = {name: reason for name, reason in missing.items() if reason}
     return tuple(scene for scene in scenes if scene.name not in reasons), reasons
 
@@ -50,5 +50,5 @@ def told_invalid_scenes(reasons: Mapping[str, str], must_brake: int) -> list[str
     if not reasons:
         return []
     verb = "is" if len(reasons) == 1 else "are"
-    told = f"{len(reasons)} of {must_brake} scenes that ask for braking {verb} invalid, and in no rate"
-    return [*(f"{name}: {reason}" for name, reason in reasons.items()), told]
+    count_line = f"{len(reasons)} of {must_brake} scenes that ask for braking {verb} invalid, and in no rate"
+    return [*(f"{name}: {reason}" for name, reason in reasons.items()), count_line]

@@ -44,9 +44,13 @@ def cell_columns(
             else by the impact location.
     """
     values = definition.parameters
-    told = str(variation.parameters.get("Scenario_ID", "")) or _name_in(file)
-    match = re.fullmatch(r"(?P<name>[A-Za-z_]+?)(?:-(?P<percent>\d+))?(?P<fcw>_FCW)?", told, re.IGNORECASE)
-    name, percent, fcw = (match["name"], match["percent"], match["fcw"]) if match else (told, None, None)
+    name_of_test = str(variation.parameters.get("Scenario_ID", "")) or _name_in(file)
+    match = re.fullmatch(
+        r"(?P<name>[A-Za-z_]+?)(?:-(?P<percent>\d+))?(?P<fcw>_FCW)?", name_of_test, re.IGNORECASE
+    )
+    name, percent, fcw = (
+        (match["name"], match["percent"], match["fcw"]) if match else (name_of_test, None, None)
+    )
     warned = fcw or file.stem.upper().endswith("_FCW") or (name, percent) in _FCW_PERCENT_2023
     columns: dict[str, object] = {
         "scenario": _SPELLED.get(name.lower(), name),
@@ -91,9 +95,9 @@ def counted_otherwise(percent: float, width: float, overlaps: bool) -> float:
 
 def _width_of_target(definition: ScenarioDefinition) -> float:
     """In widths of the ego."""
-    first, *others = definition.entities
+    first, *more = definition.entities
     ego = next((entity for entity in definition.entities if entity.name == "Ego"), first)
-    target = next((entity for entity in (first, *others) if entity is not ego), ego)
+    target = next((entity for entity in (first, *more) if entity is not ego), ego)
     return target.width_m / ego.width_m
 
 
@@ -111,8 +115,8 @@ _SPELLED = {name.lower(): name for name in _SCENARIOS}
 
 def _name_in(file: Path) -> str:
     """The test's abbreviation in the name of a file; the whole name if there is none."""
-    found = re.search(f"(?<![A-Za-z])({'|'.join(_SCENARIOS)})(?![A-Za-z])", file.stem, re.IGNORECASE)
-    return found[1] if found else file.stem
+    match = re.search(f"(?<![A-Za-z])({'|'.join(_SCENARIOS)})(?![A-Za-z])", file.stem, re.IGNORECASE)
+    return match[1] if match else file.stem
 
 
 # ---- shipped scenarios -------------------------------------------------------------------------------------
@@ -193,8 +197,8 @@ def changed_run(
         amount = amount / 100.0 * distance
     before = 0.0 if quantity is Quantity.ILLUMINANCE_LX else float(values[name])
     value = round(before + amount, 9)
-    told = f"{variation.name}_{name}_{value:g}"
-    return Variation(told, variation.path, {**variation.parameters, name: value})
+    label = f"{variation.name}_{name}_{value:g}"
+    return Variation(label, variation.path, {**variation.parameters, name: value})
 
 
 def _distance_to_impact_m(values: Mapping[str, Value]) -> float | None:

@@ -64,7 +64,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
+class _Planned:
     """A run with its cells.
 
     Args:
@@ -113,7 +113,7 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol, robustness: bool = 
         ProtocolError: no run belongs to the protocol.
     """
     cells = protocol.cells()
-    found: dict[tuple[object, ...], _Found] = {}
+    planned: dict[tuple[object, ...], _Planned] = {}
     strange: list[Strange] = []
     asked = 0
     for file in files:
@@ -130,14 +130,14 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol, robustness: bool = 
                 continue
             values = definition.parameters
             same = (variation.path, *sorted((k, str(v)) for k, v in values.items()), *columns)
-            found.setdefault(same, _Found(columns, variation, values, tuple(own)))
-    if not found:
+            planned.setdefault(same, _Planned(columns, variation, values, tuple(own)))
+    if not planned:
         reason = strange[0].reason if strange else "no files"
         more = f" (and {len(strange) - 1} more runs)" if len(strange) > 1 else ""
         raise ProtocolError(
             f"no scenario belongs to the protocol: {reason}{more}; without files the shipped ones are run"
         )
-    return _grid(tuple(found.values()), protocol, asked, tuple(strange), robustness)
+    return _grid(tuple(planned.values()), protocol, asked, tuple(strange), robustness)
 
 
 def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> Grid:
@@ -148,7 +148,7 @@ def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> G
         name: of the protocol.
         robustness: see `grid_of_files`.
     """
-    found = []
+    planned = []
     for cell in protocol.cells():
         if isinstance(protocol, PaperProtocol):
             values: dict[str, Value] = {"Ego_speed_kmh": cell.speed_kmh}
@@ -158,19 +158,23 @@ def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> G
             variation = shipped_run(cell, _CPLA_FCW_2026_STEADY_M if warned else None)
         if variation is not None:
             final = load(variation.path, variation.parameters).parameters
-            found.append(_Found(_columns_of(cell), variation, final, (cell,)))
-    return _grid(found, protocol, len(found), (), robustness)
+            planned.append(_Planned(_columns_of(cell), variation, final, (cell,)))
+    return _grid(planned, protocol, len(planned), (), robustness)
 
 
 def _grid(
-    found: Sequence[_Found], protocol: Protocol, asked: int, strange: tuple[Strange, ...], robustness: bool
+    planned: Sequence[_Planned],
+    protocol: Protocol,
+    asked: int,
+    strange: tuple[Strange, ...],
+    robustness: bool,
 ) -> Grid:
-    runs = [_grid_run(one.columns, one.variation) for one in found]
+    runs = [_grid_run(base_run.columns, base_run.variation) for base_run in planned]
     undriven: dict[str, dict[str, None]] = {}
     if isinstance(protocol, EuroNcap2026):
-        runs += _requirements(found, protocol)
+        runs += _requirements(planned, protocol)
         if robustness:
-            runs += _conditions(found, protocol, undriven)
+            runs += _conditions(planned, protocol, undriven)
     names = {change: tuple(scenarios) for change, scenarios in undriven.items()}
     return Grid(tuple(_named_apart(runs)), asked, strange, names)
 
@@ -185,34 +189,34 @@ def _named_apart(runs: Iterable[GridRun]) -> Iterator[GridRun]:
         yield run if number == 1 else replace(run, spec=replace(spec, scenario=f"{spec.scenario} ({number})"))
 
 
-def _requirements(found: Iterable[_Found], protocol: EuroNcap2026) -> Iterator[GridRun]:
+def _requirements(planned: Iterable[_Planned], protocol: EuroNcap2026) -> Iterator[GridRun]:
     """The runs that the general requirements add: the run of the same cell with a slower pedestrian."""
     for cell in protocol.requirement_cells():
-        for one in found:
-            for base in one.cells:
+        for base_run in planned:
+            for base in base_run.cells:
                 like = replace(cell, target_speed_kmh=base.target_speed_kmh, condition="", layer=base.layer)
                 if base != like or cell.target_speed_kmh is None or base.target_speed_kmh is None:
                     continue
                 slower = cell.target_speed_kmh - base.target_speed_kmh
-                run = changed_run(one.variation, one.values, Quantity.TARGET_SPEED_KMH, slower)
+                run = changed_run(base_run.variation, base_run.values, Quantity.TARGET_SPEED_KMH, slower)
                 if run is not None:
                     yield _grid_run(_columns_of(cell), run)
 
 
 def _conditions(
-    found: Iterable[_Found], protocol: EuroNcap2026, undriven: dict[str, dict[str, None]]
+    planned: Iterable[_Planned], protocol: EuroNcap2026, undriven: dict[str, dict[str, None]]
 ) -> Iterator[GridRun]:
     """The runs under robustness conditions; notes the conditions that no parameter can bring about."""
     conditions = protocol.conditions()
-    for one in found:
-        for base in one.cells:
+    for base_run in planned:
+        for base in base_run.cells:
             for condition, cell in conditions.get(base, ()):
-                run = changed_run(one.variation, one.values, condition.quantity, condition.amount)
+                run = changed_run(base_run.variation, base_run.values, condition.quantity, condition.amount)
                 if run is None:
                     undriven.setdefault(condition.change, {})[cell.scenario] = None
                 else:
-                    told = {"condition": cell.condition, "layer": str(cell.layer)}
-                    yield _grid_run(one.columns | told, run)
+                    columns = {"condition": cell.condition, "layer": str(cell.layer)}
+                    yield _grid_run(base_run.columns | columns, run)
 
 
 def _columns_of(cell: Cell) -> dict[str, object]:

@@ -65,10 +65,10 @@ def specs_of(grid: Grid, conditions: Conditions, protocol_name: str) -> list[tup
     paired = []
     for strategy in conditions.strategies:
         for run in grid.runs:
-            told = dict(run.label)
-            weather = str(told["condition"]) if protocol_name == "paper" else conditions.weather[0]
-            one = replace(conditions, strategies=(strategy,), weather=(weather,))
-            (spec,) = one.specs([run.spec])
+            columns = dict(run.label)
+            weather = str(columns["condition"]) if protocol_name == "paper" else conditions.weather[0]
+            single = replace(conditions, strategies=(strategy,), weather=(weather,))
+            (spec,) = single.specs([run.spec])
             paired.append((run, spec))
     return paired
 
@@ -96,14 +96,14 @@ def assess(
     cells, overlaps = protocol.all_cells, isinstance(protocol, EuroNcap2023)
     assessments = {}
     for name, runs in by_strategy.items():
-        found = [known[unbraked(record.spec)] for _, record in runs]
+        of_strategy = [known[unbraked(record.spec)] for _, record in runs]
         table = [
             dict(run.label) | _outcome(record, conflict)
-            for (run, record), conflict in zip(runs, found, strict=True)
+            for (run, record), conflict in zip(runs, of_strategy, strict=True)
         ]
 
-        def reason(index: int, cell: Cell, found: Sequence[Conflict] = found) -> str:
-            return why_invalid(cell, found[index], overlaps)
+        def reason(index: int, cell: Cell, of_strategy: Sequence[Conflict] = of_strategy) -> str:
+            return why_invalid(cell, of_strategy[index], overlaps)
 
         assessments[name] = protocol.assess(measurements(table, cells, reason))
     return assessments
@@ -159,8 +159,8 @@ def run_grid(
         grid = grid_of_shipped(protocol, name, robustness)
     paired = specs_of(grid, conditions, name)
     specs = [spec for _, spec in paired]
-    told = perception_notes(specs)
-    configuration = configuration_of(specs, out, told)  # files as they are before the first run
+    notes = perception_notes(specs)
+    configuration = configuration_of(specs, out, notes)  # files as they are before the first run
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
         total = len(specs) + len(set(map(unbraked, specs)))
         task = progress.add_task(f"running on {workers} processes", total=total)
@@ -174,7 +174,7 @@ def run_grid(
     sheet = make_sheet(assessments, ())
     left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
     noted = told_notes([record.notes for _, record in finished])
-    sheet = replace(sheet, notes=(*_notes(grid, specs, name, told), *noted, *left_out, *sheet.notes))
+    sheet = replace(sheet, notes=(*_notes(grid, specs, name, notes), *noted, *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
     written = [path.name for path in (cells_csv, *_draw(sheet, out, name, form), *_left_out(grid, out))]
     written += [f"{LOGS_FOLDER}/"] if keep_logs else []
@@ -189,9 +189,9 @@ def run_grid(
 
 def _how_to_see(row: RunRow, out: Path) -> str:
     """A run in words, and the command that films it."""
-    told = f"smartmot-eval replay {out / row.log}" if row.log else "give --logs, which keeps all runs"
+    how = f"smartmot-eval replay {out / row.log}" if row.log else "give --logs, which keeps all runs"
     what = f"{row.scenario}, {row.strategy}, {row.v_test_kmh:g} km/h, contact at {row.v_impact_kmh:.1f} km/h"
-    return f"Fastest contact: {what}. To see it: {told}"
+    return f"Fastest contact: {what}. To see it: {how}"
 
 
 LEFT_OUT = "left_out.txt"
@@ -214,12 +214,13 @@ def _notes(grid: Grid, specs: Sequence[RunSpec], name: str, perception: Sequence
         lines.append(f"The files ask for {grid.asked} runs; equal ones are run once.")
     if grid.strange:
         counts = Counter(run.scenario for run in grid.strange)
-        told = ", ".join(f"{scenario} {count}" for scenario, count in counts.items())
-        lines.append(f"Runs that belong to no cell and are left out (all in {LEFT_OUT}): {told}.")
+        listed = ", ".join(f"{scenario} {count}" for scenario, count in counts.items())
+        lines.append(f"Runs that belong to no cell and are left out (all in {LEFT_OUT}): {listed}.")
     if grid.undriven:
-        told = "; ".join(f"{change} ({', '.join(names)})" for change, names in grid.undriven.items())
+        listed = "; ".join(f"{change} ({', '.join(names)})" for change, names in grid.undriven.items())
         lines.append(
-            f"Robustness, not run and without points, because the scenarios have no parameter for it: {told}."
+            f"Robustness, not run and without points, because the scenarios have no parameter for it: "
+            f"{listed}."
         )
     if specs[0].settings:
         lines.append(f"Other than in the preset: {settings_text(specs[0].settings)}.")

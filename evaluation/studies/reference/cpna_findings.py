@@ -159,17 +159,17 @@ def told_mechanisms(runs: Sequence[MechanismRun]) -> list[str]:
             f"as well ({sizes} km/h), which the paper did not see: a track without a velocity raises no flag."
         )
     for condition, v in ((c, v) for c in (rectangle, usual_map) for v in c.speeds_kmh):
-        found = _of(runs, condition, v)
-        touched, spread_kmh = sum(impact > 0.0 for impact in found), max(found) - min(found)
-        if 0 < touched < len(found):
+        at_speed = _of(runs, condition, v)
+        touched, spread_kmh = sum(impact > 0.0 for impact in at_speed), max(at_speed) - min(at_speed)
+        if 0 < touched < len(at_speed):
             lines.append(
                 f"The frames' phase decides at {v:g} km/h ({condition.strategy}): contact in "
-                f"{touched} of {len(found)} runs, at up to {max(found):.1f} km/h."
+                f"{touched} of {len(at_speed)} runs, at up to {max(at_speed):.1f} km/h."
             )
         elif touched and spread_kmh > 1.0:
             lines.append(
                 f"The frames' phase and noise are worth {spread_kmh:.1f} km/h at {v:g} km/h "
-                f"({condition.strategy}, {span(found, 1)} km/h)."
+                f"({condition.strategy}, {span(at_speed, 1)} km/h)."
             )
     return lines
 

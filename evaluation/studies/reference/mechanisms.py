@@ -159,8 +159,8 @@ def mechanism_table(runs: Sequence[MechanismRun]) -> Table:
     for condition in CONDITIONS:
         for speed in condition.speeds_kmh:
             same = (condition.strategy, settings_text(condition.settings), speed)
-            found = [run for run in runs if (run.strategy, run.settings, run.v_test_kmh) == same]
-            impacts = [run.v_impact_kmh for run in found]
+            of_cell = [run for run in runs if (run.strategy, run.settings, run.v_test_kmh) == same]
+            impacts = [run.v_impact_kmh for run in of_cell]
             published = PUBLISHED[condition.strategy].get(speed)
             lines.append(
                 (

@@ -112,26 +112,27 @@ def different_scenes(runs: Sequence[RunMeasures]) -> Table:
 def told_scenes(runs: Sequence[RunMeasures]) -> list[str]:
     """Who is better where: map against rectangle, and against everything."""
     return [
-        told_pair(runs, one, two)
-        for one in ("the map", "the map that knows its way")
-        for two in ("the rectangle", "everything")
+        told_pair(runs, strategy, against)
+        for strategy in ("the map", "the map that knows its way")
+        for against in ("the rectangle", "everything")
     ]
 
 
 def told_clear(runs: Sequence[RunMeasures]) -> str:
     """Which differences another choice of scenes would not explain."""
     shown = tuple(SHOWN.values())
-    found = differences(runs, pairs_with(shown, shown))
-    return told_differences(found, lambda point: _named(point.strategy, point.text))
+    clear = differences(runs, pairs_with(shown, shown))
+    return told_differences(clear, lambda point: _named(point.strategy, point.text))
 
 
-def told_pair(runs: Sequence[RunMeasures], one: str, two: str) -> str:
+def told_pair(runs: Sequence[RunMeasures], strategy: str, against: str) -> str:
     """What each of two strategies avoids that the other does not."""
-    better, worse = (contacts_avoided(runs, first, second) for first, second in ((one, two), (two, one)))
-    calmer, wilder = (stops_avoided(runs, first, second) for first, second in ((one, two), (two, one)))
+    ways = ((strategy, against), (against, strategy))
+    better, worse = (contacts_avoided(runs, *way) for way in ways)
+    calmer, wilder = (stops_avoided(runs, *way) for way in ways)
     return (
-        f"{one.capitalize()} avoids {_text(better, 'contact')} that {two} does not; the other way round "
-        f"{_text(worse, 'contact')}. It avoids {_text(calmer, 'stop')} that {two} does not; the "
+        f"{strategy.capitalize()} avoids {_text(better, 'contact')} that {against} does not; the other way "
+        f"round {_text(worse, 'contact')}. It avoids {_text(calmer, 'stop')} that {against} does not; the "
         f"other way round {_text(wilder, 'stop')}."
     )
 
@@ -140,27 +141,27 @@ Places = dict[str, list[float]]
 """Test speeds in km/h of variants by scene."""
 
 
-def contacts_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
+def contacts_avoided(runs: Sequence[RunMeasures], strategy: str, against: str) -> Places:
     """Where the first strategy never has a contact and the second has."""
-    return _where(runs, SHOWN[one], SHOWN[two], "brake", lambda run: not run.avoided)
+    return _where(runs, SHOWN[strategy], SHOWN[against], "brake", lambda run: not run.avoided)
 
 
-def stops_avoided(runs: Sequence[RunMeasures], one: str, two: str) -> Places:
+def stops_avoided(runs: Sequence[RunMeasures], strategy: str, against: str) -> Places:
     """Where the first strategy never stops unnecessarily and the second does."""
-    return _where(runs, SHOWN[one], SHOWN[two], "nothing", lambda run: run.needless_stop)
+    return _where(runs, SHOWN[strategy], SHOWN[against], "nothing", lambda run: run.needless_stop)
 
 
 def _where(
-    runs: Sequence[RunMeasures], one: Point, two: Point, must: str, bad: Callable[[RunMeasures], bool]
+    runs: Sequence[RunMeasures], point: Point, against: Point, must: str, bad: Callable[[RunMeasures], bool]
 ) -> Places:
     """Scenes and speeds of the variants in which the first is never bad and the second is."""
     first, second = (
         {
             (run.scene, run.variant): run.v_test_kmh
-            for run in of_point(runs, point)
+            for run in of_point(runs, side)
             if run.must == must and bad(run)
         }
-        for point in (one, two)
+        for side in (point, against)
     )
     places: Places = {}
     for (scene, variant), speed in second.items():

@@ -50,13 +50,15 @@ def seed_table(runs: Sequence[RunMeasures]) -> Table:
 def told_seeds(runs: Sequence[RunMeasures]) -> list[str]:
     """How many outcomes differ between seeds, how wide intervals are, and what stays as it is."""
     lines = [told_changed(runs), told_intervals(summaries(runs))]
-    for one, two in (("the map", "the rectangle"), ("the map that knows its way", "the map")):
+    for first, second in (("the map", "the rectangle"), ("the map that knows its way", "the map")):
         changes = []
         for outcome in OUTCOMES.values():
-            (ours, of), (theirs, _) = (_by_seed(of_point(runs, SHOWN[name]), outcome) for name in (one, two))
+            (ours, of), (theirs, _) = (
+                _by_seed(of_point(runs, SHOWN[name]), outcome) for name in (first, second)
+            )
             more = listed(f"{a - b:+d}" if a != b else "0" for a, b in zip(ours, theirs, strict=True))
             changes.append(f"{more} of {of} {outcome.text}")
-        lines.append(f"Seed by seed, {one} less {two} is {' and '.join(changes)}.")
+        lines.append(f"Seed by seed, {first} less {second} is {' and '.join(changes)}.")
     return lines
 
 
