@@ -9,11 +9,10 @@ from pathlib import Path
 from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.specs import Conditions, bare_run
 from evaluation.runs.workers import execute_all
-from opendrive import RoadNetwork
-from scenarios.catalogue.cpna import CpnaTest, approach_m, scenario_parameters
+from scenarios.catalogue.cpna import CpnaTest, find_site, scenario_parameters
 from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.errors import ScenarioError
-from scenarios.places import Place, Site, find_site, lane_at, site_at
+from scenarios.places import Place, Site
 from scenarios.presets import named_preset
 from scenarios.spec import RunSpec, load_named_map
 
@@ -92,18 +91,6 @@ def cpna_runs(tests: Iterable[CpnaTest], site: Site, map_name: str, preset: str)
     ]
 
 
-def choose_site(network: RoadNetwork, place: Place | None, max_speed_kmh: float) -> Site:
-    """The place of the test, given or found.
-
-    Raises:
-        ScenarioError: the place does not exist or is not straight.
-    """
-    needed = approach_m(max_speed_kmh)
-    if place is None:
-        return find_site(network, needed)
-    return site_at(network, lane_at(network, place), place.s_m, needed)
-
-
 def load_site(suite: CpnaSuite) -> Site:
     """Load the suite's map and take its place.
 
@@ -111,7 +98,7 @@ def load_site(suite: CpnaSuite) -> Site:
         ScenarioError: the place does not exist or is not straight.
         opendrive.OpenDriveError: the file cannot be read.
     """
-    return choose_site(load_named_map(suite.map_name), suite.place, max(suite.speeds_kmh))
+    return find_site(load_named_map(suite.map_name), max(suite.speeds_kmh), suite.place)
 
 
 def is_published(suite: CpnaSuite) -> bool:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from evaluation.runs.cpna import choose_site, cpna_runs
+from evaluation.runs.cpna import cpna_runs
 from evaluation.runs.decoding import decode, decoded_spec, is_scalar, list_of, object_of
-from scenarios.catalogue.cpna import CpnaTest
+from scenarios.catalogue.cpna import CpnaTest, find_site
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
 from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.places import Place
@@ -108,7 +108,7 @@ def _suite_specs(values: Mapping[str, Any], directory: Path) -> list[RunSpec]:
         raise ReadError("suite.speeds_kmh is empty")
     beside = directory / suite.map
     map_name = str(beside) if suite.map not in SHIPPED_MAPS and beside.is_file() else suite.map
-    site = choose_site(load_named_map(map_name), place, max(suite.speeds_kmh))
+    site = find_site(load_named_map(map_name), max(suite.speeds_kmh), place)
     tests = [CpnaTest(v, suite.impact_point_percent, suite.adversaries, suite.seed) for v in suite.speeds_kmh]
     return [
         replace(

@@ -12,7 +12,7 @@ from scenarios.errors import ScenarioError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.reading.reader import load
-from scenarios.places import Site
+from scenarios.places import Place, Site
 from scenarios.presets import Preset
 from scenarios.simulation.ends import StopRule
 from scenarios.simulation.simulation import Simulation
@@ -73,13 +73,21 @@ def approach_m(speed_kmh: float) -> float:
     return speed_kmh / 3.6 * (LEAD_S + LONGEST_WALK_S) + 10.0
 
 
-def find_site(network: RoadNetwork, max_speed_kmh: float) -> Site:
-    """Choose a place on a map.
+def find_site(network: RoadNetwork, max_speed_kmh: float, place: Place | None = None) -> Site:
+    """The place of the test on a map.
+
+    Args:
+        network: the map.
+        max_speed_kmh: the highest test speed.
+        place: of the pedestrian's line; None: chosen.
 
     Raises:
-        ScenarioError: no lane is straight for long enough.
+        ScenarioError: there is no such place, or no lane is straight for long enough.
     """
-    return places.find_site(network, approach_m(max_speed_kmh))
+    needed = approach_m(max_speed_kmh)
+    if place is None:
+        return places.find_site(network, needed)
+    return places.site_at(network, places.lane_at(network, place), place.s_m, needed)
 
 
 def scenario_parameters(test: CpnaTest, site: Site, preset: Preset) -> dict[str, Value]:

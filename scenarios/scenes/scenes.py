@@ -100,6 +100,8 @@ class _Row:
             sources = {key: value for key, value in values.items() if str(value).startswith("=")}
             if sources:
                 computed = place.computed(self.side)
+                if absent := {str(source)[1:] for source in sources.values()} - computed.keys():
+                    raise ScenarioError(f"place {self.place!r} computes no {', '.join(sorted(absent))}")
                 values |= {key: computed[str(source)[1:]] for key, source in sources.items()}
             values |= place.values(self.side, round(self.speed_kmh / 3.6 * self.lead_s, 3))
             name = place.name

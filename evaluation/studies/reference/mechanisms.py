@@ -11,11 +11,12 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.files import ResultsError, configuration_json, write_files
 from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import configuration_of
-from evaluation.runs.cpna import CpnaSuite, choose_site
+from evaluation.runs.cpna import CpnaSuite
 from evaluation.runs.execution import FrameTime, execute
 from evaluation.runs.specs import Conditions
 from evaluation.studies.compare.grid import seeded_phase_s
 from evaluation.studies.study import Finished, LabelledRun, Study
+from scenarios.catalogue.cpna import find_site
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.presets import PAPER
 from scenarios.settings import Settings, settings_text
@@ -100,7 +101,7 @@ class MechanismStudy(Study[Condition, MechanismRun]):
     def items(self, folder: Path) -> list[MechanismItem]:
         """The runs, by condition, speed and seed."""
         fastest = max(speed for condition in CONDITIONS for speed in condition.speeds_kmh)
-        site = choose_site(load_named_map(DEFAULT_MAP), None, fastest)
+        site = find_site(load_named_map(DEFAULT_MAP), fastest)
         items = []
         for condition in CONDITIONS:
             conditions = Conditions((condition.strategy,), PAPER.name, ("dry",), DEFAULT_MAP)
