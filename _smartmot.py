@@ -148,7 +148,8 @@ MOVED = {
     "evaluation.reference.part": "evaluation.studies.study",
     "evaluation.reference.parts": "evaluation.studies.reference.parts",
     "evaluation.reference.readme": "evaluation.studies.reference.readme",
-    "evaluation.reference.scene_findings": "evaluation.studies.reference.scene_findings",
+    "evaluation.reference.scene_findings": "evaluation.studies.reference.scene_findings"
+    " evaluation.studies.reference.growth_findings",
     "evaluation.reference.scenes": "evaluation.studies.reference.parts",
     "evaluation.reference.seed_findings": "evaluation.studies.reference.seed_findings",
     "evaluation.reference.words": "evaluation.studies.reference.words",
