@@ -18,6 +18,7 @@ from evaluation.views.frames import LogFrames
 from evaluation.views.plots.ground import (
     AREA_COLOURS,
     LANE_COLOURS,
+    LANE_EDGE_COLOUR,
     area_paths,
     area_style,
     draw_map,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import PathCollection, PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
-    from matplotlib.transforms import Affine2D
+    from matplotlib.transforms import Affine2D, Transform
     from PIL import Image as Pillow
 
 HOLD_S = 1.5
@@ -122,7 +123,7 @@ class RunDrawing:
     _figure: Figure = field(init=False)
     _legend_top: float = field(init=False, default=0.0)
     _axes: Axes = field(init=False)
-    _ego_map: Affine2D = field(init=False)
+    _ego_SE2_map: Affine2D = field(init=False)  # noqa: N815
     _areas: dict[str, PathCollection] = field(init=False, default_factory=dict)
     _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
     _texts: dict[str, Any] = field(init=False, default_factory=dict)
@@ -139,7 +140,7 @@ class RunDrawing:
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[["left", "right"]].set_visible(False)
-        self._axes, self._ego_map = axes, Affine2D()
+        self._axes, self._ego_SE2_map = axes, Affine2D()
         self._add_ground()
         self._add_layers()
         self._add_texts(0.935 - height)
@@ -150,14 +151,22 @@ class RunDrawing:
         self._figure.canvas.draw()
         return pixels(self._figure)
 
+    @property
+    def _map_frame(self) -> Transform:
+        """From the map frame to pixels: artists stay as they are in the map, and this alone moves them."""
+        return self._ego_SE2_map + self._axes.transData
+
     def _add_ground(self) -> None:
-        """Lanes and the way of the ego, in the map frame: the transform alone moves them."""
-        transform = self._ego_map + self._axes.transData
+        """Lanes and the way of the ego."""
+        transform = self._map_frame
         way = self.frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
         if self.network is not None and len(lane_outlines(self.network)):
             margin = max(abs(v) for v in _VIEW)
-            view = (*(way.min(axis=0) - margin), *(way.max(axis=0) + margin))
-            draw_map(self._axes, self.network, (0.0, 0.0, 0.0), tuple(map(float, view)))  # type: ignore[arg-type]
+            (left, low), (right, high) = (
+                (way.min(axis=0) - margin).tolist(),
+                (way.max(axis=0) + margin).tolist(),
+            )
+            draw_map(self._axes, self.network, (0.0, 0.0, 0.0), (left, low, right, high))
             for collection in self._axes.collections:
                 collection.set_transform(transform)
         self._axes.plot(way[:, 0], way[:, 1], color="#555555", linewidth=0.8, dashes=(6, 4), zorder=2.5,
@@ -171,7 +180,7 @@ class RunDrawing:
 
         for role in AREA_COLOURS:
             area = PathCollection([], gid=f"monitored: {role}", zorder=2.0, **area_style(role))
-            area.set_transform(self._ego_map + self._axes.transData)
+            area.set_transform(self._map_frame)
             self._axes.add_collection(area, autolim=False)
             self._areas[role] = area
         for label, (face, edge) in DETECTION_COLOURS.items():
@@ -184,12 +193,12 @@ class RunDrawing:
         self._layer("ego", face=EGO_COLOUR, edge=BLACK, zorder=6.0)
         (self._texts["ring"],) = self._axes.plot([], [], "o", markersize=17, markerfacecolor="none",
             markeredgewidth=2, color=TRACK_COLOURS["threat"], zorder=5.6,
-            transform=self._ego_map + self._axes.transData)  # fmt: skip
+            transform=self._map_frame)  # fmt: skip
 
     def _layer(self, name: str, **style: Any) -> None:
         draw_polygons(self._axes, [], name, **style)
         collection: Any = self._axes.collections[-1]
-        collection.set_transform(self._ego_map + self._axes.transData)
+        collection.set_transform(self._map_frame)
         self._layers[name] = collection
 
     def _add_texts(self, below: float) -> None:
@@ -208,7 +217,7 @@ class RunDrawing:
         self._texts["story"] = write(0.015, below - _STORY_TOP, "", va="top", fontsize=SMALL_PT)
         shown = {role for frame in range(len(self.frames)) for role, _ in self.frames.areas(frame)}
         types = {kind for kind, _ in lane_outlines(self.network)} if self.network is not None else set()
-        handles = [Patch(facecolor=c, edgecolor="#bdbdbd", label=f"{t} lane")
+        handles = [Patch(facecolor=c, edgecolor=LANE_EDGE_COLOUR, label=f"{t} lane")
                    for t, c in LANE_COLOURS.items() if t in types & {"driving", "sidewalk"}]  # fmt: skip
         handles += [Patch(label=f"monitored: {role.replace('_', ' ')}", **area_style(role))
                     for role in AREA_COLOURS if role in shown]  # fmt: skip
@@ -237,7 +246,7 @@ class RunDrawing:
         """Put every artist where it belongs in a frame."""
         frames = self.frames
         ego = frames.ego_state(frame)
-        self._ego_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
+        self._ego_SE2_map.clear().translate(-ego.x_m, -ego.y_m).rotate(-ego.yaw_rad)
         paths = area_paths(frames.areas(frame))
         for role, area in self._areas.items():
             area.set_paths([paths[role]] if role in paths else [])
@@ -274,6 +283,7 @@ class RunDrawing:
         story = self._texts["story"]
         room = float(story.get_position()[1]) - self._legend_top - _STORY_GAP
         size = SMALL_PT
+        # wrapped by the mean width of its letters first, then narrower until no line sticks out
         while True:
             story.set_fontsize(size)
             story.set_text(text)
