@@ -22,7 +22,7 @@ import numpy as np
 
 import _smartmot
 from opendrive.geometry.curves import clothoid
-from scenarios.catalogue.maps import MAPS, SHIPPED_MAPS, shipped_map
+from scenarios.catalogue import maps as shipped
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.catalogue.maps")
 
@@ -440,7 +440,7 @@ def build_map(name: str) -> bytes:
     Raises:
         UnknownMapError: No shipped map has this name.
     """
-    return _street(name) if name in _STREETS else _urban_intersection(shipped_map(name).stem)
+    return _street(name) if name in _STREETS else _urban_intersection(shipped.shipped_map(name).stem)
 
 
 def write_maps(directory: Path, maps: Mapping[str, bytes]) -> None:
@@ -452,5 +452,6 @@ def write_maps(directory: Path, maps: Mapping[str, bytes]) -> None:
 
 if __name__ == "__main__":
     write_maps(
-        Path(sys.argv[1]) if len(sys.argv) > 1 else MAPS, {name: build_map(name) for name in SHIPPED_MAPS}
+        Path(sys.argv[1]) if len(sys.argv) > 1 else shipped.MAPS,
+        {name: build_map(name) for name in shipped.SHIPPED_MAPS},
     )

@@ -223,6 +223,7 @@ def left_out(names: Sequence[str] = (), *, full: bool = False, maps: Path | None
             scenes.setdefault(row.outer, []).append(row.scene)
     reason = "give its folder with --maps" if maps is None else f"it is not in {maps}"
     return [
-        f"left out: {len(absent)} variants on {name} ({', '.join(dict.fromkeys(absent))}); {reason}"
+        f"left out: {len(absent)} variant{'s' if len(absent) > 1 else ''} on {name} "
+        f"({', '.join(dict.fromkeys(absent))}); {reason}"
         for name, absent in scenes.items()
     ]

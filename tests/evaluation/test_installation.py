@@ -107,6 +107,18 @@ def test_files_of_the_user_neither_break_nor_enter_a_command(
     assert list((shadowing / "out").rglob("*.csv"))
 
 
+def test_files_that_are_no_code_are_installed(installed: Installed) -> None:
+    """Maps, scenarios, the scenes' table, templates."""
+    data = [
+        path.relative_to(ROOT)
+        for name in PACKAGES
+        for path in (ROOT / name).rglob("*")
+        if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+    ]
+    assert {path.suffix for path in data} >= {".xodr", ".xosc", ".toml", ".j2", ".typed"}
+    assert [path for path in data if not (installed.site / path).is_file()] == []
+
+
 def test_files_of_the_user_do_not_enter_mot(installed: Installed, shadowing: Path) -> None:
     rows = "".join(f"a,{0.1 * k},{0.5 * k},0,4.5,1.8,0,0.9,car\n" for k in range(8))
     (shadowing / "data").mkdir()
