@@ -60,7 +60,8 @@ class _Schedule:
         self.interval = whole_steps(1.0 / timing.rate_hz, step_s, "frame interval (1 / rate)", least=1)
         self.first = whole_steps(timing.phase_s, step_s, "frame phase")
         whole_steps(timing.latency_s, step_s, "latency")
-        whole_steps(chain.latency_s, step_s, "latency of sensor and detector")
+        self.latency_s = chain.latency_s
+        whole_steps(self.latency_s, step_s, "latency of sensor and detector")
         rate_hz = chain.detector.rate_hz
         self.pause = 0 if rate_hz is None else whole_steps(1.0 / rate_hz, step_s, "detector's interval")
         self._last: int | None = None
@@ -101,7 +102,10 @@ class SensorSuite:
 
     def measures(self, step: int) -> bool:
         """Whether any sensor measures at a step."""
-        return any(schedule.measures(step) for schedule in self._schedules)
+        for schedule in self._schedules:  # noqa: SIM110 - asked at each step, where a generator costs twice
+            if schedule.measures(step):
+                return True
+        return False
 
     def measure(self, step: int, time_s: float, world: World, ego: EgoState) -> None:
         """Let the sensors measure that do so at a step.
@@ -124,7 +128,7 @@ class SensorSuite:
             detections = chain.detector.detect(measurement)
             check_detections(chain.name, "detect", detections, time_s)
             shown = None if measurement.is_truth else measurement
-            arrivals.append(Arrival(time_s + chain.latency_s, detections, shown))
+            arrivals.append(Arrival(time_s + schedule.latency_s, detections, shown))
         if arrivals:
             self._waiting.append(arrivals[0] if len(arrivals) == 1 else _together(arrivals))
 

@@ -114,7 +114,8 @@ class Simulation:
         self._counts, self._milestones = DetectionCounts(), Milestones()
         self._suite: SensorSuite | None = None
         self._senses = True
-        self._steps_done = 0
+        self._step_count = round(self._rule.time_limit_s / STEP_S)
+        self._steps_done, self._now_s = 0, 0.0
         self._frame: Frame | None = None
         self._result: FrameResult | None = None
         self._end_reason: EndReason | None = None
@@ -265,11 +266,6 @@ class Simulation:
             raise StepOrderError(f"simulation: {call} before start()")
         raise StepOrderError(f"simulation: {call} after the end ({self._end_reason})")
 
-    @property
-    def _now_s(self) -> float:
-        """Time of the present step."""
-        return self._steps_done * STEP_S
-
     def _to_next_frame(self) -> StepResult:
         """Go on until detections arrive or the run ends."""
         assert self._suite is not None
@@ -312,12 +308,13 @@ class Simulation:
                 self._end(EndReason.STOPPED)
                 return
         self._steps_done += 1
+        self._now_s = self._steps_done * STEP_S
         self._begin_step()
 
     def _begin_step(self) -> None:
         """End the run where the rule asks for it; else let the sensors measure that are to do so."""
         assert self._suite is not None
-        if self._steps_done >= round(self._rule.time_limit_s / STEP_S):
+        if self._steps_done >= self._step_count:
             self._end(EndReason.TIME_LIMIT)
         elif self._suite.measures(self._steps_done):
             now, milestones = self._now_s, self._milestones
