@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import _smartmot
 from evaluation.runs.folder import UNKNOWN_SETUP, Run, RunSetup
 from evaluation.views.account.account import KINDS, NO_BRAKING, Account
 from evaluation.views.account.braking import BrakeRequest, brake_requests
@@ -216,3 +217,6 @@ def _why_never(frames: LogFrames, run: Run) -> str:
     if not (tracks["label"] == "threat").any():
         return "What was tracked never counted as being on a collision course."
     return "The threat was never near enough to count."
+
+
+__getattr__ = _smartmot.renamed(__name__, {"Trigger": "evaluation.views.account.braking.BrakeRequest"})

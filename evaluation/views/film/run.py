@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from evaluation.errors import ArgumentError
 from evaluation.views.account.explain import Account
-from evaluation.views.film.maker import Film, Image, pixels
+from evaluation.views.film import maker
+from evaluation.views.film.maker import Image, pixels
 from evaluation.views.frames import LogFrames
 from evaluation.views.plots.ground import (
     AREA_COLOURS,
@@ -306,7 +308,7 @@ class RunDrawing:
         self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])
 
 
-def film_of(drawing: RunDrawing, times: FilmTimes) -> Film:
+def film_of(drawing: RunDrawing, times: FilmTimes) -> maker.Film:
     """A run as a film; its GIF has one palette, that of the first, the middle and the last picture."""
     from PIL import Image as Pillow
 
@@ -319,7 +321,7 @@ def film_of(drawing: RunDrawing, times: FilmTimes) -> Film:
     def reduce(image: Image) -> Pillow.Image:
         return Pillow.fromarray(image).quantize(palette=palette(), dither=Pillow.Dither.NONE)
 
-    return Film(
+    return maker.Film(
         drawing.picture, reduce, frames, times.durations_ms(), times.fps, repeats=round(HOLD_S * times.fps)
     )
 
@@ -338,3 +340,6 @@ def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
     palette = Pillow.new("P", (1, 1))
     palette.putpalette([*fixed.ravel().tolist(), *frequent[: 3 * _COLOURS]])
     return palette
+
+
+__getattr__ = _smartmot.renamed(__name__, {"Film": "evaluation.views.film.run.RunDrawing"})
