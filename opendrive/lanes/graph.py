@@ -126,8 +126,8 @@ class _Builder:
         s_m = min(max(link.s_m or 0.0, 0.0), float(self.roads.length_m[road]))
         starts = self.lanes.sections.start_m[self.first_section[road] : self.first_section[road + 1]]
         section = max(int(np.searchsorted(starts, s_m, side="right")) - 1, 0)
-        found = self._lane_end(road, section, lane_id, "start", source)
-        return None if found is None else (found[0], s_m)
+        place = self._lane_end(road, section, lane_id, "start", source)
+        return None if place is None else (place[0], s_m)
 
     def _lane_end(
         self, road: int, section: int, lane_id: int, end: ContactPoint, source: str

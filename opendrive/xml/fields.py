@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from lxml import etree
 
 from opendrive.arrays import FloatArray
 from opendrive.model import Deferred
-from opendrive.xml.values import Element, Values, children, empty_table, first, others
+from opendrive.xml.values import Element, Values, children, children_but, empty_table, first
 
 
 class Required(Enum):
@@ -32,22 +32,6 @@ _NO_TAGS: frozenset[str] = frozenset()
 
 _Value = TypeVar("_Value")
 _Record = TypeVar("_Record")
-
-
-class Converter(Protocol[_Value]):
-    """Reads a value out of an element and writes it into one: a field or a table."""
-
-    @property
-    def tags(self) -> tuple[str, ...]:
-        """Names of the children that are read."""
-
-    @property
-    def read(self) -> Callable[[Values, Element], _Value]:
-        """Return the value; raises `MapContentError`."""
-
-    @property
-    def write(self) -> Callable[[Element, _Value], None]:
-        """Write the value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +211,9 @@ class Table(Generic[_Record]):
 
     def _rest(self, values: Values, element: Element) -> list[Element]:
         """Return the elements that no field reads: children, and those inside the parts."""
-        elements = others(element, self.tags)
+        elements = children_but(element, self.tags)
         for part, tags in self._parts.items():
-            elements += others(first(element, part), tags)
+            elements += children_but(first(element, part), tags)
         for leftovers in self._leftovers:
             elements += leftovers(values, element)
         return elements
@@ -282,7 +266,8 @@ def text(
         if value not in unwritten:
             element.set(name, value or "")
 
-    return attribute(name, default, convert, write)
+    # Where the part that it stands in is missing, a required text is empty.
+    return replace(attribute(name, default, convert, write), absent="" if default is REQUIRED else default)
 
 
 def number(
@@ -363,7 +348,7 @@ def constant(value: object) -> Field[Any]:
 # Children
 
 
-def child(tag: str, item: Converter[Any], required: bool = False) -> Field[Any]:
+def child(tag: str, item: "Field[Any] | Table[Any]", required: bool = False) -> Field[Any]:
     """Return the field of the first child of a name; None if there is none and it is not required."""
 
     def read(values: Values, element: Element) -> object:
@@ -380,7 +365,7 @@ def child(tag: str, item: Converter[Any], required: bool = False) -> Field[Any]:
 
 
 def children_of(
-    tag: str, item: Converter[Any], within: str = "", kept: bool = False
+    tag: str, item: "Field[Any] | Table[Any]", within: str = "", kept: bool = False
 ) -> Field[tuple[Any, ...]]:
     """Return the field of all children of a name.
 
@@ -396,7 +381,9 @@ def children_of(
         return children(element, within) if within else [element]
 
     def read(values: Values, element: Element) -> tuple[Any, ...]:
-        return tuple([read_item(values, one) for group in groups(element) for one in group if one.tag == tag])
+        return tuple(
+            [read_item(values, each) for group in groups(element) for each in group if each.tag == tag]
+        )
 
     def write(element: Element, records: tuple[Any, ...]) -> None:
         parent = etree.SubElement(element, within) if within and records else element
@@ -404,17 +391,17 @@ def children_of(
             item.write(etree.SubElement(parent, tag), record)
 
     def leftovers(values: Values, element: Element) -> list[Element]:
-        rest: list[Element] = []
+        unread: list[Element] = []
         for group in groups(element):
-            rest += others(group, (tag,)) if within else []
+            unread += children_but(group, (tag,)) if within else []
             for member in children(group, tag):
-                rest += others(member, item.tags)
-        return rest
+                unread += children_but(member, item.tags)
+        return unread
 
     return Field(read, write, tags=(within or tag,), absent=(), leftovers=leftovers if kept else None)
 
 
-def each(tag: str, item: Converter[Any]) -> Field[tuple[Any, ...]]:
+def each(tag: str, item: "Field[Any] | Table[Any]") -> Field[tuple[Any, ...]]:
     """Return the field of all children of a name; one that cannot be read is left out with a warning."""
     return replace(
         children_of(tag, item),

@@ -2,21 +2,11 @@
 
 from dataclasses import dataclass, replace
 
+from opendrive import model
 from opendrive.errors import WarningKind
-from opendrive.model import (
-    Connection,
-    ContactPoint,
-    CrossingRoad,
-    CrossPath,
-    Junction,
-    JunctionController,
-    JunctionGroup,
-    JunctionPriority,
-    RoadLink,
-)
 from opendrive.xml.fields import REQUIRED, REST, Field, Table, child, children_of, integer, number, row, text
 from opendrive.xml.roads import CONTACT_POINT, LINK
-from opendrive.xml.values import Element, Values, children, others
+from opendrive.xml.values import Element, Values, children, children_but
 
 JUNCTION_TYPES = ("default", "direct", "virtual", "crossing")
 
@@ -28,10 +18,10 @@ class _ConnectionElement:
     incoming_road: str | None
     linked_road: str | None
     connecting_road: str | None
-    contact_point: ContactPoint | None
+    contact_point: model.ContactPoint | None
     type: str
-    predecessor: RoadLink | None
-    successor: RoadLink | None
+    predecessor: model.RoadLink | None
+    successor: model.RoadLink | None
     id: str
 
 
@@ -51,7 +41,7 @@ _LANE_LINKS = children_of(
 )
 
 
-def _read_connection(values: Values, element: Element) -> Connection | None:
+def _read_connection(values: Values, element: Element) -> model.Connection | None:
     """Return a connection; None, with a warning, if it does not say what it connects."""
     raw = _CONNECTION.read(values, element)
     incoming, contact_point = raw.incoming_road, raw.contact_point
@@ -68,7 +58,7 @@ def _read_connection(values: Values, element: Element) -> Connection | None:
         return None
     links = _LANE_LINKS.read(values, element)
     overlaps = tuple(overlap for _, _, overlap in links)
-    return Connection(
+    return model.Connection(
         id=raw.id,
         incoming_road=incoming,
         connecting_road=connecting,
@@ -82,7 +72,7 @@ def _read_connection(values: Values, element: Element) -> Connection | None:
     )
 
 
-def _write_connection(element: Element, connection: Connection) -> None:
+def _write_connection(element: Element, connection: model.Connection) -> None:
     road = connection.connecting_road
     raw = _ConnectionElement(
         incoming_road=connection.incoming_road,
@@ -107,7 +97,7 @@ def _unread(values: Values, element: Element) -> list[Element]:
         part
         for connection in connections
         if connection not in values.left_out
-        for part in others(connection, (*_CONNECTION.tags, *_LANE_LINKS.tags))
+        for part in children_but(connection, (*_CONNECTION.tags, *_LANE_LINKS.tags))
     ]
     return parts + [connection for connection in connections if connection in values.left_out]
 
@@ -132,7 +122,7 @@ _END = row(number("s"), integer("from"), integer("to"), order=(0, 2, 1))
 """Where a way for pedestrians meets a road."""
 
 JUNCTION = Table(
-    Junction,
+    model.Junction,
     name=text("name"),
     type=text("type", "default", convert=_known_type),
     main_road=text("mainRoad"),
@@ -141,11 +131,11 @@ JUNCTION = Table(
     s_end_m=number("sEnd", None),
     id=text("id", REQUIRED),
     connections=_CONNECTIONS,
-    priorities=children_of("priority", Table(JunctionPriority, high=text("high"), low=text("low"))),
+    priorities=children_of("priority", Table(model.JunctionPriority, high=text("high"), low=text("low"))),
     controllers=children_of(
         "controller",
         Table(
-            JunctionController,
+            model.JunctionController,
             type=text("type"),
             sequence=integer("sequence", None),
             controller_id=text("id", REQUIRED),
@@ -154,7 +144,7 @@ JUNCTION = Table(
     crossing_roads=children_of(
         "roadSection",
         Table(
-            CrossingRoad,
+            model.CrossingRoad,
             id=text("id"),
             s_start_m=number("sStart"),
             s_end_m=number("sEnd"),
@@ -164,7 +154,7 @@ JUNCTION = Table(
     cross_paths=children_of(
         "crossPath",
         Table(
-            CrossPath,
+            model.CrossPath,
             id=text("id", REQUIRED),
             crossing_road=text("crossingRoad", REQUIRED),
             road_at_start=text("roadAtStart", REQUIRED),
@@ -177,7 +167,7 @@ JUNCTION = Table(
 )
 
 JUNCTION_GROUP = Table(
-    JunctionGroup,
+    model.JunctionGroup,
     id=text("id", REQUIRED),
     name=text("name"),
     type=text("type"),

@@ -11,19 +11,9 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from opendrive import model
 from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import WarningKind
-from opendrive.model import (
-    NO_HEIGHTS,
-    Lane,
-    LaneAccess,
-    LaneDetails,
-    LaneRule,
-    LaneSection,
-    LaneSpeed,
-    RoadMark,
-    RoadMarkLine,
-)
 from opendrive.xml.fields import (
     LENGTH,
     OTHER_ATTRIBUTES,
@@ -40,7 +30,7 @@ from opendrive.xml.fields import (
     text,
 )
 from opendrive.xml.objects import MATERIAL
-from opendrive.xml.values import CUBIC_OFFSET, Element, Values, children, others
+from opendrive.xml.values import CUBIC_OFFSET, Element, Values, children, children_but
 
 LATE_M = 1e-6
 """A width that starts this much after its lane section is still taken to start with it."""
@@ -75,7 +65,7 @@ def _lane_change(values: Values, element: Element, name: str, text: str) -> str 
 
 
 _MARK_LINE = Table(
-    RoadMarkLine,
+    model.RoadMarkLine,
     length_m=number("length", 0.0),
     space_m=number("space", 0.0),
     t_offset_m=number("tOffset", 0.0),
@@ -85,7 +75,7 @@ _MARK_LINE = Table(
     rule=text("rule"),
 )
 _ROAD_MARK = Table(
-    RoadMark,
+    model.RoadMark,
     s_offset_m=number("sOffset", 0.0),
     width_m=number("width", None),
     lane_change=text("laneChange", None, convert=_lane_change),
@@ -102,7 +92,7 @@ _ROAD_MARK = Table(
 )
 
 
-def _read_road_mark(values: Values, element: Element) -> RoadMark:
+def _read_road_mark(values: Values, element: Element) -> model.RoadMark:
     """Return a road mark: most of a map are alike, and records cannot change, so equal ones are one."""
     if len(element):
         return _ROAD_MARK.read(values, element)
@@ -125,7 +115,7 @@ _HEIGHT_ROW = numbers(*HEIGHT)
 
 def _read_heights(values: Values, element: Element) -> FloatArray:
     heights = values.each(_HEIGHT_ROW.read, children(element, "height"))
-    return read_only(np.array(sorted(heights))) if heights else NO_HEIGHTS
+    return read_only(np.array(sorted(heights))) if heights else model.NO_HEIGHTS
 
 
 def _linked(tag: str) -> Field[tuple[int, ...]]:
@@ -138,7 +128,7 @@ def _linked(tag: str) -> Field[tuple[int, ...]]:
     return replace(ids.inside("link"), read=read)
 
 
-def _check_lane(values: Values, element: Element, lane: Lane) -> None:
+def _check_lane(values: Values, element: Element, lane: model.Lane) -> None:
     """Warn of an unknown type, and of a width that is missing, late or given twice."""
     records = lane.width if len(lane.width) else lane.border
     odd: list[tuple[WarningKind, str]] = []
@@ -162,8 +152,8 @@ def _check_lane(values: Values, element: Element, lane: Lane) -> None:
 
 _ID = integer("id")
 _LANE = Table(
-    Lane,
-    details=LaneDetails,
+    model.Lane,
+    details=model.LaneDetails,
     check=_check_lane,
     id=_ID,
     type=text("type", "none"),
@@ -176,13 +166,13 @@ _LANE = Table(
     width=table_of("width", CUBIC_OFFSET),
     road_marks=each("roadMark", Field(_read_road_mark, _ROAD_MARK.write)).then(_by_start),
     materials=each("material", MATERIAL),
-    speeds=each("speed", Table(LaneSpeed, s_offset_m=number("sOffset", 0.0), speed_mps=SPEED)).then(
+    speeds=each("speed", Table(model.LaneSpeed, s_offset_m=number("sOffset", 0.0), speed_mps=SPEED)).then(
         _by_start
     ),
     accesses=each(
         "access",
         Table(
-            LaneAccess,
+            model.LaneAccess,
             s_offset_m=number("sOffset", 0.0),
             rule=text("rule"),
             restriction=text("restriction"),
@@ -190,14 +180,14 @@ _LANE = Table(
         ),
     ),
     height=replace(table_of("height", HEIGHT), read=_read_heights),
-    rules=each("rule", Table(LaneRule, s_offset_m=number("sOffset", 0.0), value=text("value"))),
+    rules=each("rule", Table(model.LaneRule, s_offset_m=number("sOffset", 0.0), value=text("value"))),
     extra=REST,
 )
 
 # Sections
 
 
-def _read_lanes(values: Values, element: Element) -> tuple[Lane, ...]:
+def _read_lanes(values: Values, element: Element) -> tuple[model.Lane, ...]:
     lanes: dict[int, Element] = {}
     for group in element:
         sign = SIDES.get(str(group.tag))
@@ -217,7 +207,7 @@ def _read_lanes(values: Values, element: Element) -> tuple[Lane, ...]:
     return tuple([_LANE.read(values, lanes[lane_id]) for lane_id in ids if lane_id in lanes])
 
 
-def _write_lanes(element: Element, lanes: tuple[Lane, ...]) -> None:
+def _write_lanes(element: Element, lanes: tuple[model.Lane, ...]) -> None:
     for side, sign in SIDES.items():
         members = [lane for lane in lanes if (lane.id > 0) - (lane.id < 0) == sign]
         group = etree.SubElement(element, side) if members else element
@@ -226,11 +216,11 @@ def _write_lanes(element: Element, lanes: tuple[Lane, ...]) -> None:
 
 
 def _beside_lanes(values: Values, element: Element) -> list[Element]:
-    return [other for group in element if group.tag in SIDES for other in others(group, ("lane",))]
+    return [child for group in element if group.tag in SIDES for child in children_but(group, ("lane",))]
 
 
 _SECTION = Table(
-    LaneSection,
+    model.LaneSection,
     s_m=number("s"),
     single_side=flag("singleSide"),
     lanes=Field(_read_lanes, _write_lanes, tags=tuple(SIDES), leftovers=_beside_lanes),
@@ -239,7 +229,7 @@ _SECTION = Table(
 _SECTIONS = children_of("laneSection", _SECTION)
 
 
-def _read_sections(values: Values, lanes: Element) -> tuple[LaneSection, ...]:
+def _read_sections(values: Values, lanes: Element) -> tuple[model.LaneSection, ...]:
     """Return the lane sections of a road, by s.
 
     Raises:
@@ -251,7 +241,7 @@ def _read_sections(values: Values, lanes: Element) -> tuple[LaneSection, ...]:
     road = lanes.getparent()
     assert road is not None
     length_m: float = LENGTH.read(values, road)
-    sections: list[LaneSection] = []
+    sections: list[model.LaneSection] = []
     for element in elements:
         section = _SECTION.read(values, element)
         if -OFF_ROAD_M <= section.s_m <= length_m + OFF_ROAD_M:

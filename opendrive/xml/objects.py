@@ -6,20 +6,9 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from opendrive import model
 from opendrive.arrays import read_only
 from opendrive.errors import WarningKind
-from opendrive.model import (
-    Change,
-    LaneMaterial,
-    ObjectBorder,
-    ObjectMarking,
-    ObjectReference,
-    ObjectRepeat,
-    Outline,
-    ParkingSpace,
-    RoadObject,
-    Structure,
-)
 from opendrive.xml.fields import (
     LENGTH,
     OTHER_ATTRIBUTES,
@@ -38,7 +27,7 @@ from opendrive.xml.signals import VALIDITY
 from opendrive.xml.values import Element, Values, children
 
 MATERIAL = Table(
-    LaneMaterial,
+    model.LaneMaterial,
     s_offset_m=number("sOffset", 0.0),
     surface=text("surface"),
     friction=number("friction", 0.0),
@@ -90,11 +79,11 @@ _OUTLINE_ELEMENT = Table(
 )
 
 
-def _read_outline(values: Values, element: Element) -> Outline:
+def _read_outline(values: Values, element: Element) -> model.Outline:
     outline = _OUTLINE_ELEMENT.read(values, element)
     tag, rows = outline.corners
     ids = tuple(corner[4] for corner in rows)
-    return Outline(
+    return model.Outline(
         in_road_frame=tag == "cornerRoad",
         corners=read_only(np.array([corner[:3] for corner in rows], dtype=np.float64).reshape(-1, 3)),
         closed=outline.closed,
@@ -105,7 +94,7 @@ def _read_outline(values: Values, element: Element) -> Outline:
     )
 
 
-def _write_outline(element: Element, outline: Outline) -> None:
+def _write_outline(element: Element, outline: model.Outline) -> None:
     tag = "cornerRoad" if outline.in_road_frame else "cornerLocal"
     ids = outline.corner_ids or ("",) * len(outline.corners)
     columns = zip(outline.corners.tolist(), outline.heights_m.tolist(), ids, strict=True)
@@ -118,19 +107,21 @@ OUTLINE = Field(_read_outline, _write_outline, tags=_OUTLINE_ELEMENT.tags)
 _OUTLINES = children_of("outline", OUTLINE, within="outlines", kept=True)
 
 
-def _read_outlines(values: Values, element: Element) -> tuple[Outline, ...]:
+def _read_outlines(values: Values, element: Element) -> tuple[model.Outline, ...]:
     """Return the outlines; before 1.5 one stood in the object itself."""
     direct = tuple([OUTLINE.read(values, child) for child in children(element, "outline")])
     return (*direct, *_OUTLINES.read(values, element))
 
 
-def _change(quantity: str) -> Field[Change]:
-    table = Table(Change, start_m=number(f"{quantity}Start", None), end_m=number(f"{quantity}End", None))
+def _change(quantity: str) -> Field[model.Change]:
+    table = Table(
+        model.Change, start_m=number(f"{quantity}Start", None), end_m=number(f"{quantity}End", None)
+    )
     return Field(table.read, table.write)
 
 
 _REPEAT = Table(
-    ObjectRepeat,
+    model.ObjectRepeat,
     s_m=number("s"),
     length_m=number("length"),
     distance_m=number("distance"),
@@ -144,7 +135,7 @@ _REPEAT = Table(
 )
 _CORNER_IDS = children_of("cornerReference", text("id", REQUIRED))
 _MARKING = Table(
-    ObjectMarking,
+    model.ObjectMarking,
     side=text("side"),
     color=text("color"),
     weight=text("weight", "standard"),
@@ -157,7 +148,7 @@ _MARKING = Table(
     corner_ids=_CORNER_IDS,
 )
 _BORDER = Table(
-    ObjectBorder,
+    model.ObjectBorder,
     outline_id=text("outlineId"),
     type=text("type"),
     width_m=number("width", 0.0),
@@ -166,7 +157,7 @@ _BORDER = Table(
 )
 
 OBJECT = Table(
-    RoadObject,
+    model.RoadObject,
     id=text("id"),
     name=text("name"),
     type=text("type", "none"),
@@ -191,7 +182,7 @@ OBJECT = Table(
     materials=children_of("material", MATERIAL),
     validity=VALIDITY,
     parking_space=child(
-        "parkingSpace", Table(ParkingSpace, access=text("access"), restrictions=text("restrictions"))
+        "parkingSpace", Table(model.ParkingSpace, access=text("access"), restrictions=text("restrictions"))
     ),
     markings=children_of("marking", _MARKING, within="markings", kept=True),
     borders=children_of("border", _BORDER, within="borders", kept=True),
@@ -199,7 +190,7 @@ OBJECT = Table(
 )
 
 OBJECT_REFERENCE = Table(
-    ObjectReference,
+    model.ObjectReference,
     s_m=number("s"),
     t_m=number("t"),
     z_offset_m=number("zOffset", None),
@@ -211,7 +202,7 @@ OBJECT_REFERENCE = Table(
 )
 
 STRUCTURE = Table(
-    Structure,
+    model.Structure,
     s_m=number("s"),
     length_m=LENGTH,
     name=text("name"),

@@ -6,21 +6,9 @@ from typing import Any
 
 from lxml import etree
 
+from opendrive import model
 from opendrive.arrays import FloatArray
 from opendrive.errors import WarningKind
-from opendrive.model import (
-    Arc,
-    Geometry,
-    Line,
-    ParamPoly3,
-    Poly3,
-    Road,
-    RoadDetails,
-    RoadLink,
-    RoadType,
-    Shape,
-    Spiral,
-)
 from opendrive.xml.fields import (
     LENGTH,
     OTHER_ATTRIBUTES,
@@ -59,14 +47,14 @@ def _contact_point(values: Values, element: Element, name: str, text: str) -> st
 CONTACT_POINT = text("contactPoint", None, convert=_contact_point)
 
 
-def _check_link(values: Values, element: Element, link: RoadLink) -> None:
+def _check_link(values: Values, element: Element, link: model.RoadLink) -> None:
     if link.element_type == "road" and link.contact_point is None and link.s_m is None:
         message = f"no contactPoint for road {link.element_id!r}; the link is not followed"
         values.warn(WarningKind.LINK, element, message)
 
 
 LINK = Table(
-    RoadLink,
+    model.RoadLink,
     check=_check_link,
     element_type=text("elementType", "road"),
     contact_point=CONTACT_POINT,
@@ -76,7 +64,7 @@ LINK = Table(
 )
 
 ROAD_TYPE = Table(
-    RoadType,
+    model.RoadType,
     s_m=number("s", 0.0),
     type=text("type", "unknown"),
     country=text("country"),
@@ -85,7 +73,7 @@ ROAD_TYPE = Table(
 
 # The reference line
 
-LINE = Line()
+LINE = model.Line()
 _SHAPE_NAMES = "line, arc, spiral, poly3 or paramPoly3"
 
 
@@ -95,18 +83,18 @@ def _is_normalized(values: Values, element: Element, name: str, text: str) -> bo
     return text == "normalized"
 
 
-_SHAPES: dict[type[Shape], tuple[str, Table[Any]]] = {
-    Line: ("line", Table(Line)),
-    Arc: ("arc", Table(Arc, curvature_per_m=number("curvature"))),
-    Spiral: (
+_SHAPES: dict[type[model.Shape], tuple[str, Table[Any]]] = {
+    model.Line: ("line", Table(model.Line)),
+    model.Arc: ("arc", Table(model.Arc, curvature_per_m=number("curvature"))),
+    model.Spiral: (
         "spiral",
-        Table(Spiral, curvature_start_per_m=number("curvStart"), curvature_end_per_m=number("curvEnd")),
+        Table(model.Spiral, curvature_start_per_m=number("curvStart"), curvature_end_per_m=number("curvEnd")),
     ),
-    Poly3: ("poly3", Table(Poly3, coefficients=numbers("a", "b", "c", "d"))),
-    ParamPoly3: (
+    model.Poly3: ("poly3", Table(model.Poly3, coefficients=numbers("a", "b", "c", "d"))),
+    model.ParamPoly3: (
         "paramPoly3",
         Table(
-            ParamPoly3,
+            model.ParamPoly3,
             normalized=attribute(
                 # Before 1.4 it did not exist; the range was [0, 1].
                 "pRange",
@@ -123,7 +111,7 @@ _SHAPES: dict[type[Shape], tuple[str, Table[Any]]] = {
 _TABLE_OF_TAG = dict(_SHAPES.values())
 
 
-def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -> Shape:
+def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -> model.Shape:
     """Return the shape of a piece of reference line.
 
     Raises:
@@ -135,14 +123,14 @@ def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -
     table = _TABLE_OF_TAG.get(str(element.tag))
     if table is None:
         raise values.error(element, f"has the shape <{element.tag:.40}>, expected {_SHAPE_NAMES}")
-    shape: Shape = table.read(values, element)
+    shape: model.Shape = table.read(values, element)
     turn_rad = 0.0
-    if isinstance(shape, Arc):
+    if isinstance(shape, model.Arc):
         turn_rad = abs(shape.curvature_per_m) * length_m
         if shape.curvature_per_m == 0.0:
             message = "arc of curvature 0; read as a line"
             values.warn(WarningKind.ARC_WITHOUT_CURVATURE, element, message, s_m)
-    elif isinstance(shape, Spiral):
+    elif isinstance(shape, model.Spiral):
         start, end = shape.curvature_start_per_m, shape.curvature_end_per_m
         turn_rad = max(abs(start), abs(end)) * length_m
         if start == end:
@@ -153,17 +141,17 @@ def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -
     return shape
 
 
-def _read_shape(values: Values, geometry: Element) -> Shape:
+def _read_shape(values: Values, geometry: Element) -> model.Shape:
     return read_shape(values, geometry, values.number(geometry, "s"), LENGTH.read(values, geometry))
 
 
-def _write_shape(geometry: Element, shape: Shape) -> None:
+def _write_shape(geometry: Element, shape: model.Shape) -> None:
     tag, table = _SHAPES[type(shape)]
     table.write(etree.SubElement(geometry, tag), shape)
 
 
 _GEOMETRY = Table(
-    Geometry,
+    model.Geometry,
     s_m=number("s"),
     x_m=number("x"),
     y_m=number("y"),
@@ -174,7 +162,7 @@ _GEOMETRY = Table(
 _PIECES = children_of("geometry", _GEOMETRY)
 
 
-def _read_pieces(values: Values, road: Element) -> tuple[Geometry, ...]:
+def _read_pieces(values: Values, road: Element) -> tuple[model.Geometry, ...]:
     plan = first(road, "planView")
     elements = children(plan, "geometry")
     if plan is None or not elements:
@@ -224,8 +212,8 @@ JUNCTION_ID = attribute(
 RULE = text("rule", "RHT", convert=_rule)
 
 ROAD = Table(
-    Road,
-    details=RoadDetails,
+    model.Road,
+    details=model.RoadDetails,
     name=text("name"),
     length_m=LENGTH,
     id=ID,
@@ -254,7 +242,7 @@ ROAD = Table(
 )
 
 
-def read_road(values: Values, element: Element) -> Road:
+def read_road(values: Values, element: Element) -> model.Road:
     """Return a road.
 
     Raises:

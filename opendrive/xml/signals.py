@@ -2,16 +2,7 @@
 
 from lxml import etree
 
-from opendrive.model import (
-    Control,
-    Controller,
-    LaneRange,
-    Signal,
-    SignalDependency,
-    SignalLink,
-    SignalPosition,
-    SignalReference,
-)
+from opendrive import model
 from opendrive.xml.fields import (
     OTHER_ATTRIBUTES,
     REQUIRED,
@@ -28,11 +19,13 @@ from opendrive.xml.fields import (
 )
 from opendrive.xml.values import Element, Values, first
 
-VALIDITY = children_of("validity", Table(LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane")))
+VALIDITY = children_of(
+    "validity", Table(model.LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane"))
+)
 
 _POSITIONS = {
     "positionRoad": Table(
-        SignalPosition,
+        model.SignalPosition,
         road_id=text("roadId", REQUIRED),
         position_m=row(number("s"), number("t"), number("zOffset", 0.0)),
         heading_rad=number("hOffset", 0.0),
@@ -40,7 +33,7 @@ _POSITIONS = {
         roll_rad=number("roll", 0.0),
     ),
     "positionInertial": Table(
-        SignalPosition,
+        model.SignalPosition,
         road_id=constant(""),
         position_m=row(number("x"), number("y"), number("z", 0.0)),
         heading_rad=number("hdg", 0.0),
@@ -51,21 +44,21 @@ _POSITIONS = {
 """By the name of the element; the first that is there counts."""
 
 
-def _read_position(values: Values, element: Element) -> SignalPosition | None:
+def _read_position(values: Values, element: Element) -> model.SignalPosition | None:
     for tag, table in _POSITIONS.items():
         if (child := first(element, tag)) is not None:
             return table.read(values, child)
     return None
 
 
-def _write_position(element: Element, position: SignalPosition | None) -> None:
+def _write_position(element: Element, position: model.SignalPosition | None) -> None:
     if position is not None:
         tag = "positionRoad" if position.road_id else "positionInertial"
         _POSITIONS[tag].write(etree.SubElement(element, tag), position)
 
 
 SIGNAL = Table(
-    Signal,
+    model.Signal,
     name=text("name"),
     s_m=number("s"),
     t_m=number("t"),
@@ -89,12 +82,12 @@ SIGNAL = Table(
     attributes=OTHER_ATTRIBUTES,
     validity=VALIDITY,
     dependencies=children_of(
-        "dependency", Table(SignalDependency, type=text("type"), signal_id=text("id", REQUIRED))
+        "dependency", Table(model.SignalDependency, type=text("type"), signal_id=text("id", REQUIRED))
     ),
     links=children_of(
         "reference",
         Table(
-            SignalLink,
+            model.SignalLink,
             element_type=text("elementType"),
             type=text("type"),
             element_id=text("elementId", REQUIRED),
@@ -105,7 +98,7 @@ SIGNAL = Table(
 )
 
 SIGNAL_REFERENCE = Table(
-    SignalReference,
+    model.SignalReference,
     s_m=number("s"),
     t_m=number("t"),
     signal_id=text("id", REQUIRED),
@@ -115,10 +108,12 @@ SIGNAL_REFERENCE = Table(
 )
 
 CONTROLLER = Table(
-    Controller,
+    model.Controller,
     id=text("id", REQUIRED),
     name=text("name"),
     sequence=integer("sequence", None),
-    controls=children_of("control", Table(Control, signal_id=text("signalId", REQUIRED), type=text("type"))),
+    controls=children_of(
+        "control", Table(model.Control, signal_id=text("signalId", REQUIRED), type=text("type"))
+    ),
     extra=REST,
 )

@@ -211,7 +211,7 @@ def first(element: Element | None, tag: str) -> Element | None:
     return None
 
 
-def others(element: Element | None, tags: Collection[str]) -> list[Element]:
+def children_but(element: Element | None, tags: Collection[str]) -> list[Element]:
     """Return the children of any other name."""
     return [] if element is None else [child for child in element if child.tag not in tags]
 
