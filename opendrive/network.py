@@ -134,13 +134,13 @@ class RoadNetwork(NetworkLanes):
         s = float(self._on_lane(lane, s_m))
         start = float(self.lanes.s_start_m[lane])
         key = self.lanes.key[lane]
-        record = self._model.roads[key.road_id]
-        lanes = record.sections[key.section].lanes
-        limits = next(other.speeds for other in lanes if other.id == key.lane_id)
+        road = self._model.roads[key.road_id]
+        lanes = road.sections[key.section].lanes
+        limits = next(record.speeds for record in lanes if record.id == key.lane_id)
         speeds = [speed for speed in limits if start + speed.s_offset_m <= s]
         if speeds:
             return speeds[-1].speed_mps
-        types = [kind for kind in record.types if kind.s_m <= s]
+        types = [kind for kind in road.types if kind.s_m <= s]
         return types[-1].speed_mps if types else None
 
     # Roads

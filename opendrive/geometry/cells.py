@@ -23,8 +23,13 @@ MAX_LENGTH_M = 30.0
 _CUBIC_LENGTH_M = 5.0
 _MAX_CELLS = 2_000_000
 _BOX_M = 1e-3
+"""By how much boxes are wider than need be, so that rounding leaves no point outside."""
+
 _NEWTON_STEPS = 30
+"""Convergence is quadratic; more steps are needed only near the centre of a bend, where any foot is as good."""
+
 _CONVERGED_M = 1e-11
+"""Rounding of a coordinate of 100 km in float64."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _UNIT_NODES, _UNIT_WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
