@@ -26,7 +26,7 @@ _BOX_M = 1e-3
 """By how much boxes are wider than need be, so that rounding leaves no point outside."""
 
 _NEWTON_STEPS = 30
-"""Convergence is quadratic; more steps are needed only near the centre of a bend, where any foot is as good."""
+"""Convergence is quadratic; it slows down only near the centre of curvature."""
 
 _CONVERGED_M = 1e-11
 """Rounding of a coordinate of 100 km in float64."""
