@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from scenarios.openscenario.elements import Element
 from scenarios.openscenario.expressions import Value
@@ -90,19 +91,46 @@ class ScenarioDefinition(Element):
 
     def events(self) -> Iterator[Event]:
         """All events, in the order of the file."""
-        for story in self.stories:
-            for act in story.acts:
-                for group in act.groups:
-                    for maneuver in group.maneuvers:
-                        yield from maneuver.events
+        return (element for _, element in elements_of(self.stories) if isinstance(element, Event))
 
     def conditions(self) -> Iterator[Condition]:
-        """All conditions of all triggers."""
-        triggers = [self.stop]
-        triggers += [
-            trigger for story in self.stories for act in story.acts for trigger in (act.start, act.stop)
-        ]
-        triggers += [event.start for event in self.events()]
-        for trigger in triggers:
-            for group in trigger or ():
-                yield from group
+        """All conditions: those of the stop trigger, then those of the stories in the order of the file."""
+        return conditions_of(self.stories, self.stop)
+
+
+StoryboardElement: TypeAlias = Story | Act | ManeuverGroup | Maneuver | Event | NamedAction
+
+KINDS: dict[type[Element], str] = {
+    Story: "story",
+    Act: "act",
+    ManeuverGroup: "maneuverGroup",
+    Maneuver: "maneuver",
+    Event: "event",
+    NamedAction: "action",
+}
+"""Storyboard elements as conditions name them."""
+
+
+def elements_of(
+    elements: Sequence[StoryboardElement], above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], StoryboardElement]]:
+    """Storyboard elements and all below them, each after that which holds it, with their paths of names."""
+    for element in elements:
+        path = (*above, element.name)
+        yield path, element
+        match element:
+            case Story(acts=inner) | Act(groups=inner) | ManeuverGroup(maneuvers=inner):
+                yield from elements_of(inner, path)
+            case Maneuver(events=inner) | Event(actions=inner):
+                yield from elements_of(inner, path)
+
+
+def conditions_of(stories: Sequence[Story], stop: Trigger | None) -> Iterator[Condition]:
+    """All conditions of a stop trigger and of the triggers of stories."""
+    triggers = [stop]
+    for _, element in elements_of(stories):
+        if isinstance(element, Act):
+            triggers += [element.start, element.stop]
+        elif isinstance(element, Event):
+            triggers.append(element.start)
+    return (condition for trigger in triggers for group in trigger or () for condition in group)

@@ -102,7 +102,7 @@ class Node:
             UnsupportedError: there is another one.
         """
         known = attributes.split()
-        for name in self.attributes():
+        for name in map(str, self.element.attrib):
             if name not in known and not name.startswith("{"):
                 raise UnsupportedError(
                     f"{self.where} attribute '{name}' is not supported; "
@@ -169,10 +169,6 @@ class Node:
         return children[0]
 
     # Attributes
-
-    def attributes(self) -> list[str]:
-        """Names of all attributes."""
-        return [str(name) for name in self.element.attrib]
 
     def has(self, name: str) -> bool:
         """Whether an attribute is given."""

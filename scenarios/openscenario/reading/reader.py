@@ -13,9 +13,9 @@ from pathlib import Path
 from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError, UnsupportedError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
+    KINDS,
     Act,
     Action,
-    Condition,
     EntityDefinition,
     Event,
     Maneuver,
@@ -26,6 +26,8 @@ from scenarios.openscenario.model import (
     Story,
     StoryboardElementStateCondition,
     Trigger,
+    conditions_of,
+    elements_of,
 )
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
@@ -273,41 +275,14 @@ def _event(node: Node, entities: tuple[str, ...], context: Context) -> Event:
 # References between elements
 
 
-def element_paths(stories: tuple[Story, ...]) -> list[tuple[str, tuple[str, ...]]]:
-    """Kind and path of names of every storyboard element."""
-    paths: list[tuple[str, tuple[str, ...]]] = []
-    for story in stories:
-        paths.append(("story", (story.name,)))
-        for act in story.acts:
-            paths.append(("act", (story.name, act.name)))
-            for group in act.groups:
-                at_group = (story.name, act.name, group.name)
-                paths.append(("maneuverGroup", at_group))
-                for maneuver in group.maneuvers:
-                    at_maneuver = (*at_group, maneuver.name)
-                    paths.append(("maneuver", at_maneuver))
-                    for event in maneuver.events:
-                        paths.append(("event", (*at_maneuver, event.name)))
-                        paths.extend(
-                            ("action", (*at_maneuver, event.name, action.name)) for action in event.actions
-                        )
-    return paths
-
-
 def ends_with(path: tuple[str, ...], tail: tuple[str, ...]) -> bool:
     """Whether a path of names ends with another."""
     return path[-len(tail) :] == tail
 
 
 def _check_element_references(file: Path, stories: tuple[Story, ...], stop: Trigger | None) -> None:
-    paths = element_paths(stories)
-    triggers: list[Trigger | None] = [stop]
-    for story in stories:
-        for act in story.acts:
-            triggers += [act.start, act.stop]
-            triggers += [event.start for g in act.groups for m in g.maneuvers for event in m.events]
-    conditions: list[Condition] = [c for t in triggers if t for group in t for c in group]
-    for condition in conditions:
+    paths = [(KINDS[type(element)], path) for path, element in elements_of(stories)]
+    for condition in conditions_of(stories, stop):
         kind = condition.kind
         if not isinstance(kind, StoryboardElementStateCondition):
             continue
