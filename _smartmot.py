@@ -325,8 +325,14 @@ class _Moved:
         return _Alias(name, new).old_spec
 
 
-def names_of(package: str, *modules: str) -> Callable[[str], Any]:
-    """`__getattr__` of a package that was a module: its names are in other modules now."""
+def names_of(package: str, *modules: str, front: tuple[str, ...] = ()) -> Callable[[str], Any]:
+    """`__getattr__` of a package that was a module: its names are in other modules now.
+
+    Args:
+        package: the package.
+        modules: where its names are.
+        front: names that the package gives without a warning, each loaded when it is asked for.
+    """
 
     def lookup(name: str) -> Any:
         import importlib
@@ -336,7 +342,8 @@ def names_of(package: str, *modules: str) -> Callable[[str], Any]:
                 content = vars(importlib.import_module(module))
                 # a name that has changed since has an alias of its own
                 if name in content or ("__getattr__" in content and hasattr(sys.modules[module], name)):
-                    _warn(f"{package}.{name}", f"{module}.{name}")
+                    if name not in front:
+                        _warn(f"{package}.{name}", f"{module}.{name}")
                     return getattr(sys.modules[module], name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 

@@ -10,4 +10,5 @@ __getattr__ = names_of(
     "scenarios.simulation.counts",
     "scenarios.sources.perception",
     "scenarios.simulation.simulation",
+    front=("CUT_OFF", "EndReason", "Outcome", "Simulation", "StopRule"),
 )
