@@ -31,7 +31,16 @@ def write_map(source: MapModel | HasModel, path: str | PathLike[str]) -> None:
     Raises:
         OpenDriveError: the file cannot be written.
     """
-    model = source if isinstance(source, MapModel) else source.model
+    data = map_bytes(source if isinstance(source, MapModel) else source.model)
+    try:
+        Path(path).write_bytes(data)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OpenDriveError(f"{path}: cannot be written ({reason})") from error
+
+
+def map_bytes(model: MapModel) -> bytes:
+    """Return what `write_map` writes."""
     root = etree.Element("OpenDRIVE")
     HEADER.write(etree.SubElement(root, "header"), model.header)
     for tag, (name, table) in CONTENT.items():
@@ -39,9 +48,4 @@ def write_map(source: MapModel | HasModel, path: str | PathLike[str]) -> None:
         for record in records.values() if isinstance(records, Mapping) else records:
             table.write(etree.SubElement(root, tag), record)
     REST.write(root, model.extra)
-    data = etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-    try:
-        Path(path).write_bytes(data)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OpenDriveError(f"{path}: cannot be written ({reason})") from error
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)

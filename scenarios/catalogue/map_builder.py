@@ -1,8 +1,6 @@
 """The builder of the maps that are shipped with the package: OpenDRIVE 1.6 files.
 
-Every dimension stands here once, so that a border or a joint of a map can be checked with pencil and paper;
-`map.xodr.j2` has the elements and attributes. The files are not what `opendrive.write_map` makes of a model:
-results are known by the hash of their map, which must not change with that writer.
+Every dimension stands here once, so that a border or a joint of a map can be checked with pencil and paper.
 ``python -m scenarios.catalogue.map_builder [directory]`` writes all of them again, byte by byte the same.
 
 The reference line is the middle of the street; lanes are mirrored about it and traffic keeps right.
@@ -14,18 +12,32 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from math import cos, pi, sin
+from math import pi
 from pathlib import Path
 
-import jinja2
 import numpy as np
 
 import _smartmot
-from opendrive.geometry.curves import clothoid
+from opendrive import model
+from opendrive.xml.writer import map_bytes
 from scenarios.catalogue import maps as shipped
+from scenarios.catalogue.reference_line import (
+    ORIGIN,
+    Piece,
+    Pose,
+    end_of,
+    moved,
+    reference_line,
+    to_15_digits,
+    total_length_m,
+    turned,
+)
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.catalogue.maps")
 
+GEO_REFERENCE = "+proj=tmerc +lat_0=52 +lon_0=13 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+COUNTRY = "DE"
+SIGN_CATALOGUE_YEAR = "2017"
 SPEED_LIMIT_KMH = 50
 
 STREET_LENGTH_M = 600.0
@@ -43,30 +55,15 @@ CROSSWALK_FROM_STREET_END_M = 40.0
 CROSSWALK_FROM_JUNCTION_M = 4.0
 STOP_FROM_JUNCTION_M = 7.0
 SPEED_SIGN_FROM_END_M = 20.0
+CROSSING_SIGN_FROM_CROSSWALK_M = 1.0
 SIGN_FROM_KERB_M = 0.5
+SIGN_HEIGHT_ABOVE_ROAD_M = 2.2
+ROAD_MARK_WIDTH_M = 0.12
 
 JUNCTION_ID = "100"
 
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """A point of the reference line, map frame, and its heading."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """A piece of reference line whose curvature runs linearly from start to end."""
-
-    length_m: float
-    curvature_start: float = 0.0
-    curvature_end: float = 0.0
+_NO_CUBICS = np.empty((0, 5))
+_NO_SHAPE = np.empty((0, 6))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +78,8 @@ class Lane:
 DRIVING = Lane("driving", 3.5, "solid")
 PARKING = Lane("parking", 2.0, "solid")
 SIDEWALK = Lane("sidewalk", 2.5, "none")
+_CENTRE = Lane("none", 0.0, "broken")
+_UNMARKED_CENTRE = Lane("none", 0.0, "none")
 
 Lanes = tuple[Lane, ...]
 _STREET: Lanes = (DRIVING, SIDEWALK)
@@ -96,94 +95,16 @@ class _Sign:
     subtype: str = "-1"
     width_m: float = 0.6
     height_m: float = 0.6
-    value: int | None = None
+    value_kmh: float | None = None
     dynamic: bool = False
 
 
-_LIMIT = _Sign("speed limit", "274", str(SPEED_LIMIT_KMH), value=SPEED_LIMIT_KMH)
+_LIMIT = _Sign("speed limit", "274", str(SPEED_LIMIT_KMH), value_kmh=float(SPEED_LIMIT_KMH))
 _CROSSING = _Sign("pedestrian crossing", "350", "10")
 _LIGHT = _Sign("traffic light", "1000001", width_m=0.3, height_m=0.9, dynamic=True)
 _PRIORITY_ROAD = _Sign("priority road", "306")
 _STOP = _Sign("stop", "206", width_m=0.9, height_m=0.9)
 _GIVE_WAY = _Sign("give way", "205", width_m=0.9, height_m=0.9)
-
-
-@dataclass(frozen=True, slots=True)
-class _Signal:
-    """A sign on the right of the traffic that it is for: lanes whose ids have the sign of `side`."""
-
-    id: str
-    sign: _Sign
-    s_m: float
-    side: int
-    kerb_m: float
-
-    @property
-    def t_m(self) -> float:
-        return self.side * (self.kerb_m + SIGN_FROM_KERB_M)
-
-
-@dataclass(frozen=True, slots=True)
-class _Crosswalk:
-    """A crosswalk from kerb to kerb, its middle at s."""
-
-    id: str
-    s_m: float
-    kerb_m: float
-    depth_m: float = CROSSWALK_DEPTH_M
-
-    @property
-    def corners(self) -> list[tuple[float, float]]:
-        """(s, t), counter-clockwise."""
-        half_m = self.depth_m / 2
-        signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        return [(self.s_m + along * half_m, aside * self.kerb_m) for along, aside in signs]
-
-
-@dataclass(frozen=True, slots=True)
-class _LaneOfRoad:
-    """A lane with its id, and the lanes before and behind it where it lies in the junction."""
-
-    id: int
-    type: str
-    width_m: float
-    mark: str
-    predecessor: int | None = None
-    successor: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _Link:
-    """What a road's predecessor or successor is."""
-
-    end: str
-    type: str
-    id: str
-    contact: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class _Road:
-    id: str
-    name: str
-    start: Pose
-    pieces: Sequence[Piece]
-    sides: Mapping[str, Sequence[_LaneOfRoad]]
-    junction_id: str = "-1"
-    links: Sequence[_Link] = ()
-    crosswalk: _Crosswalk | None = None
-    signals: Sequence[_Signal] = ()
-
-    @property
-    def length_m(self) -> float:
-        return sum(piece.length_m for piece in self.pieces)
-
-    @property
-    def geometries(self) -> list[tuple[float, Pose, Piece]]:
-        """S and pose of the start of each piece."""
-        s_m = accumulate((piece.length_m for piece in self.pieces), initial=0.0)
-        poses = accumulate(self.pieces, _end, initial=self.start)
-        return [*zip(s_m, poses, self.pieces, strict=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,13 +122,14 @@ class _Arm:
         """Sign of the lane ids on which traffic comes in; the other side takes it out."""
         return -1 if self.ends_at_junction else 1
 
-    def link(self, end: str) -> _Link:
+    @property
+    def link(self) -> model.RoadLink:
         """Link from a road inside the junction to this arm."""
-        return _Link(end, "road", self.road_id, "end" if self.ends_at_junction else "start")
+        return model.RoadLink("road", self.road_id, "end" if self.ends_at_junction else "start")
 
     def entry(self) -> Pose:
         """The reference point at the junction's edge, looking inwards."""
-        return _turned(Pose(-JUNCTION_HALF_M, 0.0, 0.0), self.bearing_rad - pi)
+        return turned(Pose(-JUNCTION_HALF_M, 0.0, 0.0), self.bearing_rad - pi)
 
 
 # Counter-clockwise: from each arm, the next one is reached by a right turn, the third one by a left turn.
@@ -219,77 +141,165 @@ _ARMS = (
 )
 
 
-# ---------------------------------------------------------------------------------------------- geometry
+# ----------------------------------------------------------------------------------------------- records
 
 
-def _turned(pose: Pose, by_rad: float) -> Pose:
-    """The pose turned about the origin; coordinates are snapped to 1e-10 m so that files do not vary."""
-    c, s = cos(by_rad), sin(by_rad)
-    return Pose(
-        round(c * pose.x_m - s * pose.y_m, 10), round(s * pose.x_m + c * pose.y_m, 10), pose.yaw_rad + by_rad
+def _lane(
+    lane_id: int, lane: Lane, predecessors: tuple[int, ...] = (), successors: tuple[int, ...] = ()
+) -> model.Lane:
+    """A lane of constant width with the mark on its outer border; the centre lane has no width."""
+    mark = model.RoadMark(
+        s_offset_m=0.0,
+        type=lane.mark,
+        weight="standard",
+        color="standard",
+        width_m=None if lane.mark == "none" else ROAD_MARK_WIDTH_M,
+        lane_change="both" if lane.mark == "broken" else "none",
+    )
+    return model.Lane(
+        lane_id,
+        lane.kind,
+        level=False,
+        predecessors=predecessors,
+        successors=successors,
+        width=np.array([[0.0, lane.width_m, 0.0, 0.0, 0.0]]) if lane_id else _NO_CUBICS,
+        border=_NO_CUBICS,
+        details=model.Deferred.of(model.LaneDetails(road_marks=(mark,))),
     )
 
 
-def _moved(start: Pose, x_m: float, y_m: float, turn_rad: float) -> Pose:
-    """The pose reached by a step given in the frame of `start`."""
-    step = _turned(Pose(x_m, y_m, turn_rad), start.yaw_rad)
-    return Pose(round(start.x_m + step.x_m, 10), round(start.y_m + step.y_m, 10), step.yaw_rad)
-
-
-def _end(start: Pose, piece: Piece) -> Pose:
-    """Pose at the end of a line, an arc or a clothoid."""
-    length_m, k_start, k_end = piece.length_m, piece.curvature_start, piece.curvature_end
-    rate = (k_end - k_start) / length_m
-    along_m, aside_m = (float(step[0]) for step in clothoid(*np.array([[length_m], [k_start], [rate]])))
-    return _moved(start, along_m, aside_m, length_m * (k_start + k_end) / 2)
-
-
-# ------------------------------------------------------------------------------------------------- texts
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.15g}"  # without the sign of a negative zero
-
-
-def _text(
-    name: str, corners: Sequence[tuple[float, float]], margin_m: float, roads: Sequence[_Road], **more: object
-) -> bytes:
-    """The file; its header's extent is that of `corners` widened by the margin."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["number"] = _number
-    x_m, y_m = zip(*corners, strict=True)
-    text = environment.get_template("map.xodr.j2").render(
-        name=name,
-        north_m=max(y_m) + margin_m,
-        south_m=min(y_m) - margin_m,
-        east_m=max(x_m) + margin_m,
-        west_m=min(x_m) - margin_m,
-        limit_kmh=SPEED_LIMIT_KMH,
-        junction_id=JUNCTION_ID,
-        roads=roads,
-        **more,
-    )
-    return text.encode()
-
-
-def _two_way(lanes: Lanes) -> dict[str, list[_LaneOfRoad]]:
+def _two_way(lanes: Lanes) -> tuple[model.Lane, ...]:
     """The same lanes on both sides of a broken centre mark; overtaking across it is allowed."""
-    left, right = (
-        [_LaneOfRoad(side * k, lane.kind, lane.width_m, lane.mark) for k, lane in enumerate(lanes, start=1)]
-        for side in (1, -1)
-    )
-    return {"left": left[::-1], "center": [_LaneOfRoad(0, "none", 0.0, "broken")], "right": right}
+    left, right = ([_lane(side * k, lane) for k, lane in enumerate(lanes, start=1)] for side in (1, -1))
+    return (*reversed(left), _lane(0, _CENTRE), *right)
 
 
 def _kerb_m(lanes: Lanes) -> float:
     return sum(lane.width_m for lane in lanes if lane.kind != "sidewalk")
+
+
+def _crosswalk(crosswalk_id: str, s_m: float, kerb_m: float) -> model.RoadObject:
+    """A crosswalk from kerb to kerb, its middle at s."""
+    half_m = CROSSWALK_DEPTH_M / 2
+    counter_clockwise = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = [
+        (to_15_digits(s_m + along * half_m), aside * kerb_m, 0.0) for along, aside in counter_clockwise
+    ]
+    outline = model.Outline(
+        in_road_frame=True,
+        corners=np.array(corners),
+        closed=True,
+        heights_m=np.zeros(len(corners)),
+        corner_ids=tuple(str(number) for number in range(len(corners))),
+        id="0",
+        attributes=(("fillType", "paint"), ("outer", "true")),
+    )
+    return model.RoadObject(
+        id=crosswalk_id,
+        name="crosswalk",
+        type="crosswalk",
+        subtype="",
+        s_m=to_15_digits(s_m),
+        t_m=0.0,
+        z_offset_m=0.0,
+        heading_rad=0.0,
+        orientation="none",
+        length_m=CROSSWALK_DEPTH_M,
+        width_m=2 * kerb_m,
+        height_m=0.0,
+        radius_m=None,
+        outlines=(outline,),
+        validity=(),
+    )
+
+
+def _signal(signal_id: str, sign: _Sign, s_m: float, side: int, kerb_m: float) -> model.Signal:
+    """A sign on the right of the traffic that it is for: lanes whose ids have the sign of `side`."""
+    return model.Signal(
+        id=signal_id,
+        name=sign.name,
+        s_m=to_15_digits(s_m),
+        t_m=side * (kerb_m + SIGN_FROM_KERB_M),
+        z_offset_m=SIGN_HEIGHT_ABOVE_ROAD_M,
+        heading_offset_rad=0.0,
+        type=sign.type,
+        subtype=sign.subtype,
+        country=COUNTRY,
+        country_revision=SIGN_CATALOGUE_YEAR,
+        value=sign.value_kmh,
+        unit="" if sign.value_kmh is None else "km/h",
+        text="",
+        dynamic=sign.dynamic,
+        orientation="+" if side < 0 else "-",
+        height_m=sign.height_m,
+        width_m=sign.width_m,
+        validity=(model.LaneRange(side, side),),
+    )
+
+
+def _road(
+    road_id: str,
+    name: str,
+    start: Pose,
+    pieces: Sequence[Piece],
+    lanes: tuple[model.Lane, ...],
+    *,
+    junction_id: str | None = None,
+    predecessor: model.RoadLink | None = None,
+    successor: model.RoadLink | None = None,
+    details: model.RoadDetails | None = None,
+) -> model.Road:
+    """A flat road in town, with one lane section."""
+    return model.Road(
+        road_id,
+        name,
+        to_15_digits(total_length_m(pieces)),
+        junction_id,
+        "RHT",
+        predecessor,
+        successor,
+        geometries=reference_line(start, pieces),
+        elevation=_NO_CUBICS,
+        superelevation=_NO_CUBICS,
+        crossfall_left=_NO_CUBICS,
+        crossfall_right=_NO_CUBICS,
+        shape=_NO_SHAPE,
+        lane_offset=_NO_CUBICS,
+        types=(model.RoadType(0.0, "town", COUNTRY, SPEED_LIMIT_KMH / 3.6),),
+        sections=(model.LaneSection(0.0, single_side=False, lanes=lanes),),
+        details=model.Deferred.of(details or model.RoadDetails()),
+    )
+
+
+def _map(
+    name: str,
+    corners: Sequence[tuple[float, float]],
+    margin_m: float,
+    roads: Sequence[model.Road],
+    junctions: Sequence[model.Junction] = (),
+) -> model.MapModel:
+    """The map; its header's extent is that of `corners` widened by the margin."""
+    x_m, y_m = zip(*corners, strict=True)
+    header = model.Header(
+        rev_major=1,
+        rev_minor=6,
+        name=name,
+        version="1",
+        date="",
+        vendor="smartmot",
+        north_m=to_15_digits(max(y_m) + margin_m),
+        south_m=to_15_digits(min(y_m) - margin_m),
+        east_m=to_15_digits(max(x_m) + margin_m),
+        west_m=to_15_digits(min(x_m) - margin_m),
+        geo_reference=GEO_REFERENCE,
+        offset=None,
+    )
+    return model.MapModel(
+        header,
+        roads={road.id: road for road in roads},
+        junctions={junction.id: junction for junction in junctions},
+        noted=model.Deferred.of(()),
+    )
 
 
 # -------------------------------------------------------------------------------------------------- maps
@@ -308,25 +318,25 @@ def street_map(
         furnished: with a crosswalk and signs, all near the ends of the street: its middle stays free for
             scenarios.
     """
-    road = _Road("1", name, start, pieces, _two_way(lanes))
-    if furnished:
-        road = _furnished(road, _kerb_m(lanes))
-    *_, end = accumulate(pieces, _end, initial=start)
+    details = _furniture(total_length_m(pieces), _kerb_m(lanes)) if furnished else None
+    road = _road("1", name, start, pieces, _two_way(lanes), details=details)
+    *_, end = accumulate(pieces, end_of, initial=start)
     corners = [(start.x_m, start.y_m), (end.x_m, end.y_m)]
-    return _text(name, corners, sum(lane.width_m for lane in lanes), [road])
+    return map_bytes(_map(name, corners, sum(lane.width_m for lane in lanes), [road]))
 
 
-def _furnished(road: _Road, kerb_m: float) -> _Road:
-    crosswalk = _Crosswalk("1", road.length_m - CROSSWALK_FROM_STREET_END_M, kerb_m)
+def _furniture(length_m: float, kerb_m: float) -> model.RoadDetails:
+    """A crosswalk at the end of a street, and for each direction its sign and that of the speed limit."""
+    crosswalk_s_m = length_m - CROSSWALK_FROM_STREET_END_M
     signals = []
     for side, number in ((-1, "1"), (1, "2")):
-        enters_at_m = SPEED_SIGN_FROM_END_M if side < 0 else road.length_m - SPEED_SIGN_FROM_END_M
-        before_crosswalk_m = crosswalk.s_m + side * (CROSSWALK_DEPTH_M / 2 + 1.0)
+        enters_at_m = SPEED_SIGN_FROM_END_M if side < 0 else length_m - SPEED_SIGN_FROM_END_M
+        before_crosswalk_m = crosswalk_s_m + side * (CROSSWALK_DEPTH_M / 2 + CROSSING_SIGN_FROM_CROSSWALK_M)
         signals += [
-            _Signal(f"{number}1", _LIMIT, enters_at_m, side, kerb_m),
-            _Signal(f"{number}2", _CROSSING, before_crosswalk_m, side, kerb_m),
+            _signal(f"{number}1", _LIMIT, enters_at_m, side, kerb_m),
+            _signal(f"{number}2", _CROSSING, before_crosswalk_m, side, kerb_m),
         ]
-    return replace(road, crosswalk=crosswalk, signals=signals)
+    return model.RoadDetails(signals=tuple(signals), objects=(_crosswalk("1", crosswalk_s_m, kerb_m),))
 
 
 def bend_pieces(radius_m: float, spiral_m: float) -> list[Piece]:
@@ -344,7 +354,7 @@ def bend_pieces(radius_m: float, spiral_m: float) -> list[Piece]:
     ]
 
 
-def _arm_road(arm: _Arm) -> _Road:
+def _arm_road(arm: _Arm) -> model.Road:
     """An arm, with its crosswalk, its speed signs for both directions, and what rules its stop line."""
     entry = arm.entry()
 
@@ -358,61 +368,63 @@ def _arm_road(arm: _Arm) -> _Road:
         (_LIGHT, STOP_FROM_JUNCTION_M, arm.inbound),
         (arm.priority, STOP_FROM_JUNCTION_M, arm.inbound),
     )
-    return _Road(
+    signals = tuple(
+        _signal(f"{arm.road_id}{k}", sign, s_at(from_junction_m), side, kerb_m)
+        for k, (sign, from_junction_m, side) in enumerate(signs, start=1)
+    )
+    crosswalk = _crosswalk(arm.road_id, s_at(CROSSWALK_FROM_JUNCTION_M), kerb_m)
+    junction = model.RoadLink("junction", JUNCTION_ID, None)
+    return _road(
         arm.road_id,
         f"{arm.name} arm",
-        _moved(entry, -ARM_LENGTH_M, 0.0, 0.0) if arm.ends_at_junction else _moved(entry, 0.0, 0.0, -pi),
+        moved(entry, -ARM_LENGTH_M, 0.0, 0.0) if arm.ends_at_junction else moved(entry, 0.0, 0.0, -pi),
         [Piece(ARM_LENGTH_M)],
         _two_way(_STREET),
-        links=[_Link("successor" if arm.ends_at_junction else "predecessor", "junction", JUNCTION_ID)],
-        crosswalk=_Crosswalk(arm.road_id, s_at(CROSSWALK_FROM_JUNCTION_M), kerb_m),
-        signals=[
-            _Signal(f"{arm.road_id}{k}", sign, s_at(from_junction_m), side, kerb_m)
-            for k, (sign, from_junction_m, side) in enumerate(signs, start=1)
-        ],
+        predecessor=None if arm.ends_at_junction else junction,
+        successor=junction if arm.ends_at_junction else None,
+        details=model.RoadDetails(signals=signals, objects=(crosswalk,)),
     )
 
 
-def _connecting_road(source: _Arm, target: _Arm, turn: int) -> _Road:
-    """One way through the junction: turn is -1 right, 0 straight, 1 left.
+def _way_through(source: _Arm, target: _Arm, turn: int) -> tuple[model.Road, model.Connection]:
+    """The road of one way through the junction, and its connection: turn is -1 right, 0 straight, 1 left.
 
     Right turns also carry the sidewalk round the corner, and their lanes have marks.
     """
     curvature = turn / JUNCTION_HALF_M
     length_m = JUNCTION_HALF_M * pi / 2 if turn else 2 * JUNCTION_HALF_M
-    lanes = [
-        _LaneOfRoad(
-            -number,
-            lane.kind,
-            lane.width_m,
-            lane.mark if turn < 0 else "none",
-            predecessor=number * source.inbound,
-            successor=-number * target.inbound,
-        )
-        for number, lane in enumerate(_STREET if turn < 0 else (DRIVING,), start=1)
-    ]
-    return _Road(
+    lanes = _STREET if turn < 0 else (replace(DRIVING, mark="none"),)
+    numbered = [*enumerate(lanes, start=1)]
+    road = _road(
         source.road_id + target.road_id,
         f"{source.name} to {target.name}",
         source.entry(),
         [Piece(length_m, curvature, curvature)],
-        {"center": [_LaneOfRoad(0, "none", 0.0, "none")], "right": lanes},
-        JUNCTION_ID,
-        [source.link("predecessor"), target.link("successor")],
+        (
+            _lane(0, _UNMARKED_CENTRE),
+            *(_lane(-k, lane, (k * source.inbound,), (-k * target.inbound,)) for k, lane in numbered),
+        ),
+        junction_id=JUNCTION_ID,
+        predecessor=source.link,
+        successor=target.link,
     )
+    lane_links = tuple((k * source.inbound, -k) for k, _ in numbered)
+    return road, model.Connection(road.id, source.road_id, road.id, "start", lane_links)
 
 
 def _urban_intersection(name: str) -> bytes:
     """Four arms; traffic lights on all of them, and the signs that rule while the lights are off."""
     reach_m = JUNCTION_HALF_M + ARM_LENGTH_M
-    arms = [_arm_road(arm) for arm in _ARMS]
-    inside = [
-        _connecting_road(source, _ARMS[(index + step) % len(_ARMS)], turn)
+    ways = [
+        _way_through(source, _ARMS[(index + step) % len(_ARMS)], turn)
         for index, source in enumerate(_ARMS)
         for step, turn in ((1, -1), (2, 0), (3, 1))
     ]
+    roads = [*map(_arm_road, _ARMS), *(road for road, _ in ways)]
+    connections = tuple(connection for _, connection in ways)
+    junction = model.Junction(JUNCTION_ID, "crossing", "default", connections)
     corners = [(-reach_m, -reach_m), (reach_m, reach_m)]
-    return _text(name, corners, 0.0, [*arms, *inside], connections=inside)
+    return map_bytes(_map(name, corners, 0.0, roads, [junction]))
 
 
 def _street(name: str) -> bytes:

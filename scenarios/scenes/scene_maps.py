@@ -15,11 +15,11 @@ from scenarios.catalogue.map_builder import (
     PARKING,
     SIDEWALK,
     Lane,
-    Piece,
     bend_pieces,
     street_map,
     write_maps,
 )
+from scenarios.catalogue.reference_line import Piece
 
 MAPS = Path(__file__).parent / "maps"
 
