@@ -365,11 +365,15 @@ class Simulation:
         return PlannedPath.through(np.array([way.pose(s)[:2] for s in stations.tolist()]))
 
     def _log_truth(self, time_s: float) -> None:
-        entities, actors = self._truth.entities, self._truth.actors
-        existing = np.flatnonzero(entities.exists[actors])
-        rows = actors[existing]
-        odometry = self._truth.odometry(time_s)
-        self._log.frame(odometry, entities.boxes[rows], entities.speed_mps[rows], existing)
+        truth = self._truth
+        entities, actors = truth.entities, truth.actors
+        existing = entities.exists[actors].nonzero()[0]
+        if len(existing) == len(actors):
+            boxes, rows = truth.actor_boxes, actors
+        else:
+            rows = actors[existing]
+            boxes = entities.boxes[rows]
+        self._log.frame(truth.odometry(time_s), boxes, entities.speed_mps[rows], existing)
 
 
 class _FixedPipeline:

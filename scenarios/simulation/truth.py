@@ -14,7 +14,7 @@ from scenarios.sensors.world import MapSurface, World
 from scenarios.simulation.drive import Asked, EgoDrive
 from scenarios.simulation.motion_actions import is_motion, is_to_set_off
 from smartmot.area import ego_extent
-from smartmot.types import EgoState, FloatArray, IntArray, StrArray, unchecked
+from smartmot.types import Boxes, EgoState, FloatArray, IntArray, StrArray, unchecked
 
 STEP_S = 0.01
 """Frames, latencies and phases are multiples of it. Motion, triggers and contact are exact inside a step."""
@@ -44,6 +44,7 @@ class Truth:
         self.actors: IntArray = np.array([k for k in range(len(names)) if k != self.own], dtype=np.int64)
         self.target = names.index(engine.target) if engine.target else None
         self._entities: Entities | None = None
+        self._boxes: Boxes | None = None
         entities = engine.definition.entities
         self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.actors]
         self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.actors]
@@ -56,15 +57,23 @@ class Truth:
     def entities(self) -> Entities:
         """Everybody now; made once for all who ask at the same time."""
         if self._entities is None or self._entities.time_s != self.engine.time_s:
-            self._entities = self.engine.entities
+            self._entities, self._boxes = self.engine.entities, None
         return self._entities
+
+    @property
+    def actor_boxes(self) -> Boxes:
+        """N outlines of the actors now; made once for sensors and log."""
+        entities = self.entities
+        if self._boxes is None:
+            self._boxes = entities.boxes[self.actors]
+        return self._boxes
 
     def world(self, time_s: float) -> World:
         """Everybody but the ego, for sensors; the objects are numbered as in the log."""
         entities, actors = self.entities, self.actors
         columns = (entities.speed_mps[actors], self._height_m, self._object_id, self.category)
         masks = (entities.exists[actors], entities.seen[actors])
-        return unchecked(World, time_s, entities.boxes[actors], *columns, *masks, self._surface)
+        return unchecked(World, time_s, self.actor_boxes, *columns, *masks, self._surface)
 
     @property
     def ego_speed_mps(self) -> float:
