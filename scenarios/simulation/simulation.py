@@ -179,8 +179,10 @@ class Simulation:
 
         Raises:
             StepOrderError: there is no frame, or its result is there already.
+            ScenarioError: it is no result of a pipeline.
         """
         frame = self._present_frame("record()")
+        _require(result, FrameResult, "record()")
         if self._result is not None:
             raise StepOrderError(f"simulation: record() a second time for the frame of {frame.stamp_s:g} s")
         self._result = result
@@ -197,12 +199,15 @@ class Simulation:
         Raises:
             StepOrderError: the simulation has not been started, or is at its end.
             PluginError: a detector of the user's own fails.
-            ScenarioError: the scenario turns the ego's direction, by a speed relative to another's.
+            ScenarioError: it is no command, or the scenario turns the ego's direction, by a speed relative to
+                another's.
         """
         frame = self._present_frame("step()")
+        if command is not None:
+            _require(command, Command, "step()")
         self._counts.add(frame.detections, self._result)
         self._frame = self._result = None
-        self._carry_out(command or NO_COMMAND, frame.stamp_s)
+        self._carry_out(NO_COMMAND if command is None else command, frame.stamp_s)
         return self._to_next_frame()
 
     def outcome(self) -> Outcome:
@@ -374,6 +379,11 @@ class Simulation:
             rows = actors[existing]
             boxes = entities.boxes[rows]
         self._log.frame(truth.odometry(time_s), boxes, entities.speed_mps[rows], existing)
+
+
+def _require(given: object, kind: type, call: str) -> None:
+    if not isinstance(given, kind):
+        raise ScenarioError(f"simulation: {call} takes a {kind.__name__}, got {given!r}")
 
 
 class _FixedPipeline:

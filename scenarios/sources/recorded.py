@@ -40,7 +40,8 @@ class RecordedSource:
         lane_map: The map that perception uses, in the frame of the recorded poses; None: there is none.
         hindsight_s: How far ahead the planned path is known: it is the way that the vehicle then drove, which
             no planner could know for sure. The path reaches at least so far and at most twice as far, but not
-            beyond the recording, and is renewed as often. None: frames have no path.
+            beyond the recording, and is renewed as often. Of a vehicle that stands all the while it is the
+            way straight ahead. None: frames have no path.
         length_m: The vehicle's outline along its heading.
         width_m: The vehicle's outline across it.
         center_ahead_m: How far the middle of the outline is ahead of the point whose poses are recorded
@@ -127,7 +128,11 @@ class RecordedSource:
         if window != self._window:
             first, last = (np.searchsorted(elapsed_s, (window + n) * self._hindsight_s) for n in (0, 2))
             points = spaced(self._ego[first:last, :2], PATH_STEP_M)
-            self._window, self._path = window, PlannedPath.through(points) if len(points) > 1 else None
+            if len(points) < 2:
+                x_m, y_m, yaw_rad = self._ego[k, :3].tolist()
+                ahead = (x_m + PATH_STEP_M * math.cos(yaw_rad), y_m + PATH_STEP_M * math.sin(yaw_rad))
+                points = np.array([(x_m, y_m), ahead])
+            self._window, self._path = window, PlannedPath.through(points)
         return self._path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,9 @@ from smartmot.decision.aeb import Event
 from smartmot.decision.rules import Assessment, BrakeRule, Command
 from smartmot.errors import PluginError
 from smartmot.plugins import called, name_of, require
+
+MAX_EVENT_TEXT = 24
+"""Characters of a text in the run log; longer ones would be cut off."""
 
 _EXPECTED = "return its state, a smartmot.Command and a tuple of smartmot.Event"
 
@@ -40,4 +44,20 @@ def decide_own(rule: BrakeRule, state: Any, now: Assessment) -> tuple[Any, Comma
         raise PluginError(f"{name}: decide() returned {type(command).__name__} as command; {_EXPECTED}")
     if not isinstance(events, (tuple, list)) or not all(isinstance(event, Event) for event in events):
         raise PluginError(f"{name}: decide() returned events that are none; {_EXPECTED}")
+    for event in events:
+        if not _can_be_logged(event):
+            raise PluginError(
+                f"{name}: {event}: expected a finite stamp, and layer and name as texts of at most "
+                f"{MAX_EVENT_TEXT} characters"
+            )
     return next_state, command, tuple(events)
+
+
+def _can_be_logged(event: Event) -> bool:
+    """Whether the fields of an event are what they are to be: a user's code may give anything."""
+    stamp, texts = event.stamp_s, (event.layer, event.name)
+    return (
+        isinstance(stamp, (int, float))
+        and math.isfinite(stamp)
+        and all(isinstance(text, str) and len(text) <= MAX_EVENT_TEXT for text in texts)
+    )

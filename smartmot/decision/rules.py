@@ -10,6 +10,7 @@ import numpy as np
 
 from smartmot.decision.aeb import AebConfig, AebState, Event, Situation, decide
 from smartmot.decision.braking import overhang_m
+from smartmot.errors import ShapeError
 from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Threats, Tracks, frozen
 
 STANDING_MPS = 0.1
@@ -24,11 +25,18 @@ class LeadObject:
         track_id: its track.
         gap_m: free distance from the ego's front.
         speed_mps: its speed along the ego's heading.
+
+    Raises:
+        ShapeError: gap or speed is no finite number.
     """
 
     track_id: int
     gap_m: float
     speed_mps: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.gap_m) and math.isfinite(self.speed_mps)):
+            raise ShapeError(f"lead object: gap and speed must be finite, got {self}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +46,20 @@ class Command:
     Args:
         emergency: brake fully, and hold.
         lead: the object whose speed the ego adapts its own to, where it does that; None: none.
+
+    Raises:
+        ShapeError: `emergency` is no truth value, or `lead` no object to follow.
     """
 
     emergency: bool
     lead: LeadObject | None = None
+
+    def __post_init__(self) -> None:
+        # any text or class would count as true, and brake
+        if not isinstance(self.emergency, (bool, np.bool_)):
+            raise ShapeError(f"command: emergency must be true or false, got {self.emergency!r}")
+        if not (self.lead is None or isinstance(self.lead, LeadObject)):
+            raise ShapeError(f"command: lead must be a LeadObject or None, got {self.lead!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

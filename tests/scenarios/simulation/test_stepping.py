@@ -234,6 +234,19 @@ def test_a_run_without_a_strategy_asks_no_detector() -> None:
 # ---- mistakes ----------------------------------------------------------------------------------------------
 
 
+def test_what_is_no_command_is_refused_and_the_frame_stays() -> None:
+    simulation = made()
+    simulation.start()
+    for given in (True, (True, None), Command, 0):
+        with pytest.raises(ScenarioError, match=r"step\(\) takes a Command"):
+            simulation.step(given)  # type: ignore[arg-type]
+    with pytest.raises(ScenarioError, match=r"record\(\) takes a FrameResult, got None"):
+        simulation.record(None)  # type: ignore[arg-type]
+    step = simulation.step(BRAKE)
+    assert step.frame is not None
+    assert step.frame.stamp_s == 0.05
+
+
 def test_steps_out_of_order_are_refused_by_name() -> None:
     simulation = made()
     for call in (lambda: simulation.step(BRAKE), lambda: simulation.step(None)):

@@ -185,9 +185,12 @@ def test_the_path_is_known_only_in_hindsight_and_up_to_its_horizon(towards_a_ped
         assert 2.0 * SPEED_MPS - 1.0 <= frame.path.length_m - station_m <= 4.0 * SPEED_MPS
 
 
-def test_a_vehicle_that_stands_has_no_path() -> None:
-    standing = recording(np.arange(5) * FRAME_S, *[np.zeros(5)] * 3)
-    assert [frame.path for frame in frames(RecordedSource(standing, hindsight_s=1.0))] == [None] * 5
+def test_the_path_of_a_vehicle_that_stands_is_straight_ahead() -> None:
+    standing = recording(np.arange(5) * FRAME_S, *[np.zeros(5)] * 2, np.full(5, 0.5))
+    paths = [frame.path for frame in frames(RecordedSource(standing, hindsight_s=1.0))]
+    assert paths[0] is not None
+    assert paths == [paths[0]] * 5
+    assert paths[0].pose(0.0) == pytest.approx((0.0, 0.0, 0.5))
     with pytest.raises(ScenarioError, match="hindsight_s must be positive"):
         RecordedSource(standing, hindsight_s=0.0)
 
@@ -232,6 +235,19 @@ def test_threat_and_emergency_come_when_the_closed_form_says(
     # the frame's forecast: the first box, 0.1 s apart, that overlaps
     [ttc_s] = first.threats.time_to_collision_s.tolist()
     assert ttc_s == pytest.approx(math.ceil((touch_s - brake_s) / 0.1) * 0.1)
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_perception_goes_on_where_the_recorded_vehicle_stands(name: str) -> None:
+    """It stands, drives off and stands again, each for longer than the path is known."""
+    stamp_s = np.arange(60) * FRAME_S
+    x_m = 100.0 + SPEED_MPS * np.clip(stamp_s - 2.0, 0.0, 2.0)
+    drive = recording(stamp_s, x_m, np.full(60, LANE_Y_M), np.zeros(60))
+    network = load_map(MAPS / "urban_street.xodr")
+    perception = Perception(AreaPipelines(NamedStrategy(name, PHYSICAL), PHYSICAL.pipeline))
+    for frame in frames(RecordedSource(drive, network, hindsight_s=0.5)):
+        assert not perception.step(frame).command.emergency
+    assert len(perception.frame_time_ms) == 60
 
 
 @pytest.mark.parametrize("name", STRATEGIES)

@@ -1,5 +1,6 @@
 """Brake rules of one's own: called, checked, remembered. The second one is the example of docs/plugins.md."""
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from smartmot import (
     PluginError,
     ShapeError,
 )
+from smartmot.decision.rules import LeadObject
 
 DOCS = Path(__file__).parents[3] / "docs" / "plugins.md"
 FRAME_S = 0.05
@@ -140,6 +142,8 @@ class Returns:
         ((None, True, ()), r"decide\(\) returned bool as command"),
         ((None, Command(True), ["collision"]), r"decide\(\) returned events that are none"),
         ((None, Command(True)), r"decide\(\) returned tuple"),
+        ((None, Command(True), [Event(math.nan, "monitors", "collision")]), "expected a finite stamp"),
+        ((None, Command(True), [Event(0.0, "monitors", "x" * 25)]), "texts of at most 24 characters"),
         (RuntimeError("not today"), r"RuntimeError: not today \(.*test_rules.py, line"),
         (ShapeError("two rows"), r"Returns, frame at 0 s: two rows"),
     ],
@@ -149,6 +153,32 @@ def test_mistakes_are_told_with_the_time_of_the_frame(value: Any, message: str) 
         drive(lambda: Returns(value), 10.0, 30.0, 1)
     assert "\n" not in str(raised.value)
     assert "frame at 0 s" in str(raised.value)
+
+
+class Hesitates(PaperRule):
+    """Derived from the paper's rule, and returns nothing."""
+
+    def decide(self, state: object, now: Assessment) -> Any:
+        return None
+
+
+def test_a_rule_derived_from_the_papers_is_checked_too() -> None:
+    with pytest.raises(PluginError, match=r"Hesitates, frame at 0 s: decide\(\) returned NoneType"):
+        drive(Hesitates, 10.0, 30.0, 1)
+
+
+@pytest.mark.parametrize("emergency", ["no", None, 1, np.array([True, False]), Command])
+def test_an_emergency_is_a_truth_value(emergency: Any) -> None:
+    with pytest.raises(ShapeError, match="command: emergency must be true or false"):
+        Command(emergency)
+    assert Command(np.bool_(True)).emergency  # type: ignore[arg-type]  # a comparison of arrays gives it
+
+
+def test_a_lead_object_is_a_finite_one() -> None:
+    with pytest.raises(ShapeError, match="lead object: gap and speed must be finite"):
+        LeadObject(1, math.nan, 0.0)
+    with pytest.raises(ShapeError, match="command: lead must be a LeadObject or None"):
+        Command(False, "car")  # type: ignore[arg-type]
 
 
 def test_what_has_no_decide_is_no_rule() -> None:
