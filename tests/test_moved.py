@@ -77,6 +77,20 @@ def test_tests_of_users_pass(tmp_path: Path) -> None:
     assert "16 passed" in result.stdout
 
 
+@pytest.mark.parametrize("label", ["map+route", "all+route", "rect_fair", "map+route | loc +1.0 m across"])
+def test_the_study_of_a_user_runs(label: str) -> None:
+    """Strategies and sensors of plug-ins written for 0.1.0, with a loop of the user's own."""
+    code = f"""
+import sys
+sys.path.insert(0, {str(FIELD / "runs" / "study")!r})
+import drive
+row = drive.one(({label!r}, 30, 0))
+assert "err" not in row, row
+print(row["flag"])
+"""
+    assert float(run(code)) > 2.0
+
+
 def test_nothing_of_ours_uses_an_old_name() -> None:
     old = {name for name in _smartmot.MOVED if name not in ("evaluation.mot",)}
     files = [
@@ -103,3 +117,9 @@ def test_pages_use_no_old_name(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     dotted = set(re.findall(r"(?<![\w./])(?:opendrive|smartmot|scenarios|evaluation)(?:\.\w+)+", text))
     assert sorted(dotted & _smartmot.MOVED.keys()) == []
+
+
+def test_the_page_for_users_of_internals_has_every_old_name() -> None:
+    text = (ROOT / "docs" / "moved.md").read_text(encoding="utf-8")
+    missing = [old for old in _smartmot.MOVED if f"`{old}`" not in text]
+    assert missing == []

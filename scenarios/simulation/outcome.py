@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 from scenarios.openscenario.running.results import Contact
@@ -90,6 +91,12 @@ class Outcome:
     def avoided(self) -> bool:
         """Whether the run counts as a collision avoided; see `is_avoided`."""
         return is_avoided(self.contact is not None, self.end_reason, self.false_activation)
+
+    @property
+    def false_stop(self) -> bool | None:
+        """Former name of `false_activation`, until version 0.3."""
+        warnings.warn("Outcome.false_stop is false_activation", DeprecationWarning, stacklevel=2)
+        return self.false_activation
 
     @property
     def contact_time_s(self) -> float | None:

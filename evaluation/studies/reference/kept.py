@@ -72,9 +72,9 @@ def read_json(path: Path) -> dict[str, Any]:
         ResultsError: the file is missing or not understood.
     """
     try:
-        found = reading.read_json(path)
+        content = reading.read_json(path)
     except reading.ReadError as error:
         raise ResultsError(f"{path}: {error}; make it with smartmot-eval reports") from None
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise ResultsError(f"{path}: holds no settings; make it with smartmot-eval reports")
-    return found
+    return content
