@@ -89,7 +89,7 @@ def test_a_sidewalk_is_refused() -> None:
 def test_a_map_without_a_straight_stretch_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "short.xodr"
     text = shipped_map("urban_street").read_text()
-    path.write_text(text.replace('"600"', '"80"'))
+    path.write_text(text.replace('"600.0"', '"80.0"'))
     network = load_map(path)
     assert network.lanes.s_end_m.max() < 100
     with pytest.raises(ScenarioError, match=r"no straight stretch of 115 m .* --at ROAD,LANE,S"):

@@ -416,7 +416,8 @@ def test_a_mistake_is_one_line_and_status_two(command: Command, tmp_path: Path, 
     (tmp_path / "empty.xodr").touch()
     (tmp_path / "folder").mkdir()
     text = shipped_map("urban_street").read_text()
-    (tmp_path / "elsewhere.xodr").write_text(text.replace('y="0" hdg="0"', 'y="9000" hdg="0"'))
+    assert 'y="0.0" hdg="0.0"' in text
+    (tmp_path / "elsewhere.xodr").write_text(text.replace('y="0.0" hdg="0.0"', 'y="9000.0" hdg="0.0"'))
     arguments, message = MISTAKES[name]
     if arguments[0] in ("cpna", "run", "ncap") and "--out" not in arguments:
         arguments = [*arguments, "--out", "out"]
