@@ -91,3 +91,20 @@ def unchecked(cls: type[T], *values: object) -> T:
             value.setflags(False)  # type: ignore[call-arg]  # write; by name it takes twice the time
         put(made, value)
     return made
+
+
+def shared_by_copies(cls: type[T]) -> type[T]:
+    """Class decorator of frozen slotted values: a copy is the value itself; one unpickled is read-only too.
+
+    Else `copy.deepcopy` and `pickle` would make arrays that can be written to.
+    """
+
+    def same(self: T, memo: object = None) -> T:
+        return self
+
+    def reduced(self: T) -> tuple[object, ...]:
+        return unchecked, (cls, *(getattr(self, name) for name in cls.__slots__))  # type: ignore[attr-defined]
+
+    for name, method in (("__copy__", same), ("__deepcopy__", same), ("__reduce__", reduced)):
+        setattr(cls, name, method)
+    return cls

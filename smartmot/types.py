@@ -23,6 +23,7 @@ from smartmot.arrays import (
     frozen,
     part,
     positions,
+    shared_by_copies,
     unchecked,
 )
 from smartmot.errors import ShapeError, StampError
@@ -119,6 +120,7 @@ def _set(target: object, name: str, value: object) -> None:
     object.__setattr__(target, name, value)
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
     """Oriented rectangles on the ground, map frame.
@@ -192,6 +194,7 @@ class Dropped:
 NOTHING_DROPPED = Dropped()
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
     """What a detector reports for one frame, map frame.
@@ -253,6 +256,7 @@ class Detections:
         )
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """Estimated objects at one time, map frame.
@@ -332,6 +336,7 @@ class Tracks:
         return unchecked(Tracks, self.stamp_s, *columns)
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
     """Predicted poses of M objects at T common times, map frame.
@@ -423,6 +428,7 @@ class EgoState:
             raise ShapeError(f"ego state: length and width must be positive and finite, got {self!r}")
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Threats:
     """Tracks whose forecast meets the ego's, nearest in time first.

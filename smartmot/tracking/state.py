@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from smartmot.arrays import shared_by_copies
 from smartmot.errors import ConfigError, ShapeError
 from smartmot.types import CATEGORIES, BoolArray, FloatArray, IntArray, seconds
 
@@ -31,6 +32,7 @@ ID, CODE, CONFIRMED, SCORE, SCORE_SUM, HITS, BIRTH_S, MATCHED_S, INSIDE_S = rang
 FILE_VERSION = 1
 
 
+@shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerState:
     """All that the tracker remembers between frames.

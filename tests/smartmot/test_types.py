@@ -1,3 +1,6 @@
+import copy
+import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -6,6 +9,9 @@ import pytest
 
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ShapeError, SmartMotError, StampError
+from smartmot.tracking.settings import TrackerConfig
+from smartmot.tracking.state import TrackerState
+from smartmot.tracking.tracker import Tracker
 from smartmot.types import Boxes, Detections, EgoState, Forecast, Threats, Tracks
 
 
@@ -210,3 +216,24 @@ def test_threats_come_in_the_order_of_their_times() -> None:
         Threats(ids, np.array([2.0, 1.0]), two, two)
     with pytest.raises(ShapeError, match="gap_m: every value must be 0 or more"):
         Threats(ids, two, np.array([-1.0, 1.0]), two)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+)
+def test_copies_are_read_only_too(copied: Callable[[Any], Any]) -> None:
+    boxes = Boxes(np.array([[1.0, 2.0]]), np.array([[4.0, 2.0]]), np.array([0.1]))
+    detections = Detections(1.5, boxes, np.array([0.5]), np.array(["car"]))
+    tracker = Tracker(TrackerConfig())
+    state, tracks = tracker.step(TrackerState.empty(), detections)
+    for value in (boxes, detections, tracks, state):
+        again = copied(value)
+        assert type(again) is type(value)
+        for name in value.__slots__:
+            array = getattr(again, name)
+            if isinstance(array, np.ndarray):
+                assert not array.flags.writeable, name
+                np.testing.assert_array_equal(array, getattr(value, name))
+    assert copied(detections).boxes.center_m.tolist() == [[1.0, 2.0]]
+    with pytest.raises(ValueError, match="read-only"):
+        copied(detections).boxes.center_m[0] = 0.0
