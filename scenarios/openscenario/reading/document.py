@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -67,6 +67,12 @@ def _parse(path: Path, _mtime_ns: int, _size: int) -> Element:
     return root
 
 
+@cache
+def _names(text: str) -> tuple[str, ...]:
+    """Names separated by blanks; the same few texts are asked for thousands of times."""
+    return tuple(text.split())
+
+
 class Node:
     """One XML element and the parameters visible to it.
 
@@ -101,14 +107,14 @@ class Node:
         Raises:
             UnsupportedError: there is another one.
         """
-        known = attributes.split()
+        known = _names(attributes)
         for name in map(str, self.element.attrib):
             if name not in known and not name.startswith("{"):
                 raise UnsupportedError(
                     f"{self.where} attribute '{name}' is not supported; "
                     f"supported: {', '.join(known) or 'none'}"
                 )
-        tags = children.split()
+        tags = _names(children)
         for child in self.element:
             if child.tag not in tags:
                 name = f"<{child.tag}>" if isinstance(child.tag, str) else f"the entity {child.text}"
