@@ -202,19 +202,19 @@ def default_maps() -> list[Path]:
 
 def report(path: Path, rounds: int, python: str | None) -> dict[str, float]:
     """Measure one map and print its lines."""
-    mine = ours(path, rounds)
+    our_values = ours(path, rounds)
     per_point = 1e6 / POINTS
-    print(f"\n{path.stem}: {mine['lanes']} lanes")
+    print(f"\n{path.stem}: {our_values['lanes']} lanes")
     print(
-        f"  load                 {1e3 * mine['load_s']:8.1f} ms   "
-        f"{mine['load_s'] / mine['lxml_s']:6.2f} x lxml"
+        f"  load                 {1e3 * our_values['load_s']:8.1f} ms   "
+        f"{our_values['load_s'] / our_values['lxml_s']:6.2f} x lxml"
     )
     for name, label in (("inside", "lanes at a point"), ("nearest", "nearest driving lane")):
-        steady, first = (per_point * mine[f"{name}{suffix}"] for suffix in ("_s", "_first_s"))
+        steady, first = (per_point * our_values[f"{name}{suffix}"] for suffix in ("_s", "_first_s"))
         print(f"  {label:<20} {steady:8.2f} us   {first:6.2f} us with the index made")
-    steady, first = 1e3 * mine["borders_s"], 1e3 * mine["borders_first_s"]
+    steady, first = 1e3 * our_values["borders_s"], 1e3 * our_values["borders_first_s"]
     print(f"  borders at 1 m       {steady:8.1f} ms   {first:6.1f} ms the first time")
-    print(f"  lane graph           {1e3 * mine['graph_first_s']:8.1f} ms to make")
+    print(f"  lane graph           {1e3 * our_values['graph_first_s']:8.1f} ms to make")
     used = memory_mb(path)
     if used is None:
         print("  memory               cannot be read on this system")
@@ -225,20 +225,20 @@ def report(path: Path, rounds: int, python: str | None) -> dict[str, float]:
             peer = peer_times(python, path, rounds)
         except (RuntimeError, OSError) as error:
             print(f"  libcarla             cannot do this map: {error}")
-            return mine
+            return our_values
         print(
             f"  libcarla             load {1e3 * peer['load_s']:.1f} ms, "
-            f"{peer['load_s'] / mine['lxml_s']:.2f} x lxml"
+            f"{peer['load_s'] / our_values['lxml_s']:.2f} x lxml"
         )
         for name, label in (
             ("inside", "lanes at a point"),
             ("nearest", "nearest driving lane"),
             ("borders", "borders at 1 m"),
         ):
-            ratio = peer[f"{name}_s"] / mine[f"{name}_s"]
+            ratio = peer[f"{name}_s"] / our_values[f"{name}_s"]
             unit = 1e3 * peer[f"{name}_s"] if name == "borders" else per_point * peer[f"{name}_s"]
             print(f"    {label:<20} {unit:6.1f} {'ms' if name == 'borders' else 'us'}, {ratio:5.1f} x ours")
-    return mine
+    return our_values
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -102,9 +102,11 @@ def shared_by_copies(cls: type[T]) -> type[T]:
     def same(self: T, memo: object = None) -> T:
         return self
 
-    def reduced(self: T) -> tuple[object, ...]:
+    def reduced(self: T, protocol: int) -> str | tuple[Any, ...]:
+        if type(self) is not cls:  # a class derived from it has fields of its own
+            return object.__reduce_ex__(self, protocol)
         return unchecked, (cls, *(getattr(self, name) for name in cls.__slots__))  # type: ignore[attr-defined]
 
-    for name, method in (("__copy__", same), ("__deepcopy__", same), ("__reduce__", reduced)):
+    for name, method in (("__copy__", same), ("__deepcopy__", same), ("__reduce_ex__", reduced)):
         setattr(cls, name, method)
     return cls

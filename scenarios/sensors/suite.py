@@ -12,6 +12,7 @@ import numpy as np
 from scenarios.errors import ScenarioError
 from scenarios.sensors.interfaces import Measurement, SensorChain, check_detections
 from scenarios.sensors.world import World
+from smartmot.plugins import failure
 from smartmot.types import NOTHING_DROPPED, Boxes, Detections, EgoState
 
 ARRIVAL_TOLERANCE_S = 1e-9
@@ -117,15 +118,19 @@ class SensorSuite:
             ego: odometry then.
 
         Raises:
-            PluginError: a detector returns something else than detections, or of another time.
+            PluginError: a sensor or detector fails, or returns something else than detections, or of another
+                time.
         """
         arrivals: list[Arrival] = []
         for schedule in self._schedules:
             if not (schedule.measures(step) and schedule.takes(step)):
                 continue
             chain = schedule.chain
-            measurement = chain.sensor.measure(world, ego)
-            detections = chain.detector.detect(measurement)
+            try:
+                measurement = chain.sensor.measure(world, ego)
+                detections = chain.detector.detect(measurement)
+            except (Exception, SystemExit) as error:  # whatever a user's code may raise
+                raise failure(f"{chain.name}, frame at {time_s:g} s", error) from error
             check_detections(chain.name, "detect", detections, time_s)
             shown = None if measurement.is_truth else measurement
             arrivals.append(Arrival(time_s + schedule.latency_s, detections, shown))

@@ -1,7 +1,7 @@
 import copy
 import pickle
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -237,3 +237,22 @@ def test_copies_are_read_only_too(copied: Callable[[Any], Any]) -> None:
     assert copied(detections).boxes.center_m.tolist() == [[1.0, 2.0]]
     with pytest.raises(ValueError, match="read-only"):
         copied(detections).boxes.center_m[0] = 0.0
+
+
+def pickled(value: object) -> object:
+    return pickle.loads(pickle.dumps(value))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighed(Boxes):
+    """A user's boxes with a column of their own."""
+
+    mass_kg: float = 1500.0
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickled])
+def test_copies_of_derived_classes_keep_their_kind(copied: Callable[[Any], Any]) -> None:
+    again = copied(_Weighed(np.zeros((1, 2)), np.ones((1, 2)), np.zeros(1), 900.0))
+    assert type(again) is _Weighed
+    assert again.mass_kg == 900.0
+    assert again.size_m.tolist() == [[1.0, 1.0]]

@@ -25,6 +25,7 @@ from scenarios.spec import NO_AEB, RunSpec, simulation_of
 from scenarios.strategies import NamedStrategy
 from smartmot.area import EverythingArea
 from smartmot.decision.rules import Command, LeadObject
+from smartmot.errors import PluginError
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.types import Boxes, Detections, EgoState
@@ -227,7 +228,9 @@ def test_a_run_without_a_strategy_asks_no_detector() -> None:
     chain: SensorChain[object] = SensorChain(sensor, Fails())  # type: ignore[arg-type]
     outcome = Simulation(crossing(), PHYSICAL, None, sensors=[chain]).run()
     assert outcome.end_reason is EndReason.CONTACT
-    with pytest.raises(RuntimeError, match="asked"):
+    with pytest.raises(
+        PluginError, match=r"sensor, frame at 0 s: RuntimeError: asked \(.*test_stepping\.py, line"
+    ):
         Simulation(crossing(), PHYSICAL, None, sensors=[chain]).start()
 
 
