@@ -7,11 +7,11 @@ quotation of the VRU test protocol v4.5.1, and MathWorks' table of CPNCO (10 to 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block, summed
-from evaluation.protocols.grid import Block, Cell, Function, Lighting, Measurement, Row
+from evaluation.protocols.grid import Block, Cell, Function, Lighting, Measurement, labelled, matrix
 from evaluation.protocols.marks import AVOIDED, CONTACT, Mark
 
 UNKNOWN = (
@@ -36,15 +36,8 @@ class EuroNcap2023(Protocol):
 
     night: bool = False
 
-    @property
-    def title(self) -> str:
-        """Name and editions."""
-        return "Euro NCAP 2023, VRU v4.5.1 and car-to-car v4.3.1, outcomes without points"
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """What is left out."""
-        return UNKNOWN
+    title = "Euro NCAP 2023, VRU v4.5.1 and car-to-car v4.3.1, outcomes without points"
+    unknown = UNKNOWN
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -76,22 +69,17 @@ def _steps(first: int, last: int) -> tuple[float, ...]:
 def _matrix(
     name: str,
     speeds: Iterable[float],
-    percent: Sequence[float | None],
+    percent: Iterable[float | None],
     target: float | None = None,
     lighting: Lighting = Lighting.DAY,
     function: Function = Function.AEB,
-    scenario: str | None = None,
+    scenario: str = "",
     header: str = _COLUMN,
 ) -> Block:
-    rows = tuple(
-        Row(
-            f"{v:g}",
-            tuple(Cell(scenario or name, v, p, target, lighting, function) for p in percent),
-        )
-        for v in speeds
-    )
-    columns = tuple("" if p is None else f"{p:g}" for p in percent)
-    return Block(name, scenario or name, _ROW, header, columns, rows)
+    def cell(v: float, p: float | None) -> Cell:
+        return Cell(scenario or name, v, p, target, lighting, function)
+
+    return matrix(name, (_ROW, header), labelled(speeds), labelled(percent), cell, scenario)
 
 
 def _vru(night: bool) -> Iterable[Block]:
@@ -128,27 +116,19 @@ def _car() -> Iterable[Block]:
         "CCRs FCW", _steps(55, 80), overlap, 0.0, function=Function.FCW, scenario="CCRs", header=_OVERLAP
     )
     yield _matrix("CCRm", _steps(30, 80), overlap, 20.0, header=_OVERLAP)
-    gaps, decelerations = (12, 40), (2, 6)
-    rows = tuple(
-        Row(
-            f"gap {gap} m",
-            tuple(
-                Cell("CCRb", 50.0, 100.0, 50.0, condition=f"gap {gap} m, {decel} m/s2")
-                for decel in decelerations
-            ),
-        )
-        for gap in gaps
+    yield matrix(
+        "CCRb",
+        ("at 50 km/h", "target's deceleration (m/s2)"),
+        {f"gap {gap} m": gap for gap in (12, 40)},
+        labelled((2, 6)),
+        lambda gap, decel: Cell("CCRb", 50.0, 100.0, 50.0, condition=f"gap {gap} m, {decel} m/s2"),
     )
-    columns = tuple(f"{decel}" for decel in decelerations)
-    yield Block("CCRb", "CCRb", "at 50 km/h", "target's deceleration (m/s2)", columns, rows)
     yield _turning("CCFtap")
     for name in ("CCFhos", "CCFhol"):
         yield _matrix(name, (50.0, 70.0), (None,), header="")
 
 
 def _turning(name: str) -> Block:
-    targets = (30.0, 45.0, 60.0)
-    rows = tuple(
-        Row(f"{v:g}", tuple(Cell(name, v, None, target) for target in targets)) for v in (10.0, 15.0, 20.0)
-    )
-    return Block(name, name, _ROW, "target speed (km/h)", tuple(f"{t:g}" for t in targets), rows)
+    speeds, targets = labelled((10.0, 15.0, 20.0)), labelled((30.0, 45.0, 60.0))
+    headers = (_ROW, "target speed (km/h)")
+    return matrix(name, headers, speeds, targets, lambda v, target: Cell(name, v, None, target))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeVar
 
 from evaluation.protocols.errors import ProtocolError
 
@@ -142,6 +144,37 @@ class Block:
     def cells(self) -> tuple[Cell, ...]:
         """All cells, line by line."""
         return tuple(cell for row in self.rows for cell in row.cells if cell is not None)
+
+
+_Line = TypeVar("_Line")
+_Column = TypeVar("_Column")
+
+
+def matrix(
+    name: str,
+    headers: tuple[str, str],
+    lines: Mapping[str, _Line],
+    columns: Mapping[str, _Column],
+    cell: Callable[[_Line, _Column], Cell | None],
+    scenario: str = "",
+) -> Block:
+    """A block with a cell for each line and column.
+
+    Args:
+        name: of the block.
+        headers: meaning of the row labels and of the column labels, with units.
+        lines: what the lines stand for, by their labels.
+        columns: what the columns stand for, by their labels.
+        cell: makes the cell of a line and a column; None: there is none.
+        scenario: what it belongs to; empty: it has the block's name.
+    """
+    rows = [Row(label, tuple(cell(line, each) for each in columns.values())) for label, line in lines.items()]
+    return Block(name, scenario or name, *headers, tuple(columns), tuple(rows))
+
+
+def labelled(values: Iterable[_Line]) -> dict[str, _Line]:
+    """Numbers by their labels; None by an empty one."""
+    return {"" if value is None else f"{value:g}": value for value in values}
 
 
 def layer_cells(block: Block, layer: Layer) -> tuple[Cell, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.grid import Block, Cell, Measurement, Row
+from evaluation.protocols.grid import Block, Cell, Measurement, labelled, matrix
 from evaluation.protocols.marks import ALL_POINTS, NO_POINTS, SOME_POINTS, Mark
 
 PAPER_SCORE_MAX = {10.0: 1.0, 20.0: 1.0, 30.0: 2.0, 40.0: 3.0, 50.0: 2.0, 60.0: 1.0}
@@ -90,28 +90,19 @@ class PaperProtocol(Protocol):
 
     weather: tuple[str, ...] = ("dry",)
 
+    title = "SmartMOT paper, equations 1 to 4"
+    unknown = UNKNOWN
+
     def __post_init__(self) -> None:
         if not self.weather or len(set(self.weather)) < len(self.weather):
             raise ProtocolError(f"weather {self.weather!r}: give at least one name, each once")
 
     @property
-    def title(self) -> str:
-        """Name."""
-        return "SmartMOT paper, equations 1 to 4"
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """What the paper leaves open."""
-        return UNKNOWN
-
-    @property
     def blocks(self) -> tuple[Block, ...]:
         """One matrix, speed x weather."""
-        rows = tuple(
-            Row(f"{speed:g}", tuple(Cell("CPNA", speed, condition=name) for name in self.weather))
-            for speed in PAPER_SCORE_MAX
-        )
-        return (Block("CPNA", "CPNA", "VUT (km/h)", "weather", self.weather, rows),)
+        speeds, weathers = labelled(PAPER_SCORE_MAX), {name: name for name in self.weather}
+        headers = ("VUT (km/h)", "weather")
+        return (matrix("CPNA", headers, speeds, weathers, lambda v, name: Cell("CPNA", v, condition=name)),)
 
     def assess(self, results: Mapping[Cell, Measurement]) -> Assessment:
         """Points per weather, and their mean."""

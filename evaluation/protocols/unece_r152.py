@@ -7,7 +7,7 @@ from 45 km/h on stood in brackets.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -15,7 +15,7 @@ from itertools import pairwise
 from evaluation.protocols.assessment import Assessment, Protocol, Total, invalid_notes, score_block, summed
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
-from evaluation.protocols.grid import Block, Cell, Measurement, Row
+from evaluation.protocols.grid import Block, Cell, Measurement, labelled, matrix
 from evaluation.protocols.marks import FAILED, PASSED, UNRATED
 
 
@@ -121,15 +121,12 @@ class R152(Protocol):
     series: Series = Series.FIRST
     load: Load = Load.LADEN
 
+    unknown = UNKNOWN
+
     @property
     def title(self) -> str:
         """Name, series and load."""
         return f"UN R152, {self.series} series, {self.load}"
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """What is not decided."""
-        return UNKNOWN
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -137,9 +134,9 @@ class R152(Protocol):
         walk = limits_kmh(Target.PEDESTRIAN, self.series, self.load)
         car = limits_kmh(Target.CAR, self.series, self.load)
         return (
-            _block("CPNA", 50.0, {speed: speed for speed in walk}, 5.0),
-            _block("CCRs", 50.0, {speed: speed for speed in car}, 0.0),
-            _block("CCRm", 50.0, {speed: speed + 20.0 for speed in car}, 20.0),
+            _block("CPNA", walk, 5.0),
+            _block("CCRs", car, 0.0),
+            _block("CCRm", (speed + 20.0 for speed in car), 20.0),
         )
 
     def verdict(self, cell: Cell, measured: Measurement) -> bool | None:
@@ -164,8 +161,13 @@ class R152(Protocol):
         return Assessment(self.title, tuple(scored), (*totals, *together), (), notes)
 
 
-def _block(scenario: str, percent: float, speeds: Mapping[float, float], target_kmh: float) -> Block:
-    rows = tuple(
-        Row(f"{speed:g}", (Cell(scenario, float(speed), percent, target_kmh),)) for speed in speeds.values()
+def _block(scenario: str, speeds: Iterable[float], target_kmh: float) -> Block:
+    """All of them meet the target with the middle of the car."""
+    headers = ("VUT (km/h)", "impact location (%)")
+    return matrix(
+        scenario,
+        headers,
+        labelled(speeds),
+        labelled((50.0,)),
+        lambda v, p: Cell(scenario, float(v), p, target_kmh),
     )
-    return Block(scenario, scenario, "VUT (km/h)", "impact location (%)", (f"{percent:g}",), rows)

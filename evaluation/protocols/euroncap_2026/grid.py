@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from evaluation.protocols.grid import Block, Cell, Function, Layer, Lighting, Row
+from evaluation.protocols.grid import Block, Cell, Function, Layer, Lighting, labelled, matrix
 
 
 class Criterion(StrEnum):
@@ -206,6 +206,12 @@ class _Line:
     function: Function = Function.AEB
     near: bool = False
 
+    @property
+    def label(self) -> str:
+        """What stands left of it."""
+        function = "" if self.function is Function.AEB else str(self.function)
+        return " ".join(filter(None, (self.scenario, f"{self.speed:g}", function)))
+
 
 _PARTNERS = {
     **dict.fromkeys(("car", "motorcyclist"), Subelement.CAR_PTW),
@@ -234,17 +240,27 @@ class _Scoring:
         by_target: bool = False,
     ) -> ScoredBlock:
         """A matrix with its score; its scenario has its name unless another is given."""
-        block = _block(name, scenario or name, columns, lines, lighting, by_target=by_target)
-        return ScoredBlock(
-            block,
-            _PARTNERS[self.partner],
-            self.category,
-            self.partner,
-            self.criterion,
-            points,
-            self.drawn,
-            self.warning,
-        )
+
+        def cell(line: _Line, column: float) -> Cell | None:
+            standard = column in line.standard
+            if not standard and line.extended is not None and column not in line.extended:
+                return None
+            target = column if by_target else line.target
+            return Cell(
+                line.scenario or scenario or name,
+                float(line.speed),
+                None if by_target else float(column),
+                None if target is None else float(target),
+                lighting,
+                line.function,
+                Layer.STANDARD if standard else Layer.EXTENDED,
+            )
+
+        headers, by_label = (VUT, TARGET if by_target else IMPACT), {line.label: line for line in lines}
+        block = matrix(name, headers, by_label, labelled(columns), cell, scenario)
+        family = _PARTNERS[self.partner]
+        kind = (family, self.category, self.partner, self.criterion)
+        return ScoredBlock(block, *kind, points, self.drawn, self.warning)
 
     def by_light(
         self, name: str, columns: Sequence[float], lines: Sequence[_Line], points: Maxima
@@ -273,39 +289,3 @@ def _following(speeds: Iterable[float], target: float, warned: float, choice: Fu
     return lines + [
         _Line(v, (25,), warned, function=choice) for v in ((70, 80) if merged else range(50, 81, 10))
     ]
-
-
-def _block(
-    name: str,
-    scenario: str,
-    columns: Sequence[float],
-    lines: Iterable[_Line],
-    lighting: Lighting = Lighting.DAY,
-    *,
-    by_target: bool = False,
-) -> Block:
-    rows = []
-    for line in lines:
-        extended = columns if line.extended is None else line.extended
-        cells = tuple(
-            Cell(
-                line.scenario or scenario,
-                float(line.speed),
-                None if by_target else float(column),
-                float(column) if by_target else None if line.target is None else float(line.target),
-                lighting,
-                line.function,
-                Layer.STANDARD if column in line.standard else Layer.EXTENDED,
-            )
-            if column in line.standard or column in extended
-            else None
-            for column in columns
-        )
-        words = [
-            line.scenario,
-            f"{line.speed:g}",
-            "" if line.function is Function.AEB else str(line.function),
-        ]
-        rows.append(Row(" ".join(filter(None, words)), cells))
-    header = TARGET if by_target else IMPACT
-    return Block(name, scenario, VUT, header, tuple(f"{c:g}" for c in columns), tuple(rows))

@@ -79,15 +79,12 @@ class EuroNcap2026(Protocol):
     version: Version = NEWEST
     choice: Function = Function.FCW
 
+    unknown = UNKNOWN
+
     @property
     def title(self) -> str:
         """Name and edition."""
         return f"Euro NCAP 2026, Crash Avoidance, Frontal Collisions v{self.version}"
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """What is not scored, or from one source only."""
-        return UNKNOWN
 
     @property
     def scored_blocks(self) -> tuple[ScoredBlock, ...]:
