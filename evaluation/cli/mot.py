@@ -85,7 +85,6 @@ def command(
     from evaluation.metrics.matching import SIMILARITIES
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.mot import run
-    from evaluation.studies.mot.film import write_gif, write_video
     from scenarios.recorded.formats import FORMATS
     from smartmot.plugins import is_plugin, plugin
     from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
@@ -100,7 +99,7 @@ def command(
     span = parse_frames(frames)
     if by_map and map_file is None:
         raise ArgumentError(run.NEEDS_MAP)
-    films = [(path, draw) for path, draw in ((gif, write_gif), (video, write_video)) if path is not None]
+    films = [(path, option) for path, option in ((gif, "--gif"), (video, "--video")) if path is not None]
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
@@ -109,10 +108,10 @@ def command(
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
         with _progress(console) as progress:
             result = run.carry_out(study, out, forms, similarities, best, forecast, progress)
-            for path, draw in films:
+            for path, option in films:
                 film = run.film(study, result.tracked[0], span)
                 progress.begin("drawing", len(film.frames))
-                draw(film, path, progress.done)
+                film.write(path, option, progress.done)
         _print(console, study, result, similarities)
         console.print(f"written to {out}: {_listed(result.written)}", highlight=False, soft_wrap=True)
         for path, _ in films:

@@ -209,11 +209,6 @@ def read_configuration(directory: Path) -> Stored:
         raise ResultsError(f"{path}: {error}; run the test again") from None
 
 
-def read_specs(directory: Path) -> list[RunSpec]:
-    """The runs that a folder of results holds; see `read_configuration`."""
-    return [run.spec for run in read_configuration(directory).runs]
-
-
 def _read(folder: Path, content: Mapping[str, Any], configuration: Mapping[str, Any]) -> Stored:
     table = object_of(configuration.get("presets"), "presets")
     presets = {name: decode(Preset, values, f"preset {shown(name)}") for name, values in table.items()}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.specs import Conditions, bare_run
-from evaluation.runs.workers import execute_all
 from scenarios.catalogue.cpna import CpnaTest, find_site, scenario_parameters
 from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.errors import ScenarioError
@@ -107,18 +105,3 @@ def is_published(suite: CpnaSuite) -> bool:
     usual = conditions.preset == "paper" and conditions.adversaries == "none" and not conditions.settings
     on_place = suite.map_name == DEFAULT_MAP and suite.place is None and suite.impact_point_percent is None
     return usual and on_place and conditions.weather == ("dry",)
-
-
-def run_suite(suite: CpnaSuite, site: Site | None = None, workers: int = 1) -> Iterator[RunRecord]:
-    """Run a suite, one record after the other: by weather, then strategy, then speed.
-
-    Args:
-        suite: what to run.
-        site: the place, when the caller has loaded the map already.
-        workers: processes.
-
-    Raises:
-        ScenarioError: a test cannot be set up.
-        opendrive.OpenDriveError: the map cannot be read.
-    """
-    return execute_all(execute, suite.specs(load_site(suite) if site is None else site), workers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
@@ -61,21 +61,10 @@ class Conditions:
 
     def specs(self, runs: Iterable[RunSpec]) -> list[RunSpec]:
         """Runs in all conditions: by weather, then strategy, then as they come."""
+        common = {each.name: getattr(self, each.name) for each in fields(self)}
+        del common["strategies"], common["weather"]
         return [
-            replace(
-                run,
-                strategy=strategy,
-                preset=self.preset,
-                weather=weather,
-                map_name=self.map_name,
-                adversaries=self.adversaries,
-                seed=self.seed,
-                phase_s=self.phase_s,
-                night=self.night,
-                adapts=self.adapts,
-                settings=self.settings,
-                apply_performance=self.apply_performance,
-            )
+            replace(run, strategy=strategy, weather=weather, **common)
             for weather, strategy, run in itertools.product(self.weather, self.strategies, runs)
         ]
 

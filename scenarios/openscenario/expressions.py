@@ -82,11 +82,6 @@ def _parse(text: str) -> ast.expr:
         raise ExpressionError(f"cannot read the expression '{text}'") from None
 
 
-def references(text: str) -> frozenset[str]:
-    """Names of the parameters that an attribute's text refers to."""
-    return frozenset(_REFERENCE.findall(text)) if "$" in text else frozenset()
-
-
 def evaluate(text: str, parameters: Callable[[str], Value]) -> Value:
     """Value of an expression.
 

@@ -34,8 +34,14 @@ class Film:
     frames: range
     network: RoadNetwork | None = None
 
-    def write(self, path: Path, option: str, done: Callable[[], None]) -> None:
+    def write(self, path: Path, option: str, done: Callable[[], None] = lambda: None) -> None:
         """Draw the frames and write them, in a new folder if need be.
+
+        Args:
+            path: The file.
+            option: `--gif` for an animated GIF that plays in real time, `--video` for an MP4 at the mean
+                frame rate of the sequence.
+            done: Called after each picture.
 
         Raises:
             ArgumentError: There is no ffmpeg, or the file cannot be written.
@@ -45,27 +51,6 @@ class Film:
             path.parent.mkdir(parents=True, exist_ok=True)
             drawing = TracksDrawing(sequence, tracked.tracks, partial(self.carry, tracked), self.network)
             film = film_of(drawing, self.frames, sequence.stamp_s[self.frames.start : self.frames.stop])
-            if option == "--gif":
-                maker.write_gif(path, film, done)
-            else:
-                maker.write_film(path, film, option, done)
+            maker.write(path, film, option, done)
         except OSError as error:
             raise ArgumentError(f"{option}: cannot write {path}: {error.strerror or error}") from None
-
-
-def write_gif(film: Film, path: Path, done: Callable[[], None] = lambda: None) -> None:
-    """Write an animated GIF that plays in real time.
-
-    Raises:
-        ArgumentError: The file cannot be written.
-    """
-    film.write(path, "--gif", done)
-
-
-def write_video(film: Film, path: Path, done: Callable[[], None] = lambda: None) -> None:
-    """Write an MP4 at the mean frame rate of the sequence.
-
-    Raises:
-        ArgumentError: There is no ffmpeg, or the file cannot be written.
-    """
-    film.write(path, "--video", done)

@@ -62,6 +62,19 @@ def pixels(figure: Figure) -> Image:
     return np.asarray(canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
 
 
+def write(path: Path, film: Film, option: str, progress: Callable[[], None] = lambda: None) -> None:
+    """Write a film as the command line option asks for it: `--gif` as a GIF, any other as MP4.
+
+    Raises:
+        OSError: the GIF cannot be written.
+        ArgumentError: there is no ffmpeg, or the MP4 cannot be written.
+    """
+    if option == "--gif":
+        write_gif(path, film, progress)
+    else:
+        write_film(path, film, option, progress)
+
+
 def write_gif(path: Path, film: Film, progress: Callable[[], None] = lambda: None) -> None:
     """Write an animated GIF, as a whole or not at all.
 

@@ -10,7 +10,7 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import LOGS_FOLDER, RUNS_CSV
 from evaluation.runs.folder import read_folder, read_shown_log
 from evaluation.views.account.explain import explain
-from evaluation.views.film.maker import write_film, write_gif
+from evaluation.views.film.maker import write
 from evaluation.views.film.run import RunDrawing, film_of, film_times
 from evaluation.views.frames import frames_of
 from evaluation.views.pictures import told_of_writing
@@ -73,7 +73,7 @@ def replay(
 
     for path, option in files:
         with told_of_writing(option, path):
-            write_gif(path, film, drawn) if option == "--gif" else write_film(path, film, option, drawn)
+            write(path, film, option, drawn)
     return [path for path, _ in files], notes
 
 

@@ -52,6 +52,8 @@ _SHARE = (1.0, 99.0)
 _MARGIN_M = 5.0
 _LEAST_M = 30.0
 _EGO_SIZE_M = (4.4, 1.8)
+_FADED = 0.25
+"""Opacity of the boxes of tracks."""
 _COLOURS = 128
 """Size of each picture's palette in a GIF."""
 _GIF_STEP_S = 0.01
@@ -195,7 +197,7 @@ class TracksDrawing:
         outlines = _outlines(tracks, pose)
         self._boxes.set_verts(list(outlines))
         self._boxes.set_edgecolor(colours)
-        self._boxes.set_facecolor([_faded(colour) for colour in colours])
+        self._boxes.set_facecolor([(colour, _FADED) for colour in colours])
         center = to_frame(tracks.center_m, *pose)
         turn = tracks.yaw_rad - pose[2]
         front = center + 0.5 * tracks.size_m[:, :1] * np.column_stack((np.cos(turn), np.sin(turn)))
@@ -301,9 +303,3 @@ def _view(objects: Objects, ego: FloatArray) -> tuple[float, float, float, float
     grow = np.array([max(wanted * height - width, 0.0), max(width / wanted - height, 0.0)]) / 2
     low, high = low - grow, high + grow
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-
-
-def _faded(colour: str) -> tuple[float, float, float, float]:
-    """The colour, nearly transparent."""
-    red, green, blue = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
-    return (red, green, blue, 0.25)

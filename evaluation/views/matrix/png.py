@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from evaluation.protocols.grid import Block, Layer
 from evaluation.protocols.marks import DARK, Mark
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from evaluation.protocols.assessment import BlockScore
+
+_Item = TypeVar("_Item")
 
 _CELL_W_IN, _CELL_H_IN = 0.52, 0.3
 _GAP_IN, _HEAD_IN, _FOOT_IN = 0.3, 0.62, 0.14
@@ -32,7 +35,7 @@ def matrix_figure(sheet: Sheet) -> Figure:
 
     A cell shows its number and its letter on its colour; extended cells have a dashed frame.
     """
-    lines = {name: _flow(scores) for name, scores in sheet.panels.items()}
+    lines = {name: _in_lines(scores, _panel_width, _WIDEST_IN) for name, scores in sheet.panels.items()}
     width = max(
         _NARROWEST_IN,
         *(sum(map(_panel_width, line)) + _MARGIN_IN for all_ in lines.values() for line in all_),
@@ -92,16 +95,18 @@ def _frame(page: Axes, x: float, y: float, size_in: tuple[float, float], fill: s
     page.add_patch(Rectangle((x, y), *size_in, facecolor=fill, edgecolor=DARK, **style))
 
 
-def _flow(scores: tuple[BlockScore, ...]) -> list[list[BlockScore]]:
-    """Matrices in lines that are not too wide."""
-    lines: list[list[BlockScore]] = [[]]
+def _in_lines(
+    items: Iterable[_Item], width_in: Callable[[_Item], float], widest_in: float
+) -> list[list[_Item]]:
+    """Items side by side, in lines that are not too wide."""
+    lines: list[list[_Item]] = [[]]
     used = 0.0
-    for score in scores:
-        width = _panel_width(score)
-        if lines[-1] and used + width > _WIDEST_IN:
+    for item in items:
+        width = width_in(item)
+        if lines[-1] and used + width > widest_in:
             lines.append([])
             used = 0.0
-        lines[-1].append(score)
+        lines[-1].append(item)
         used += width
     return lines
 
@@ -155,16 +160,11 @@ def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
 
 
 def _legend_lines(sheet: Sheet, width: float) -> list[list[Mark]]:
-    lines: list[list[Mark]] = [[]]
-    used = 0.0
-    for mark in sheet.marks:
-        need = 0.45 + len(mark.name) * _CHARACTER_IN
-        if lines[-1] and used + need > width - 1.6:
-            lines.append([])
-            used = 0.0
-        lines[-1].append(mark)
-        used += need
-    return lines
+    return _in_lines(sheet.marks, _mark_width, width - 1.6)
+
+
+def _mark_width(mark: Mark) -> float:
+    return 0.45 + len(mark.name) * _CHARACTER_IN
 
 
 def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> None:
@@ -173,7 +173,7 @@ def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> 
         _frame(page, x, y, _SWATCH_IN, mark.fill, linewidth=0.5)
         _write(page, x + 0.1, y + 0.075, mark.letter, fontsize=SMALL_PT - 1, ha="center", color=mark.ink)
         _write(page, x + 0.26, y + 0.075, mark.name)
-        x += 0.45 + len(mark.name) * _CHARACTER_IN
+        x += _mark_width(mark)
     if extended:
         _frame(page, x, y, _SWATCH_IN, "white", linewidth=0.8, linestyle=_DASHES)
         _write(page, x + 0.26, y + 0.075, "extended range")

@@ -9,8 +9,8 @@ import pytest
 
 from evaluation.results.rows import write_runs
 from evaluation.runs.configuration import read_configuration
-from evaluation.runs.cpna import CpnaSuite, is_published, load_site, run_suite
-from evaluation.runs.execution import RunRecord
+from evaluation.runs.cpna import CpnaSuite, is_published, load_site
+from evaluation.runs.execution import RunRecord, execute
 from evaluation.runs.specs import Conditions
 from evaluation.studies.suite import suite_configuration
 from scenarios.errors import ScenarioError
@@ -50,7 +50,7 @@ def site() -> Site:
 
 @pytest.fixture(scope="module")
 def paper_records(site: Site) -> list[RunRecord]:
-    return list(run_suite(PAPER_TABLE, site))
+    return list(map(execute, PAPER_TABLE.specs(site)))
 
 
 def of(records: list[RunRecord], strategy: str) -> list[RunRecord]:
@@ -112,7 +112,7 @@ def test_log_of_a_row_shows_the_stop(paper_records: list[RunRecord]) -> None:
 
 def test_bystanders_and_weather_reach_the_row(site: Site) -> None:
     conditions = Conditions(("map",), "physical", ("wet",), "urban_street", adversaries="static", seed=3)
-    (record,) = run_suite(CpnaSuite((30.0,), conditions, None, 75.0), site)
+    (record,) = map(execute, CpnaSuite((30.0,), conditions, None, 75.0).specs(site))
     row = record.row
     assert (row.scenario, row.preset, row.weather, row.adversaries, row.seed) == (
         "CPNA-75", "physical", "wet", "static", 3,
@@ -128,7 +128,7 @@ def test_a_request_before_the_pedestrian_starts_is_a_false_stop(
 
     decide = rules.decide
     monkeypatch.setattr(rules, "decide", lambda *a: (decide(*a)[0], True, ()))
-    (record,) = run_suite(CpnaSuite((30.0,), PAPER), site)
+    (record,) = map(execute, CpnaSuite((30.0,), PAPER).specs(site))
     assert record.row.false_activation
     assert record.row.flag_time_s == 0.0
     assert not record.row.collided

@@ -6,7 +6,7 @@ import pytest
 
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import write_runs
-from evaluation.runs.configuration import configuration_of, read_specs
+from evaluation.runs.configuration import configuration_of, read_configuration
 from evaluation.runs.specs import Conditions, perception_notes, scenario_specs
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.errors import ParameterError
@@ -52,7 +52,7 @@ def test_wrong_parameters_are_refused_before_the_first_run() -> None:
 def test_runs_of_files_are_read_back(tmp_path: Path) -> None:
     specs = scenario_specs("cbla", {"Ego_speed_kmh": "30"}, BOTH)
     write_runs(tmp_path, [], configuration_of(specs, tmp_path))
-    assert read_specs(tmp_path) == specs
+    assert [run.spec for run in read_configuration(tmp_path).runs] == specs
 
 
 def test_maps_laid_over_a_test_track_and_the_night_are_told(ncap: Path) -> None:
@@ -87,4 +87,4 @@ def test_broken_configuration_is_one_clear_error(tmp_path: Path, content: str | 
     if content is not None:
         (tmp_path / "runs.json").write_text(content)
     with pytest.raises(ResultsError, match=r"runs\.json: .* (run the test again|first)"):
-        read_specs(tmp_path)
+        read_configuration(tmp_path)

@@ -14,7 +14,8 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_logs, write_log
 from evaluation.results.rows import read_runs, write_runs
-from evaluation.runs.cpna import CpnaSuite, load_site, run_suite
+from evaluation.runs.cpna import CpnaSuite, load_site
+from evaluation.runs.execution import execute
 from evaluation.runs.specs import Conditions
 from evaluation.studies.suite import suite_configuration
 from evaluation.views import plots
@@ -49,7 +50,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     folder = tmp_path_factory.mktemp("results")
     site = load_site(SUITE)
     rows = []
-    for record in run_suite(SUITE, site):
+    for record in map(execute, SUITE.specs(site)):
         assert record.row.log is not None
         write_log(log_path(folder, record.row.log), record.log)
         rows.append(record.row)

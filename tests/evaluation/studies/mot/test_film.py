@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from evaluation.errors import ArgumentError
-from evaluation.studies.mot.film import Film, write_gif, write_video
+from evaluation.studies.mot.film import Film
 from evaluation.studies.mot.forecasts import carried_on
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views.film.maker import ffmpeg
@@ -54,19 +54,19 @@ def dark_columns(path: Path, frame: int, colour: tuple[int, int, int]) -> np.nda
 def test_a_gif_plays_in_real_time(objects: Any, tmp_path: Path) -> None:
     path = tmp_path / "new" / "film.gif"
     seen: list[int] = []
-    write_gif(film(objects, range(4)), path, lambda: seen.append(1))
+    film(objects, range(4)).write(path, "--gif", lambda: seen.append(1))
     assert durations(path) == [100, 150, 50, 100]
     assert len(seen) == 4
 
 
 def test_chosen_frames(objects: Any, tmp_path: Path) -> None:
-    write_gif(film(objects, range(1, 3)), tmp_path / "film.gif")
+    film(objects, range(1, 3)).write(tmp_path / "film.gif", "--gif")
     assert durations(tmp_path / "film.gif") == [150, 150]
 
 
 def test_the_track_moves_in_the_picture(objects: Any, tmp_path: Path) -> None:
     """Without ego poses the picture stands still, and the track, 3 modulo 6 purple, goes to the right."""
-    write_gif(film(objects, range(4)), tmp_path / "film.gif")
+    film(objects, range(4)).write(tmp_path / "film.gif", "--gif")
     purple = (0xCC, 0x79, 0xA7)
     first, last = (dark_columns(tmp_path / "film.gif", k, purple) for k in (0, 3))
     assert len(first)
@@ -77,8 +77,8 @@ def test_on_a_map_with_ego_poses(objects: Any, tmp_path: Path) -> None:
     network = load_map(shipped_map("urban_street"))
     pose = np.tile(np.eye(4), (4, 1, 1))
     pose[:, :2, 3] = 20.0, -1.75  # in a lane
-    write_gif(film(objects, range(2), network=network, pose=pose), tmp_path / "map.gif")
-    write_gif(film(objects, range(2), pose=pose), tmp_path / "plain.gif")
+    film(objects, range(2), network=network, pose=pose).write(tmp_path / "map.gif", "--gif")
+    film(objects, range(2), pose=pose).write(tmp_path / "plain.gif", "--gif")
 
     def pixels(name: str) -> np.ndarray:
         with Image.open(tmp_path / name) as image:
@@ -101,7 +101,7 @@ def test_video_without_ffmpeg_is_one_clear_error(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(ArgumentError, match=r"--video: no ffmpeg found; use --gif, or install it"):
-        write_video(film(objects, range(2)), tmp_path / "film.mp4")
+        film(objects, range(2)).write(tmp_path / "film.mp4", "--video")
     assert not (tmp_path / "film.mp4").exists()
 
 
@@ -111,7 +111,7 @@ def test_video_has_a_picture_for_every_frame(objects: Any, tmp_path: Path) -> No
         program = ffmpeg("--video")
     except ArgumentError as error:
         pytest.skip(str(error))
-    write_video(film(objects, range(4)), path)
+    film(objects, range(4)).write(path, "--video")
     assert path.read_bytes()[4:8] == b"ftyp"
     said = subprocess.run([program, "-i", str(path), "-f", "null", "-"], capture_output=True, text=True)
     assert int(said.stderr.split("frame=")[-1].split()[0]) == 4
@@ -124,7 +124,7 @@ def test_a_video_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
         pytest.skip(str(error))
     (tmp_path / "film.mp4").mkdir()
     with pytest.raises(ArgumentError, match="--video: cannot write"):
-        write_video(film(objects, range(4)), tmp_path / "film.mp4")
+        film(objects, range(4)).write(tmp_path / "film.mp4", "--video")
 
 
 def test_a_film_is_written_as_a_whole_or_not_at_all(
@@ -138,11 +138,11 @@ def test_a_film_is_written_as_a_whole_or_not_at_all(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(ArgumentError, match=r"film\.gif: No space left on device"):
-        write_gif(film(objects, range(2)), path)
+        film(objects, range(2)).write(path, "--gif")
     assert path.read_bytes() == b"before"
 
 
 def test_a_gif_that_cannot_be_written(objects: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ArgumentError, match="--gif: cannot write"):
-        write_gif(film(objects, range(2)), tmp_path / "file" / "film.gif")
+        film(objects, range(2)).write(tmp_path / "file" / "film.gif", "--gif")
