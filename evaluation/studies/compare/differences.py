@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from evaluation.metrics.intervals import Estimate, clustered_difference, clustered_mean, sign_test
 from evaluation.results.tables import EMPTY, Table, csv_bytes
@@ -55,6 +56,8 @@ COMPARED: Mapping[str, Compared] = {
 
 SHOWN = ("avoided", "v_impact_kmh", "false_activations", "needless_stops", "delay_s")
 """Those that are shown as text."""
+
+Group = TypeVar("Group", bound=Hashable)
 
 Pair = tuple[Point, Point]
 """A point, and the one that it is compared with."""
@@ -137,7 +140,9 @@ def _difference(
     better, worse, equal = _signs(changes, variants, compared)
     scenes_better, scenes_worse, _ = _signs(changes, scenes, compared)
     if not compared.unit:
-        estimate = clustered_difference(changes, scenes)
+        by_variant = _means(changes, variants)
+        estimate = clustered_difference([*by_variant.values()], [scene for scene, _ in by_variant])
+        estimate = replace(estimate, count=len(changes))
     else:
         estimate = clustered_mean(changes, scenes)
         if not any(changes):  # nothing differs: how much it may elsewhere is unknown
@@ -148,12 +153,17 @@ def _difference(
     )
 
 
-def _signs(changes: Sequence[float], groups: Sequence[object], compared: Compared) -> tuple[int, int, int]:
-    """In how many groups the mean change is for the better, for the worse, and none."""
-    by_group: dict[object, list[float]] = {}
+def _means(changes: Sequence[float], groups: Sequence[Group]) -> dict[Group, float]:
+    """Mean change of each group, in the order in which they first come."""
+    by_group: dict[Group, list[float]] = {}
     for change, group in zip(changes, groups, strict=True):
         by_group.setdefault(group, []).append(change)
-    means = [sum(values) / len(values) for values in by_group.values()]
+    return {group: sum(values) / len(values) for group, values in by_group.items()}
+
+
+def _signs(changes: Sequence[float], groups: Sequence[Hashable], compared: Compared) -> tuple[int, int, int]:
+    """In how many groups the mean change is for the better, for the worse, and none."""
+    means = [*_means(changes, groups).values()]
     if compared.unit:
         means = [round(mean, compared.digits) for mean in means]
     more, less = sum(mean > 0 for mean in means), sum(mean < 0 for mean in means)
