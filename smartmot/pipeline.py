@@ -21,7 +21,7 @@ from smartmot.area import (
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
-from smartmot.decision.own import decide_own, own_rule
+from smartmot.decision.own import decide_own, is_rule, own_rule
 from smartmot.decision.rules import Assessment, BrakeRule, Command, LeadObject, PaperRule
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import (
@@ -55,7 +55,8 @@ class PipelineConfig:
     Args:
         tracker: settings of the tracker, or what makes one of your own (`smartmot.tracking.own`).
         forecast, braking_distance: settings of the other parts.
-        aeb: settings of the paper's brake rule, or what makes one of your own (`smartmot.decision.rules`).
+        aeb: settings of the paper's brake rule; a rule of your own (`smartmot.decision.rules`); or what
+            makes one.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
         filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
@@ -64,7 +65,7 @@ class PipelineConfig:
 
     tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
     forecast: ForecastConfig = field(default_factory=ForecastConfig)
-    aeb: AebConfig | Callable[[], BrakeRule] = field(default_factory=AebConfig)
+    aeb: AebConfig | BrakeRule | Callable[[], BrakeRule] = field(default_factory=AebConfig)
     braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
     iou_threshold: float = IOU_THRESHOLD
     filter_detections: bool = True
@@ -73,6 +74,11 @@ class PipelineConfig:
     def __post_init__(self) -> None:
         if not 0 <= self.iou_threshold < 1:
             raise ConfigError(f"iou_threshold must lie in [0, 1), got {self.iou_threshold}")
+        if not (isinstance(self.aeb, AebConfig) or is_rule(self.aeb) or callable(self.aeb)):
+            raise ConfigError(
+                "aeb: expected settings of the paper's rule, an object with decide(), or what makes one, got "
+                f"{self.aeb!r}"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +199,7 @@ class Pipeline:
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
         followed = path if config.forecast.ego == "route" else None
         ego_forecast = forecast_ego_along(ego, followed, time) if followed else forecast_ego(ego, time)
-        now = self._assess(area, tracks, forecast, ego_forecast, ego)
+        now = self._assess(area, tracks, forecast, ego_forecast, ego, followed)
         if type(self._rule) is PaperRule:  # one derived from it is the user's: asked and checked as such
             rule_state, command, events = self._rule.decide(state.rule, now)
         else:
@@ -235,13 +241,19 @@ class Pipeline:
         ] if self.config.filter_tracks else tracks
 
     def _assess(
-        self, area: MonitoredArea, tracks: Tracks, forecast: Forecast, ego_forecast: Forecast, ego: EgoState
+        self,
+        area: MonitoredArea,
+        tracks: Tracks,
+        forecast: Forecast,
+        ego_forecast: Forecast,
+        ego: EgoState,
+        followed: PlannedPath | None,
     ) -> Assessment:
         """How the tracks relate to the ego's way."""
         braking_distance = self.config.braking_distance.at(ego.speed_mps)
         if not len(tracks):
-            of_none = (NO_THREATS, *_NO_COLUMNS, None)
-            return unchecked(Assessment, ego, tracks, forecast, ego_forecast, *of_none, braking_distance)
+            of_none = (NO_THREATS, *_NO_COLUMNS, None, braking_distance, _NOTHING, followed, None)
+            return unchecked(Assessment, ego, tracks, forecast, ego_forecast, *of_none)
         boxes = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
         relevance = area.relevance(boxes, tracks.category)
         # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
@@ -270,6 +282,9 @@ class Pipeline:
             vulnerable,
             _lead(tracks, on_way & ~(vulnerable & threatening) & (gap > 0), gap, ego),
             braking_distance,
+            counts,
+            followed,
+            None,
         )
 
     def _entering(self, area: MonitoredArea, forecast: Forecast, walking: BoolArray) -> BoolArray:
@@ -283,7 +298,8 @@ class Pipeline:
         return entering
 
 
-_NO_COLUMNS = (*(np.zeros(0) for _ in range(2)), *(np.zeros(0, dtype=np.bool_) for _ in range(4)))
+_NOTHING = np.zeros(0, dtype=np.bool_)
+_NO_COLUMNS = (*(np.zeros(0) for _ in range(2)), *(_NOTHING for _ in range(4)))
 """What is known of no tracks."""
 
 

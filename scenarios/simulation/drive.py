@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scenarios.brakes import BrakeConfig
+from scenarios.brakes import BrakeConfig, BrakeStage
 from scenarios.openscenario.control import Motion
 from scenarios.openscenario.motion.paths import Path
 from smartmot.decision.rules import LeadObject
@@ -51,6 +51,9 @@ class EgoDrive:
         self.speed_mps = 0.0
         self.accel_mps2 = 0.0
         self.braking_since_s: float | None = None
+        self.peak_decel_mps2 = 0.0
+        self._asked_decel_mps2: float | None = None
+        self._stage: BrakeStage | None = None
         self._comfort_mps2 = 0.0
         self._follower: Follower | None = None
 
@@ -63,21 +66,32 @@ class EgoDrive:
         self.speed_mps = speed_mps
 
     def control(
-        self, time_s: float, emergency: bool, lead: LeadObject | None, speed_mps: float, asked: Asked
+        self,
+        time_s: float,
+        emergency: bool,
+        lead: LeadObject | None,
+        speed_mps: float,
+        asked: Asked,
+        decel_mps2: float | None = None,
     ) -> None:
         """Take over one decision.
 
         Args:
             time_s: now.
-            emergency: whether to brake fully.
+            emergency: whether to brake.
             lead: object whose speed is adapted to, if any.
             speed_mps: of the ego now, negative in reverse.
             asked: by the scenario.
+            decel_mps2: of a partial brake; None: full.
         """
         if not emergency:
-            self.braking_since_s = None
-        elif self.braking_since_s is None:
-            self.braking_since_s = time_s
+            self.braking_since_s = self._stage = None
+        elif self.braking_since_s is None or self._stage is None:
+            self.braking_since_s, self._stage = time_s, self.brakes.requested(decel_mps2)
+        elif decel_mps2 != self._asked_decel_mps2:
+            since_s = time_s - self.braking_since_s
+            self._stage = self.brakes.changed(self._stage, since_s, decel_mps2)
+        self._asked_decel_mps2 = decel_mps2
         self._comfort_mps2 = 0.0
         if emergency:
             self._command(time_s)
@@ -107,7 +121,7 @@ class EgoDrive:
         """Distance driven and speed left after a duration under the present control."""
         if self.braking_since_s is not None:
             since = time_s - self.braking_since_s
-            distance, left = self.brakes.travel(abs(self.speed_mps), since, duration_s)
+            distance, left = self.brakes.travel(abs(self.speed_mps), since, duration_s, self._stage)
             return Motion(-distance, -left) if self.speed_mps < 0.0 else Motion(distance, left)
         if self.speed_mps < 0.0:
             return Motion(self.speed_mps * duration_s, self.speed_mps)
@@ -122,4 +136,6 @@ class EgoDrive:
             return
         speed = self.motion(time_s, duration_s).speed_mps
         self.accel_mps2 = (speed - self.speed_mps) / duration_s
+        if self.braking_since_s is not None:
+            self.peak_decel_mps2 = max(self.peak_decel_mps2, abs(self.accel_mps2))
         self.speed_mps = speed

@@ -13,7 +13,7 @@ from smartmot.types import Dropped, FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """The first emergency request.
+    """The first emergency request, or the first warning.
 
     Args:
         time_s: when.
@@ -32,12 +32,14 @@ class Milestones:
 
     Args:
         flag: the first emergency request.
+        warning: the first warning of the driver.
         stop_time_s: when the ego first stood still after a request.
         stop_gap_m: free distance to the target then.
         resumed_s: when it was first let go after that.
     """
 
     flag: Flag | None = None
+    warning: Flag | None = None
     stop_time_s: float | None = None
     stop_gap_m: float | None = None
     resumed_s: float | None = None
@@ -67,6 +69,9 @@ class Outcome:
         notes: lines about what was not as the scenario's file asks for it; see `Engine.notes`.
         log: everything that happened.
         frame_time_ms: (F,) processor time of perception and decision per frame; different in every run.
+        warning_time_s: first warning of the driver; rules that do not warn have none.
+        warning_ttc_s: as `flag_ttc_s`, at the first warning.
+        peak_decel_mps2: greatest deceleration while an emergency brake was requested; 0 without a request.
     """
 
     contact: Contact | None
@@ -86,6 +91,9 @@ class Outcome:
     notes: tuple[str, ...]
     log: RunLog
     frame_time_ms: FloatArray
+    warning_time_s: float | None = None
+    warning_ttc_s: float | None = None
+    peak_decel_mps2: float = 0.0
 
     @property
     def avoided(self) -> bool:

@@ -219,7 +219,7 @@ class Simulation:
         if self._end_reason is None:
             raise StepOrderError("simulation: outcome() before the end; step() until there is no frame")
         engine, milestones = self.engine, self._milestones
-        flag, run = milestones.flag, engine.result()
+        flag, warning, run = milestones.flag, milestones.warning, engine.result()
         return Outcome(
             contact=engine.contact,
             flag_time_s=flag.time_s if flag else None,
@@ -238,6 +238,9 @@ class Simulation:
             notes=engine.notes,
             log=self._log,
             frame_time_ms=np.zeros(0),
+            warning_time_s=warning.time_s if warning else None,
+            warning_ttc_s=warning.ttc_s if warning else None,
+            peak_decel_mps2=self._drive.peak_decel_mps2,
         )
 
     def map_view(self) -> MapView:
@@ -351,15 +354,22 @@ class Simulation:
         """Hand the decision to the drive, and note what has come of it."""
         truth, milestones = self._truth, self._milestones
         speed_mps = truth.odometry(now).speed_mps
-        self._drive.control(now, command.emergency, command.lead, speed_mps, truth.asked(now))
+        asked, decel_mps2 = truth.asked(now), command.decel_mps2
+        self._drive.control(now, command.emergency, command.lead, speed_mps, asked, decel_mps2)
         if command.emergency and milestones.flag is None:
-            gap = truth.gap_to_target_m(now)
-            closing = truth.course(now).speed_mps - truth.target_along_mps(now)
-            ttc = gap / closing if gap is not None and closing > 0.0 else None
-            milestones.flag = Flag(now, gap, ttc)
+            milestones.flag = self._flag(now)
+        if command.warning and milestones.warning is None:
+            milestones.warning = self._flag(now)
         stopped = milestones.stop_time_s is not None
         if stopped and milestones.resumed_s is None and not command.emergency:
             milestones.resumed_s = now
+
+    def _flag(self, now: float) -> Flag:
+        """How far the target is in space and time, at a request or warning."""
+        truth = self._truth
+        gap = truth.gap_to_target_m(now)
+        closing = truth.course(now).speed_mps - truth.target_along_mps(now)
+        return Flag(now, gap, gap / closing if gap is not None and closing > 0.0 else None)
 
     def _way_ahead(self) -> PlannedPath:
         """The way that the ego is on, from where it is now."""

@@ -25,14 +25,16 @@ class AebConfig:
     Args:
         near_m: an object nearer than this counts as near at any speed (paper's authors: 12 m).
         clear_s: time for which the way must be free before driving on (3 frames at 20 Hz).
+        braking_factor: by which the planned braking distance is multiplied: more brakes earlier (paper: 1).
     """
 
     near_m: float = 12.0
     clear_s: float = 0.15
+    braking_factor: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (self.near_m >= 0 and self.clear_s >= 0):
-            raise ConfigError("aeb: near_m and clear_s must not be negative")
+        if not (self.near_m >= 0 and self.clear_s >= 0 and self.braking_factor >= 0):
+            raise ConfigError("aeb: near_m, clear_s and braking_factor must not be negative")
 
 
 @dataclass(frozen=True, slots=True)

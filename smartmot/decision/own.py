@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from smartmot.decision.aeb import Event
 from smartmot.decision.rules import Assessment, BrakeRule, Command
@@ -17,16 +17,24 @@ MAX_EVENT_TEXT = 24
 _EXPECTED = "return its state, a smartmot.Command and a tuple of smartmot.Event"
 
 
-def own_rule(make: Callable[[], BrakeRule]) -> BrakeRule:
-    """A new brake rule of the user's.
+def is_rule(given: object) -> bool:
+    """Whether something is a brake rule itself, and not what makes one."""
+    return callable(getattr(given, "decide", None)) and not isinstance(given, type)
+
+
+def own_rule(given: BrakeRule | Callable[[], BrakeRule]) -> BrakeRule:
+    """A brake rule, or a new one of the user's.
 
     Args:
-        make: what makes it.
+        given: the rule, which remembers nothing and may decide for several pipelines; or what makes it.
 
     Raises:
         PluginError: it fails, or makes something that is no brake rule.
     """
-    return require(make(), "decide", str(getattr(make, "name", make)))
+    if is_rule(given):
+        return cast(BrakeRule, given)
+    made = cast(Callable[[], BrakeRule], given)()
+    return require(made, "decide", str(getattr(given, "name", given)))
 
 
 def decide_own(rule: BrakeRule, state: Any, now: Assessment) -> tuple[Any, Command, tuple[Event, ...]]:

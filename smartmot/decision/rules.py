@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from smartmot.decision.aeb import AebConfig, AebState, Event, Situation, decide
 from smartmot.decision.braking import overhang_m
+from smartmot.decision.ego_path import PathRelation, path_of_forecast, relation
 from smartmot.errors import ShapeError
+from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Threats, Tracks, frozen
 
 STANDING_MPS = 0.1
@@ -44,20 +46,34 @@ class Command:
     """What perception asks of the vehicle.
 
     Args:
-        emergency: brake fully, and hold.
+        emergency: brake, and hold; fully unless `decel_mps2` is given.
         lead: the object whose speed the ego adapts its own to, where it does that; None: none.
+        warning: warn the driver. It changes nothing of the drive: the ego has no driver.
+        decel_mps2: deceleration of a partial brake, at most what the brakes give; None: full.
 
     Raises:
-        ShapeError: `emergency` is no truth value, or `lead` no object to follow.
+        ShapeError: `emergency` or `warning` is no truth value, `lead` no object to follow, or `decel_mps2` no
+            positive number of an emergency.
     """
 
     emergency: bool
     lead: LeadObject | None = None
+    warning: bool = False
+    decel_mps2: float | None = None
 
     def __post_init__(self) -> None:
         # any text or class would count as true, and brake
-        if not isinstance(self.emergency, (bool, np.bool_)):
-            raise ShapeError(f"command: emergency must be true or false, got {self.emergency!r}")
+        for name in ("emergency", "warning"):
+            value = getattr(self, name)
+            if not isinstance(value, (bool, np.bool_)):
+                raise ShapeError(f"command: {name} must be true or false, got {value!r}")
+        asked = self.decel_mps2
+        if asked is not None and not (
+            self.emergency and isinstance(asked, (float, int, np.number)) and 0.0 < asked < math.inf
+        ):
+            raise ShapeError(
+                f"command: decel_mps2 must be a positive number, and only with emergency, got {asked!r}"
+            )
         if not (self.lead is None or isinstance(self.lead, LeadObject)):
             raise ShapeError(f"command: lead must be a LeadObject or None, got {self.lead!r}")
 
@@ -81,6 +97,10 @@ class Assessment:
         vulnerable: (M,) vulnerable road users.
         lead: the object on the route that the speed would be adapted to.
         braking_distance_m: that the ego needs at its present speed.
+        counts: (M,) which the monitored area lets count at all, wherever they are going to be.
+        path: the ego's planned path, if its forecast follows it; None: the ego keeps its turn rate.
+
+    What the properties `path_...` say is computed when a rule first asks for one of them.
 
     Raises:
         ShapeError: shapes disagree.
@@ -99,13 +119,43 @@ class Assessment:
     vulnerable: BoolArray
     lead: LeadObject | None
     braking_distance_m: float
+    counts: BoolArray
+    path: PlannedPath | None = None
+    _on_path: PathRelation | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         shape = (len(self.tracks),)
         for name in ("time_to_collision_s", "ahead_m"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
-        for name in ("on_way", "entering", "threatening", "vulnerable"):
+        for name in ("on_way", "entering", "threatening", "vulnerable", "counts"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.bool_, shape, name))
+
+    @property
+    def path_gap_m(self) -> FloatArray:
+        """(M,) free distance along the ego's path, from its front to the near face of each object."""
+        return self._relation().gap_m
+
+    @property
+    def path_aside_m(self) -> FloatArray:
+        """(M,) free distance from each object to the width that the ego sweeps; 0 or negative: in it."""
+        return self._relation().aside_m
+
+    @property
+    def path_speed_mps(self) -> FloatArray:
+        """(M,) speed of each object along the ego's path; negative: it comes towards the ego."""
+        return self._relation().speed_mps
+
+    @property
+    def path_aside_mps(self) -> FloatArray:
+        """(M,) rate at which `path_aside_m` grows; negative: the object comes nearer to the swept width."""
+        return self._relation().aside_mps
+
+    def _relation(self) -> PathRelation:
+        """How the tracks, moved on to the ego's time, lie to the ego's path."""
+        if self._on_path is None:
+            path = self.path or path_of_forecast(self.ego, self.ego_forecast)
+            object.__setattr__(self, "_on_path", relation(self.ego, path, self.tracks, self.forecast))
+        return cast(PathRelation, self._on_path)
 
 
 class BrakeRule(Protocol):
@@ -141,10 +191,10 @@ class PaperRule:
 
     def _situation(self, now: Assessment) -> Situation:
         predicted = entering = occupied = False
-        nearest = math.inf
+        nearest, braking_distance = math.inf, self.config.braking_factor * now.braking_distance_m
         if len(now.tracks):
             distance = now.ahead_m - overhang_m(now.ego)
-            near = distance < max(now.braking_distance_m, self.config.near_m)
+            near = distance < max(braking_distance, self.config.near_m)
             predicted = bool(np.count_nonzero(now.threatening))
             entering = bool(np.count_nonzero(now.entering))
             # VRUs hold the ego wherever they are on its way, all others only near
@@ -156,7 +206,7 @@ class PaperRule:
             stamp_s=now.ego.stamp_s,
             collision_predicted=predicted,
             nearest_m=nearest,
-            braking_distance_m=now.braking_distance_m,
+            braking_distance_m=braking_distance,
             vru_entering=entering,
             way_occupied=occupied,
             standing=now.ego.speed_mps < STANDING_MPS,

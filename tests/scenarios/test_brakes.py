@@ -185,3 +185,71 @@ def test_less_friction_means_a_longer_way() -> None:
         BrakeConfig(0.2, 0.4, 8.8 * mu / 0.9).travel(15.0, 0.0, 60.0)[0] for mu in (0.9, 0.65, 0.55, 0.22)
     ]
     assert np.all(np.diff(ways) > 0)
+
+
+# --- partial brakes ---------------------------------------------------------------------------------------
+
+
+def test_a_partial_brake_by_hand() -> None:
+    """3.8 m/s2 at the rate of 8.8 m/s2 in 0.4 s, 22 m/s3: it is there 0.2 + 3.8/22 s after the request.
+
+    From 15 m/s: 3.0 m of delay; in the ramp t = 0.17273 s it drives 15 t - 22 t^3/6 = 2.5720 m and loses
+    3.8 t/2 = 0.3282 m/s; then 14.67182^2 / 7.6 = 28.3240 m.
+    """
+    brakes = PROFILES["real car"]
+    partial = brakes.requested(3.8)
+    assert partial.decel_mps2(0.2 + 0.1) == pytest.approx(2.2)
+    assert partial.decel_mps2(0.2 + 3.8 / 22 + 1e-9) == pytest.approx(3.8)
+    assert brakes.travel(15.0, 0.0, 60.0, partial) == (pytest.approx(33.8960, abs=1e-4), 0.0)
+
+
+def test_more_than_the_brakes_give_is_all_that_they_give() -> None:
+    brakes = PROFILES["snow"]
+    assert brakes.requested(9.8) == brakes.requested() == brakes.requested(2.15)
+    assert brakes.travel(9.0, 0.0, 1.0, brakes.requested(9.8)) == brakes.travel(9.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("name", ["real car", "delay only", "paper"])
+@pytest.mark.parametrize("second", [1.0, 5.3, None])
+@pytest.mark.parametrize("change_s", [0.1, 0.25, 0.45, 1.5])
+def test_a_change_of_stage_agrees_with_a_numerical_integration(
+    name: str, second: float | None, change_s: float
+) -> None:
+    """The deceleration follows what is asked at the rate of the build-up, after the delay of the first."""
+    brakes, speed, step = PROFILES[name], 40.0, 1e-4
+    rate = brakes.max_decel_mps2 / brakes.build_up_s if brakes.build_up_s else math.inf
+    decel, left, distance = 0.0, speed, 0.0
+    for k in range(round(2.5 / step)):
+        time = (k + 0.5) * step
+        asked = 3.8 if time < change_s else second or brakes.max_decel_mps2
+        if time > brakes.delay_s:
+            decel += max(min(asked - decel, rate * step), -rate * step)
+        distance += left * step - decel * step**2 / 2
+        left -= decel * step
+    first = brakes.requested(3.8)
+    before, speed_then = brakes.travel(speed, 0.0, change_s, first)
+    stage = brakes.changed(first, change_s, second)
+    after, speed_left = brakes.travel(speed_then, change_s, 2.5 - change_s, stage)
+    assert speed_left == pytest.approx(left, abs=2e-3)
+    assert before + after == pytest.approx(distance, abs=4e-3)
+
+
+@given(
+    profiles,
+    st.floats(0.1, 40.0),
+    st.floats(0.0, 2.0),
+    st.lists(st.none() | st.floats(0.1, 12.0), min_size=1, max_size=4),
+)
+def test_stages_one_after_the_other_never_jump(
+    brakes: BrakeConfig, first: float, step_s: float, asked: list[float | None]
+) -> None:
+    """The deceleration is continuous at every change, and ends at what was asked last, if there is time."""
+    stage, now = brakes.requested(first), 0.0
+    for decel in asked:
+        now += step_s
+        changed = brakes.changed(stage, now, decel)
+        if now > brakes.delay_s:
+            assert changed.decel_mps2(now) == pytest.approx(stage.decel_mps2(now), abs=1e-9)
+        stage = changed
+    final = min(asked[-1] or math.inf, brakes.max_decel_mps2)
+    assert stage.decel_mps2(now + brakes.delay_s + brakes.build_up_s + 1e-9) == pytest.approx(final)

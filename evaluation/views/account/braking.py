@@ -163,7 +163,8 @@ def _until(frames: LogFrames, frame: int, track: pd.Series[float], setup: RunSet
         collision_course = f"It had been on a collision course since t = {since_s:.2f} s"
         if not isinstance(pipeline.aeb, AebConfig):
             return f"{collision_course}; the brake rule {getattr(pipeline.aeb, 'name', '')} waited."
-        near = max(pipeline.aeb.near_m, pipeline.braking_distance.at(frames.ego_state(frame).speed_mps))
+        planned_m = pipeline.braking_distance.at(frames.ego_state(frame).speed_mps)
+        near = max(pipeline.aeb.near_m, pipeline.aeb.braking_factor * planned_m)
         return f"{collision_course}; the brake waits until it is nearer than {near:.1f} m."
     if frames.strategy is None:
         return ""

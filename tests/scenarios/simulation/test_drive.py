@@ -183,3 +183,29 @@ print(drive.motion(0.0, 1.0).speed_mps, "highway_env" in sys.modules)
 """
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["15.0", "False"]
+
+
+def test_a_partial_brake_that_becomes_a_full_one() -> None:
+    """Without build-up the stages are steps: 0.5 s at 3 m/s2, then 8 m/s2, which the brakes give at most."""
+    drive = at_speed(20.0, BrakeConfig(0.2, 0.0, 8.0))
+    drive.control(0.0, True, None, 20.0, Asked(20.0), 3.0)
+    drive.advance(0.0, 0.7)
+    assert drive.speed_mps == pytest.approx(18.5)
+    drive.control(0.7, True, None, 18.5, Asked(20.0), 3.0)  # asked again, nothing changes
+    drive.control(0.7, True, None, 18.5, Asked(20.0), 9.8)
+    assert drive.motion(0.7, 0.5).speed_mps == pytest.approx(18.5 - 4.0)  # no second delay
+    drive.advance(0.7, 0.5)
+    assert drive.peak_decel_mps2 == pytest.approx(8.0)
+    drive.control(1.2, False, None, 14.5, Asked(20.0))
+    drive.advance(1.2, 0.5)
+    drive.control(1.7, True, None, drive.speed_mps, Asked(20.0))  # begins anew, with the delay
+    before = drive.speed_mps
+    assert drive.motion(1.7, 0.2).speed_mps == pytest.approx(before)
+
+
+def test_the_peak_is_that_of_the_emergency_brake_alone() -> None:
+    drive = at_speed(20.0)
+    drive.decide(0.0, False, LeadObject(1, 3.0, 0.0))
+    drive.advance(0.0, 0.1)
+    assert drive.accel_mps2 < -1.0
+    assert drive.peak_decel_mps2 == 0.0

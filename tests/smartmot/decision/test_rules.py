@@ -15,6 +15,7 @@ from smartmot import (
     Assessment,
     Boxes,
     Command,
+    ConfigError,
     Detections,
     EgoState,
     Event,
@@ -200,3 +201,28 @@ def test_columns_have_one_row_per_track() -> None:
     assert replace(given[-1], ahead_m=[3.0]).ahead_m.tolist() == [3.0]  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match="ahead_m"):
         replace(given[-1], ahead_m=np.zeros(2))
+
+
+@pytest.mark.parametrize("decel", [0.0, -3.0, math.nan, math.inf, "hard"])
+def test_a_partial_brake_is_a_positive_deceleration(decel: Any) -> None:
+    with pytest.raises(ShapeError, match="command: decel_mps2 must be a positive number, and only with"):
+        Command(True, decel_mps2=decel)
+    with pytest.raises(ShapeError, match="only with emergency"):
+        Command(False, decel_mps2=3.0)
+    with pytest.raises(ShapeError, match="command: warning must be true or false"):
+        Command(False, warning=decel)
+    assert Command(True, None, True, 3.8).decel_mps2 == 3.8
+
+
+def test_a_rule_may_be_given_itself() -> None:
+    """It remembers nothing, so that it may decide for several pipelines."""
+    rule = documented_rule()()
+    made = [result.command.emergency for result in drive(lambda: rule, 10.0, 20.3, 60)]
+    assert [result.command.emergency for result in drive(rule, 10.0, 20.3, 60)] == made
+    assert [result.command.emergency for result in drive(rule, 10.0, 20.3, 60)] == made
+    assert any(made)
+
+
+def test_what_is_neither_a_rule_nor_makes_one_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"aeb: expected settings .* or what makes one, got 3"):
+        PipelineConfig(aeb=3)  # type: ignore[arg-type]
