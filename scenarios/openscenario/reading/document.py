@@ -42,11 +42,29 @@ def parse(path: Path) -> Element:
         stat = path.stat()
     except OSError as error:
         raise FileReadError(f"{path}: {error.strerror or 'cannot be opened'}") from None
-    return _parse(path, stat.st_mtime_ns, stat.st_size)
+    return _parse(path, stat.st_mtime_ns, stat.st_size).root()
+
+
+class _Parsed:
+    """A parsed file.
+
+    lxml makes an element anew whenever it is asked for, unless somebody holds it. Those of a file that is
+    read a second time, as a scenario with many variations is, are held from then on.
+    """
+
+    def __init__(self, root: Element) -> None:
+        self._root = root
+        self._held: list[Element] | None = None
+
+    def root(self) -> Element:
+        """The root element."""
+        # the first reading leaves an empty list, the second fills it
+        self._held = [] if self._held is None else self._held or list(self._root.iter())
+        return self._root
 
 
 @lru_cache(maxsize=256)
-def _parse(path: Path, _mtime_ns: int, _size: int) -> Element:
+def _parse(path: Path, _mtime_ns: int, _size: int) -> _Parsed:
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(path.read_bytes(), parser)
@@ -64,13 +82,13 @@ def _parse(path: Path, _mtime_ns: int, _size: int) -> Element:
             f"{path}: FileHeader gives version '{version[0]}.{version[1]}'; "
             "OpenSCENARIO XML 1.0 to 1.3 is read"
         )
-    return root
+    return _Parsed(root)
 
 
 @cache
-def _names(text: str) -> tuple[str, ...]:
+def _names(text: str) -> dict[str, None]:
     """Names separated by blanks; the same few texts are asked for thousands of times."""
-    return tuple(text.split())
+    return dict.fromkeys(text.split())
 
 
 class Node:
@@ -108,7 +126,8 @@ class Node:
             UnsupportedError: there is another one.
         """
         known = _names(attributes)
-        for name in map(str, self.element.attrib):
+        names: list[str] = self.element.keys()  # type: ignore[assignment]  # never bytes
+        for name in names:
             if name not in known and not name.startswith("{"):
                 raise UnsupportedError(
                     f"{self.where} attribute '{name}' is not supported; "
@@ -117,9 +136,9 @@ class Node:
         tags = _names(children)
         for child in self.element:
             if child.tag not in tags:
-                name = f"<{child.tag}>" if isinstance(child.tag, str) else f"the entity {child.text}"
+                kind = f"<{child.tag}>" if isinstance(child.tag, str) else f"the entity {child.text}"
                 raise UnsupportedError(
-                    f"{self.file}:{child.sourceline}: {name} in <{self.tag}> is not supported; "
+                    f"{self.file}:{child.sourceline}: {kind} in <{self.tag}> is not supported; "
                     f"supported there: {', '.join(tags) or 'no element'}"
                 )
 
@@ -137,7 +156,7 @@ class Node:
 
     def all(self, tag: str) -> list[Node]:
         """Children of a name."""
-        return [Node(child, self.file, self.scope) for child in self.element.iterchildren(tag)]
+        return [Node(child, self.file, self.scope) for child in self.element if child.tag == tag]
 
     def get(self, tag: str) -> Node | None:
         """The child of a name, or None.
@@ -145,10 +164,13 @@ class Node:
         Raises:
             ContentError: there are several.
         """
-        children = self.all(tag)
+        children = [child for child in self.element if child.tag == tag]
+        if not children:
+            return None
         if len(children) > 1:
-            raise ContentError(f"{children[1].where} stands a second time in <{self.tag}>")
-        return children[0] if children else None
+            second = Node(children[1], self.file, self.scope)
+            raise ContentError(f"{second.where} stands a second time in <{self.tag}>")
+        return Node(children[0], self.file, self.scope)
 
     def need(self, tag: str) -> Node:
         """The child of a name.
@@ -169,10 +191,11 @@ class Node:
             UnsupportedError: it is another, or there are other attributes.
         """
         self.allow(attributes, tags)
-        children = list(self)
-        if len(children) != 1:
-            raise ContentError(f"{self.where} needs one of: {', '.join(tags.split())}; got {len(children)}")
-        return children[0]
+        if len(self.element) != 1:
+            raise ContentError(
+                f"{self.where} needs one of: {', '.join(_names(tags))}; got {len(self.element)}"
+            )
+        return Node(self.element[0], self.file, self.scope)
 
     # Attributes
 
@@ -271,9 +294,10 @@ class Node:
             UnsupportedError: it is another.
         """
         value = self.text(name, default)
-        if value not in options.split():
+        words = _names(options)
+        if value not in words:
             raise UnsupportedError(
-                f"{self.where} {name}='{value}' is not supported; supported: {', '.join(options.split())}"
+                f"{self.where} {name}='{value}' is not supported; supported: {', '.join(words)}"
             )
         return value
 

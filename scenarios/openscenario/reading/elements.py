@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
+from functools import cache
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from scenarios.openscenario.elements import (
     Attribute,
@@ -105,23 +106,43 @@ def declared(kind: type[RecordT], node: Node, context: Context, /, **given: obje
         ContentError: a field is missing, or has a value that it cannot have.
         UnsupportedError: a word is not known, or not carried out.
     """
-    values = dict(given)
-    for field in _plan(kind).fields:
-        if field.name not in given:
-            values[field.name] = _value(field, node, context)
-    return cast(Callable[..., RecordT], kind)(**values)
+    for name, value in _plan(kind).values:
+        if name not in given:
+            given[name] = value(node, context)
+    make: Callable[..., RecordT] = kind
+    return make(**given)
 
 
-_OPTIONS: dict[object, dict[str, list[type[Element]]]] = {}
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """Records of a union.
+
+    Args:
+        tags: names of the elements, or of the groups that hold them (separated by blanks).
+        kinds: records by the names of their elements.
+        groups: records that a group holds, by its name.
+    """
+
+    tags: str
+    kinds: dict[str, type[Element]]
+    groups: dict[str, _Options]
 
 
-def _options(kinds: object) -> dict[str, list[type[Element]]]:
-    """Records of a union by the names of the elements, or of the groups that hold them."""
-    options: dict[str, list[type[Element]]] = {}
+@cache
+def _options(kinds: object) -> _Options:
+    members: dict[str, list[type[Element]]] = {}
     for kind in get_args(kinds):
         if kind is not type(None):
-            options.setdefault(kind.xml.group or kind.xml.tag, []).append(kind)
-    return options
+            members.setdefault(kind.xml.group or kind.xml.tag, []).append(kind)
+    direct: dict[str, type[Element]] = {}
+    groups: dict[str, _Options] = {}
+    for name, held in members.items():
+        if held[0].xml.group is None:
+            direct[name] = held[0]
+        else:
+            by_tag = {kind.xml.tag: kind for kind in held}
+            groups[name] = _Options(" ".join(by_tag), by_tag, {})
+    return _Options(" ".join(members), direct, groups)
 
 
 def one_of(kinds: object, node: Node, context: Context) -> Element:
@@ -136,56 +157,43 @@ def chosen(kinds: object, node: Node) -> tuple[type[Element], Node]:
         ContentError: there is no child, or there are several.
         UnsupportedError: it is of none of them.
     """
-    options = _OPTIONS.get(kinds) or _OPTIONS.setdefault(kinds, _options(kinds))
-    child = node.one_of(" ".join(options))
-    members = options[child.tag]
-    if members[0].xml.group is not None:
-        child = child.one_of(" ".join(member.xml.tag for member in members))
-    return next(member for member in members if member.xml.tag == child.tag), child
+    options = _options(kinds)
+    child = node.one_of(options.tags)
+    group = options.groups.get(child.tag)
+    if group is not None:
+        options, child = group, child.one_of(group.tags)
+    return options.kinds[child.tag], child
+
+
+ValueReader: TypeAlias = Callable[[Node, Context], object]
+"""Reads the value of one field from the element of its record."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Field:
-    """A field of a record: what is checked first, where it is read from, and as what.
-
-    Args:
-        name: of the field.
-        checks: what is checked before.
-        source: where it is read from.
-        names: attributes or children that it may be read from.
-        kind: its type; without None if that and another one are all.
-        optional: whether it may be None.
-        words: that its attribute may have (separated by blanks); None: it is no choice of words.
-    """
+    """A field of a record: its name, what is checked first, where it is read from, and how."""
 
     name: str
     checks: tuple[Check, ...]
     source: Source
-    names: tuple[str, ...]
-    kind: object
-    optional: bool
-    words: str | None
+    value: ValueReader
 
 
 def _field(name: str, hint: object) -> _Field:
     kind, *metadata = get_args(hint)
     checks = tuple(part for part in metadata if isinstance(part, Only | Never))
     source = next(part for part in metadata if isinstance(part, Attribute | Reference | Child))
-    names: tuple[str, ...] = (source.name,)
     if optional := type(None) in get_args(kind):
         kind = get_args(kind)[0] if len(get_args(kind)) == 2 else kind
-    words = " ".join(get_args(kind)) if get_origin(kind) is Literal else None
-    if isinstance(source, Attribute):
-        names += () if source.older is None else (source.older,)
-        words = words if source.values is None else " ".join(source.values)
-    return _Field(name, checks, source, names, kind, optional, words)
+    value = _reader_of(source, kind, optional)
+    return _Field(name, checks, source, _checked(checks, value) if checks else value)
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
     """How a record is read: its fields in the order of reading, the attributes and children that it knows."""
 
-    fields: tuple[_Field, ...]
+    values: tuple[tuple[str, ValueReader], ...]
     attributes: str
     children: str
 
@@ -194,38 +202,98 @@ _PLANS: dict[type[Element], _Plan] = {}
 
 
 def _plan(kind: type[Element]) -> _Plan:
-    if kind not in _PLANS:
-        hints = get_type_hints(kind, include_extras=True)
-        fields = [_field(name, hint) for name, hint in hints.items() if get_origin(hint) is Annotated]
-        checked = [check.name for field in fields for check in field.checks]
-        tags = [field.source.name for field in fields if isinstance(field.source, Child)]
-        names = [name for field in fields for name in field.names if name not in tags]
-        xml = kind.xml
-        _PLANS[kind] = _Plan(
-            tuple(sorted(fields, key=lambda field: field.name not in xml.first.split())),
-            " ".join(checked + names) if xml.attributes is None else xml.attributes,
-            " ".join(tags) if xml.children is None else xml.children,
-        )
-    return _PLANS[kind]
+    plan = _PLANS.get(kind)
+    if plan is None:
+        plan = _PLANS[kind] = _made_plan(kind)
+    return plan
 
 
-def _value(field: _Field, node: Node, context: Context) -> object:
-    for check in field.checks:
-        _check(check, node)
-    source = field.source
+def _made_plan(kind: type[Element]) -> _Plan:
+    hints = get_type_hints(kind, include_extras=True)
+    fields = [_field(name, hint) for name, hint in hints.items() if get_origin(hint) is Annotated]
+    attributes = [check.name for field in fields for check in field.checks]
+    tags: list[str] = []
+    for source in (field.source for field in fields):
+        if isinstance(source, Child):
+            tags.append(source.name)
+        else:
+            older = source.older if isinstance(source, Attribute) else None
+            attributes += [source.name] if older is None else [source.name, older]
+    xml = kind.xml
+    fields.sort(key=lambda field: field.name not in xml.first.split())
+    return _Plan(
+        tuple((field.name, field.value) for field in fields),
+        " ".join(attributes) if xml.attributes is None else xml.attributes,
+        " ".join(tags) if xml.children is None else xml.children,
+    )
+
+
+def _reader_of(source: Source, kind: object, optional: bool) -> ValueReader:
+    """What reads a field from its source; decided once for a field, so that reading need not ask again.
+
+    Args:
+        source: where it is read from.
+        kind: its type; without None if that and another one are all.
+        optional: whether it may be None.
+    """
+    name = source.name
     if isinstance(source, Reference):
-        return context.entity(node, source.name)
+        return lambda node, context: context.entity(node, name)
     if isinstance(source, Child):
-        needed = not field.optional and source.default is None
-        child = node.need(source.name) if needed else node.get(source.name)
-        if child is None:
-            return source.default
-        if isinstance(field.kind, type) and issubclass(field.kind, Element):
-            return read(field.kind, child, context)
-        return one_of(field.kind, child, context)
-    if field.optional and source.default is None and not any(map(node.has, field.names)):
-        return None
-    return _attribute(field, source, node)
+        return _child(source, kind, optional)
+    read_name, older = _attribute(source, kind, name), source.older
+    read_older = read_name if older is None else _attribute(source, kind, older)
+    if optional and source.default is None:
+        return lambda node, context: (
+            read_name(node, context)
+            if node.has(name)
+            else read_older(node, context)
+            if older is not None and node.has(older)
+            else None
+        )
+    if older is None:
+        return read_name
+    return lambda node, context: (read_name if node.has(name) else read_older)(node, context)
+
+
+def _child(source: Child, kind: object, optional: bool) -> ValueReader:
+    name, default, needed = source.name, source.default, not optional and source.default is None
+    is_record = isinstance(kind, type) and issubclass(kind, Element)
+    read_child: Callable[[Any, Node, Context], Element] = read if is_record else one_of
+
+    def value(node: Node, context: Context) -> object:
+        child = node.need(name) if needed else node.get(name)
+        return default if child is None else read_child(kind, child, context)
+
+    return value
+
+
+def _attribute(source: Attribute, kind: object, name: str) -> ValueReader:
+    default, meanings, zero = source.default, source.values, source.sign == "not negative"
+    if meanings is not None:
+        words = " ".join(meanings)
+        return lambda node, context: meanings[node.choice(name, words, default)]
+    if get_origin(kind) is Literal:
+        options = " ".join(get_args(kind))
+        return lambda node, context: node.choice(name, options, default)
+    if kind is str:
+        return lambda node, context: node.text(name, default)
+    if kind is bool:
+        return lambda node, context: node.boolean(name, default)
+    if kind is int:
+        return lambda node, context: node.integer(name, default)
+    if source.sign == "any":
+        return lambda node, context: node.number(name, default)
+    return lambda node, context: node.positive(name, default, zero)
+
+
+def _checked(checks: tuple[Check, ...], value: ValueReader) -> ValueReader:
+    def checked(node: Node, context: Context) -> object:
+        for check in checks:
+            _check(check, node)
+        return value(node, context)
+
+    return checked
 
 
 def _check(check: Check, node: Node) -> None:
@@ -233,20 +301,3 @@ def _check(check: Check, node: Node) -> None:
         node.choice(check.name, check.words, check.default)
     elif node.boolean(check.name, check.default):
         raise UnsupportedError(f"{node.where} {check.name}='true' is not supported{check.instead}")
-
-
-def _attribute(field: _Field, source: Attribute, node: Node) -> object:
-    name = source.name if source.older is None or node.has(source.name) else source.older
-    default = source.default
-    if field.words is not None:
-        word = node.choice(name, field.words, default)
-        return word if source.values is None else source.values[word]
-    if field.kind is str:
-        return node.text(name, default)
-    if field.kind is bool:
-        return node.boolean(name, default)
-    if field.kind is int:
-        return node.integer(name, default)
-    if source.sign == "any":
-        return node.number(name, default)
-    return node.positive(name, default, zero=source.sign == "not negative")
