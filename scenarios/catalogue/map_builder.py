@@ -78,8 +78,8 @@ class Lane:
 DRIVING = Lane("driving", 3.5, "solid")
 PARKING = Lane("parking", 2.0, "solid")
 SIDEWALK = Lane("sidewalk", 2.5, "none")
-_CENTRE = Lane("none", 0.0, "broken")
-_UNMARKED_CENTRE = Lane("none", 0.0, "none")
+CENTRE = Lane("none", 0.0, "broken")
+UNMARKED_CENTRE = Lane("none", 0.0, "none")
 
 Lanes = tuple[Lane, ...]
 _STREET: Lanes = (DRIVING, SIDEWALK)
@@ -144,7 +144,7 @@ _ARMS = (
 # ----------------------------------------------------------------------------------------------- records
 
 
-def _lane(
+def lane_record(
     lane_id: int, lane: Lane, predecessors: tuple[int, ...] = (), successors: tuple[int, ...] = ()
 ) -> model.Lane:
     """A lane of constant width with the mark on its outer border; the centre lane has no width."""
@@ -170,15 +170,16 @@ def _lane(
 
 def _two_way(lanes: Lanes) -> tuple[model.Lane, ...]:
     """The same lanes on both sides of a broken centre mark; overtaking across it is allowed."""
-    left, right = ([_lane(side * k, lane) for k, lane in enumerate(lanes, start=1)] for side in (1, -1))
-    return (*reversed(left), _lane(0, _CENTRE), *right)
+    left, right = ([lane_record(side * k, lane) for k, lane in enumerate(lanes, start=1)] for side in (1, -1))
+    return (*reversed(left), lane_record(0, CENTRE), *right)
 
 
-def _kerb_m(lanes: Lanes) -> float:
+def kerb_at_m(lanes: Lanes) -> float:
+    """From the middle of a street to its kerb."""
     return sum(lane.width_m for lane in lanes if lane.kind != "sidewalk")
 
 
-def _crosswalk(crosswalk_id: str, s_m: float, kerb_m: float) -> model.RoadObject:
+def crosswalk_record(crosswalk_id: str, s_m: float, kerb_m: float) -> model.RoadObject:
     """A crosswalk from kerb to kerb, its middle at s."""
     half_m = CROSSWALK_DEPTH_M / 2
     counter_clockwise = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -237,7 +238,7 @@ def _signal(signal_id: str, sign: _Sign, s_m: float, side: int, kerb_m: float) -
     )
 
 
-def _road(
+def road_record(
     road_id: str,
     name: str,
     start: Pose,
@@ -271,7 +272,7 @@ def _road(
     )
 
 
-def _map(
+def map_record(
     name: str,
     corners: Sequence[tuple[float, float]],
     margin_m: float,
@@ -318,11 +319,11 @@ def street_map(
         furnished: with a crosswalk and signs, all near the ends of the street: its middle stays free for
             scenarios.
     """
-    details = _furniture(total_length_m(pieces), _kerb_m(lanes)) if furnished else None
-    road = _road("1", name, start, pieces, _two_way(lanes), details=details)
+    details = _furniture(total_length_m(pieces), kerb_at_m(lanes)) if furnished else None
+    road = road_record("1", name, start, pieces, _two_way(lanes), details=details)
     *_, end = accumulate(pieces, end_of, initial=start)
     corners = [(start.x_m, start.y_m), (end.x_m, end.y_m)]
-    return map_bytes(_map(name, corners, sum(lane.width_m for lane in lanes), [road]))
+    return map_bytes(map_record(name, corners, sum(lane.width_m for lane in lanes), [road]))
 
 
 def _furniture(length_m: float, kerb_m: float) -> model.RoadDetails:
@@ -336,7 +337,7 @@ def _furniture(length_m: float, kerb_m: float) -> model.RoadDetails:
             _signal(f"{number}1", _LIMIT, enters_at_m, side, kerb_m),
             _signal(f"{number}2", _CROSSING, before_crosswalk_m, side, kerb_m),
         ]
-    return model.RoadDetails(signals=tuple(signals), objects=(_crosswalk("1", crosswalk_s_m, kerb_m),))
+    return model.RoadDetails(signals=tuple(signals), objects=(crosswalk_record("1", crosswalk_s_m, kerb_m),))
 
 
 def bend_pieces(radius_m: float, spiral_m: float) -> list[Piece]:
@@ -361,7 +362,7 @@ def _arm_road(arm: _Arm) -> model.Road:
     def s_at(from_junction_m: float) -> float:
         return ARM_LENGTH_M - from_junction_m if arm.ends_at_junction else from_junction_m
 
-    kerb_m = _kerb_m(_STREET)
+    kerb_m = kerb_at_m(_STREET)
     signs = (
         (_LIMIT, ARM_LENGTH_M - SPEED_SIGN_FROM_END_M, arm.inbound),
         (_LIMIT, SPEED_SIGN_FROM_END_M, -arm.inbound),
@@ -372,9 +373,9 @@ def _arm_road(arm: _Arm) -> model.Road:
         _signal(f"{arm.road_id}{k}", sign, s_at(from_junction_m), side, kerb_m)
         for k, (sign, from_junction_m, side) in enumerate(signs, start=1)
     )
-    crosswalk = _crosswalk(arm.road_id, s_at(CROSSWALK_FROM_JUNCTION_M), kerb_m)
+    crosswalk = crosswalk_record(arm.road_id, s_at(CROSSWALK_FROM_JUNCTION_M), kerb_m)
     junction = model.RoadLink("junction", JUNCTION_ID, None)
-    return _road(
+    return road_record(
         arm.road_id,
         f"{arm.name} arm",
         moved(entry, -ARM_LENGTH_M, 0.0, 0.0) if arm.ends_at_junction else moved(entry, 0.0, 0.0, -pi),
@@ -395,14 +396,14 @@ def _way_through(source: _Arm, target: _Arm, turn: int) -> tuple[model.Road, mod
     length_m = JUNCTION_HALF_M * pi / 2 if turn else 2 * JUNCTION_HALF_M
     lanes = _STREET if turn < 0 else (replace(DRIVING, mark="none"),)
     numbered = [*enumerate(lanes, start=1)]
-    road = _road(
+    road = road_record(
         source.road_id + target.road_id,
         f"{source.name} to {target.name}",
         source.entry(),
         [Piece(length_m, curvature, curvature)],
         (
-            _lane(0, _UNMARKED_CENTRE),
-            *(_lane(-k, lane, (k * source.inbound,), (-k * target.inbound,)) for k, lane in numbered),
+            lane_record(0, UNMARKED_CENTRE),
+            *(lane_record(-k, lane, (k * source.inbound,), (-k * target.inbound,)) for k, lane in numbered),
         ),
         junction_id=JUNCTION_ID,
         predecessor=source.link,
@@ -424,7 +425,7 @@ def _urban_intersection(name: str) -> bytes:
     connections = tuple(connection for _, connection in ways)
     junction = model.Junction(JUNCTION_ID, "crossing", "default", connections)
     corners = [(-reach_m, -reach_m), (reach_m, reach_m)]
-    return map_bytes(_map(name, corners, 0.0, roads, [junction]))
+    return map_bytes(map_record(name, corners, 0.0, roads, [junction]))
 
 
 def _street(name: str) -> bytes:

@@ -1,0 +1,1 @@
+"""Scenes that are drawn at random on any map, each proved before it is kept."""

@@ -1,0 +1,237 @@
+"""Scenes drawn at random: which situation, on which map, where, how fast; each proved before it is kept."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from opendrive.errors import OpenDriveError
+from scenarios.drawn.actors import Actor
+from scenarios.drawn.files import scene_bytes
+from scenarios.drawn.map_set import MAPS
+from scenarios.drawn.proof import Proof, unbraked
+from scenarios.drawn.situations.bystanders import bystanders
+from scenarios.drawn.situations.must_brake import MUST_BRAKE
+from scenarios.drawn.situations.must_not import NOTHING
+from scenarios.drawn.situations.situation import Situation
+from scenarios.drawn.stage import Ground, Stage, choose_stage
+from scenarios.drawn.timeline import CLEAR_M, Timeline
+from scenarios.drawn.values import Draw, RejectedDraw, data, weighted
+from scenarios.errors import ScenarioError
+from scenarios.openscenario.errors import RunError
+from scenarios.scenes.scenes import SceneRun
+
+MOST_TRIES = 400
+"""Draws of one scene; then another situation is drawn: no map has room for the first."""
+SPLITS = ("train", "test")
+KINDS = {"brake": MUST_BRAKE, "nothing": NOTHING}
+MANIFEST, REJECTED = "manifest.csv", "rejected.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnScene:
+    """A scene that was drawn, and what its proof has shown.
+
+    Args:
+        run: as the comparison runs it.
+        situation: what it is about.
+        stage: where.
+        actors: all but the ego.
+        values: what was drawn, by name.
+        proof: its unbraked run.
+        rejected: draws before it that were rejected, by reason.
+    """
+
+    run: SceneRun
+    situation: Situation
+    stage: Stage
+    actors: tuple[Actor, ...]
+    values: dict[str, float | str]
+    proof: Proof
+    rejected: Counter[tuple[str, str]] = field(default_factory=Counter)
+
+
+def drawn_scenes(
+    split: str, count: int, seed: int, folder: Path, maps: Path | None = None
+) -> tuple[SceneRun, ...]:
+    """Draw scenes, and write each as an OpenSCENARIO file of its own.
+
+    The folder then holds the files, the maps that they use, `manifest.csv` with all drawn values and
+    `rejected.csv` with the draws that were rejected, by reason. The same arguments give the same bytes.
+
+    Args:
+        split: train or test: which of the own maps are used; their scenes also differ on maps of the user's.
+        count: of each kind: scenes in which the ego must brake, and in which it must do nothing.
+        seed: of the draws.
+        folder: to write to; made if it is missing.
+        maps: folder of OpenDRIVE files to place them on, in place of the own maps.
+
+    Raises:
+        ScenarioError: unknown split, no maps, or no scene of a kind can be placed on them.
+    """
+    folder = Path(folder)
+    grounds = grounds_of(split, maps)
+    (folder / "maps").mkdir(parents=True, exist_ok=True)
+    scenes = list(draw_all(split, count, seed, folder, grounds))
+    _write_manifest(folder / MANIFEST, scenes)
+    _write_rejected(folder / REJECTED, scenes)
+    return tuple(scene.run for scene in scenes)
+
+
+def grounds_of(split: str, maps: Path | None) -> list[Ground]:
+    """The maps to place scenes on.
+
+    Raises:
+        ScenarioError: unknown split, or none of the files is a map that can be read.
+    """
+    if split not in SPLITS:
+        raise ScenarioError(f"split {split!r}: expected one of {', '.join(SPLITS)}")
+    paths = [MAPS / f"{name}.xodr" for name in data()["maps"][split]]
+    if maps is not None:
+        paths = sorted(maps.glob("*.xodr"))
+    grounds = []
+    for path in paths:
+        try:
+            grounds.append(Ground(path))
+        except (RunError, OpenDriveError):
+            if maps is None:
+                raise
+    if not grounds:
+        raise ScenarioError(f"{maps}: no OpenDRIVE file that can be read")
+    return grounds
+
+
+def draw_all(split: str, count: int, seed: int, folder: Path, grounds: list[Ground]) -> Iterator[DrawnScene]:
+    """Draw the scenes one after the other; each depends on split, seed, kind and its number alone."""
+    for ground in grounds:
+        (folder / "maps" / f"{ground.name}.xodr").write_bytes(ground.path.read_bytes())
+    for kind_number, (kind, situations) in enumerate(KINDS.items()):
+        for number in range(count):
+            key = [seed, SPLITS.index(split), kind_number, number]
+            name = f"{split}-{seed}-{kind}-{number:04d}"
+            yield _draw_scene(name, situations, np.random.default_rng(key), folder, grounds)
+
+
+def _draw_scene(
+    name: str,
+    situations: tuple[Situation, ...],
+    rng: np.random.Generator,
+    folder: Path,
+    grounds: list[Ground],
+) -> DrawnScene:
+    """One scene: of a situation drawn first, on the first map, place and values that make it come to pass."""
+    rejected: Counter[tuple[str, str]] = Counter()
+    left = list(situations)
+    while left:
+        situation = left.pop(weighted([1.0] * len(left), float(rng.random())))
+        for _ in range(MOST_TRIES):
+            draw = Draw(rng)
+            ground = grounds[weighted([1.0] * len(grounds), draw.uniform())]
+            try:
+                return _try_scene(name, situation, ground, draw, folder, rejected)
+            except RejectedDraw as reason:
+                rejected[(situation.name, str(reason))] += 1
+        rejected[(situation.name, "given up: no map has room for it")] += 1
+    raise ScenarioError(f"{name}: no situation can be placed on {', '.join(g.name for g in grounds)}")
+
+
+def _try_scene(
+    name: str,
+    situation: Situation,
+    ground: Ground,
+    draw: Draw,
+    folder: Path,
+    rejected: Counter[tuple[str, str]],
+) -> DrawnScene:
+    """A scene on a map.
+
+    Raises:
+        RejectedDraw: it would not come to pass.
+    """
+    stage, actors = situation.cast(choose_stage(ground, situation.place, draw), draw)
+    timeline = Timeline(stage)
+    _check(situation, timeline, actors)
+    actors += bystanders(stage, draw, timeline)
+    kmh = round(stage.speed_mps * 3.6, 3)
+    file = folder / f"{name}.xosc"
+    description = f"{situation.name}, {ground.name}, {kmh:g} km/h"
+    file.write_bytes(scene_bytes(stage, f"maps/{ground.name}.xodr", description, actors))
+    proof = unbraked(file)
+    if fault := proof.fault(situation.must):
+        file.unlink()
+        raise RejectedDraw(fault)
+    run = SceneRun(name, description, situation.must, str(file.resolve()), (), kmh)
+    return DrawnScene(run, situation, stage, tuple(actors), draw.values, proof, rejected)
+
+
+def _check(situation: Situation, timeline: Timeline, actors: list[Actor]) -> None:
+    """Reject what the clock shows not to come to pass, before it is run.
+
+    Raises:
+        RejectedDraw: with the reason.
+    """
+    for actor in actors:
+        gap = timeline.gap_m(actor)
+        if situation.must == "nothing" and float(gap.min()) < CLEAR_M:
+            raise RejectedDraw("unbraked the ego passes too near")
+        if situation.must == "brake" and actor.name == "Target" and float(gap.min()) > 0.0:
+            raise RejectedDraw("unbraked the ego touches no road user")
+        if float(gap[0]) < CLEAR_M:
+            raise RejectedDraw("a road user is beside the ego at the start")
+        if not timeline.is_apart(actor):
+            raise RejectedDraw("two road users would touch each other")
+        timeline.add(actor)
+
+
+# ------------------------------------------------------------------------------------------------ manifest
+
+
+def _write_manifest(path: Path, scenes: list[DrawnScene]) -> None:
+    """One row for each scene: what it is, where, how its proof ended, and all that was drawn."""
+    drawn = sorted({name for scene in scenes for name in scene.values})
+    fixed = (
+        "scene", "must", "situation", "map", "road", "lane", "s_m", "place", "speed_kmh", "contact_s",
+        "gap_m", "road_users", "rejected_before",
+    )  # fmt: skip
+    rows = [[*fixed, *drawn]]
+    for scene in scenes:
+        stage, proof = scene.stage, scene.proof
+        road, lane, s_m = stage.place_at(stage.line_m)
+        contact = f"{proof.contact_s:.3f}" if proof.entity else ""
+        gap = "" if proof.entity else f"{proof.gap_m:.3f}"
+        values = [_cell(scene.values.get(name, "")) for name in drawn]
+        rows.append(
+            [
+                scene.run.scene, scene.run.must, scene.situation.name, stage.ground.name, road, str(lane),
+                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, gap, str(len(scene.actors)),
+                str(sum(scene.rejected.values())), *values,
+            ]
+        )  # fmt: skip
+    _write_rows(path, rows)
+
+
+def _cell(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _write_rejected(path: Path, scenes: list[DrawnScene]) -> None:
+    """How many draws were rejected, by kind, situation and reason."""
+    counts: Counter[tuple[str, str, str]] = Counter()
+    for scene in scenes:
+        for (situation, reason), number in scene.rejected.items():
+            counts[(scene.run.must, situation, reason)] += number
+    rows = [["must", "situation", "reason", "draws"]]
+    rows += [[*key, str(number)] for key, number in sorted(counts.items())]
+    _write_rows(path, rows)
+
+
+def _write_rows(path: Path, rows: list[list[str]]) -> None:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    path.write_text(text.getvalue(), encoding="utf-8", newline="\n")

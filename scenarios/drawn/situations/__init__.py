@@ -1,0 +1,1 @@
+"""What drawn scenes are about, and who takes part."""

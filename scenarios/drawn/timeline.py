@@ -1,0 +1,62 @@
+"""Who comes how near to whom if the ego does not brake: all ways and speeds laid over one clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarios.drawn.actors import EGO, Actor
+from scenarios.drawn.stage import Stage
+from smartmot.geometry import signed_gap
+from smartmot.types import FloatArray
+
+STEP_S = 0.04
+RUN_OUT_M = 15.0
+"""A scene ends when the middle of the ego is that far behind the line."""
+CLEAR_M = 0.3
+"""Least distance of the unbraked ego to everybody whom it does not have to brake for (assumed)."""
+APART_M = 0.1
+"""Least distance of the others to each other."""
+_EVERY = 3
+
+
+class Timeline:
+    """The unbraked ego and all others at instants of a scene.
+
+    Args:
+        stage: where.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        end_s = stage.lead_s + RUN_OUT_M / stage.speed_mps
+        self.time_s = np.arange(0.0, end_s + STEP_S, STEP_S)
+        self._ego = stage.route.poses(stage.start_m + stage.speed_mps * self.time_s)
+        self._others: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+
+    @property
+    def end_s(self) -> float:
+        """When the scene ends."""
+        return float(self.time_s[-1])
+
+    def gap_m(self, actor: Actor) -> FloatArray:
+        """(T,) distances of an actor's outline from the ego's, negative where they overlap."""
+        center, yaw = actor.poses(self.time_s)
+        ego = np.array([EGO.length_m, EGO.width_m])
+        return signed_gap(self._ego[0], ego, self._ego[1], center, _size(actor), yaw)
+
+    def is_apart(self, actor: Actor) -> bool:
+        """Whether an actor stays away from all that have been added."""
+        if not self._others:
+            return True
+        center, yaw = actor.poses(self.time_s[::_EVERY])
+        others = [np.stack(column) for column in zip(*self._others, strict=True)]
+        gaps = signed_gap(others[0], others[2][:, None, :], others[1], center, _size(actor), yaw)
+        return bool((gaps > APART_M).all())
+
+    def add(self, actor: Actor) -> None:
+        """Note an actor for `is_apart`."""
+        center, yaw = actor.poses(self.time_s[::_EVERY])
+        self._others.append((center, yaw, _size(actor)))
+
+
+def _size(actor: Actor) -> FloatArray:
+    return np.array([actor.box.length_m, actor.box.width_m])
