@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from evaluation.protocols.assessment import (
     Assessment,
     BlockScore,
-    CellScore,
     Gate,
     Protocol,
     Total,
-    cell_score,
     impact_text,
     invalid_notes,
     score_block,
@@ -35,7 +33,7 @@ from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2026.grid import Criterion, ScoredBlock, blocks
 from evaluation.protocols.euroncap_2026.requirements import gates, requirement_cells, requirement_matrix
 from evaluation.protocols.euroncap_2026.verification import Verification
-from evaluation.protocols.grid import Block, Cell, Function, Layer, Measurement, Row, layer_cells
+from evaluation.protocols.grid import Block, Cell, Function, Layer, Measurement, Row, layer_cells, matrix
 from evaluation.protocols.marks import MARKS
 from evaluation.protocols.robustness import (
     CONDITIONS,
@@ -107,12 +105,7 @@ class EuroNcap2026(Protocol):
 
     def conditions(self) -> dict[Cell, tuple[tuple[Condition, Cell], ...]]:
         """The robustness conditions of every standard cell by day, with the cells that they make of it."""
-        return {
-            base: conditioned(scored.block.scenario, base)
-            for scored in self.scored_blocks
-            if scored.points.robustness
-            for base in layer_cells(scored.block, Layer.STANDARD)
-        }
+        return {base: pairs for scored in self.scored_blocks for base, pairs in _conditioned(scored).items()}
 
     def requirement_cells(self) -> tuple[Cell, ...]:
         """Runs for the general requirements only."""
@@ -176,13 +169,14 @@ class EuroNcap2026(Protocol):
             for cell in block.block.cells
             if cell in valid
         }
-        held = self._layers(scored, results, colours)
+        held = self._held(scored, results, colours)
+        layers = _layers(scored, results, held)
         tested = gates(self.cells(), results, colours)
         open_gates = all(gate.passed is not False for gate in tested)
         done = []
         points: list[tuple[ScoredBlock, float]] = []
         for block in scored:
-            totals = _block_totals(block, colours, checked.get(block.block.name), held)
+            totals = _block_totals(block, colours, checked.get(block.block.name), layers)
             points.append((block, sum(total.won for total in totals)))
             shown = totals if open_gates else _shut(totals)
             done.append(
@@ -191,7 +185,7 @@ class EuroNcap2026(Protocol):
                 )
             )
         sums = _sums(points)
-        conditions = list(filter(None, (self._conditions(block, results, colours) for block in scored)))
+        conditions = [matrix for block in scored for matrix in self._conditions(block, results, held)]
         return Assessment(
             self.title,
             (*done, *conditions, *requirement_matrix(results)),
@@ -207,78 +201,21 @@ class EuroNcap2026(Protocol):
             "relative impact speed in km/h; FCW: time to collision at the warning; head-on: speed reduction",
         )
 
-    def _layers(
+    def _held(
         self,
         scored: Iterable[ScoredBlock],
         results: Mapping[Cell, Measurement],
         colours: Mapping[Cell, Colour],
-    ) -> dict[str, int]:
-        """How many layers hold in each scenario: with all of their conditions, in every standard cell run.
-
-        An invalid run is as one that is missing.
-        """
-        outcomes: dict[str, dict[str, bool]] = {}
-        partner: dict[str, str] = {}
-        incomplete: set[tuple[str, str]] = set()
-        for block in scored:
-            if not block.points.robustness:
-                continue
-            scenario = block.block.scenario
-            partner[scenario] = block.partner
-            layers = outcomes.setdefault(scenario, {})
-            for base in layer_cells(block.block, Layer.STANDARD):
-                for condition, cell in conditioned(scenario, base):
-                    if any(cell in results and results[cell].invalid for cell in (base, cell)):
-                        incomplete.add((scenario, condition.layer))
-                    elif cell in results:
-                        holds = self._holds(block, base, cell, condition.bar, results, colours)
-                        layers[condition.layer] = layers.get(condition.layer, True) and holds
-                    elif base in colours:
-                        incomplete.add((scenario, condition.layer))
-        failed = failed_everywhere(outcomes, partner)
-        return {
-            scenario: sum((scenario, layer) not in incomplete for layer in set(layers) - failed[scenario])
-            for scenario, layers in outcomes.items()
-        }
-
-    def _conditions(
-        self, block: ScoredBlock, results: Mapping[Cell, Measurement], colours: Mapping[Cell, Colour]
-    ) -> BlockScore | None:
-        """Standard cells under robustness conditions as a matrix, condition by speed; None: none was run."""
-        grid, scenario = block.block, block.block.scenario
-        if not block.points.robustness:
-            return None
-        rows: list[Row] = []
-        scores: dict[Cell, CellScore] = {}
+    ) -> dict[Cell, bool]:
+        """Whether each valid cell under a robustness condition, of a valid base, reaches what is asked."""
         invalid = {cell for cell, measured in results.items() if measured.invalid}
-        lines = [
-            row for row in grid.rows if any(c is not None and c.layer is Layer.STANDARD for c in row.cells)
-        ]
-        for number, condition in enumerate(CONDITIONS.get(scenario, ())):
-            for column, label in enumerate(grid.columns):
-                cells: list[Cell | None] = []
-                for line in lines:
-                    base = line.cells[column]
-                    if base is None or base.layer is not Layer.STANDARD:
-                        cells.append(None)
-                        continue
-                    cell = conditioned(scenario, base)[number][1]
-                    cells.append(cell)
-                    score = cell_score(
-                        cell, results, lambda c, run: MARKS[self.colour(block, c, run)], partial(_text, block)
-                    )
-                    if cell in results and not results[cell].invalid and base not in invalid:
-                        holds = self._holds(block, base, cell, condition.bar, results, colours)
-                        score = score if holds else replace(score, text=f"{score.text}!")
-                    scores[cell] = score
-                if any(cells):
-                    rows.append(Row(f"{condition.change}, {label}", tuple(cells)))
-        if not any(cell in results for cell in scores):
-            return None
-        labels = tuple(line.label for line in lines)
-        header = f"condition, {grid.column_header}"
-        matrix = Block(f"{grid.name}, robustness", scenario, header, grid.row_header, labels, tuple(rows))
-        return BlockScore(matrix, scores, ())
+        return {
+            cell: self._holds(block, base, cell, condition.bar, results, colours)
+            for block in scored
+            for base, pairs in _conditioned(block).items()
+            for condition, cell in pairs
+            if cell in results and not {base, cell} & invalid
+        }
 
     def _holds(
         self,
@@ -300,6 +237,71 @@ class EuroNcap2026(Protocol):
         return block.criterion_of(base) is Criterion.IMPACT_SPEED and within_tolerance(
             base.speed_kmh, colours[base], impact, self.version
         )
+
+    def _conditions(
+        self, block: ScoredBlock, results: Mapping[Cell, Measurement], held: Mapping[Cell, bool]
+    ) -> Iterator[BlockScore]:
+        """Standard cells under robustness conditions as a matrix, condition by speed, if any was run."""
+        grid, scenario, under = block.block, block.block.scenario, _conditioned(block)
+        places = {
+            f"{condition.change}, {label}": (number, column)
+            for number, condition in enumerate(CONDITIONS.get(scenario, ()))
+            for column, label in enumerate(grid.columns)
+        }
+        lines = {row.label: row for row in grid.rows if any(cell in under for cell in row.cells)}
+
+        def cell_of(place: tuple[int, int], line: Row) -> Cell | None:
+            number, column = place
+            base = line.cells[column]
+            return under[base][number][1] if base in under else None
+
+        name, headers = f"{grid.name}, robustness", (f"condition, {grid.column_header}", grid.row_header)
+        whole = matrix(name, headers, places, lines, cell_of, scenario)
+        shown = replace(whole, rows=tuple(row for row in whole.rows if any(row.cells)))
+        if not any(cell in results for cell in shown.cells):
+            return
+        score = score_block(
+            shown, results, lambda c, run: MARKS[self.colour(block, c, run)], (), partial(_text, block)
+        )
+        failed = {
+            cell: replace(outcome, text=f"{outcome.text}!")
+            for cell, outcome in score.scores.items()
+            if held.get(cell) is False
+        }
+        yield replace(score, scores={**score.scores, **failed})
+
+
+def _conditioned(block: ScoredBlock) -> dict[Cell, tuple[tuple[Condition, Cell], ...]]:
+    """The conditions of each standard cell, with the cells that they make; none without points for them."""
+    standard = layer_cells(block.block, Layer.STANDARD) if block.points.robustness else ()
+    return {base: conditioned(block.block.scenario, base) for base in standard}
+
+
+def _layers(
+    scored: Iterable[ScoredBlock], results: Mapping[Cell, Measurement], held: Mapping[Cell, bool]
+) -> dict[str, int]:
+    """How many layers hold in each scenario: with all of their conditions, in every standard cell run.
+
+    An invalid run is as one that is missing.
+    """
+    outcomes: dict[str, dict[str, bool]] = {}
+    partner: dict[str, str] = {}
+    incomplete: set[tuple[str, str]] = set()
+    for block in scored:
+        scenario = block.block.scenario
+        partner[scenario] = block.partner
+        layers = outcomes.setdefault(scenario, {})
+        for base, pairs in _conditioned(block).items():
+            for condition, cell in pairs:
+                if cell in held:
+                    layers[condition.layer] = layers.get(condition.layer, True) and held[cell]
+                elif base in results or cell in results:
+                    incomplete.add((scenario, condition.layer))
+    failed = failed_everywhere(outcomes, partner)
+    return {
+        scenario: sum((scenario, layer) not in incomplete for layer in set(layers) - failed[scenario])
+        for scenario, layers in outcomes.items()
+    }
 
 
 def _block_totals(
