@@ -60,13 +60,15 @@ def refuse_impossible_lanes(geometry: NetworkGeometry) -> None:
 
 def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWarning]:
     """Yield what is wrong with reference lines and widths of lanes."""
-    ends = curves.evaluate_pieces(np.arange(len(curves.road)), curves.start_m + curves.length_m)
+    every, end_m = np.arange(len(curves.road)), curves.start_m + curves.length_m
+    starts, ends = curves.evaluate_pieces(every, curves.start_m), curves.evaluate_pieces(every, end_m)
     same_road = curves.road[1:] == curves.road[:-1]
     gap_m = np.hypot(ends.x_m[:-1] - curves.x_m[1:], ends.y_m[:-1] - curves.y_m[1:])
-    turn_rad = wrapped(_start_heading(curves)[1:] - ends.heading_rad[:-1])
-    apart_m = curves.start_m[1:] - (curves.start_m + curves.length_m)[:-1]
+    # a cubic may start at an angle to its own frame
+    turn_rad = wrapped(starts.heading_rad[1:] - ends.heading_rad[:-1])
+    apart_m = curves.start_m[1:] - end_m[:-1]
     last = np.append(~same_road, True)
-    excess_m = curves.start_m + curves.length_m - np.array([road.length_m for road in roads])[curves.road]
+    excess_m = end_m - np.array([road.length_m for road in roads])[curves.road]
     cubic = np.flatnonzero(curves.kind == CUBIC)
     short_m = np.zeros(len(curves.road))
     short_m[cubic] = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
@@ -95,11 +97,6 @@ def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWar
         message = f"the line ends {excess_m[piece]:+.3g} m past the road's length; the road's length holds"
         yield _at(roads, curves, piece, message, WarningKind.ROAD_LENGTH, curves.start_m[piece])
     yield from _width_warnings(roads)
-
-
-def _start_heading(curves: CurveTable) -> FloatArray:
-    """Return the heading at the start of each piece; a cubic may start at an angle to its own frame."""
-    return curves.evaluate_pieces(np.arange(len(curves.road)), curves.start_m).heading_rad
 
 
 def _at(

@@ -77,7 +77,7 @@ def make_sheet(assessments: Mapping[str, Assessment], scenarios: Collection[str]
         protocol=title,
         panels=panels,
         totals={name: _totals(assessment, scenarios) for name, assessment in assessments.items()},
-        marks=tuple(sorted(marks, key=_legend_rank)),
+        marks=tuple(sorted(marks, key=lambda mark: _LEGEND.index(mark.letter))),
         extended=any(cell.layer is Layer.EXTENDED for cell, _ in cells),
         unit=first.unit,
         gates={
@@ -100,10 +100,6 @@ def gate_line(failed: tuple[str, ...]) -> str:
 
 
 _LEGEND = ("G", "A", "P", "Y", "O", "B", "C", "F", "N", "R", "FA", "×", "?", "–")
-
-
-def _legend_rank(mark: Mark) -> int:
-    return _LEGEND.index(mark.letter)
 
 
 def _chosen(assessment: Assessment, scenarios: Collection[str]) -> tuple[BlockScore, ...]:

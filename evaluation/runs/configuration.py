@@ -21,12 +21,12 @@ from evaluation.results.files import RUNS_JSON, SCHEMA, ResultsError
 from evaluation.runs.decoding import NO_LIMIT, decode, decoded_spec, is_scalar, list_of, object_of, texts_of
 from evaluation.runs.fingerprint import file_digest, file_digests, library_versions, map_file, version
 from evaluation.runs.first_version import read_first
+from evaluation.runs.specs import preset_text
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
 from scenarios.catalogue.maps import SHIPPED_MAPS
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.presets import Preset, preset_at_night
 from scenarios.reading import ReadError, read_json, shown
-from scenarios.settings import settings_text
 from scenarios.spec import RunSpec, definition_of, perception_map, preset_of
 from scenarios.weather import is_night, named_light, named_weather
 from smartmot.plugins import plugin
@@ -145,7 +145,7 @@ def files_of(spec: RunSpec, definition: ScenarioDefinition) -> list[Path]:
 
 def _named(presets: dict[str, Preset], spec: RunSpec, preset: Preset) -> str:
     """Name of a run's preset in the table of presets, where equal ones stand once."""
-    text = " ".join(filter(None, (spec.preset, spec.weather, settings_text(spec.settings))))
+    text = preset_text(spec)
     name, number = text, 1
     while presets.setdefault(name, preset) != preset:
         number += 1

@@ -9,13 +9,13 @@ from typing import Any
 
 from evaluation.runs.cpna import cpna_runs
 from evaluation.runs.decoding import decode, decoded_spec, is_scalar, list_of, object_of
+from evaluation.runs.specs import preset_text
 from scenarios.catalogue.cpna import CpnaTest, find_site
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
 from scenarios.catalogue.maps import DEFAULT_MAP, SHIPPED_MAPS
 from scenarios.places import Place
 from scenarios.presets import Preset
 from scenarios.reading import ReadError, shown
-from scenarios.settings import settings_text
 from scenarios.spec import RunSpec, load_named_map
 
 
@@ -42,16 +42,12 @@ def read_first(
     else:
         listed = enumerate(list_of(configuration.get("specs"), "specs"))
         specs = [decoded_spec(object_of(values, "specs"), f"specs[{k}]", True) for k, values in listed]
-        runs = [(_beside_folder(spec, directory), _preset_name(spec)) for spec in specs]
+        runs = [(_beside_folder(spec, directory), preset_text(spec)) for spec in specs]
         published = False
     for _, name in runs:
         if name not in presets:
             raise ReadError(f"presets has no {shown(name)}")
     return [(spec, presets[name]) for spec, name in runs], published
-
-
-def _preset_name(spec: RunSpec) -> str:
-    return " ".join(filter(None, (spec.preset, spec.weather, settings_text(spec.settings))))
 
 
 def _beside_folder(spec: RunSpec, directory: Path) -> RunSpec:

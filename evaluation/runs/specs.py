@@ -10,7 +10,7 @@ from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.presets import named_preset
-from scenarios.settings import Settings, preset_with
+from scenarios.settings import Settings, preset_with, settings_text
 from scenarios.spec import (
     NO_AEB,
     RunSpec,
@@ -74,6 +74,11 @@ def bare_run(
 ) -> RunSpec:
     """A run that has no conditions yet; see `RunSpec`."""
     return RunSpec(scenario, file, tuple(sorted(parameters.items())), "", "", "", v_test_kmh, must=must)
+
+
+def preset_text(spec: RunSpec) -> str:
+    """Preset, weather and settings of a run in words, by which `runs.json` names the preset."""
+    return " ".join(filter(None, (spec.preset, spec.weather, settings_text(spec.settings))))
 
 
 def scenario_specs(name: str, parameters: Mapping[str, Value], conditions: Conditions) -> list[RunSpec]:

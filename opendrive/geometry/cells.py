@@ -334,18 +334,15 @@ def _cubic_cells(curves: CurveTable, piece: IntArray, low_m: FloatArray, high_m:
     row, start = curves.cubic[piece], curves.start_m[piece]
     q = curves.cubics.parameter(row, low_m - start)
     dq = curves.cubics.parameter(row, high_m - start) - q
-    local = np.stack([_restarted(k[row], q, dq) for k in (curves.cubics.u, curves.cubics.v)], axis=1)
+    # over r, with q + r dq in place of q
+    powers = np.stack([np.ones_like(dq), dq, dq**2, dq**3], axis=1)
+    local = np.stack([restarted(k[row], q) * powers for k in (curves.cubics.u, curves.cubics.v)], axis=1)
     local[:, :, 0] = 0.0
     poses = curves.evaluate_pieces(piece, low_m)
     turn = poses.heading_rad - curves.heading_rad[piece]
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     u, v = local[:, 0], local[:, 1]
     return np.stack([cos * u + sin * v, cos * v - sin * u], axis=1)
-
-
-def _restarted(k: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
-    """Return the coefficients (H, 4) over r of cubics over q + r dq."""
-    return restarted(k, q) * np.stack([np.ones_like(dq), dq, dq**2, dq**3], axis=1)
 
 
 def _cubic_bounds(

@@ -182,7 +182,7 @@ class Values:
                 self.warn(
                     WarningKind.UNKNOWN_ELEMENT, element, f"<{tag:.80}> is kept, but has no meaning here"
                 )
-            texts.append(xml_of(element))
+            texts.append(etree.tostring(element, encoding="unicode", with_tail=False))
         return tuple(texts)
 
 
@@ -190,11 +190,6 @@ class Values:
 def empty_table(columns: int) -> FloatArray:
     """Return a table without rows, the same one each time."""
     return read_only(np.empty((0, columns)))
-
-
-def xml_of(element: Element) -> str:
-    """Return the XML text of an element."""
-    return etree.tostring(element, encoding="unicode", with_tail=False)
 
 
 def children(element: Element | None, tag: str) -> list[Element]:

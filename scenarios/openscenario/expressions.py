@@ -141,10 +141,5 @@ def _value(node: ast.expr, parameters: Callable[[str], Value]) -> Value:
             if len(args) != count:
                 raise ExpressionError(f"{name} takes {count} argument(s), got {len(args)}")
             return float(function(*(_number(_value(part, parameters)) for part in args)))
-    raise ExpressionError(
-        f"'{_source(node)}' is no operator, function or constant of OpenSCENARIO expressions"
-    )
-
-
-def _source(node: ast.expr) -> str:
-    return ast.unparse(node).replace(_PREFIX, "$")
+    source = ast.unparse(node).replace(_PREFIX, "$")
+    raise ExpressionError(f"'{source}' is no operator, function or constant of OpenSCENARIO expressions")

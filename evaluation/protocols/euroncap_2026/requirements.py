@@ -67,7 +67,12 @@ def gates(
             f"by {cell.lighting}"
         )
         tested.append(Gate(_named(name, slow, results), _all([_slowed(c, results[c]) for c in slow])))
-    rear = [cell for cell in cells if _is_gate_of_rear(cell)]
+    rear = [
+        cell
+        for cell in cells
+        if (cell.scenario, cell.layer) == ("CCRs", Layer.STANDARD)
+        and cell.speed_kmh <= _REAR_AVOIDED_UP_TO_KMH
+    ]
     driven = [cell for cell in rear if cell in results]
     green = all(colours.get(cell) is Colour.GREEN for cell in driven)
     passed = green if driven and (not green or len(driven) == len(rear)) else None
@@ -101,12 +106,6 @@ def _slowed(cell: Cell, measured: Measurement) -> bool:
     if reduction is None:
         reduction = cell.speed_kmh - measured.impact_speed_kmh
     return round_half_up(reduction) >= _SLOWED_KMH
-
-
-def _is_gate_of_rear(cell: Cell) -> bool:
-    return (
-        cell.scenario == "CCRs" and cell.layer is Layer.STANDARD and cell.speed_kmh <= _REAR_AVOIDED_UP_TO_KMH
-    )
 
 
 def _named(name: str, driven: Iterable[Cell], results: Mapping[Cell, Measurement]) -> str:

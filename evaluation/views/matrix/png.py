@@ -40,7 +40,7 @@ def matrix_figure(sheet: Sheet) -> Figure:
         _NARROWEST_IN,
         *(sum(map(_panel_width, line)) + _MARGIN_IN for all_ in lines.values() for line in all_),
     )
-    foot = _foot(sheet, width)
+    foot = _wrapped(f"Cells: {sheet.unit}.", *sheet.notes, width=width)
     heights = {name: [max(map(_panel_height, line)) for line in all_] for name, all_ in lines.items()}
     notes = {name: _headline(sheet, name, width) for name in lines}
     total = (
@@ -184,10 +184,6 @@ def _headline(sheet: Sheet, name: str, width: float) -> list[str]:
     totals = sheet.totals[name]
     first = f"{name}: {total_line(totals[:1])}" if totals else name
     return [first, *_wrapped(total_line(totals[1:]), gate_line(sheet.gates[name]), width=width)]
-
-
-def _foot(sheet: Sheet, width: float) -> list[str]:
-    return _wrapped(f"Cells: {sheet.unit}.", *sheet.notes, width=width)
 
 
 def _wrapped(*texts: str, width: float) -> list[str]:

@@ -98,10 +98,13 @@ def verdicts(runs: pd.DataFrame, accounts: Mapping[str, Account], titles: Mappin
         accounts: what each came to, by the name of its log.
         titles: how each is called, by the name of its log.
     """
-    return [
-        _verdict(name, _in_order(runs[runs["strategy"] == name]), accounts, titles)
-        for name in ordered_strategies(runs)
-    ]
+    verdicts = []
+    for name in ordered_strategies(runs):
+        own = runs[runs["strategy"] == name]
+        # by speed; scenarios as they were run
+        ordered = own if by_scenario(own) else own.sort_values("v_test_kmh")
+        verdicts.append(_verdict(name, ordered, accounts, titles))
+    return verdicts
 
 
 def _verdict(
@@ -167,11 +170,6 @@ def _rates(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> list[str]:
         if number := sum(account.kind == kind for account in known.values()):
             parts.append(f"{number} run{'s' if number > 1 else ''} {why}, in no rate")
     return parts
-
-
-def _in_order(runs: pd.DataFrame) -> pd.DataFrame:
-    """By speed; scenarios as they were run."""
-    return runs if by_scenario(runs) else runs.sort_values("v_test_kmh")
 
 
 def _of_them(count: int, of: int) -> str:

@@ -97,7 +97,8 @@ def _axis(node: Node) -> list[dict[str, Value]]:
         node.allow(children="ValueSetDistribution")
         sets = node.need("ValueSetDistribution")
         sets.allow(children="ParameterValueSet")
-        axis = [_value_set(child) for child in sets]
+        # the standard's ParameterValueSet is itself a list of assignments
+        axis = [dict(assignments(child)) for child in sets]
         if not axis or any(part.keys() != axis[0].keys() for part in axis):
             raise ContentError(f"{sets.where} needs ParameterValueSets that assign the same parameters")
         return axis
@@ -106,11 +107,6 @@ def _axis(node: Node) -> list[dict[str, Value]]:
     if child.tag == "UserDefinedDistribution":
         raise UnsupportedError(f"{child.where} is not supported; use a DistributionSet or DistributionRange")
     return [{name: value} for value in (_set(child) if child.tag == "DistributionSet" else _range(child))]
-
-
-def _value_set(node: Node) -> dict[str, Value]:
-    # the standard's ParameterValueSet is itself a list of assignments
-    return dict(assignments(node))
 
 
 def _set(node: Node) -> list[Value]:
