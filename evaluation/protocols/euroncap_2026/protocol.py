@@ -256,8 +256,8 @@ class EuroNcap2026(Protocol):
             return under[base][number][1] if base in under else None
 
         name, headers = f"{grid.name}, robustness", (f"condition, {grid.column_header}", grid.row_header)
-        whole = matrix(name, headers, places, lines, cell_of, scenario)
-        shown = replace(whole, rows=tuple(row for row in whole.rows if any(row.cells)))
+        under_all = matrix(name, headers, places, lines, cell_of, scenario)
+        shown = replace(under_all, rows=tuple(row for row in under_all.rows if any(row.cells)))
         if not any(cell in results for cell in shown.cells):
             return
         score = score_block(
