@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,12 +10,15 @@ import _smartmot
 from scenarios.brakes import BrakeConfig
 from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import SensorConfig
+from scenarios.sensors.errors import greatest
 from scenarios.sensors.interfaces import SensorChain
+from scenarios.sensors.measured_errors import REAL_ERRORS
 from scenarios.sensors.sensor import box_chain, observing_chain
 from scenarios.weather import DRY_FRICTION, Light, Weather
 from smartmot.area import MapAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin, require
+from smartmot.tracking.tracker import TrackerConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +32,8 @@ class Preset:
         rectangular, map_area: settings of the two strategies.
         pipeline: settings of tracking, forecast and decision.
         ego_length_m, ego_width_m: outline of the ego.
+        tracker_sigma_m: error of positions that the tracker takes for granted; None: the sensor's. See
+            `pipeline_of`.
         detector: makes a detector or sensors of the user's own from a `SensorConfig` and a seed, in place of
             the shipped sensor; see `sensors_of`.
     """
@@ -40,6 +46,7 @@ class Preset:
     pipeline: PipelineConfig
     ego_length_m: float
     ego_width_m: float
+    tracker_sigma_m: float | None = None
     detector: Plugin | None = None
 
 
@@ -74,7 +81,31 @@ PHYSICAL = Preset(
     ego_width_m=1.8,
 )
 
-PRESETS = {preset.name: preset for preset in (PAPER, PHYSICAL)}
+REAL = replace(
+    PHYSICAL,  # car, brakes and areas
+    name="real",
+    sensor=SensorConfig(
+        # The farthest at which cars were detected often enough to measure their errors; see `REAL_ERRORS`.
+        range_m=60.0,
+        # Where errors are by category and range, these two stand for none: with `sensor_errors=none`, what
+        # cars have at 20 to 30 m.
+        position_sigma_m=0.10,
+        yaw_sigma_rad=math.radians(1.8),
+        min_visible=0.1,  # assumed: what is largely hidden is missed by `REAL_ERRORS`, not by a limit
+        # CenterPoint makes 11 to 13 frames per second (its README), KITTI's LiDAR turns 10 times per second.
+        rate_hz=10.0,
+        # The limit of Waymo's real-time challenge is 70 ms for the detector alone; 30 ms more for the sweep
+        # and its transmission are assumed.
+        latency_s=0.1,
+        errors=REAL_ERRORS,
+    ),
+)
+"""A real detector on the same car."""
+
+PRESETS = {preset.name: preset for preset in (PAPER, PHYSICAL, REAL)}
+
+TYPICAL_RANGE_M = 20.0
+"""Range of the errors that a tracker is set for: where an emergency brake at 50 to 60 km/h decides."""
 
 
 def preset_in_weather(preset: Preset, weather: Weather) -> Preset:
@@ -94,6 +125,39 @@ def preset_at_night(preset: Preset, light: Light) -> Preset:
     if light.range_m is None:
         return preset
     return replace(preset, sensor=replace(preset.sensor, range_m=min(preset.sensor.range_m, light.range_m)))
+
+
+def pipeline_of(preset: Preset) -> PipelineConfig:
+    """Settings of perception with the tracker set for the sensor.
+
+    The tracker's noise of positions and headings is the sensor's at 20 m or its own, whichever is greater: a
+    named configuration keeps what it was published with until the sensor is worse. That of velocities is the
+    sensor's where detections carry one. `Preset.tracker_sigma_m` puts another number in place of the noise of
+    positions, and leaves the others as they are. A tracker of the user's own is left alone.
+    """
+    tracker = preset.pipeline.tracker
+    if not isinstance(tracker, TrackerConfig):
+        return preset.pipeline
+    noise = tracker.filter
+    if preset.tracker_sigma_m is not None:
+        noise = replace(noise, position_sigma_m=preset.tracker_sigma_m)
+    else:
+        position, heading = preset.sensor.noise_at(TYPICAL_RANGE_M)
+        errors = preset.sensor.errors
+        velocity = None if errors is None else errors.velocity_sigma_mps
+        noise = replace(
+            noise,
+            position_sigma_m=greatest(noise.position_sigma_m, position),
+            yaw_sigma_rad=greatest(noise.yaw_sigma_rad, heading),
+            velocity_sigma_mps=noise.velocity_sigma_mps if velocity is None else max(velocity, _LEAST_MPS),
+        )
+    if noise == tracker.filter:
+        return preset.pipeline
+    return replace(preset.pipeline, tracker=replace(tracker, filter=noise))
+
+
+_LEAST_MPS = 1e-3
+"""A filter takes no measurement for exact."""
 
 
 def named_preset(name: str) -> Preset:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from scenarios.presets import Preset
+from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
 from scenarios.strategies import STRATEGIES
 from smartmot.decision.aeb import AebConfig
 from smartmot.forecast import EGO_FORECASTS
@@ -33,6 +34,7 @@ class Parameter:
         of: its value in a preset.
         put: a preset with another value.
         own: whether `package.module:name` of the user's own is possible as well.
+        numeric: whether numbers are possible beside the names.
     """
 
     text: str
@@ -42,6 +44,7 @@ class Parameter:
     of: Callable[[Preset], Setting]
     put: Callable[[Preset, Setting], Preset]
     own: bool = False
+    numeric: bool = False
 
     def changes(self, strategy: str) -> bool:
         """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
@@ -167,6 +170,35 @@ def _put_detector(preset: Preset, value: Setting) -> Preset:
     return preset if value == OF_PRESET else replace(preset, detector=plugin(str(value)))
 
 
+def _sensor_error(text: str, unit: str, name: str) -> Parameter:
+    """The parameter that is one number of the sensor's errors, by its name in `ERROR_NUMBERS`."""
+    number = ERROR_NUMBERS[name]
+    return Parameter(
+        text,
+        unit,
+        STRATEGIES,
+        (),
+        lambda preset: number.of(preset.sensor),
+        lambda preset, v: replace(preset, sensor=number.put(preset.sensor, float(v))),
+    )
+
+
+def _put_errors(preset: Preset, value: Setting) -> Preset:
+    return _with(preset, ("sensor", "errors"), NAMED_ERRORS[str(value)])
+
+
+OF_SENSOR = "sensor"
+"""The tracker goes by the sensor's own noise."""
+
+
+def _tracker_sigma_of(preset: Preset) -> Setting:
+    return OF_SENSOR if preset.tracker_sigma_m is None else preset.tracker_sigma_m
+
+
+def _put_tracker_sigma(preset: Preset, value: Setting) -> Preset:
+    return replace(preset, tracker_sigma_m=None if value == OF_SENSOR else float(value))
+
+
 _MAP, _RECTANGLE = ("map",), ("rectangular",)
 
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
@@ -220,18 +252,55 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True
         ),
         "rule": Parameter("brake rule", "", STRATEGIES, (PAPER_RULE,), _rule_of, _put_rule, own=True),
+        "rate_hz": _number("frames of the sensor per second", "Hz", STRATEGIES, "sensor.rate_hz"),
+        "latency_s": _number("age of the detections", "s", STRATEGIES, "sensor.latency_s"),
+        # The named errors come first: single numbers then replace one of theirs.
+        "sensor_errors": Parameter(
+            "errors of the sensor",
+            "",
+            STRATEGIES,
+            tuple(NAMED_ERRORS),
+            lambda preset: errors_name(preset.sensor),
+            _put_errors,
+        ),
+        "position_sigma_m": _sensor_error("noise of positions along each axis", "m", "position_sigma_m"),
+        "position_bias_m": _sensor_error("bias of positions, away from the ego", "m", "position_bias_m"),
+        "position_correlation_s": _sensor_error(
+            "correlation time of errors of position", "s", "position_correlation_s"
+        ),
+        "heading_sigma_deg": _sensor_error("noise of headings", "degrees", "heading_sigma_deg"),
+        "heading_flip": _sensor_error("headings that point backwards", "", "heading_flip"),
+        "size_sigma": _sensor_error("noise of lengths and widths, relative", "", "size_sigma"),
+        "class_confusion": _sensor_error("objects in a wrong category", "", "class_confusion"),
+        "velocity_sigma_mps": _sensor_error("noise of reported velocities", "m/s", "velocity_sigma_mps"),
+        "miss_rate": _sensor_error("objects that a frame misses", "", "miss_rate"),
+        "miss_persistence": _sensor_error("correlation of misses 0.1 s apart", "", "miss_persistence"),
+        "ghosts_per_frame": _sensor_error(
+            "false cars, pedestrians and cyclists in a frame, each", "", "ghosts_per_frame"
+        ),
+        "tracker_sigma_m": Parameter(
+            "noise of positions that the tracker expects",
+            "m",
+            STRATEGIES,
+            (OF_SENSOR,),
+            _tracker_sigma_of,
+            _put_tracker_sigma,
+            numeric=True,
+        ),
     }
 )
-"""Parameters by name."""
+"""Parameters by name, in the order in which their values are put."""
+
+_ORDER = {name: k for k, name in enumerate(PARAMETERS)}
 
 
 def preset_with(preset: Preset, settings: Settings) -> Preset:
-    """A preset with other values of some parameters.
+    """A preset with other values of some parameters, in whichever order they are given.
 
     Raises:
         smartmot.errors.ConfigError: a value is out of range.
     """
-    for name, value in settings:
+    for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)
     return preset
 

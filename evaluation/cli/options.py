@@ -55,7 +55,10 @@ AllowPlugins = Annotated[
 ]
 PresetName = Annotated[
     str,
-    typer.Option(help="paper: the SmartMOT paper's conditions; physical: brakes and sensor of a real car."),
+    typer.Option(
+        help="paper: the SmartMOT paper's conditions; physical: brakes and sensor of a real car; real: the "
+        "same with the measured errors of a detector."
+    ),
 ]
 WeatherNames = Annotated[
     str, typer.Option(help="dry, wet, rain, snow; several, comma-separated: the score is their mean.")
@@ -257,7 +260,7 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
         parameter = PARAMETERS[name]
         settings: list[Setting] = []
         for part in (part.strip() for part in values.split(",")):
-            if parameter.choices:
+            if parameter.choices and not (parameter.numeric and part not in parameter.choices):
                 settings.append(parse_name(part, parameter.choices, f"--vary {name}", own=parameter.own))
             else:
                 settings += _numbers(name, part)

@@ -1,25 +1,19 @@
-"""The shipped box sensor and its detector: ground truth in, detections with seeded errors out."""
+"""The shipped box sensor: which boxes of the ground truth it makes out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenarios.errors import ScenarioError
+from scenarios.sensors.errors import BoxErrors, SensorErrors, per_category
 from scenarios.sensors.interfaces import Timing
 from scenarios.sensors.world import World
+from smartmot.filters.motion_models import Setting
 from smartmot.geometry import corners, wrap_angle
-from smartmot.types import (
-    NOTHING_DROPPED,
-    BoolArray,
-    Boxes,
-    Detections,
-    EgoState,
-    FloatArray,
-    StrArray,
-    unchecked,
-)
+from smartmot.types import CATEGORIES, BoolArray, Boxes, EgoState, FloatArray, StrArray
 
 _RAYS = 9
 
@@ -39,6 +33,7 @@ class SensorConfig:
         rate_hz: frames per second (paper: 20 Hz).
         phase_s: time of the first frame. At 20 Hz and 60 km/h the ego drives 0.8 m between frames, so the
             phase moves the flag and the impact speed.
+        errors: by category and range, correlated in time, and ghosts; None: the white noise above is all.
     """
 
     range_m: float = 70.0
@@ -50,6 +45,7 @@ class SensorConfig:
     latency_s: float = 0.0
     rate_hz: float = 20.0
     phase_s: float = 0.0
+    errors: SensorErrors | None = None
 
     def __post_init__(self) -> None:
         if not (self.range_m > 0 and self.rate_hz > 0 and 0 < self.fov_rad <= 2 * np.pi):
@@ -59,6 +55,22 @@ class SensorConfig:
             raise ScenarioError("sensor: noise, latency and phase must not be negative")
         if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
             raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
+
+    def noise_at(self, range_m: float) -> tuple[Setting, Setting]:
+        """Root mean square errors at a range: of the centre along each axis, m, and of the heading, rad.
+
+        Each one number, or one for each category. Flips are no part of them.
+        """
+        if self.errors is None:
+            return self.position_sigma_m, self.yaw_sigma_rad
+        position, heading = [], []
+        for name in CATEGORIES:
+            row = self.errors.row_at(name, range_m) or BoxErrors()
+            radial = self.position_sigma_m if row.radial_sigma_m is None else row.radial_sigma_m
+            across = self.position_sigma_m if row.tangential_sigma_m is None else row.tangential_sigma_m
+            position.append(math.sqrt((row.radial_bias_m**2 + radial**2 + across**2) / 2.0))
+            heading.append(self.yaw_sigma_rad if row.yaw_sigma_rad is None else row.yaw_sigma_rad)
+        return per_category(position), per_category(heading)
 
 
 def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
@@ -95,6 +107,9 @@ class BoxMeasurement:
         boxes: N outlines.
         category: (N,) names.
         visible: (N,) in range and in the field of view, and not hidden.
+        ego: pose of the sensor; where it has errors.
+        visible_share: (N,) share of each box that no nearer box hides; where the sensor has errors.
+        velocity_mps: (N, 2) velocities over ground, map frame; where the sensor measures them.
     """
 
     stamp_s: float
@@ -102,6 +117,9 @@ class BoxMeasurement:
     boxes: Boxes
     category: StrArray
     visible: BoolArray
+    ego: EgoState | None = None
+    visible_share: FloatArray | None = None
+    velocity_mps: FloatArray | None = None
 
     @property
     def is_truth(self) -> bool:
@@ -123,28 +141,11 @@ class BoxSensor:
     def measure(self, world: World, ego: EgoState) -> BoxMeasurement:
         """Who is visible from the ego's centre."""
         number = self.timing.number_at(world.time_s)
-        return measured(self.config, number, ego, world.boxes, world.category, world.seen)
-
-
-class BoxDetector:
-    """Reports visible boxes with seeded errors.
-
-    The errors of object i in measurement k are the same whatever else is in the scene or is decided.
-
-    Args:
-        config: noise and probability of detection.
-        seed: of the errors.
-    """
-
-    latency_s = 0.0
-    rate_hz: float | None = None
-
-    def __init__(self, config: SensorConfig, seed: int) -> None:
-        self.config, self.seed = config, seed
-
-    def detect(self, measurement: BoxMeasurement) -> Detections:
-        """Detections of one measurement, stamped with its time."""
-        return detected(self.config, self.seed, measurement)
+        measurement = measured(self.config, number, ego, world.boxes, world.category, world.seen)
+        errors = self.config.errors
+        if errors is None or errors.velocity_sigma_mps is None:
+            return measurement
+        return replace(measurement, velocity_mps=world.velocity_mps)
 
 
 def measured(
@@ -157,6 +158,12 @@ def measured(
 ) -> BoxMeasurement:
     """The measurement of N boxes in which those that are there (None: all) are looked for."""
     n = len(boxes)
+    if config.errors is not None:
+        present = np.ones(n, dtype=np.bool_) if there is None else there
+        share = np.zeros(n)
+        share[present] = visible_share(boxes[present], ego.x_m, ego.y_m)
+        visible = present & _in_view(config, ego, boxes) & (share >= config.min_visible)
+        return BoxMeasurement(ego.stamp_s, number, boxes, category, visible, ego, share)
     if there is None or np.count_nonzero(there) == n:
         visible = _visible(config, ego, boxes)
     else:
@@ -166,33 +173,17 @@ def measured(
 
 
 def _visible(config: SensorConfig, ego: EgoState, boxes: Boxes) -> BoolArray:
-    delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
-    near: BoolArray = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
-    if config.fov_rad < 2 * np.pi:
-        bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
-        near &= np.abs(bearing) <= config.fov_rad / 2
+    near = _in_view(config, ego, boxes)
     if np.count_nonzero(near):
         near &= visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible
     return near
 
 
-def detected(config: SensorConfig, seed: int, measurement: BoxMeasurement) -> Detections:
-    """What is reported of the visible boxes."""
-    boxes, visible = measurement.boxes, measurement.visible
-    if not np.count_nonzero(visible):
-        return Detections.empty(measurement.stamp_s)
-    n = len(boxes)
-    # drawn for all objects, so that who else is visible does not change an object's error
-    rng = np.random.default_rng((seed, measurement.number))
-    noise = rng.standard_normal((n, 3))
-    reported = (visible & (rng.random(n) < config.detection_probability)).nonzero()[0]
-    noise, boxes = noise.take(reported, axis=0), boxes[reported]
-    # true boxes of known categories, with a finite error, need no second check
-    noisy = unchecked(
-        Boxes,
-        boxes.center_m + config.position_sigma_m * noise[:, :2],
-        boxes.size_m,
-        wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
-    )
-    scores, names = np.ones(len(reported)), measurement.category.take(reported)
-    return unchecked(Detections, measurement.stamp_s, noisy, scores, names, None, NOTHING_DROPPED)
+def _in_view(config: SensorConfig, ego: EgoState, boxes: Boxes) -> BoolArray:
+    """(N,) in range and in the field of view."""
+    delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
+    near: BoolArray = np.hypot(delta[:, 0], delta[:, 1]) <= config.range_m
+    if config.fov_rad < 2 * np.pi:
+        bearing = wrap_angle(np.arctan2(delta[:, 1], delta[:, 0]) - ego.yaw_rad)
+        near &= np.abs(bearing) <= config.fov_rad / 2
+    return near

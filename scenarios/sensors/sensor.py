@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from scenarios.sensors.boxes import BoxDetector, BoxMeasurement, BoxSensor, SensorConfig, detected, measured
+from scenarios.sensors.boxes import BoxMeasurement, BoxSensor, SensorConfig, measured
+from scenarios.sensors.detector import BoxDetector, detected, error_process
 from scenarios.sensors.interfaces import SensorChain, Timing, check_detections
 from scenarios.sensors.world import World
 from smartmot.types import BoolArray, Boxes, Detections, EgoState, StrArray
@@ -34,6 +35,7 @@ class Sensor:
 
     def __init__(self, config: SensorConfig, seed: int) -> None:
         self.config, self.seed = config, seed
+        self._process = error_process(config, seed)
 
     def observe(
         self, frame: int, ego: EgoState, boxes: Boxes, category: StrArray, there: BoolArray | None = None
@@ -51,7 +53,7 @@ class Sensor:
             What the sensor reports, stamped with the ego's time.
         """
         measurement = measured(self.config, frame, ego, boxes, category, there)
-        return detected(self.config, self.seed, measurement)
+        return detected(self.config, self.seed, measurement, self._process)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

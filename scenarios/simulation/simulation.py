@@ -37,7 +37,7 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
-from scenarios.presets import Preset, sensors_of
+from scenarios.presets import Preset, pipeline_of, sensors_of
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.suite import Arrival, SensorSuite
 from scenarios.simulation.counts import DetectionCounts
@@ -153,7 +153,7 @@ class Simulation:
         Raises:
             ScenarioError: the simulation has no strategy.
         """
-        config = self._preset.pipeline
+        config = pipeline_of(self._preset)
         if self._truth.backwards:
             area = RectangularArea(self._preset.rectangular, config.braking_distance)
             return Perception(_FixedPipeline(area, config), reversed_course)

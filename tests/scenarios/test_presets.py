@@ -123,7 +123,7 @@ def test_every_weather_names_its_source() -> None:
 def test_unknown_names_are_refused_with_the_known_ones() -> None:
     assert named_preset("paper") is PAPER
     assert named_weather("snow") is WEATHER["snow"]
-    with pytest.raises(ScenarioError, match="unknown preset 'ideal'; use one of: paper, physical"):
+    with pytest.raises(ScenarioError, match="unknown preset 'ideal'; use one of: paper, physical, real"):
         named_preset("ideal")
     with pytest.raises(ScenarioError, match="unknown weather 'hail'; use one of: dry, wet, rain, snow"):
         named_weather("hail")

@@ -41,11 +41,19 @@ def test_twice_the_same() -> None:
         parse_vary(["margin_m=1", "margin_m=2"])
 
 
+SHARES = {"iou_threshold", "miss_rate", "miss_persistence", "heading_flip", "class_confusion"}
+"""Parameters that are at most 1."""
+
+
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_a_value_that_is_put_is_read_back_and_the_preset_keeps_its_own(name: str) -> None:
     parameter = PARAMETERS[name]
-    for value in parameter.choices or (0.5, 2.0 if name != "iou_threshold" else 0.2):
+    for value in parameter.choices or (0.5, 0.25 if name in SHARES else 2.0):
         assert parameter.of(preset_with(PHYSICAL, ((name, value),))) == value
+        assert (
+            preset_with(preset_with(PHYSICAL, ((name, value),)), ((name, parameter.of(PHYSICAL)),))
+            == PHYSICAL
+        )
     usual = parameter.of(PHYSICAL)
     assert preset_with(PHYSICAL, ((name, usual),)) == PHYSICAL
 

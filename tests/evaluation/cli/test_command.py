@@ -347,7 +347,7 @@ MISTAKES = {
         ["cpna", "--strategy", "circle"],
         "--strategy: unknown 'circle'; use one or more of: rectangular",
     ),
-    "preset": (["cpna", "--preset", "ideal"], "--preset: unknown 'ideal'; use one of: paper, physical"),
+    "preset": (["cpna", "--preset", "ideal"], "--preset: unknown 'ideal'; use one of: paper, physical, real"),
     "two presets": (["cpna", "--preset", "paper,physical"], "--preset: unknown 'paper,physical'"),
     "weather": (["cpna", "--weather", "hail"], "--weather: unknown 'hail'; use one or more of: dry"),
     "adversaries": (
