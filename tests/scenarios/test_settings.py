@@ -1,19 +1,24 @@
 """Parameters: what is typed, and what it changes."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from evaluation.cli.options import parse_vary
 from evaluation.errors import ArgumentError
 from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
-from scenarios.presets import PAPER, PHYSICAL
+from scenarios.presets import PAPER, PHYSICAL, REAL, Preset, pipeline_of
 from scenarios.scenes.scenes import choose_scenes
+from scenarios.sensors.variation import ERROR_NUMBERS
 from scenarios.settings import PARAMETERS, preset_with
 from smartmot.decision.aeb import AebConfig
 from smartmot.decision.rules import PaperRule
 from smartmot.errors import ConfigError
+from smartmot.filters.motion_models import PerCategory, table
 from smartmot.plugins import Plugin
+from smartmot.tracking.tracker import TrackerConfig
 
 
 def test_ranges_lists_and_names() -> None:
@@ -50,10 +55,6 @@ def test_a_value_that_is_put_is_read_back_and_the_preset_keeps_its_own(name: str
     parameter = PARAMETERS[name]
     for value in parameter.choices or (0.5, 0.25 if name in SHARES else 2.0):
         assert parameter.of(preset_with(PHYSICAL, ((name, value),))) == value
-        assert (
-            preset_with(preset_with(PHYSICAL, ((name, value),)), ((name, parameter.of(PHYSICAL)),))
-            == PHYSICAL
-        )
     usual = parameter.of(PHYSICAL)
     assert preset_with(PHYSICAL, ((name, usual),)) == PHYSICAL
 
@@ -108,3 +109,76 @@ def test_a_brake_rule_by_name() -> None:
     assert preset_with(own, (("rule", "paper"),)) == PAPER
     assert preset_with(PAPER, (("rule", "paper"),)) is PAPER
     assert replace(own, pipeline=replace(own.pipeline, aeb=AebConfig())) == PAPER
+
+
+# Errors of the sensor
+
+
+@pytest.mark.parametrize("name", ERROR_NUMBERS)
+def test_a_number_of_the_errors_replaces_that_of_any_preset(name: str) -> None:
+    """Also where it is a table; the other errors stay, and the number of the preset puts it back."""
+    value, parameter = 0.375, PARAMETERS[name]
+    for preset in (PHYSICAL, REAL):
+        changed = preset_with(preset, ((name, value),))
+        assert parameter.of(changed) == value
+        assert changed.sensor != preset.sensor
+        for other, number in ERROR_NUMBERS.items():
+            if other != name:
+                np.testing.assert_equal(number.of(changed.sensor), number.of(preset.sensor))
+    usual = parameter.of(PHYSICAL)
+    assert preset_with(preset_with(PHYSICAL, ((name, value),)), ((name, usual),)) == PHYSICAL
+
+
+def test_single_numbers_replace_those_of_the_named_set_in_any_order() -> None:
+    number, named = ("position_sigma_m", 0.2), ("sensor_errors", "real")
+    first, second = preset_with(PHYSICAL, (number, named)), preset_with(PHYSICAL, (named, number))
+    assert first == second
+    assert PARAMETERS["sensor_errors"].of(first) == "varied"
+    assert table(first.sensor.noise_at(10.0)[0]) == pytest.approx(0.2, abs=0.001)  # and a bias of 2 cm
+    assert PARAMETERS["sensor_errors"].of(REAL) == "real"
+    assert preset_with(REAL, (("sensor_errors", "none"),)).sensor.errors is None
+
+
+def position_sigma(preset: Preset) -> object:
+    tracker = pipeline_of(preset).tracker
+    assert isinstance(tracker, TrackerConfig)
+    return tracker.filter.position_sigma_m
+
+
+def test_the_tracker_expects_the_noise_of_the_sensor() -> None:
+    for preset in (PAPER, PHYSICAL):
+        assert pipeline_of(preset) is preset.pipeline
+    assert position_sigma(preset_with(PHYSICAL, (("position_sigma_m", 0.2),))) == 0.2
+    ignorant = preset_with(PHYSICAL, (("position_sigma_m", 0.2), ("tracker_sigma_m", 0.05)))
+    assert pipeline_of(ignorant) == PHYSICAL.pipeline
+    turned = pipeline_of(preset_with(PHYSICAL, (("heading_sigma_deg", 10.0),))).tracker
+    assert isinstance(turned, TrackerConfig)
+    assert turned.filter.yaw_sigma_rad == pytest.approx(math.radians(10.0))
+    fast = pipeline_of(preset_with(PHYSICAL, (("velocity_sigma_mps", 0.3),))).tracker
+    assert isinstance(fast, TrackerConfig)
+    assert fast.filter.velocity_sigma_mps == 0.3
+
+
+def test_the_tracker_expects_what_was_measured_at_20_m() -> None:
+    """Root mean square per axis of bias, radial and tangential error: 0.00, 0.09, 0.08 and -0.02, 0.14, 0.15
+    m."""
+    sigma = position_sigma(REAL)
+    assert isinstance(sigma, PerCategory)
+    assert sigma.car == pytest.approx(math.sqrt((0.09**2 + 0.08**2) / 2))
+    assert sigma.pedestrian == pytest.approx(math.sqrt((0.02**2 + 0.14**2 + 0.15**2) / 2))
+    assert sigma.cyclist == 0.05  # less than what the filter assumes at best
+
+
+def test_a_named_tracker_keeps_its_noise_until_the_sensor_has_more() -> None:
+    for noise, expected in ((0.05, 0.2), (0.2, 0.2), (0.5, 0.5)):
+        settings = (("tracker", "centerpoint"), ("position_sigma_m", noise))
+        assert position_sigma(preset_with(PHYSICAL, settings)) == expected
+    assert position_sigma(preset_with(PHYSICAL, (("tracker", "ab3dmot"), ("tracker_sigma_m", 0.3)))) == 0.3
+    own = preset_with(PHYSICAL, (("tracker", "smartmot:Tracker"), ("position_sigma_m", 0.5)))
+    assert pipeline_of(own) is own.pipeline
+
+
+def test_names_and_numbers_of_one_parameter() -> None:
+    assert parse_vary(["tracker_sigma_m=sensor,0.05,0.2"])["tracker_sigma_m"] == ("sensor", 0.05, 0.2)
+    with pytest.raises(ArgumentError, match="tracker_sigma_m"):
+        parse_vary(["tracker_sigma_m=lidar"])
