@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import _smartmot
@@ -15,7 +15,7 @@ from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.measured_errors import REAL_ERRORS
 from scenarios.sensors.sensor import box_chain, observing_chain
 from scenarios.weather import DRY_FRICTION, Light, Weather
-from smartmot.area import MapAreaConfig, RectangularConfig
+from smartmot.area import MapAreaConfig, PathAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin, require
 from smartmot.tracking.tracker import TrackerConfig
@@ -29,7 +29,7 @@ class Preset:
         name: how the command line calls it.
         brakes: emergency brake on dry road.
         sensor: sensor in clear weather.
-        rectangular, map_area: settings of the two strategies.
+        rectangular, map_area, path_area: settings of the strategies.
         pipeline: settings of tracking, forecast and decision.
         ego_length_m, ego_width_m: outline of the ego.
         tracker_sigma_m: error of positions that the tracker takes for granted; None: the sensor's. See
@@ -48,6 +48,7 @@ class Preset:
     ego_width_m: float
     tracker_sigma_m: float | None = None
     detector: Plugin | None = None
+    path_area: PathAreaConfig = field(default_factory=PathAreaConfig)
 
 
 PAPER = Preset(

@@ -12,6 +12,7 @@ from typing import TypeVar
 from scenarios.presets import Preset
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
 from scenarios.strategies import STRATEGIES
+from smartmot.area import WAYS
 from smartmot.decision.aeb import AebConfig
 from smartmot.forecast import EGO_FORECASTS
 from smartmot.plugins import Plugin, is_plugin, plugin
@@ -35,6 +36,7 @@ class Parameter:
         put: a preset with another value.
         own: whether `package.module:name` of the user's own is possible as well.
         numeric: whether numbers are possible beside the names.
+        old: earlier names of choices, which are still accepted.
     """
 
     text: str
@@ -45,6 +47,7 @@ class Parameter:
     put: Callable[[Preset, Setting], Preset]
     own: bool = False
     numeric: bool = False
+    old: tuple[str, ...] = ()
 
     def changes(self, strategy: str) -> bool:
         """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
@@ -69,6 +72,16 @@ def _number(text: str, unit: str, strategies: tuple[str, ...], field: str) -> Pa
         return float(attrgetter(field)(preset))
 
     return Parameter(text, unit, strategies, (), of, lambda preset, v: _with(preset, path, float(v)))
+
+
+def _choice(text: str, strategies: tuple[str, ...], choices: tuple[str, ...], field: str) -> Parameter:
+    """The parameter that is one name of a preset, by its place in it."""
+    path = field.split(".")
+
+    def of(preset: Preset) -> Setting:
+        return str(attrgetter(field)(preset))
+
+    return Parameter(text, "", strategies, choices, of, lambda preset, v: _with(preset, path, str(v)))
 
 
 _FILTERS = {
@@ -102,12 +115,18 @@ def _put_horizon(preset: Preset, value: Setting) -> Preset:
     return _put_forecast(preset, min_horizon_s=horizon, max_horizon_s=longest)
 
 
-def _reach_of(preset: Preset) -> float:
-    return math.inf if preset.map_area.reach_m is None else preset.map_area.reach_m
+def _limit(text: str, unit: str, strategies: tuple[str, ...], field: str) -> Parameter:
+    """The parameter that is one number of a preset, infinite where the preset has None."""
+    path = field.split(".")
 
+    def of(preset: Preset) -> Setting:
+        limit = attrgetter(field)(preset)
+        return math.inf if limit is None else float(limit)
 
-def _put_reach(preset: Preset, value: Setting) -> Preset:
-    return _with(preset, ("map_area", "reach_m"), None if value == math.inf else float(value))
+    def put(preset: Preset, value: Setting) -> Preset:
+        return _with(preset, path, None if value == math.inf else float(value))
+
+    return Parameter(text, unit, strategies, (), of, put)
 
 
 def _put_length(preset: Preset, value: Setting) -> Preset:
@@ -199,13 +218,14 @@ def _put_tracker_sigma(preset: Preset, value: Setting) -> Preset:
     return replace(preset, tracker_sigma_m=None if value == OF_SENSOR else float(value))
 
 
-_MAP, _RECTANGLE = ("map",), ("rectangular",)
+_MAP, _RECTANGLE, _PATH = ("map",), ("rectangular",), ("path",)
 
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
         "margin_m": _number("VRU margin over the sidewalk", "m", _MAP, "map_area.vru_margin_m"),
         "half_width_m": _number("half width of the rectangle", "m", _RECTANGLE, "rectangular.half_width_m"),
-        "reach_m": Parameter("how far ahead an object may count", "m", _MAP, (), _reach_of, _put_reach),
+        "corridor_m": _limit("half width of the corridor", "m", _PATH, "path_area.half_width_m"),
+        "reach_m": _limit("how far ahead an object may count", "m", _MAP, "map_area.reach_m"),
         "length_m": Parameter(
             "greatest length of the rectangle",
             "m",
@@ -229,11 +249,14 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "ego_forecast": Parameter(
             "forecast of the ego",
             "",
-            _MAP,  # the others do not use the planned path and fall back on the turn rate
+            STRATEGIES,
             EGO_FORECASTS,
             lambda preset: preset.pipeline.forecast.ego,
             lambda preset, v: _put_forecast(preset, ego=str(v)),
+            old=("route",),
         ),
+        "way": _choice("what speed adaptation looks at", STRATEGIES, WAYS, "pipeline.way"),
+        "standing": _choice("which standing objects count", STRATEGIES, WAYS, "pipeline.standing"),
         "filter": Parameter(
             "what the monitored lanes filter",
             "",

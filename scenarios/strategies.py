@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.presets import Preset
-from smartmot.area import EverythingArea, MapArea, MonitoredAreaStrategy, RectangularArea
+from smartmot.area import EverythingArea, MapArea, MonitoredAreaStrategy, PathArea, RectangularArea
 from smartmot.plugins import is_plugin, plugin, require
 
-STRATEGIES = ("rectangular", "map", "all")
+STRATEGIES = ("rectangular", "map", "all", "path")
 """Shipped ones; one of the user's own is named `package.module:name`."""
 
 
@@ -35,6 +35,8 @@ def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStra
         return MapArea(view.network, view.route, preset.map_area)
     if name == "all":
         return EverythingArea()
+    if name == "path":
+        return PathArea(preset.path_area)
     raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")
 
 

@@ -13,6 +13,8 @@ from smartmot.area import (
     MapAreaConfig,
     MonitoredArea,
     MonitoredAreaStrategy,
+    PathArea,
+    PathAreaConfig,
     RectangularArea,
     RectangularConfig,
 )
@@ -72,6 +74,8 @@ __all__ = [
     "MonitoredAreaStrategy",
     "ObjectTracker",
     "PaperRule",
+    "PathArea",
+    "PathAreaConfig",
     "PerCategory",
     "Pipeline",
     "PipelineConfig",

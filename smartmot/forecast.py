@@ -12,7 +12,8 @@ from smartmot.filters.motion_models import ctrv_positions
 from smartmot.path import PlannedPath
 from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
 
-EGO_FORECASTS = ("ctrv", "route")
+EGO_FORECASTS = ("ctrv", "path")
+_OLD_NAMES = {"route": "path"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,9 +21,8 @@ class ForecastConfig:
     """How far and how densely to look ahead.
 
     Args:
-        ego: ctrv (paper): the ego keeps its speed and turn rate; route: it keeps its speed along its planned
-            path, if that is known and the monitored area uses it. Before and in a bend CTRV points across
-            the road.
+        ego: ctrv (paper): the ego keeps its speed and turn rate; path (formerly route): it keeps its speed
+            along its planned path, if that is known. Before and in a bend CTRV points across the road.
         min_horizon_s: shortest horizon (paper: 3 s); it grows to braking distance / speed.
         max_horizon_s: longest horizon, for speeds near zero.
         step_s: spacing of the forecast boxes. The paper draws 4 boxes; 12.5 m apart at 60 km/h they would
@@ -40,6 +40,7 @@ class ForecastConfig:
     max_yaw_rate_radps: float = 1.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "ego", _OLD_NAMES.get(self.ego, self.ego))
         if self.ego not in EGO_FORECASTS:
             raise ConfigError(f"forecast: ego must be one of {', '.join(EGO_FORECASTS)}, got {self.ego!r}")
         if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s < math.inf:

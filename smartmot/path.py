@@ -90,7 +90,11 @@ class PlannedPath:
         foot = np.minimum(np.maximum(along, self._low_m), self._high_m)
         k = np.argmin((along - foot) ** 2 + lateral**2, axis=1)
         rows = np.arange(len(k))
-        return self.station_m[k] + foot[rows, k], lateral[rows, k]
+        foot, offset = foot[rows, k], lateral[rows, k]
+        beyond = along[rows, k] - foot  # outside a corner the nearest point is the corner itself
+        if beyond.any():
+            offset = np.copysign(np.hypot(beyond, offset), offset)
+        return self.station_m[k] + foot, offset
 
     def poses(
         self, station_m: FloatArray, offset_m: float | FloatArray = 0.0

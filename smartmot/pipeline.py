@@ -11,12 +11,14 @@ import numpy as np
 
 import _smartmot
 from smartmot.area import (
+    WAYS,
     MonitoredArea,
     MonitoredAreaStrategy,
     ego_extent,
     is_vulnerable,
     known_path,
     uses_path,
+    with_way,
 )
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
@@ -61,6 +63,12 @@ class PipelineConfig:
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
         filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
             your own are left out while they are outside; the tracker is not told.
+        way: what speed adaptation and the way that must be free look at, one of `smartmot.area.WAYS`: as the
+            monitored area says (paper), the way straight ahead, or along the planned path.
+        standing: which standing objects count, of the same names.
+
+    Raises:
+        ConfigError: a value is outside its range.
     """
 
     tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
@@ -70,8 +78,13 @@ class PipelineConfig:
     iou_threshold: float = IOU_THRESHOLD
     filter_detections: bool = True
     filter_tracks: bool = True
+    way: str = "area"
+    standing: str = "area"
 
     def __post_init__(self) -> None:
+        for name in ("way", "standing"):
+            if getattr(self, name) not in WAYS:
+                raise ConfigError(f"{name} must be one of {', '.join(WAYS)}, got {getattr(self, name)!r}")
         if not 0 <= self.iou_threshold < 1:
             raise ConfigError(f"iou_threshold must lie in [0, 1), got {self.iou_threshold}")
         if not (isinstance(self.aeb, AebConfig) or is_rule(self.aeb) or callable(self.aeb)):
@@ -144,8 +157,7 @@ class Pipeline:
         self.strategy, self.config = strategy, config
         self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
         self._rule = PaperRule(config.aeb) if isinstance(config.aeb, AebConfig) else own_rule(config.aeb)
-        self._uses_path = uses_path(strategy)
-        self._area_along_path = self._uses_path and "path" in signature(strategy.at).parameters
+        self._area_along_path = uses_path(strategy) and "path" in signature(strategy.at).parameters
         # a map's route is planned where the area is made, so that callers need not give it a second time
         self._known_path = known_path(strategy)
 
@@ -183,7 +195,7 @@ class Pipeline:
                 f"pipeline: detections of {detections.stamp_s:g} s are newer than the ego's state of "
                 f"{ego.stamp_s:g} s; give the odometry of now"
             )
-        path = (path or self._known_path) if self._uses_path else None
+        path = path or self._known_path
         area = self._area(ego, path)
         kept = area.kept(detections.boxes, detections.category)
         dropped = config.filter_detections and np.count_nonzero(kept) < len(kept)
@@ -197,7 +209,7 @@ class Pipeline:
         )
         time = forecast_times(horizon, config.forecast.step_s)
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
-        followed = path if config.forecast.ego == "route" else None
+        followed = path if config.forecast.ego == "path" else None
         ego_forecast = forecast_ego_along(ego, followed, time) if followed else forecast_ego(ego, time)
         now = self._assess(area, tracks, forecast, ego_forecast, ego, followed)
         if type(self._rule) is PaperRule:  # one derived from it is the user's: asked and checked as such
@@ -212,9 +224,9 @@ class Pipeline:
 
     def _area(self, ego: EgoState, path: PlannedPath | None) -> MonitoredArea:
         """The monitored area, bent along the planned path where the strategy does that."""
-        if self._area_along_path:
-            return self.strategy.at(ego, path=path)  # type: ignore[call-arg]  # its own parameter
-        return self.strategy.at(ego)
+        along = {"path": path} if self._area_along_path else {}  # a parameter of its own
+        area = self.strategy.at(ego, **along)
+        return with_way(area, ego, path, self.config.way, self.config.standing)
 
     def score_limits(self, tracker: TrackerState | ObjectTracker) -> ScoreLimits | None:
         """Scores that the tracker asks for; None: one of the user's own that tells none."""

@@ -21,7 +21,9 @@ def command(
         str, typer.Argument(help="OpenDRIVE file, or the name of a shipped map.", metavar="FILE.xodr")
     ],
     at: options.At = None,
-    strategy: Annotated[str, typer.Option(help="Monitored area to draw: rectangular, map or all.")] = "map",
+    strategy: Annotated[
+        str, typer.Option(help="Monitored area to draw: rectangular, map, all or path.")
+    ] = "map",
     speed: Annotated[float, typer.Option(min=0, help="Ego speed for the monitored area, km/h.")] = 50.0,
     preset: options.PresetName = "physical",
     png: Annotated[

@@ -16,7 +16,7 @@ from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.places import Place
-    from scenarios.settings import Setting, Settings
+    from scenarios.settings import Parameter, Setting, Settings
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
 DEFAULT_SPEED_STEP_KMH = 10.0
@@ -30,7 +30,7 @@ OUT = "Folder for tables, logs and pictures."
 StrategyNames = Annotated[
     str,
     typer.Option(
-        help="Monitored areas to compare, comma-separated: rectangular, map, all, or your own, "
+        help="Monitored areas to compare, comma-separated: rectangular, map, all, path, or your own, "
         "package.module:name."
     ),
 ]
@@ -261,11 +261,18 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
         settings: list[Setting] = []
         for part in (part.strip() for part in values.split(",")):
             if parameter.choices and not (parameter.numeric and part not in parameter.choices):
-                settings.append(parse_name(part, parameter.choices, f"--vary {name}", own=parameter.own))
+                settings.append(_chosen(name, part, parameter))
             else:
                 settings += _numbers(name, part)
         varied[name] = tuple(dict.fromkeys(settings))
     return varied
+
+
+def _chosen(name: str, text: str, parameter: Parameter) -> str:
+    """One of the names of a parameter; an earlier one stays as it is typed."""
+    if text in parameter.old:
+        return text
+    return parse_name(text, parameter.choices, f"--vary {name}", own=parameter.own)
 
 
 def _numbers(name: str, text: str) -> list[float]:

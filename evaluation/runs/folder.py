@@ -34,6 +34,7 @@ from smartmot.area import (
     MapArea,
     MonitoredArea,
     MonitoredAreaStrategy,
+    PathArea,
     RectangularArea,
 )
 from smartmot.errors import PluginError, SmartMotError
@@ -318,7 +319,7 @@ def _strategy(
             return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
         made = make_strategy(name, preset, view)
-        shipped = type(made) in (RectangularArea, MapArea, EverythingArea)
+        shipped = type(made) in (RectangularArea, MapArea, EverythingArea, PathArea)
         return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:
         return None, f"The monitored area of {name} is not drawn: {error}"

@@ -16,6 +16,7 @@ from scenarios.sources.frames import Frame
 from smartmot.area import MonitoredAreaStrategy, known_path
 from smartmot.maps.follow import route_along
 from smartmot.maps.lane_map import LaneMap
+from smartmot.maps.route import Route
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.tracking.tracker import ScoreLimits
@@ -37,6 +38,37 @@ def map_view(lane_map: LaneMap, path: PlannedPath) -> MapView:
     return MapView(lane_map, route_along(lane_map, path.center_m, ROUTE_AHEAD_M, ROUTE_BEHIND_M))
 
 
+class _FrameView(MapView):
+    """Map and route of a frame, looked for when they are asked for: most areas need neither."""
+
+    __slots__ = ("_frame", "_laid_route")
+    _frame: Frame
+    _laid_route: Route | None
+
+    def __init__(self, frame: Frame) -> None:
+        object.__setattr__(self, "_frame", frame)  # a map view is frozen
+        object.__setattr__(self, "_laid_route", None)
+
+    @property
+    def network(self) -> LaneMap:
+        if self._frame.lane_map is None:
+            raise self._missing()
+        return self._frame.lane_map
+
+    @property
+    def route(self) -> Route:
+        if self._frame.path is None:
+            raise self._missing()
+        route = self._laid_route or map_view(self.network, self._frame.path).route
+        object.__setattr__(self, "_laid_route", route)
+        return route
+
+    def _missing(self) -> ScenarioError:
+        return ScenarioError(
+            f"frame of {self._frame.stamp_s:g} s: this monitored area needs a lane map and a path"
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class AreaPipelines:
     """Makes pipelines around one kind of monitored area.
@@ -53,12 +85,11 @@ class AreaPipelines:
         """The pipeline for the way that the ego is on in a frame.
 
         Raises:
-            ScenarioError: the frame has no map or no path.
-            smartmot.maps.route.RouteError: the path runs on no driving lane of the map.
+            ScenarioError: the area needs a map or a path, and the frame has none.
+            smartmot.maps.route.RouteError: the area needs a route, and the path runs on no driving lane of
+                the map.
         """
-        if frame.lane_map is None or frame.path is None:
-            raise ScenarioError(f"frame of {frame.stamp_s:g} s: a monitored area needs a lane map and a path")
-        return Pipeline(self.strategy(map_view(frame.lane_map, frame.path)), self.config)
+        return Pipeline(self.strategy(_FrameView(frame)), self.config)
 
 
 class Perception:

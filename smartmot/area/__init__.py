@@ -13,9 +13,12 @@ from smartmot.area.monitored import (
     outline_points,
     uses_path,
 )
+from smartmot.area.path import PathArea, PathAreaConfig
 from smartmot.area.rectangle import RectangularArea, RectangularConfig
+from smartmot.area.way import WAYS, with_way
 
 __all__ = [
+    "WAYS",
     "EverythingArea",
     "MapArea",
     "MapAreaConfig",
@@ -23,6 +26,8 @@ __all__ = [
     "MonitoredAreaStrategy",
     "MonitoredLane",
     "MonitoredLanes",
+    "PathArea",
+    "PathAreaConfig",
     "RectangularArea",
     "RectangularConfig",
     "Relevance",
@@ -32,4 +37,5 @@ __all__ = [
     "known_path",
     "outline_points",
     "uses_path",
+    "with_way",
 ]

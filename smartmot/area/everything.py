@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.area.monitored import Relevance, ego_extent, ego_frame
+from smartmot.area.way import WAY_HALF_WIDTH_M
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
 
 
@@ -38,7 +39,7 @@ class EverythingArea:
     """
 
     name = "all"
-    WAY_HALF_WIDTH_M = 1.75
+    WAY_HALF_WIDTH_M = WAY_HALF_WIDTH_M
 
     def at(self, ego: EgoState) -> _Everything:
         """The same answer everywhere."""

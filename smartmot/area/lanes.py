@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.area.monitored import Relevance, ego_extent, is_vulnerable, outline_points
+from smartmot.area.way import PATH_CLEARANCE_M
 from smartmot.decision.braking import overhang_m
 from smartmot.errors import ConfigError
 from smartmot.maps.lane_map import LaneMap, Side
@@ -24,8 +25,6 @@ CURRENT = "current"
 SIDES: tuple[Side, Side] = ("left", "right")
 """Roles of the lanes beside them."""
 
-PATH_CLEARANCE_M = 0.3
-"""Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
 _LEAST_CROSSING_M2 = 0.1
 """Lanes whose surfaces share less only touch, or meet by rounding."""
 _LEAST_M = 0.1

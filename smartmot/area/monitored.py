@@ -62,8 +62,8 @@ class MonitoredArea(Protocol):
 class MonitoredAreaStrategy(Protocol):
     """Makes the area for an ego state.
 
-    It may have `uses_path = True`: then the ego is forecast along its planned path where the settings ask for
-    that, and if `at` has a parameter `path`, it gets the path there (None while it is not known).
+    It may have `uses_path = True`: then, if `at` has a parameter `path`, it gets the planned path there (None
+    while it is not known). Whether the ego is forecast along the path is a setting, the same for all areas.
     """
 
     name: str

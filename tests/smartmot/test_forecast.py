@@ -193,5 +193,5 @@ def test_ego_beside_its_route_keeps_its_offset() -> None:
 
 
 def test_unknown_ego_forecast_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"ego must be one of ctrv, route, got 'magic'"):
+    with pytest.raises(ConfigError, match=r"ego must be one of ctrv, path, got 'magic'"):
         ForecastConfig(ego="magic")

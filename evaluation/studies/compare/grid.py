@@ -20,15 +20,16 @@ PHASE_STEP_S = 0.01
 FRONTIER: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (0.0, 0.5, 1.8, 4.0),
     "half_width_m": (0.9, 2.6, 4.0),
-    "ego_forecast": ("ctrv", "route"),
+    "map:ego_forecast": ("ctrv", "route"),
 }
 """What is varied unless the user says otherwise: the width of each strategy's area (1.8 m is the paper's
-margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the map tells where the ego will go."""
+margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the map tells where the ego will go;
+`route` is the old name of `path`, under which the reference results are kept."""
 
 ABLATION: Mapping[str, tuple[Setting, ...]] = {
     "filter": ("none", "detections", "tracks", "both"),
     "motion": ("cv", "ctrv"),
-    "ego_forecast": ("ctrv", "route"),
+    "map:ego_forecast": ("ctrv", "route"),
     "margin_m": (0.0, 1.0, 1.8, 3.0),
     "iou_threshold": (0.001, 0.01, 0.1),
     "horizon_s": (2.0, 3.0, 5.0),
@@ -64,13 +65,28 @@ def seeded_phase_s(seed: int) -> float:
 
 
 def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) -> tuple[Point, ...]:
-    """Every strategy with every combination of the varied parameters that mean anything for it."""
+    """Every strategy with every combination of the varied parameters that mean anything for it.
+
+    Args:
+        strategies: monitored areas.
+        vary: values by the name of the parameter, or by `strategy:name` where only that strategy is to vary.
+    """
     points: list[Point] = []
     for strategy in strategies:
-        names = [name for name in vary if PARAMETERS[name].changes(strategy)]
-        combinations = itertools.product(*(vary[name] for name in names))
-        points += [Point(strategy, tuple(zip(names, values, strict=True))) for values in combinations]
+        varied = varied_of(strategy, vary)
+        combinations = itertools.product(*varied.values())
+        points += [Point(strategy, tuple(zip(varied, values, strict=True))) for values in combinations]
     return tuple(points)
+
+
+def varied_of(strategy: str, vary: Mapping[str, Sequence[Setting]]) -> dict[str, Sequence[Setting]]:
+    """Values by parameter of those that one strategy varies; see `points_of`."""
+    varied: dict[str, Sequence[Setting]] = {}
+    for key, values in vary.items():
+        only, _, name = key.rpartition(":")
+        if only in ("", strategy) and PARAMETERS[name].changes(strategy):
+            varied[name] = values
+    return varied
 
 
 def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]:
@@ -78,11 +94,9 @@ def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]
     points: list[Point] = []
     for strategy in strategies:
         points.append(Point(strategy))
-        for name, values in ABLATION.items():
-            parameter = PARAMETERS[name]
-            if parameter.changes(strategy):
-                usual = parameter.of(named_preset(preset))
-                points += [Point(strategy, ((name, value),)) for value in values if value != usual]
+        for name, values in varied_of(strategy, ABLATION).items():
+            usual = PARAMETERS[name].of(named_preset(preset))
+            points += [Point(strategy, ((name, value),)) for value in values if value != usual]
     return tuple(points)
 
 

@@ -83,7 +83,8 @@ class SceneStudy(Study[SceneRun, RunMeasures]):
         if self.ablation:
             return ablation_points(self.strategies, self.preset)
         preset = named_preset(self.preset)
-        for name, values in self.vary.items():
+        for key, values in self.vary.items():
+            name = key.rpartition(":")[2]
             for value in values:
                 try:
                     preset_with(preset, ((name, value),))

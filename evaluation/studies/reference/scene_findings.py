@@ -15,7 +15,6 @@ from evaluation.studies.compare.grid import FRONTIER, Point, points_of
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import Summary, scene_table, summaries, summarise
 from evaluation.studies.reference.words import counted, listed
-from scenarios.strategies import STRATEGIES
 
 RECTANGLE = Point("rectangular", (("half_width_m", 2.6),))
 MAP = Point("map", (("margin_m", 1.8), ("ego_forecast", "ctrv")))
@@ -185,7 +184,7 @@ def _text(places: Places, what: str) -> str:
 
 def told_width(runs: Sequence[RunMeasures]) -> list[str]:
     """Which width of each area."""
-    return answer(summaries(runs), points_of(STRATEGIES, FRONTIER))
+    return answer(summaries(runs), points_of(("rectangular", "map", "all"), FRONTIER))
 
 
 def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -> Table:

@@ -96,7 +96,7 @@ def _off_course(frames: LogFrames, frame: int, center_m: FloatArray, setup: RunS
     """Whether the ego was expected off its lane: its forecast keeps the turn rate, a bend does not."""
     if setup.strategy is None or setup.route is None or setup.preset is None:
         return ""
-    if setup.preset.pipeline.forecast.ego == "route" and hasattr(setup.strategy, "route"):
+    if setup.preset.pipeline.forecast.ego == "path":
         return ""
     ego = frames.ego_state(frame)
     forecast = forecast_ego(ego, _AHEAD_S).center_m[0]

@@ -39,6 +39,7 @@ AREA_COLOURS = {
     "cross": VERMILLION,
     "vru_margin": "#b5a500",
     "rectangle": BLUE,
+    "path": BLUE,
     "all": GREY,
 }
 """Colours of the monitored areas by role; where they overlap, the first is seen."""

@@ -66,21 +66,23 @@ def test_the_corridor_bends_with_the_planned_path(named: MonitoredAreaStrategy) 
 
 
 def test_an_area_that_was_made_for_a_route_says_so_by_that_alone() -> None:
-    """As strategies written for version 0.1.0 do; `uses_path = False` overrides it."""
+    """As strategies written for version 0.1.0 do; the ego is forecast along it, whatever the area uses."""
     area = EverythingArea()
     area.route = BEND  # type: ignore[attr-defined]
     assert (uses_path(area), known_path(area)) == (True, BEND)
-    assert last_frame(area, None, "route").ego_forecast.center_m[0, 30] == pytest.approx((38.0, 6.0))
+    for old_or_new in ("route", "path"):
+        frame = last_frame(area, None, old_or_new)
+        assert frame.ego_forecast.center_m[0, 30] == pytest.approx((38.0, 6.0))
     area.uses_path = False  # type: ignore[attr-defined]
-    assert last_frame(area, None, "route").ego_forecast.center_m[0, 30] == pytest.approx((40.0, 0.0))
+    assert not uses_path(area)
+    assert last_frame(area, None, "path").ego_forecast.center_m[0, 30] == pytest.approx((38.0, 6.0))
 
 
-@pytest.mark.parametrize(("make", "follows"), [(CorridorArea, True), (EverythingArea, False)])
-def test_the_ego_is_forecast_along_the_path_only_if_the_strategy_uses_it(
-    make: Callable[[], MonitoredAreaStrategy], follows: bool
+@pytest.mark.parametrize("make", [CorridorArea, EverythingArea])
+def test_the_ego_is_forecast_along_the_path_whatever_the_area(
+    make: Callable[[], MonitoredAreaStrategy],
 ) -> None:
-    """4 s after x = 10 the ego is 20 m round the bend, or straight on at x = 50."""
-    frame = last_frame(make(), BEND, "route")
+    """3 s after x = 10 the ego is 10 m round the bend, or straight on at x = 40."""
     along, straight = (30.0 + 0.8 * 10.0, 0.6 * 10.0), (40.0, 0.0)
-    assert frame.ego_forecast.center_m[0, 30] == pytest.approx(along if follows else straight)
+    assert last_frame(make(), BEND, "path").ego_forecast.center_m[0, 30] == pytest.approx(along)
     assert last_frame(make(), BEND, "ctrv").ego_forecast.center_m[0, 30] == pytest.approx(straight)

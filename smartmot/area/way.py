@@ -1,0 +1,136 @@
+"""The ego's way as a factor of its own: strategies that look at the same way differ in their area alone.
+
+What speed adaptation follows, what keeps the ego from driving on and which standing objects count is part of
+the area's answer in the paper. Here it can be taken from the way straight ahead, or from the planned path,
+for any area.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmot.area.monitored import (
+    MonitoredArea,
+    Relevance,
+    ego_frame,
+    outline_points,
+)
+from smartmot.path import PlannedPath
+from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
+
+OF_AREA, STRAIGHT, ALONG_PATH = "area", "straight", "path"
+WAYS = (OF_AREA, STRAIGHT, ALONG_PATH)
+"""Where the ego's way is taken from: the area's own answer (paper), straight ahead, the planned path."""
+
+WAY_HALF_WIDTH_M = 1.75
+"""Half an urban lane: 3.5 m is the width of the marked lanes on Euro NCAP's roads and junctions."""
+PATH_CLEARANCE_M = 0.3
+"""Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The ego's way ahead: a lane's width for what is followed or waited for, the ego's for what stands.
+
+    Whoever moves, or may, is in the way when the centre is in a lane's width: two cars of 1.8 m touch when
+    their middles are 1.8 m apart, and a person has the lane's border left. What stands and is to be braked
+    for is measured by its outline, against the ego's with some clearance: it will not give way, and a car
+    parked beside the way is passed.
+
+    Args:
+        ego: odometry now.
+        path: the way; None: straight ahead. It is followed beside its middle, as far as the ego is now beside
+            it, as in the forecast of the ego.
+    """
+
+    ego: EgoState
+    path: PlannedPath | None
+
+    def place(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N,) distances ahead along the way and (N,) offsets to its left of points, (N, 2) map frame."""
+        if self.path is None:
+            return ego_frame(points_m, self.ego)
+        station, offset = self.path.place(points_m)
+        ego_station, ego_offset = self.path.project(self.ego.x_m, self.ego.y_m)
+        return station - ego_station, offset - ego_offset
+
+    def points(self, ahead_m: FloatArray, aside_m: float) -> FloatArray:
+        """(K, 2) points beside the way (left positive) at (K,) distances ahead, map frame."""
+        ego = self.ego
+        if self.path is None:
+            c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
+            return np.column_stack((ego.x_m + c * ahead_m - s * aside_m, ego.y_m + s * ahead_m + c * aside_m))
+        station, offset = self.path.project(ego.x_m, ego.y_m)
+        return self.path.poses(station + ahead_m, offset + aside_m)[0]
+
+    def in_lane(self, points_m: FloatArray) -> BoolArray:
+        """(N,) points, (N, 2) map frame, ahead and within a lane's width."""
+        return self._within(points_m, WAY_HALF_WIDTH_M)
+
+    def meets(self, boxes: Boxes) -> BoolArray:
+        """(N,) boxes of whose nine outline points one is ahead, where the ego passes."""
+        clear = self._within(outline_points(boxes), self.ego.width_m / 2 + PATH_CLEARANCE_M)
+        return np.asarray(clear.reshape(-1, 9).any(axis=1), dtype=np.bool_)
+
+    def _within(self, points_m: FloatArray, half_width_m: float) -> BoolArray:
+        ahead, aside = self.place(points_m)
+        return np.asarray((ahead >= 0.0) & (np.abs(aside) <= half_width_m), dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WayArea:
+    """An area whose way, or whose standing objects, are those of another way than its own.
+
+    Args:
+        area: what is kept, and how far objects count.
+        ways: straight ahead, and along the planned path; by name.
+        way: one of `WAYS`: what is on the way and on its lane.
+        standing: one of `WAYS`: which objects are in the route, where that is asked of standing ones.
+    """
+
+    area: MonitoredArea
+    ways: dict[str, Way]
+    way: str
+    standing: str
+
+    def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) what the area keeps."""
+        return self.area.kept(boxes, category)
+
+    def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
+        """As the area says, but for the way and what stands on it; nothing counts out of the area's reach."""
+        of_area = self.area.relevance(boxes, category)
+        in_route, on_way = of_area.in_route, of_area.on_way
+        if self.standing != OF_AREA:
+            in_route = of_area.within_reach & self.ways[self.standing].meets(boxes)
+        if self.way != OF_AREA:
+            on_way = of_area.within_reach & self.ways[self.way].in_lane(boxes.center_m)
+        return unchecked(Relevance, in_route, on_way, of_area.within_reach)
+
+    def on_lane(self, center_m: FloatArray) -> BoolArray:
+        """(N,) points on the lane of the way."""
+        return self.area.on_lane(center_m) if self.way == OF_AREA else self.ways[self.way].in_lane(center_m)
+
+    def polygons(self) -> list[tuple[str, FloatArray]]:
+        """Outlines of the area."""
+        return self.area.polygons()
+
+
+def with_way(
+    area: MonitoredArea, ego: EgoState, path: PlannedPath | None, way: str, standing: str
+) -> MonitoredArea:
+    """An area with the way and the standing objects of a name; see `WayArea`.
+
+    Args:
+        area: the area at this moment.
+        ego: odometry now.
+        path: planned path; None: not known, and the way is straight ahead.
+        way: one of `WAYS`.
+        standing: one of `WAYS`.
+    """
+    if way == standing == OF_AREA:
+        return area
+    return WayArea(area, {STRAIGHT: Way(ego, None), ALONG_PATH: Way(ego, path)}, way, standing)
