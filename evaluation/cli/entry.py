@@ -17,11 +17,10 @@ from evaluation.cli import (
     map,  # noqa: A004 - named after its command
     mot,
     ncap,
-    plot,
-    replay,
-    report,
     reports,
     run,
+    scenes,
+    views,
 )
 from evaluation.cli.output import one_line
 
@@ -46,12 +45,13 @@ app.command("cpna", epilog=cpna.EXAMPLES)(cpna.command)
 app.command("run", epilog=run.EXAMPLES)(run.command)
 app.command("ncap", epilog=ncap.EXAMPLES)(ncap.command)
 app.command("list")(list.command)
-app.command("plot", epilog=plot.EXAMPLES)(plot.command)
-app.command("report", epilog=report.EXAMPLES)(report.command)
-app.command("replay", epilog=replay.EXAMPLES)(replay.command)
+app.command("plot", epilog=views.PLOT_EXAMPLES)(views.plot)
+app.command("report", epilog=views.REPORT_EXAMPLES)(views.report)
+app.command("replay", epilog=views.REPLAY_EXAMPLES)(views.replay)
 app.command("map", epilog=map.EXAMPLES)(map.command)
 app.command("mot", epilog=mot.EXAMPLES)(mot.command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
+app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
 app.command("reports", epilog=reports.EXAMPLES)(reports.command)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -91,6 +92,9 @@ class Motion:
 
 STANDS = Motion()
 
+Stays = Literal["", "on", "off"]
+"""Where a road user keeps to."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actor:
@@ -102,6 +106,7 @@ class Actor:
         way_m: (P, 2) points that its middle goes through, map frame; it heads along them.
         motion: along the way.
         smooth: whether the way bends, so that the file has a smooth curve near its points.
+        stays: over driving or cycle lanes (on), off driving lanes (off), or wherever it goes.
     """
 
     name: str
@@ -109,6 +114,7 @@ class Actor:
     way_m: FloatArray
     motion: Motion = STANDS
     smooth: bool = False
+    stays: Stays = ""
 
     @property
     def box(self) -> Outline:
@@ -127,10 +133,11 @@ class Actor:
         return PlannedPath.through(self.way_m).poses(self.motion.way_m(time_s))
 
 
-def standing(name: str, outline: str, pose: Pose) -> Actor:
-    """An actor that stays where it is."""
+def standing(name: str, outline: str, pose: Pose, stays: Stays = "") -> Actor:
+    """An actor that does not move."""
     ahead = pose.moved(1.0, 0.0)
-    return Actor(name, outline, np.array([[pose.x_m, pose.y_m], [ahead.x_m, ahead.y_m]]))
+    points = np.array([[pose.x_m, pose.y_m], [ahead.x_m, ahead.y_m]])
+    return Actor(name, outline, points, stays=stays)
 
 
 def straight(name: str, outline: str, pose: Pose, motion: Motion, length_m: float = 60.0) -> Actor:

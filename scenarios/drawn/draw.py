@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +11,14 @@ import numpy as np
 from opendrive.errors import OpenDriveError
 from scenarios.drawn.actors import Actor
 from scenarios.drawn.files import scene_bytes
+from scenarios.drawn.manifest import GIVEN_UP, MANIFEST, REJECTED, DrawnScene, write_manifest, write_rejected
 from scenarios.drawn.map_set import MAPS
-from scenarios.drawn.proof import Proof, unbraked
+from scenarios.drawn.proof import unbraked
 from scenarios.drawn.situations.bystanders import bystanders
 from scenarios.drawn.situations.must_brake import MUST_BRAKE
 from scenarios.drawn.situations.must_not import NOTHING
 from scenarios.drawn.situations.situation import Situation
-from scenarios.drawn.stage import Ground, Stage, choose_stage
+from scenarios.drawn.stage import Ground, choose_stage
 from scenarios.drawn.timeline import CLEAR_M, Timeline
 from scenarios.drawn.values import Draw, RejectedDraw, data, weighted
 from scenarios.errors import ScenarioError
@@ -31,34 +29,15 @@ MOST_TRIES = 400
 """Draws of one scene; then another situation is drawn: no map has room for the first."""
 SPLITS = ("train", "test")
 KINDS = {"brake": MUST_BRAKE, "nothing": NOTHING}
-MANIFEST, REJECTED = "manifest.csv", "rejected.csv"
-
-
-@dataclass(frozen=True, slots=True)
-class DrawnScene:
-    """A scene that was drawn, and what its proof has shown.
-
-    Args:
-        run: as the comparison runs it.
-        situation: what it is about.
-        stage: where.
-        actors: all but the ego.
-        values: what was drawn, by name.
-        proof: its unbraked run.
-        rejected: draws before it that were rejected, by reason.
-    """
-
-    run: SceneRun
-    situation: Situation
-    stage: Stage
-    actors: tuple[Actor, ...]
-    values: dict[str, float | str]
-    proof: Proof
-    rejected: Counter[tuple[str, str]] = field(default_factory=Counter)
 
 
 def drawn_scenes(
-    split: str, count: int, seed: int, folder: Path, maps: Path | None = None
+    split: str,
+    count: int,
+    seed: int,
+    folder: Path,
+    maps: Path | None = None,
+    done: Callable[[int, int], object] = lambda drawn, wanted: None,
 ) -> tuple[SceneRun, ...]:
     """Draw scenes, and write each as an OpenSCENARIO file of its own.
 
@@ -71,6 +50,7 @@ def drawn_scenes(
         seed: of the draws.
         folder: to write to; made if it is missing.
         maps: folder of OpenDRIVE files to place them on, in place of the own maps.
+        done: called after each scene with how many of how many there are.
 
     Raises:
         ScenarioError: unknown split, no maps, or no scene of a kind can be placed on them.
@@ -78,9 +58,12 @@ def drawn_scenes(
     folder = Path(folder)
     grounds = grounds_of(split, maps)
     (folder / "maps").mkdir(parents=True, exist_ok=True)
-    scenes = list(draw_all(split, count, seed, folder, grounds))
-    _write_manifest(folder / MANIFEST, scenes)
-    _write_rejected(folder / REJECTED, scenes)
+    scenes: list[DrawnScene] = []
+    for scene in draw_all(split, count, seed, folder, grounds):
+        scenes.append(scene)
+        done(len(scenes), count * len(KINDS))
+    write_manifest(folder / MANIFEST, scenes)
+    write_rejected(folder / REJECTED, scenes)
     return tuple(scene.run for scene in scenes)
 
 
@@ -137,7 +120,7 @@ def _draw_scene(
                 return _try_scene(name, situation, ground, draw, folder, rejected)
             except RejectedDraw as reason:
                 rejected[(situation.name, str(reason))] += 1
-        rejected[(situation.name, "given up: no map has room for it")] += 1
+        rejected[(situation.name, GIVEN_UP)] += 1
     raise ScenarioError(f"{name}: no situation can be placed on {', '.join(g.name for g in grounds)}")
 
 
@@ -184,54 +167,8 @@ def _check(situation: Situation, timeline: Timeline, actors: list[Actor]) -> Non
             raise RejectedDraw("unbraked the ego touches no road user")
         if float(gap[0]) < CLEAR_M:
             raise RejectedDraw("a road user is beside the ego at the start")
+        if not timeline.keeps_to_its_ground(actor):
+            raise RejectedDraw("a person would be in a lane, or a vehicle off its lane")
         if not timeline.is_apart(actor):
             raise RejectedDraw("two road users would touch each other")
         timeline.add(actor)
-
-
-# ------------------------------------------------------------------------------------------------ manifest
-
-
-def _write_manifest(path: Path, scenes: list[DrawnScene]) -> None:
-    """One row for each scene: what it is, where, how its proof ended, and all that was drawn."""
-    drawn = sorted({name for scene in scenes for name in scene.values})
-    fixed = (
-        "scene", "must", "situation", "map", "road", "lane", "s_m", "place", "speed_kmh", "contact_s",
-        "gap_m", "road_users", "rejected_before",
-    )  # fmt: skip
-    rows = [[*fixed, *drawn]]
-    for scene in scenes:
-        stage, proof = scene.stage, scene.proof
-        road, lane, s_m = stage.place_at(stage.line_m)
-        contact = f"{proof.contact_s:.3f}" if proof.entity else ""
-        gap = "" if proof.entity else f"{proof.gap_m:.3f}"
-        values = [_cell(scene.values.get(name, "")) for name in drawn]
-        rows.append(
-            [
-                scene.run.scene, scene.run.must, scene.situation.name, stage.ground.name, road, str(lane),
-                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, gap, str(len(scene.actors)),
-                str(sum(scene.rejected.values())), *values,
-            ]
-        )  # fmt: skip
-    _write_rows(path, rows)
-
-
-def _cell(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def _write_rejected(path: Path, scenes: list[DrawnScene]) -> None:
-    """How many draws were rejected, by kind, situation and reason."""
-    counts: Counter[tuple[str, str, str]] = Counter()
-    for scene in scenes:
-        for (situation, reason), number in scene.rejected.items():
-            counts[(scene.run.must, situation, reason)] += number
-    rows = [["must", "situation", "reason", "draws"]]
-    rows += [[*key, str(number)] for key, number in sorted(counts.items())]
-    _write_rows(path, rows)
-
-
-def _write_rows(path: Path, rows: list[list[str]]) -> None:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    path.write_text(text.getvalue(), encoding="utf-8", newline="\n")

@@ -16,7 +16,8 @@ CLEAR_M = 0.3
 """Least distance of the unbraked ego to everybody whom it does not have to brake for (assumed)."""
 APART_M = 0.1
 """Least distance of the others to each other."""
-_EVERY = 3
+_EVERY, _SPARSE = 3, 10
+_BEHIND_M = 8.0
 
 
 class Timeline:
@@ -29,6 +30,7 @@ class Timeline:
     def __init__(self, stage: Stage) -> None:
         end_s = stage.lead_s + RUN_OUT_M / stage.speed_mps
         self.time_s = np.arange(0.0, end_s + STEP_S, STEP_S)
+        self._stage = stage
         self._ego = stage.route.poses(stage.start_m + stage.speed_mps * self.time_s)
         self._others: list[tuple[FloatArray, FloatArray, FloatArray]] = []
 
@@ -42,6 +44,23 @@ class Timeline:
         center, yaw = actor.poses(self.time_s)
         ego = np.array([EGO.length_m, EGO.width_m])
         return signed_gap(self._ego[0], ego, self._ego[1], center, _size(actor), yaw)
+
+    def keeps_to_its_ground(self, actor: Actor) -> bool:
+        """Whether an actor stays on lanes, or off them, as it is to, as long as it is not behind the ego."""
+        if not actor.stays:
+            return True
+        center = actor.poses(self.time_s[::_SPARSE])[0]
+        ego_m = self._stage.start_m + self._stage.speed_mps * self.time_s[::_SPARSE]
+        ahead = self._stage.route.place(center)[0] > ego_m - _BEHIND_M
+        if not ahead.any():
+            return True
+        network = self._stage.network
+        hits = network.locate(center[ahead])
+        kinds = ("driving", "biking") if actor.stays == "on" else ("driving",)
+        on = np.isin(np.asarray(network.lanes.lane_type)[hits.lane], kinds)
+        covered = np.zeros(int(ahead.sum()), dtype=bool)
+        covered[hits.point[on]] = True
+        return bool(covered.all() if actor.stays == "on" else not covered.any())
 
     def is_apart(self, actor: Actor) -> bool:
         """Whether an actor stays away from all that have been added."""

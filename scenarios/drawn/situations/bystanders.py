@@ -10,6 +10,7 @@ from scenarios.drawn.situations.vehicles import parking_middle_m
 from scenarios.drawn.stage import Stage
 from scenarios.drawn.timeline import CLEAR_M, Timeline
 from scenarios.drawn.values import Draw, RejectedDraw, law
+from scenarios.openscenario.motion.paths import Pose
 
 MOST = 6
 TRIES = 8
@@ -34,7 +35,8 @@ def bystanders(stage: Stage, draw: Draw, timeline: Timeline) -> list[Actor]:
                 actor = _bystander(stage, draw, f"Bystander {number}", timeline.end_s)
             except RejectedDraw:
                 continue
-            if timeline.gap_m(actor).min() > CLEAR_M and timeline.is_apart(actor):
+            fits = timeline.gap_m(actor).min() > CLEAR_M and timeline.keeps_to_its_ground(actor)
+            if fits and timeline.is_apart(actor):
                 timeline.add(actor)
                 actors.append(actor)
                 break
@@ -43,41 +45,47 @@ def bystanders(stage: Stage, draw: Draw, timeline: Timeline) -> list[Actor]:
 
 
 def _bystander(stage: Stage, draw: Draw, name: str, end_s: float) -> Actor:
+    """One bystander; what is drawn for it is not noted.
+
+    Raises:
+        RejectedDraw: the road has no place for it.
+    """
+
+    def number(of: str) -> float:
+        return law(of).number(draw.uniform())
+
     kind = law("bystander").text(draw.uniform())
-    sign = stage.near if draw.uniform() < 0.6 else -stage.near
+    sign = stage.near if draw.uniform() < 0.5 else -stage.near
     station = draw.between(max(stage.start_m + 6.0, stage.line_m - 40.0), stage.line_m + 15.0)
     side = stage.side(station, sign)
+    along_way = 1 if sign == stage.near else -1
     if kind in ("stands", "walks"):
         if side.sidewalk is None:
             raise RejectedDraw("no sidewalk")
-        outline = "child" if draw.uniform() < 0.2 else "adult"
-        left = sign * draw.between(side.kerb_m + 0.4, max(side.sidewalk.outer_m - 0.3, side.kerb_m + 0.5))
+        outline = law("pedestrian").text(draw.uniform())
+        left = sign * min(side.kerb_m + number("stands_from_kerb_m"), side.sidewalk.outer_m)
         if kind == "stands":
-            return standing(name, outline, stage.pose(station, left, draw.between(-math.pi, math.pi)))
-        speed = draw.sign() * draw.between(0.9, 1.7)
-        return along(name, outline, stage, station, left, speed, end_s)
+            return standing(name, outline, stage.pose(station, left, draw.between(-math.pi, math.pi)), "off")
+        speed = draw.sign() * number("walking_speed_mps")
+        return along(name, outline, stage, station, left, speed, end_s, "off")
     if kind == "parked car":
-        outline = "large car" if draw.uniform() < 0.5 else "small car"
-        middle = parking_middle_m(stage, station, sign)
-        return standing(
-            name, outline, stage.pose(station, sign * middle, 0.0 if sign == stage.near else math.pi)
-        )
+        pose = stage.pose(station, sign * parking_middle_m(stage, station, sign), 0.0)
+        return standing(name, law("car").text(draw.uniform()), turned_by(pose, along_way))
     if kind == "oncoming car":
         strip = stage.side(station, -stage.near).nearest("driving", same_way=False)
         if strip is None:
             raise RejectedDraw("no oncoming lane")
-        speed = draw.between(6.0, 14.0)
-        return along(
-            name,
-            "small car",
-            stage,
-            station + draw.between(0.0, 40.0),
-            -stage.near * strip.middle_m,
-            -speed,
-            end_s,
-        )
+        outline, speed = law("car").text(draw.uniform()), number("oncoming_speed_kmh") / 3.6
+        station += draw.between(0.0, 40.0)
+        left = -stage.near * strip.middle_m
+        return along(name, outline, stage, station, left, -speed, end_s, "on")
     strip = side.nearest("biking")
     if strip is None:
         raise RejectedDraw("no cycle lane")
-    speed = (1 if sign == stage.near else -1) * draw.between(3.5, 6.0)
-    return along(name, "bicyclist", stage, station, sign * strip.middle_m, speed, end_s)
+    speed = along_way * number("cyclist_speed_mps")
+    return along(name, "bicyclist", stage, station, sign * strip.middle_m, speed, end_s, "on")
+
+
+def turned_by(pose: Pose, along_way: int) -> Pose:
+    """A pose along the ego's way (1), or turned against it (-1)."""
+    return pose if along_way > 0 else pose.moved(0.0, 0.0, math.pi)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scenarios.drawn.actors import EGO, OUTLINES, Actor, Motion, straight
+from scenarios.drawn.actors import EGO, OUTLINES, Actor, Motion, Stays, straight
 from scenarios.drawn.stage import Stage
 from scenarios.drawn.values import RejectedDraw
 from scenarios.openscenario.motion.paths import Pose
@@ -152,7 +152,14 @@ def _s_curve() -> tuple[np.ndarray, np.ndarray]:
 
 
 def along(
-    name: str, outline: str, stage: Stage, station_m: float, left_m: float, speed_mps: float, end_s: float
+    name: str,
+    outline: str,
+    stage: Stage,
+    station_m: float,
+    left_m: float,
+    speed_mps: float,
+    end_s: float,
+    stays: Stays,
 ) -> Actor:
     """A road user that moves along the ego's way at an offset: with it, or against it with a negative speed.
 
@@ -164,7 +171,8 @@ def along(
         left_m: to the left of the ego's way.
         speed_mps: along the way.
         end_s: until when its way has to reach.
+        stays: where it keeps to.
     """
     to_m = station_m + speed_mps * (end_s + 3.0) + math.copysign(5.0, speed_mps)
     points = stage.beside(station_m, to_m, left_m)
-    return Actor(name, outline, points, Motion(abs(speed_mps)), smooth=True)
+    return Actor(name, outline, points, Motion(abs(speed_mps)), True, stays)

@@ -34,10 +34,10 @@ def people_on_the_sidewalk(stage: Stage, draw: Draw) -> Made:
         outline, name = draw.text("pedestrian"), f"Person {number}"
         if draw.uniform() < 0.5:
             pose = stage.pose(station, left, draw.between(-math.pi, math.pi))
-            actors.append(standing(name, outline, pose))
+            actors.append(standing(name, outline, pose, "off"))
         else:
             speed = draw.sign() * draw.number("walking_speed_mps")
-            actors.append(along(name, outline, stage, station, left, speed, _end_s(stage)))
+            actors.append(along(name, outline, stage, station, left, speed, _end_s(stage), "off"))
     return stage, actors
 
 
@@ -70,7 +70,7 @@ def waits_at_a_crosswalk(stage: Stage, draw: Draw) -> Made:
         station = stage.line_m + draw.between(-1.5, 1.5)
         left = sign * (stage.side(station, sign).kerb_m + from_kerb + 0.3)
         pose = stage.pose(station, left, -sign * math.pi / 2 + draw.between(-0.5, 0.5))
-        actors.append(standing(f"Person {number}", draw.text("pedestrian"), pose))
+        actors.append(standing(f"Person {number}", draw.text("pedestrian"), pose, "off"))
     return stage, actors
 
 
@@ -106,7 +106,7 @@ def _oncoming(stage: Stage, draw: Draw) -> list[Actor]:
     for number in range(1, 2 + int(draw.uniform() * 3)):
         left = -stage.near * strip.middle_m + draw.between(-0.2, 0.2)
         actors.append(
-            along(f"Oncoming {number}", draw.text("car"), stage, station, left, -speed, _end_s(stage))
+            along(f"Oncoming {number}", draw.text("car"), stage, station, left, -speed, _end_s(stage), "on")
         )
         station += 5.0 + speed * draw.between(1.0, 3.0)
     return actors
@@ -126,7 +126,7 @@ def cyclist_beside(stage: Stage, draw: Draw) -> Made:
     speed = min(draw.number("cyclist_speed_mps"), 0.8 * stage.speed_mps)
     # the fronts are level when the ego is at the line
     station = stage.line_m - speed * stage.lead_s
-    return stage, [along("Target", "bicyclist", stage, station, sign * beside, speed, _end_s(stage))]
+    return stage, [along("Target", "bicyclist", stage, station, sign * beside, speed, _end_s(stage), "")]
 
 
 def queue_in_the_next_lane(stage: Stage, draw: Draw) -> Made:
@@ -148,7 +148,7 @@ def queue_in_the_next_lane(stage: Stage, draw: Draw) -> Made:
             break
         left = sign * strip.middle_m + draw.between(-0.2, 0.2)
         pose = stage.pose(station, left, 0.0 if strip.same_way else math.pi)
-        actors.append(standing(f"Queue {number}", outline, pose))
+        actors.append(standing(f"Queue {number}", outline, pose, "on"))
         station += length / 2 + draw.between(*CAR_GAP_M)
     return stage, actors
 
@@ -187,7 +187,7 @@ def people_around_a_turn(stage: Stage, draw: Draw) -> Made:
             side = stage.side(station, sign)
         from_kerb = draw.number("stands_from_kerb_m", f"from_kerb_m_{number}")
         pose = stage.pose(station, sign * (side.kerb_m + from_kerb), draw.between(-math.pi, math.pi))
-        actors.append(standing(f"Person {number}", draw.text("pedestrian"), pose))
+        actors.append(standing(f"Person {number}", draw.text("pedestrian"), pose, "off"))
     return stage, actors
 
 

@@ -19,6 +19,8 @@ CAR_GAP_M = (0.6, 2.5)
 """Free length between parked or queueing cars (assumed)."""
 AT_KERB_M = 0.25
 """From a parked car to the kerb (assumed; German law asks for as little as can be, StVO section 12)."""
+FROM_CROSSWALK_M = 6.0
+"""From a parked car's middle to a crosswalk's, in town (assumed; StVO section 12 asks for 5 m before it)."""
 PASSING_M = 0.4
 """Least free width between a parked car and the ego's."""
 
@@ -29,6 +31,13 @@ def parking_middle_m(stage: Stage, station_m: float, sign: int) -> float:
     Raises:
         RejectedDraw: there is no room for it beside the ego.
     """
+    lane, s = stage.lane_at(station_m)
+    lanes = stage.network.lanes
+    if lanes.junction_id[lane] is not None:
+        raise RejectedDraw("no car is parked in a junction")
+    road = lanes.key[lane].road_id
+    if any(c.road_id == road and abs(c.s_m - s) < FROM_CROSSWALK_M for c in stage.network.crosswalks):
+        raise RejectedDraw("no car is parked at a crosswalk")
     side, width = stage.side(station_m, sign), OUTLINES["large car"].width_m
     strip = side.nearest("parking")
     middle = strip.middle_m if strip else side.kerb_m - AT_KERB_M - width / 2
