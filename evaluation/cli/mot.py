@@ -27,6 +27,9 @@ EXAMPLES = options.examples(
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
 
+MOST_LISTED = 6
+"""Files that are named at the end."""
+
 
 def command(
     directory: Annotated[Path, typer.Argument(help="Recorded detections, and labels if any.", metavar="DIR")],
@@ -156,11 +159,11 @@ def _print(
         console.print("no labels: tracks only, no metrics", highlight=False)
 
 
-def _listed(paths: Sequence[Path], most: int = 6) -> str:
+def _listed(paths: Sequence[Path]) -> str:
     """Names of files, the middle of a long list left out."""
     names = [path.name for path in paths]
-    if len(names) > most:
-        names = [names[0], "...", *names[1 - most :]]
+    if len(names) > MOST_LISTED:
+        names = [names[0], "...", *names[1 - MOST_LISTED :]]
     return ", ".join(names)
 
 

@@ -11,13 +11,13 @@ MANY_DROPPED = 0.1
 """Users are told when more than this share of the detections of a run is dropped."""
 
 
-def told_runs(rows: Sequence[RunRow], time_limit_s: float = TIME_LIMIT_S) -> list[str]:
+def told_runs(rows: Sequence[RunRow]) -> list[str]:
     """What the reader has to know about finished runs, one line each; none if all ended as they should."""
     ended = sum(row.end_reason == EndReason.TIME_LIMIT for row in rows)
     lines = []
     if ended:
         lines.append(
-            f"{ended} of {len(rows)} runs were cut off at {time_limit_s:g} s: they count nowhere as avoided, "
+            f"{ended} of {len(rows)} runs were cut off at {TIME_LIMIT_S:g} s: they count nowhere as avoided, "
             "and have no score; shorten what comes before, or give the scenario a stop trigger"
         )
     not_begun = sum(row.end_reason == EndReason.NOT_BEGUN for row in rows)

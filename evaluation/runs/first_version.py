@@ -36,9 +36,8 @@ def read_first(
     table = object_of(configuration.get("presets"), "presets")
     presets = {name: decode(Preset, values, f"preset {shown(name)}", True) for name, values in table.items()}
     if "suite" in configuration:
-        suite = object_of(configuration["suite"], "suite")
-        runs = [(spec, spec.weather) for spec in _suite_specs(suite, directory)]
-        published = _is_published(suite)
+        specs, published = _suite_specs(object_of(configuration["suite"], "suite"), directory)
+        runs = [(spec, spec.weather) for spec in specs]
     else:
         listed = enumerate(list_of(configuration.get("specs"), "specs"))
         specs = [decoded_spec(object_of(values, "specs"), f"specs[{k}]", True) for k, values in listed]
@@ -85,28 +84,26 @@ class _FirstSuite:
     impact_point_percent: float | None
 
 
-def _first_suite(
-    values: Mapping[str, Any],
-) -> tuple[_FirstSuite, tuple[str, ...], Place | None, dict[str, Any]]:
-    """The suite, names of its weathers, its place and its settings."""
+def _suite_specs(values: Mapping[str, Any], directory: Path) -> tuple[list[RunSpec], bool]:
+    """The runs of a comparison that `cpna` of 0.1.0 made, and whether the paper printed results for them.
+
+    Nothing of the user's own is imported.
+    """
     apart = ("weather", "place", "settings")
     suite = decode(_FirstSuite, {k: v for k, v in values.items() if k not in apart}, "suite")
     conditions = list_of(values.get("weather"), "suite.weather")
     weather = tuple(str(object_of(entry, "suite.weather").get("name")) for entry in conditions)
     place = None if values.get("place") is None else decode(Place, values["place"], "suite.place")
-    return suite, weather, place, dict(object_of(values.get("settings", {}), "suite.settings"))
-
-
-def _suite_specs(values: Mapping[str, Any], directory: Path) -> list[RunSpec]:
-    """The runs of a comparison that `cpna` of 0.1.0 made; nothing of the user's own is imported."""
-    suite, weather, place, settings = _first_suite(values)
+    settings = tuple(object_of(values.get("settings", {}), "suite.settings").items())
     if not suite.speeds_kmh:
         raise ReadError("suite.speeds_kmh is empty")
+    usual = suite.preset == "paper" and suite.map == DEFAULT_MAP and suite.adversaries == "none"
+    changed = suite.impact_point_percent or place or settings
     beside = directory / suite.map
     map_name = str(beside) if suite.map not in SHIPPED_MAPS and beside.is_file() else suite.map
     site = find_site(load_named_map(map_name), max(suite.speeds_kmh), place)
     tests = [CpnaTest(v, suite.impact_point_percent, suite.adversaries, suite.seed) for v in suite.speeds_kmh]
-    return [
+    specs = [
         replace(
             run,
             strategy=strategy,
@@ -116,16 +113,10 @@ def _suite_specs(values: Mapping[str, Any], directory: Path) -> list[RunSpec]:
             adversaries=suite.adversaries,
             seed=suite.seed,
             phase_s=suite.phase_s,
-            settings=tuple(settings.items()),
+            settings=settings,
         )
         for run in cpna_runs(tests, site, map_name, suite.preset)
         for name in weather
         for strategy in suite.strategies
     ]
-
-
-def _is_published(values: Mapping[str, Any]) -> bool:
-    """Whether the paper printed results for a comparison of 0.1.0."""
-    suite, weather, place, settings = _first_suite(values)
-    usual = suite.preset == "paper" and suite.map == DEFAULT_MAP and suite.adversaries == "none"
-    return usual and weather == ("dry",) and not (suite.impact_point_percent or place or settings)
+    return specs, usual and weather == ("dry",) and not changed

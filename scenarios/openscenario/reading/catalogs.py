@@ -43,9 +43,7 @@ class Catalogs:
             self._load(directory)
 
     def _load(self, node: Node) -> None:
-        directory = Path(node.text("path"))
-        if not directory.is_absolute():
-            directory = node.file.parent / directory
+        directory = node.path("path")
         if not directory.is_dir():
             raise CatalogError(f"{node.where} catalog directory {directory} does not exist")
         for file in sorted(directory.glob("*.xosc")):

@@ -29,13 +29,7 @@ def trigger(node: Node | None, context: Context) -> Trigger | None:
     if node is None:
         return None
     node.allow(children="ConditionGroup")
-    groups: list[tuple[Condition, ...]] = []
-    for group in node:
-        group.allow(children="Condition")
-        groups.append(tuple(_condition(child, context) for child in group))
-        if not groups[-1]:
-            raise ContentError(f"{group.where} needs at least one Condition")
-    return tuple(groups)
+    return tuple([tuple([_condition(child, context) for child in group.some("Condition")]) for group in node])
 
 
 def _condition(node: Node, context: Context) -> Condition:

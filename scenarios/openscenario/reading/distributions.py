@@ -58,7 +58,8 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
         raise UnsupportedError(
             f"{node.need('Stochastic').where} is not supported; use a Deterministic distribution"
         )
-    axes = [_axis(child) for child in _distributions(node.need("Deterministic"))]
+    kinds = "DeterministicSingleParameterDistribution DeterministicMultiParameterDistribution"
+    axes = [_axis(child) for child in node.need("Deterministic").some(kinds, "distribution")]
     names: list[str] = [name for axis in axes for name in axis[0]]
     for name in names:
         if names.count(name) > 1:
@@ -76,19 +77,10 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
 
 def _scenario_file(node: Node) -> Path:
     node.allow("filepath")
-    path = Path(node.text("filepath"))
-    path = path if path.is_absolute() else node.file.parent / path
+    path = node.path("filepath")
     if not path.is_file():
         raise FileReadError(f"{node.where} scenario file {path} does not exist")
     return path.resolve()
-
-
-def _distributions(node: Node) -> list[Node]:
-    node.allow(children="DeterministicSingleParameterDistribution DeterministicMultiParameterDistribution")
-    children = list(node)
-    if not children:
-        raise ContentError(f"{node.where} needs at least one distribution")
-    return children
 
 
 def _axis(node: Node) -> list[dict[str, Value]]:
@@ -110,13 +102,10 @@ def _axis(node: Node) -> list[dict[str, Value]]:
 
 
 def _set(node: Node) -> list[Value]:
-    node.allow(children="Element")
     values: list[Value] = []
-    for element in node:
+    for element in node.some("Element"):
         element.allow("value")
         values.append(element.value("value"))
-    if not values:
-        raise ContentError(f"{node.where} needs at least one Element")
     return values
 
 

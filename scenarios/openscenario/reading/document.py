@@ -197,6 +197,23 @@ class Node:
             )
         return Node(self.element[0], self.file, self.scope)
 
+    def some(self, tags: str, what: str = "") -> list[Node]:
+        """All children, which are of some names (separated by blanks) and at least one.
+
+        Args:
+            tags: the names.
+            what: what is needed, for the message; empty: the names.
+
+        Raises:
+            ContentError: there is none.
+            UnsupportedError: one is of another name.
+        """
+        self.allow(children=tags)
+        children = list(self)
+        if not children:
+            raise ContentError(f"{self.where} needs at least one {what or tags}")
+        return children
+
     # Attributes
 
     def has(self, name: str) -> bool:
@@ -235,6 +252,10 @@ class Node:
     def text(self, name: str, default: Value | None = None) -> str:
         """Attribute as text."""
         return as_text(self.value(name, default))
+
+    def path(self, name: str) -> Path:
+        """Attribute as a path, which counts from the folder of the file."""
+        return self.file.parent / self.text(name)
 
     def number(self, name: str, default: Value | None = None) -> float:
         """Attribute as a finite number.

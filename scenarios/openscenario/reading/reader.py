@@ -95,7 +95,8 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     start_values = variables(root.get("VariableDeclarations"))
     catalogs = Catalogs(root.get("CatalogLocations"))
     bare = Context(catalogs, (), start_values)
-    entities = tuple(_entity(node, bare) for node in _entities(root.need("Entities")))
+    objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")
+    entities = tuple(_entity(node, bare) for node in objects)
     names = [entity.name for entity in entities]
     for name in names:
         if names.count(name) > 1:
@@ -125,22 +126,13 @@ def _map_path(node: Node) -> Path:
     node.allow(children="LogicFile SceneGraphFile TrafficSignals UsedArea")
     file = node.need("LogicFile")
     file.allow("filepath")
-    path = Path(file.text("filepath"))
-    path = path if path.is_absolute() else node.file.parent / path
+    path = file.path("filepath")
     if not path.is_file():
         raise FileReadError(f"{file.where} road network {path} does not exist")
     return path
 
 
 # Entities
-
-
-def _entities(node: Node) -> list[Node]:
-    node.allow(children="ScenarioObject")
-    objects = list(node)
-    if not objects:
-        raise ContentError(f"{node.where} needs at least one ScenarioObject: the scenario has no road user")
-    return objects
 
 
 def _entity(node: Node, context: Context) -> EntityDefinition:
