@@ -9,11 +9,14 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
 
-from scenarios.presets import Preset
+from scenarios.presets import PRESETS, Preset
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
 from scenarios.strategies import STRATEGIES
 from smartmot.area import WAYS
 from smartmot.decision.aeb import AebConfig
+from smartmot.decision.required_deceleration import LAST_POINT_TO_BRAKE
+from smartmot.decision.shipped import PAPER_RULE, RULES
+from smartmot.errors import ConfigError
 from smartmot.forecast import EGO_FORECASTS
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
@@ -151,8 +154,6 @@ def _put_motion(preset: Preset, value: Setting) -> Preset:
 
 OF_PRESET = "preset"
 """Name of the preset's own tracker or detector."""
-PAPER_RULE = "paper"
-"""Name of the brake rule that every preset has."""
 
 
 def _tracker_of(preset: Preset) -> str:
@@ -170,15 +171,57 @@ def _put_tracker(preset: Preset, value: Setting) -> Preset:
     return _with(preset, ("pipeline", "tracker"), tracker)
 
 
+TRIGGERS: Mapping[str, str] = MappingProxyType(
+    {
+        PAPER_RULE: "braking_factor",
+        "cascade": "cascade_margin_s",
+        "cascade_gentle": "cascade_margin_s",
+        "required_deceleration": "required_decel_mps2",
+        LAST_POINT_TO_BRAKE.name: "required_decel_mps2",
+        "rss": "rss_response_s",
+        "autoware": "autoware_response_s",
+        "autoware_readme": "autoware_response_s",
+        "r157": "r157_ttc_s",
+    }
+)
+"""The parameter of each shipped brake rule that decides how early it brakes; a field of the rule as well."""
+
+
 def _rule_of(preset: Preset) -> str:
     rule = preset.pipeline.aeb
-    return rule.name if isinstance(rule, Plugin) else PAPER_RULE
+    return PAPER_RULE if isinstance(rule, AebConfig) else str(getattr(rule, "name", rule))
 
 
 def _put_rule(preset: Preset, value: Setting) -> Preset:
-    if value == _rule_of(preset):
+    name = str(value)
+    if name == _rule_of(preset):
         return preset
-    return _with(preset, ("pipeline", "aeb"), AebConfig() if value == PAPER_RULE else plugin(str(value)))
+    rule = plugin(name) if is_plugin(name) else RULES[name]
+    if rule is LAST_POINT_TO_BRAKE:
+        # the brakes on a dry road: the rule does not know the weather; it decides once in a frame
+        brakes, frame_s = PRESETS.get(preset.name, preset).brakes, 1.0 / preset.sensor.rate_hz
+        rule = replace(rule, delay_s=brakes.delay_s + frame_s, build_up_s=brakes.build_up_s)
+        rule = replace(rule, required_decel_mps2=brakes.max_decel_mps2)
+    return _with(preset, ("pipeline", "aeb"), rule)
+
+
+def _trigger(text: str, unit: str, field: str, rules: Sequence[str] = ()) -> Parameter:
+    """A parameter of some brake rules only; by default of those that it triggers."""
+    rules = rules or tuple(name for name, trigger in TRIGGERS.items() if trigger == field)
+
+    def of(preset: Preset) -> Setting:
+        chosen = _rule_of(preset)
+        return float(getattr(preset.pipeline.aeb if chosen in rules else RULES[rules[0]], field))
+
+    def put(preset: Preset, value: Setting) -> Preset:
+        chosen = _rule_of(preset)
+        if chosen not in rules:
+            raise ConfigError(
+                f"{field} is a parameter of rule={' or '.join(rules)}; the brake rule is {chosen}"
+            )
+        return _with(preset, ("pipeline", "aeb", field), float(value))
+
+    return Parameter(text, unit, STRATEGIES, (), of, put)
 
 
 def _detector_of(preset: Preset) -> str:
@@ -274,7 +317,6 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "detector": Parameter(
             "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True
         ),
-        "rule": Parameter("brake rule", "", STRATEGIES, (PAPER_RULE,), _rule_of, _put_rule, own=True),
         "rate_hz": _number("frames of the sensor per second", "Hz", STRATEGIES, "sensor.rate_hz"),
         "latency_s": _number("age of the detections", "s", STRATEGIES, "sensor.latency_s"),
         # The named errors come first: single numbers then replace one of theirs.
@@ -310,6 +352,15 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             _put_tracker_sigma,
             numeric=True,
         ),
+        # after the rate of the sensor, of which one of them needs to know
+        "rule": Parameter("brake rule", "", STRATEGIES, tuple(RULES), _rule_of, _put_rule, own=True),
+        "braking_factor": _trigger("planned braking distance, by factor", "", "braking_factor"),
+        "near_m": _trigger("how near is near at any speed", "m", "near_m", (PAPER_RULE,)),
+        "cascade_margin_s": _trigger("margin over the stopping times", "s", "cascade_margin_s"),
+        "required_decel_mps2": _trigger("required deceleration that triggers", "m/s2", "required_decel_mps2"),
+        "rss_response_s": _trigger("response time of the ego (RSS)", "s", "rss_response_s"),
+        "autoware_response_s": _trigger("response time (Autoware)", "s", "autoware_response_s"),
+        "r157_ttc_s": _trigger("time to collision that triggers", "s", "r157_ttc_s"),
     }
 )
 """Parameters by name, in the order in which their values are put."""

@@ -25,6 +25,7 @@ from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
 from smartmot.decision.own import decide_own, is_rule, own_rule
 from smartmot.decision.rules import Assessment, BrakeRule, Command, LeadObject, PaperRule
+from smartmot.decision.shipped import ShippedRule
 from smartmot.errors import ConfigError, TimeOrderError
 from smartmot.forecast import (
     ForecastConfig,
@@ -57,8 +58,8 @@ class PipelineConfig:
     Args:
         tracker: settings of the tracker, or what makes one of your own (`smartmot.tracking.own`).
         forecast, braking_distance: settings of the other parts.
-        aeb: settings of the paper's brake rule; a rule of your own (`smartmot.decision.rules`); or what
-            makes one.
+        aeb: settings of the paper's brake rule; another rule, shipped (`smartmot.decision.shipped`) or your
+            own (`smartmot.decision.rules`); or what makes one of your own.
         iou_threshold: overlap of forecast boxes that predicts a collision (paper: 0.01).
         filter_detections: only track what the monitored area keeps (the paper's first use of the map).
         filter_tracks: delete tracks that left the monitored area (its second use). Those of a tracker of
@@ -73,7 +74,7 @@ class PipelineConfig:
 
     tracker: TrackerConfig | Callable[[], ObjectTracker] = field(default_factory=TrackerConfig)
     forecast: ForecastConfig = field(default_factory=ForecastConfig)
-    aeb: AebConfig | BrakeRule | Callable[[], BrakeRule] = field(default_factory=AebConfig)
+    aeb: ShippedRule | BrakeRule | Callable[[], BrakeRule] = field(default_factory=AebConfig)
     braking_distance: BrakingDistance = field(default_factory=BrakingDistance)
     iou_threshold: float = IOU_THRESHOLD
     filter_detections: bool = True

@@ -12,10 +12,14 @@ def command(
         str | None,
         typer.Argument(help="Only this one, with its parameters.", metavar="[FILE.xosc|NAME]"),
     ] = None,
+    rules: Annotated[bool, typer.Option("--rules", help="The shipped brake rules in their place.")] = False,
 ) -> None:
     """List the shipped scenarios: name, number of runs, description; or one with its parameters."""
     from scenarios.catalogue.library import SHIPPED_SCENARIOS, describe
 
+    if rules:
+        _list_rules()
+        return
     for name in SHIPPED_SCENARIOS if scenario is None else (scenario,):
         described = describe(name)
         runs = f"{described.runs} run{'s' if described.runs > 1 else ''}"
@@ -24,3 +28,15 @@ def command(
             typer.echo(f"{'':<31}{', '.join(key for key, _ in described.parameters)}")
         for key, value in described.parameters if scenario is not None else ():
             typer.echo(f"  {key} = {value}")
+
+
+def _list_rules() -> None:
+    """Name of each brake rule, its trigger parameter with the published value, and what it does."""
+    from scenarios.settings import TRIGGERS, setting_text
+    from smartmot.decision.rules import PaperRule
+    from smartmot.decision.shipped import PAPER_RULE, RULES
+
+    for name, rule in RULES.items():
+        described = (PaperRule if name == PAPER_RULE else type(rule)).__doc__ or ""
+        trigger = setting_text(TRIGGERS[name], float(getattr(rule, TRIGGERS[name])))
+        typer.echo(f"{name:<22} {trigger:<25} {described.splitlines()[0]}")

@@ -43,7 +43,11 @@ TrackerName = Annotated[
 ]
 RuleName = Annotated[
     str,
-    typer.Option(help="Brake rule: paper, or your own, package.module:name.", metavar="NAME"),
+    typer.Option(
+        help="Brake rule: paper, cascade, cascade_gentle, required_deceleration, last_point_to_brake, rss, "
+        "autoware, autoware_readme, r157, or your own, package.module:name.",
+        metavar="NAME",
+    ),
 ]
 DetectorName = Annotated[str, typer.Option(help="preset, or your own, package.module:name.", metavar="NAME")]
 AllowPlugins = Annotated[

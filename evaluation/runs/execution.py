@@ -48,7 +48,8 @@ class RunRecord:
     Args:
         spec: what was run.
         row: its line in `runs.csv`.
-        flag_ttc_s: time to collision with the target at the first emergency request.
+        warning_ttc_s: time to collision with the target at the first warning; of a brake rule that does not
+            warn at the first emergency request.
         log: its log as columns; None if it was not asked for.
         spent: processor time per frame.
         slowest_kmh: least speed of the ego up to the contact, or else the end; in reverse too not negative.
@@ -57,7 +58,7 @@ class RunRecord:
 
     spec: RunSpec
     row: RunRow
-    flag_ttc_s: float | None
+    warning_ttc_s: float | None
     log: dict[str, NDArray[Any]] | None
     spent: FrameTime
     slowest_kmh: float
@@ -83,7 +84,9 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     # a car that has stopped may have stood between two entries of the log
     slowest_mps = 0.0 if outcome.end_reason is EndReason.STOPPED else outcome.log.slowest_mps
     row = _row(spec, outcome, keep_log)
-    return RunRecord(spec, row, outcome.flag_ttc_s, log, spent, slowest_mps * 3.6, outcome.notes)
+    warned = outcome.warning_time_s is not None
+    warning_ttc_s = outcome.warning_ttc_s if warned else outcome.flag_ttc_s
+    return RunRecord(spec, row, warning_ttc_s, log, spent, slowest_mps * 3.6, outcome.notes)
 
 
 def impact_speed_kmh(outcome: Outcome) -> float | None:

@@ -175,7 +175,7 @@ class BrakeRule(Protocol):
 
 
 class PaperRule:
-    """The rule of the paper: see `smartmot.decision.aeb`.
+    """Brakes for what is on a collision course and near: the rule of the paper, `smartmot.decision.aeb`.
 
     Args:
         config: its conditions.

@@ -172,7 +172,8 @@ def test_shipped_objects_under_other_names_change_nothing(folder: Path) -> None:
     assert impacts(folder, "--strategy", "map", "--rule", "paper") == usual
     stored = json.loads((folder / "out" / "runs.json").read_text())["configuration"]
     assert stored["specs"][0]["settings"] == {}
-    assert list(next(iter(stored["presets"].values()))["pipeline"]["aeb"]) == ["clear_s", "near_m"]
+    aeb = next(iter(stored["presets"].values()))["pipeline"]["aeb"]
+    assert list(aeb) == ["braking_factor", "clear_s", "near_m"]
 
 
 LOW_SCORES = (Path(__file__).parents[1] / "data" / "field" / "runs" / "low_scores.py").read_text()
@@ -360,7 +361,7 @@ def test_a_changed_source_makes_another_run(folder: Path) -> None:
         (("--detector", "mine:Pair"), "mine:Pair: made Pair, which has no observe(); see docs/plugins.md"),
         (("--detector", "mine:Late"), "mine:Late: detections of -1 s at 0 s; give them the ego's time"),
         (("--tracker", "mine:Unclear"), "Unclear: score_threshold must be a number in [0, 1], got 'high'"),
-        (("--rule", "mild"), "--rule: unknown 'mild'; use one of: paper or package.module:name"),
+        (("--rule", "mild"), "--rule: unknown 'mild'; use one of: paper, cascade, cascade_gentle, req"),
         (("--rule", "mine:Nobody"), "mine:Nobody: made Nobody, which has no decide(); see docs/plugins.md"),
         (("--rule", "mine:Pair"), "mine:Pair: is called with (), but: missing a required argument"),
         (("--rule", "mine:Wordless"), "frame at 0 s: decide() returned bool; return its state, a smartmot"),

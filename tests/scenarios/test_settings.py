@@ -12,9 +12,11 @@ from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_
 from scenarios.presets import PAPER, PHYSICAL, REAL, Preset, pipeline_of
 from scenarios.scenes.scenes import choose_scenes
 from scenarios.sensors.variation import ERROR_NUMBERS
-from scenarios.settings import PARAMETERS, preset_with
+from scenarios.settings import PARAMETERS, TRIGGERS, preset_with
 from smartmot.decision.aeb import AebConfig
+from smartmot.decision.required_deceleration import RequiredDeceleration
 from smartmot.decision.rules import PaperRule
+from smartmot.decision.shipped import RULES
 from smartmot.errors import ConfigError
 from smartmot.filters.motion_models import PerCategory, table
 from smartmot.plugins import Plugin
@@ -53,10 +55,12 @@ SHARES = {"iou_threshold", "miss_rate", "miss_persistence", "heading_flip", "cla
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_a_value_that_is_put_is_read_back_and_the_preset_keeps_its_own(name: str) -> None:
     parameter = PARAMETERS[name]
+    rules = [rule for rule, trigger in TRIGGERS.items() if trigger == name]
+    physical = preset_with(PHYSICAL, (("rule", rules[0]),)) if rules else PHYSICAL
     for value in parameter.choices or (0.5, 0.25 if name in SHARES else 2.0):
-        assert parameter.of(preset_with(PHYSICAL, ((name, value),))) == value
-    usual = parameter.of(PHYSICAL)
-    assert preset_with(PHYSICAL, ((name, usual),)) == PHYSICAL
+        assert parameter.of(preset_with(physical, ((name, value),))) == value
+    usual = parameter.of(physical)
+    assert preset_with(physical, ((name, usual),)) == physical
 
 
 def test_a_value_out_of_range_is_refused_before_the_first_run() -> None:
@@ -182,3 +186,42 @@ def test_names_and_numbers_of_one_parameter() -> None:
     assert parse_vary(["tracker_sigma_m=sensor,0.05,0.2"])["tracker_sigma_m"] == ("sensor", 0.05, 0.2)
     with pytest.raises(ArgumentError, match="tracker_sigma_m"):
         parse_vary(["tracker_sigma_m=lidar"])
+
+
+# Brake rules
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_shipped_rule_has_a_trigger_that_is_put_in_any_order(rule: str) -> None:
+    trigger = TRIGGERS[rule]
+    changed = preset_with(PHYSICAL, ((trigger, 0.75), ("rule", rule)))
+    assert changed == preset_with(PHYSICAL, (("rule", rule), (trigger, 0.75)))
+    assert PARAMETERS["rule"].of(changed) == rule
+    assert getattr(changed.pipeline.aeb, trigger) == 0.75
+    usual = PARAMETERS[trigger].of(preset_with(PHYSICAL, (("rule", rule),)))
+    assert preset_with(changed, ((trigger, usual),)) == preset_with(PHYSICAL, (("rule", rule),))
+
+
+def test_the_trigger_of_another_rule_is_refused() -> None:
+    message = "rss_response_s is a parameter of rule=rss; the brake rule is cascade"
+    with pytest.raises(ConfigError, match=message):
+        preset_with(PHYSICAL, (("rss_response_s", 0.5), ("rule", "cascade")))
+    with pytest.raises(ConfigError, match="rule=cascade or cascade_gentle; the brake rule is paper"):
+        preset_with(PHYSICAL, (("cascade_margin_s", 0.5),))
+    with pytest.raises(ConfigError, match=r"the brake rule is smartmot\.decision\.rules:PaperRule"):
+        preset_with(PHYSICAL, (("near_m", 0.5), ("rule", "smartmot.decision.rules:PaperRule")))
+    with pytest.raises(ConfigError, match="must be positive"):
+        preset_with(PHYSICAL, (("required_decel_mps2", 0.0), ("rule", "required_deceleration")))
+
+
+@pytest.mark.parametrize("preset", [PAPER, PHYSICAL])
+def test_the_last_point_to_brake_is_that_of_the_presets_own_brakes_on_a_dry_road(preset: Preset) -> None:
+    """A frame of 0.05 s before it."""
+    wet = replace(preset, brakes=replace(preset.brakes, max_decel_mps2=3.0))
+    for road in (preset, wet):
+        rule = preset_with(road, (("rule", "last_point_to_brake"),)).pipeline.aeb
+        assert isinstance(rule, RequiredDeceleration)
+        brakes = preset.brakes
+        assert (rule.required_decel_mps2, rule.delay_s, rule.build_up_s) == (
+            brakes.max_decel_mps2, brakes.delay_s + 0.05, brakes.build_up_s
+        )  # fmt: skip

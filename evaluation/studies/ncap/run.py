@@ -117,7 +117,7 @@ def _outcome(record: RunRecord, conflict: Conflict) -> dict[str, object]:
     return {
         "v_impact_kmh": impact_kmh,
         "target_speed_at_contact_kmh": row.target_speed_at_contact_kmh,
-        "warning_ttc_s": record.flag_ttc_s,
+        "warning_ttc_s": record.warning_ttc_s,
         "speed_reduction_kmh": unbraked_kmh - (impact_kmh if row.collided else record.slowest_kmh),
         "end_reason": row.end_reason,
         "false_activation": row.false_activation,

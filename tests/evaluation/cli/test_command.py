@@ -226,6 +226,15 @@ def test_shipped_scenarios_are_listed(command: Command) -> None:
     assert "cpna" not in one.out
 
 
+def test_shipped_brake_rules_are_listed_with_what_triggers_them(command: Command) -> None:
+    lines = command("list", "--rules").out.splitlines()
+    named = [line.split()[:2] for line in lines]
+    assert ["paper", "braking_factor=1"] in named
+    assert ["required_deceleration", "required_decel_mps2=6"] in named
+    assert ["r157", "r157_ttc_s=1.5"] in named
+    assert len(named) == 9
+
+
 # ---- protocols ---------------------------------------------------------------------------------------------
 
 

@@ -245,7 +245,7 @@ def test_a_row_tells_the_contact() -> None:
     assert row.target_start_time_s == pytest.approx(2.0)
     assert row.target_steady_time_s == pytest.approx(2.0 + 2 * 3.6 / 5)
     assert row.impact_location_percent == pytest.approx(50 + 100 * 0.06 / 1.8, abs=0.01)
-    assert row.score is row.flag_time_s is record.flag_ttc_s is None
+    assert row.score is row.flag_time_s is record.warning_ttc_s is None
 
 
 def test_as_in_tests_of_euro_ncap_a_run_ends_when_the_ego_stands() -> None:
@@ -255,7 +255,7 @@ def test_as_in_tests_of_euro_ncap_a_run_ends_when_the_ego_stands() -> None:
     assert held.row.t0_s is not None
     assert held.row.flag_time_s == driven.row.flag_time_s
     assert held.log["time_s"].max() < held.row.t0_s + 1e-9 < driven.log["time_s"].max()
-    assert held.flag_ttc_s == pytest.approx((held.row.flag_distance_m or 0.0) / (50 / 3.6))
+    assert held.warning_ttc_s == pytest.approx((held.row.flag_distance_m or 0.0) / (50 / 3.6))
 
 
 def test_the_log_is_left_out_where_nobody_wants_it() -> None:
