@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opendrive.arrays import FloatArray, finite, points_xy, positive
+from opendrive.arrays import FloatArray, finite, points_xy
 from opendrive.checks import curve_warnings, refuse_impossible_lanes
 from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
 from opendrive.export import lane_table, to_geojson
@@ -388,7 +388,9 @@ class RoadNetwork(NetworkLanes):
         Raises:
             PositionError: the tolerance is not positive.
         """
-        return lane_table(self, positive(tolerance_m, "tolerance_m"))
+        return lane_table(
+            self.lanes, self.speed_limit, self._graph.successors, self.lane_polygons(tolerance_m)
+        )
 
     def to_geojson(
         self, path: str | PathLike[str] | None = None, tolerance_m: float = 0.05
@@ -401,7 +403,8 @@ class RoadNetwork(NetworkLanes):
             PositionError: the tolerance is not positive.
             OSError: the file cannot be written.
         """
-        return to_geojson(self, path, positive(tolerance_m, "tolerance_m"))
+        to_geographic = self.to_geographic if self._model.header.geo_reference.strip() else None
+        return to_geojson(self.name, self.lane_table(tolerance_m), to_geographic, path)
 
     # Objects and signals
 

@@ -27,6 +27,9 @@ class CellScore:
     text: str
     measurement: Measurement | None
 
+    def __str__(self) -> str:
+        return f"{self.text} {self.mark.letter}".strip()
+
 
 @dataclass(frozen=True, slots=True)
 class Total:

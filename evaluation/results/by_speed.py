@@ -84,11 +84,11 @@ def impact_table(runs: pd.DataFrame) -> Table:
     _require_runs(runs)
     strategies = ordered_strategies(runs)
     conditions = varying_conditions(runs)
-    rows = []
-    for values, group in runs.groupby([*conditions, "v_test_kmh"], sort=True):
-        *names, speed = values
-        cells = [_impact(group[group["strategy"] == strategy]) for strategy in strategies]
-        rows.append((*map(str, names), f"{speed:g}", *cells))
+    rows = [
+        (*lead, f"{speed:g}", *(_impact(_select(group, strategy, speed)) for strategy in strategies))
+        for lead, group, speeds in _groups(runs, conditions)
+        for speed in speeds
+    ]
     finished = runs[~cut_off(runs)]
     contacts = ("contacts", _shares(finished, strategies, finished["collided"]))
     totals = [

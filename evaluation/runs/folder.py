@@ -99,7 +99,7 @@ class RunFolder:
         Raises:
             ResultsError: it is missing or broken, or has no ego that can be shown.
         """
-        return read_run_log(self.path, name)
+        return read_shown_log(log_path(self.path, name))
 
     @property
     def settings(self) -> Mapping[str, RunSetup]:
@@ -146,15 +146,6 @@ class OwnArea:
         for method in ("relevance", "polygons"):
             require(area, method, self.plugin)
         return area
-
-
-def read_run_log(directory: Path, name: str) -> pd.DataFrame:
-    """The log of one run, which has an ego that can be shown.
-
-    Raises:
-        ResultsError: it is missing or broken, or has no such ego.
-    """
-    return read_shown_log(log_path(directory, name))
 
 
 def read_shown_log(path: Path) -> pd.DataFrame:

@@ -12,7 +12,7 @@ import rich.console
 from evaluation.progress import progress_bar
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import Published, comparison_table, impact_table
-from evaluation.results.files import TABLE_MD, ResultsError, write_bytes
+from evaluation.results.files import TABLE_MD, ResultsError, log_path, write_bytes
 from evaluation.results.logs import read_logs
 from evaluation.results.notes import told_notes, told_runs
 from evaluation.results.rows import RunRow, read_runs, write_runs
@@ -186,7 +186,7 @@ def draw_again(
         ResultsError: the folder cannot be read.
         ArgumentError: it has no such run, or a picture cannot be written.
     """
-    from evaluation.runs.folder import UNKNOWN_SETUP, read_run_log, read_setups, refuse_comparison
+    from evaluation.runs.folder import UNKNOWN_SETUP, read_setups, read_shown_log, refuse_comparison
     from evaluation.views.pictures import run_to_show, save_pictures
 
     refuse_comparison(directory)
@@ -200,7 +200,7 @@ def draw_again(
     stored = read_configuration(directory)
     setups, notes = read_setups(directory, stored, runs[runs["log"] == name], allow_plugins)
     setup = setups.get(name, UNKNOWN_SETUP)
-    logs = {str(log): read_run_log(directory, str(log)) for log in runs["log"]}
+    logs = {str(log): read_shown_log(log_path(directory, str(log))) for log in runs["log"]}
     return save_pictures(directory, runs, logs, setup.network, setup.strategy, shown=name, suffix=form), notes
 
 

@@ -99,10 +99,9 @@ def _cell(score: BlockScore, cell: Cell | None) -> str:
         return '<td class="none"></td>'
     outcome = score.scores[cell]
     extended = ' class="extended"' if cell.layer is Layer.EXTENDED else ""
-    text = f"{outcome.text} {outcome.mark.letter}".strip()
     invalid = outcome.measurement.invalid if outcome.measurement else ""
     why = f" ({invalid})" if invalid else ""
     return (
         f'<td{extended} title="{escape(f"{cell}: {outcome.mark.name}{why}")}" '
-        f'style="background:{outcome.mark.fill};color:{outcome.mark.ink}">{escape(text)}</td>'
+        f'style="background:{outcome.mark.fill};color:{outcome.mark.ink}">{escape(str(outcome))}</td>'
     )

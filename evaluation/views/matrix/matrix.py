@@ -70,8 +70,7 @@ def _table(score: BlockScore) -> rich.table.Table:
                 cells.append(Text(""))
                 continue
             outcome = score.scores[cell]
-            text = f"{outcome.text} {outcome.mark.letter}".strip()
-            text = f"({text})" if cell.layer is Layer.EXTENDED else f" {text} "
+            text = f"({outcome})" if cell.layer is Layer.EXTENDED else f" {outcome} "
             style = f"{outcome.mark.ink} on {outcome.mark.fill}"
             cells.append(Text(text.rjust(8), style=style))
         table.add_row(row.label, *cells)

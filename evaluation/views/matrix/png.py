@@ -152,8 +152,9 @@ def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
             line = _DASHES if cell.layer is Layer.EXTENDED else "-"
             size = (_CELL_W_IN - 0.04, _CELL_H_IN - 0.04)
             _frame(page, x0, y0, size, outcome.mark.fill, linewidth=0.8, linestyle=line)
-            text = f"{outcome.text} {outcome.mark.letter}".strip()
-            _write(page, left + (j + 0.5) * _CELL_W_IN, middle, text, ha="center", color=outcome.mark.ink)
+            _write(
+                page, left + (j + 0.5) * _CELL_W_IN, middle, str(outcome), ha="center", color=outcome.mark.ink
+            )
     below = top + len(block.rows) * _CELL_H_IN + 0.06
     for i, text in enumerate(_points(score)):
         _write(page, x, below + i * _LINE_IN, text, va="top")
