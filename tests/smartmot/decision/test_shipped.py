@@ -1,7 +1,9 @@
 """The shipped rules against trigger points computed by hand from their published formulas."""
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -372,3 +374,13 @@ def test_the_trigger_parameter_moves_the_trigger(rule: Any, earlier: dict[str, f
 
 def test_names_are_unique_and_those_of_the_table() -> None:
     assert [rule.name for rule in ALONG_PATH] == [name for name in RULES if name != PAPER_RULE]
+
+
+def test_the_page_of_rules_names_them_all_and_its_code_runs() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "rules.md").read_text()
+    for name in RULES:
+        assert f"| `{name}` |" in page
+    [source] = re.findall(r"```python\n(.*?)```", page, re.S)
+    made: dict[str, Any] = {}
+    exec(source, made)
+    assert made["late"] == Cascade(full_mps2=7.0)
