@@ -20,6 +20,7 @@ from evaluation.cli import (
     reports,
     run,
     scenes,
+    study,
     views,
 )
 from evaluation.cli.output import one_line
@@ -52,6 +53,7 @@ app.command("map", epilog=map.EXAMPLES)(map.command)
 app.command("mot", epilog=mot.EXAMPLES)(mot.command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
 app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
+app.command("study", epilog=study.EXAMPLES)(study.command)
 app.command("reports", epilog=reports.EXAMPLES)(reports.command)
 
 
@@ -60,7 +62,9 @@ def main() -> None:
     try:
         status = app(standalone_mode=False)
         if status == INTERRUPTED:
-            typer.echo("smartmot-eval: interrupted; compare and reports go on if started again", err=True)
+            typer.echo(
+                "smartmot-eval: interrupted; compare, study and reports go on if started again", err=True
+            )
         sys.exit(status)
     except BrokenPipeError:
         # who reads the output has ended, as `head` does; what is left of it must not fail at the exit

@@ -40,11 +40,14 @@ class LabelledRun(Generic[Label]):
     spec: RunSpec
     label: Label
     more: tuple[object, ...] = field(default=(), kw_only=True)
+    _key: list[str] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def key(self) -> str:
-        """Hash of everything that determines the run."""
-        return fingerprint(self.spec, *self.more)
+        """Hash of everything that determines the run; what is read for it is read once."""
+        if not self._key:
+            self._key.append(fingerprint(self.spec, *self.more))
+        return self._key[0]
 
 
 class Study(Generic[Label, Measures]):

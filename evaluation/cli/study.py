@@ -1,0 +1,154 @@
+"""`smartmot-eval study`: questions of an AEB engineer, answered over drawn scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evaluation.cli import options
+
+if TYPE_CHECKING:
+    from evaluation.studies.answers.study import Question, Sample
+
+QUESTIONS = ("gain", "sensor", "trigger", "tune")
+
+EXAMPLES = options.examples(
+    "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
+    "`smartmot-eval study gain --strategies my_area:MyArea --count 100`",
+    "`smartmot-eval study break-even`",
+    "`smartmot-eval study sensor`",
+    "`smartmot-eval study trigger`",
+    "`smartmot-eval study tune --split train` and then",
+    "`smartmot-eval study gain --tuned results/study/tune/tuned.json`",
+    "What is asked, assumed and computed: docs/answers.md. A study that was killed goes on where it was.",
+)
+
+
+def command(
+    question: Annotated[
+        str,
+        typer.Argument(
+            help="gain: of lanes over a planned path; break-even: how wrong localisation and map may be; "
+            "sensor: which error costs most; trigger: which brake rule, how sensitive; tune: settings on "
+            "training scenes.",
+            metavar="QUESTION",
+        ),
+    ],
+    count: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes of each kind.")] = 300,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of scenes and sensor noise.")] = 0,
+    split: Annotated[
+        str | None, typer.Option(help="Maps of the scenes: train or test. Default: test; of tune: train.")
+    ] = None,
+    preset: Annotated[
+        str, typer.Option(help="Conditions: paper, physical or real; gain takes several, comma-separated.")
+    ] = "physical",
+    rule: Annotated[
+        str | None,
+        typer.Option(
+            help="Brake rule, shipped or package.module:name; gain, trigger and tune take several. "
+            "Default: paper; of trigger: all.",
+            metavar="NAMES",
+        ),
+    ] = None,
+    strategies: Annotated[
+        str,
+        typer.Option(
+            help="gain and tune: your own beside the shipped, package.module:name; sensor and trigger: the "
+            "one that is run.",
+            metavar="NAMES",
+        ),
+    ] = "",
+    tuned: Annotated[
+        Path | None, typer.Option(help="gain: settings that `study tune` chose, beside the others.")
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
+    maps: Annotated[
+        Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of all questions.")] = Path("results/study"),
+    form: Annotated[
+        str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
+    ] = "png,svg",
+    workers: options.Workers = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Answer a question about lane filters, errors and brake rules over scenes drawn at random."""
+    from evaluation.errors import ArgumentError
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.answers.command import ask
+    from evaluation.studies.answers.study import Sample
+    from scenarios.presets import PRESETS
+
+    question = options.parse_name(question, QUESTIONS, "QUESTION")
+    if maps is not None and not maps.is_dir():
+        raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
+    split = options.parse_name(
+        split or ("train" if question == "tune" else "test"), ("train", "test"), "--split"
+    )
+    sample = Sample(split, count, seed, maps.resolve() if maps else None)
+    presets = options.parse_names(preset, tuple(PRESETS), "--preset")
+    formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
+    asked = _question(question, sample, formats, presets, _rules(question, rule), strategies, tuned, trials)
+    with locked(writable_folder(out)):
+        ask(asked, out, workers or available_cores(), quiet)
+
+
+def _rules(question: str, text: str | None) -> tuple[str, ...]:
+    from evaluation.studies.answers.trigger import FAMILIES
+    from scenarios.settings import PARAMETERS
+
+    known = PARAMETERS["rule"].choices
+    if text is None:
+        return FAMILIES if question == "trigger" else known[:1]
+    return options.parse_names(text, known, "--rule", own=True)
+
+
+def _question(
+    name: str,
+    sample: Sample,
+    formats: tuple[str, ...],
+    presets: tuple[str, ...],
+    rules: tuple[str, ...],
+    strategies: str,
+    tuned: Path | None,
+    trials: int,
+) -> Question:
+    """The question as it was typed.
+
+    Raises:
+        ArgumentError: an option does not go with it.
+    """
+    from evaluation.errors import ArgumentError
+    from evaluation.studies.answers.break_even import BreakEven
+    from evaluation.studies.answers.gain import Gain
+    from evaluation.studies.answers.rivals import MAP, PATH, RIVALS, Rival
+    from evaluation.studies.answers.sensor import SensorErrors
+    from evaluation.studies.answers.trigger import Trigger
+    from evaluation.studies.answers.tune import Tuning, read_tuned
+
+    if len(presets) > 1 and name != "gain":
+        raise ArgumentError(f"--preset: {name} takes one; give gain several")
+    if len(rules) > 1 and name in ("break-even", "sensor"):
+        raise ArgumentError(f"--rule: {name} takes one")
+    if tuned is not None and name != "gain":
+        raise ArgumentError("--tuned: only gain takes it")
+    if strategies and name == "break-even":
+        raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
+    shipped = {rival.name: rival for rival in RIVALS}
+    if name in ("sensor", "trigger"):
+        default = MAP.name if name == "sensor" else PATH.name
+        chosen = options.parse_name(strategies or default, tuple(shipped), "--strategies", own=True)
+        rival = shipped.get(chosen) or Rival(chosen, "of the user's own", chosen)
+        if name == "sensor":
+            return SensorErrors(sample, formats, rival=rival, rule=rules[0])
+        return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules)
+    own = options.parse_names(strategies, (), "--strategies", own=True) if strategies else ()
+    if name == "tune":
+        return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
+    if name == "break-even":
+        return BreakEven(sample, formats, preset=presets[0], rule=rules[0])
+    chosen_settings = read_tuned(tuned) if tuned is not None else ()
+    return Gain(sample, formats, presets=presets, rules=rules, own=own, tuned=chosen_settings)

@@ -1,0 +1,1 @@
+"""Questions of an AEB engineer, answered over drawn scenes: what helps, and how much error it takes."""

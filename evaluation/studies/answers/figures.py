@@ -1,0 +1,313 @@
+"""Figures of the questions: differences with intervals, curves with bands, tornadoes, operating curves."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from evaluation.metrics.intervals import Estimate
+from evaluation.studies.answers.measures import DECISIVE, MEASURES
+from evaluation.studies.answers.results import LEVEL, Difference
+from evaluation.views.plots.style import (
+    BLACK,
+    BLUE,
+    FONT_PT,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SMALL_PT,
+    VERMILLION,
+    WINE,
+    plain_figure,
+    set_style,
+)
+from scenarios.settings import PARAMETERS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from evaluation.studies.answers.break_even import Curve
+    from evaluation.studies.answers.sensor import Cost
+    from evaluation.studies.answers.trigger import Operating
+
+WIDTH_IN = 7.0
+"""Across both columns of a paper."""
+DPI = 200
+COLOURS = {"avoided": BLUE, "stops": VERMILLION}
+BETTER = {"avoided": "better: right", "stops": "better: left"}
+
+
+def gain(differences: Sequence[Difference], where: str) -> Figure:
+    """Differences in collisions avoided and in unnecessary stops, a bar with its interval per rival.
+
+    Args:
+        differences: of one preset and rule.
+        where: that preset and rule.
+    """
+    names = list(dict.fromkeys(_pair_name(d, differences) for d in differences))
+    height_in = 1.45 + 0.27 * len(names)
+    figure = plain_figure((WIDTH_IN, height_in), DPI)
+    panels = figure.subplots(1, 2, sharey=True)
+    figure.subplots_adjust(
+        left=0.24, right=0.98, bottom=0.72 / height_in, top=1 - 0.55 / height_in, wspace=0.06
+    )
+    for axes, measure in zip(panels, DECISIVE, strict=True):
+        own = [d for d in differences if d.measure == measure]
+        set_style(axes)
+        axes.axvline(0.0, color=GREY, linewidth=0.9)
+        for d in own:
+            place = len(names) - 1 - names.index(_pair_name(d, differences))
+            _bar(axes, place, d)
+        axes.set_title(f"{MEASURES[measure].text} ({BETTER[measure]})", fontsize=FONT_PT, pad=4.0)
+        axes.set_xlabel("difference (percentage points)", fontsize=SMALL_PT)
+        _room_for_labels(axes, own)
+        axes.set_ylim(-0.6, len(names) - 0.4)
+    panels[0].set_yticks(range(len(names)), names[::-1], fontsize=SMALL_PT)
+    figure.text(0.01, 1 - 0.2 / height_in, f"Against the planned path alone, {where}", fontsize=FONT_PT)
+    figure.text(
+        0.5, 0.05 / height_in,
+        f"{_scene_counts(differences)}. Bars: 95 % intervals. Filled: decided at {100 * LEVEL:g} %, "
+        "corrected for all "
+        "questions.",
+        ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+def _pair_name(d: Difference, differences: Sequence[Difference]) -> str:
+    """The rival, and what it is compared with where that is not the same for all."""
+    several = len({other.against.name for other in differences}) > 1
+    return f"{d.arm.name} – {d.against.name}" if several else d.arm.name
+
+
+def _bar(axes: Axes, place: int, d: Difference) -> None:
+    """One difference with its interval and its number."""
+    colour = COLOURS[d.measure]
+    value, low, high = (100 * v for v in (d.estimate.value, d.estimate.low, d.estimate.high))
+    axes.plot([low, high], [place, place], color=colour, linewidth=2.2, solid_capstyle="butt", alpha=0.55)
+    axes.plot(
+        value, place,
+        marker="o", markersize=5.0, markeredgecolor=colour,
+        markerfacecolor=colour if d.is_decided else "white",
+    )  # fmt: skip
+    axes.annotate(
+        f"{value:+.1f}", (high, place), xytext=(4, 0), textcoords="offset points",
+        va="center", fontsize=SMALL_PT - 1.0, color=colour,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+    )  # fmt: skip
+
+
+def _room_for_labels(axes: Axes, differences: Sequence[Difference]) -> None:
+    """Limits that hold all intervals, and the numbers to the right of them."""
+    lows = [100 * d.estimate.low for d in differences] or [0.0]
+    highs = [100 * d.estimate.high for d in differences] or [0.0]
+    low, high = min(0.0, *lows), max(0.0, *highs)
+    span = max(high - low, 1.0)
+    axes.set_xlim(low - 0.04 * span, high + 0.2 * span)
+
+
+def _scene_counts(differences: Sequence[Difference]) -> str:
+    counts = {m: max((d.estimate.count for d in differences if d.measure == m), default=0) for m in DECISIVE}
+    return f"{counts['avoided']} must-brake scenes, {counts['stops']} in which nothing should happen"
+
+
+def break_even(curves: Sequence[Curve], shown: str, where: str) -> Figure:
+    """Map filter less planned path over growing errors: curves with bands, and where the benefit is lost.
+
+    Args:
+        curves: one per error.
+        shown: `benefit`, or `parts` for collisions avoided and unnecessary stops.
+        where: preset and rule.
+    """
+    columns = min(3, len(curves))
+    rows = math.ceil(len(curves) / columns)
+    height_in = 0.75 + 1.95 * rows
+    figure = plain_figure((WIDTH_IN, height_in), DPI)
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    figure.subplots_adjust(
+        left=0.085, right=0.985, bottom=0.75 / height_in, top=1 - 0.5 / height_in, wspace=0.13, hspace=0.55
+    )
+    for axes, curve in zip(panels.flat, curves, strict=False):
+        _break_even_panel(axes, curve, shown)
+    for axes in panels.flat[len(curves) :]:
+        axes.set_axis_off()
+    for line in panels:
+        line[0].set_ylabel("map less path (points)", fontsize=SMALL_PT)
+    what = {"benefit": "Avoided less stopped", "parts": "Collisions avoided and unnecessary stops"}[shown]
+    figure.text(
+        0.01, 1 - 0.2 / height_in, f"{what}: the map filter less the planned path, {where}", fontsize=FONT_PT
+    )
+    scenes = curves[0].points[0] if curves else None
+    counts = f"{scenes.avoided.count} + {scenes.stops.count} scenes per point. " if scenes else ""
+    crossing = " Line: where the benefit is lost, with its interval." if shown == "benefit" else ""
+    figure.text(
+        0.5, 0.05 / height_in, f"{counts}Bands: 95 % intervals over the scenes.{crossing}",
+        ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
+    parameter = PARAMETERS[curve.sweep.parameter]
+    set_style(axes)
+    axes.axhline(0.0, color=GREY, linewidth=0.9)
+    names = {"benefit": ("benefit",), "parts": DECISIVE}[shown]
+    for name in names:
+        points: list[Estimate] = [getattr(point, name) for point in curve.points]
+        colour = COLOURS.get(name, GREEN)
+        x = curve.values
+        axes.fill_between(
+            x,
+            [100 * p.low for p in points],
+            [100 * p.high for p in points],
+            color=colour,
+            alpha=0.16,
+            linewidth=0,
+        )
+        axes.plot(x, [100 * p.value for p in points], color=colour, marker="o", markersize=3.0, linewidth=1.3)
+        if name in COLOURS:
+            word = {"avoided": "avoided", "stops": "stops"}[name]
+            others = [getattr(curve.points[-1], other).value for other in names if other != name]
+            above = not others or points[-1].value >= others[0]
+            axes.annotate(
+                word, (x[-1], 100 * points[-1].value), xytext=(-2, 4 if above else -4),
+                textcoords="offset points", ha="right", va="bottom" if above else "top",
+                fontsize=SMALL_PT - 1.0, color=colour,
+            )  # fmt: skip
+    if shown == "benefit" and 0.0 < curve.crossing < math.inf:
+        most = curve.values[-1]
+        axes.plot(
+            [curve.low, min(curve.high, most)], [0.0, 0.0], color=BLACK, linewidth=2.4, solid_capstyle="butt"
+        )
+        axes.plot(curve.crossing, 0.0, marker="|", markersize=9.0, color=BLACK)
+    if shown == "benefit":
+        axes.text(
+            0.97,
+            0.95,
+            _lost_text(curve),
+            transform=axes.transAxes,
+            ha="right",
+            va="top",
+            fontsize=SMALL_PT - 1.0,
+        )
+    axes.set_xlabel(
+        f"{parameter.text} ({parameter.unit})", fontsize=min(SMALL_PT, SMALL_PT * 36 / len(parameter.text))
+    )
+    axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
+
+
+def _lost_text(curve: Curve) -> str:
+    """Where the benefit is lost, for a corner."""
+    if curve.crossing == 0.0:
+        return "no benefit to lose"
+    unit = PARAMETERS[curve.sweep.parameter].unit
+    if math.isinf(curve.crossing):
+        return f"not lost up to {curve.sweep.values[-1]:g} {unit}"
+    return f"lost at {curve.crossing:.2g} {unit}"
+
+
+def tornado(costs: Sequence[Cost], where: str) -> Figure:
+    """What each error of the sensor costs in benefit, alone and among all, the costliest on top."""
+    height_in = 1.35 + 0.34 * len(costs)
+    figure = plain_figure((WIDTH_IN, height_in), DPI)
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.17, right=0.97, bottom=0.75 / height_in, top=1 - 0.4 / height_in)
+    set_style(axes)
+    axes.axvline(0.0, color=GREY, linewidth=0.9)
+    for place, cost in enumerate(reversed(costs)):
+        for shift, part, colour in ((0.17, cost.alone, ORANGE), (-0.17, cost.among, PURPLE)):
+            value, low, high = (100 * v for v in (part[2].value, part[2].low, part[2].high))
+            axes.barh(place + shift, value, height=0.3, color=colour, alpha=0.85)
+            axes.plot([low, high], [place + shift] * 2, color=BLACK, linewidth=0.8)
+    axes.set_yticks(range(len(costs)), [cost.error for cost in reversed(costs)], fontsize=SMALL_PT)
+    axes.set_ylim(-0.6, len(costs) - 0.4)
+    axes.set_xlabel(
+        "change of collisions avoided less unnecessary stops (percentage points)", fontsize=SMALL_PT
+    )
+    figure.text(0.01, 1 - 0.2 / height_in, f"What each error of the sensor costs: {where}", fontsize=FONT_PT)
+    for x, colour, text in ((0.6, ORANGE, "alone"), (0.7, PURPLE, "added to all others")):
+        figure.text(x, 1 - 0.2 / height_in, f"■ {text}", fontsize=SMALL_PT, color=colour)
+    counts = f"{costs[0].alone[0].count} + {costs[0].alone[1].count} scenes. " if costs else ""
+    figure.text(
+        0.5, 0.05 / height_in, f"{counts}Lines: 95 % intervals over the scenes.",
+        ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+RULE_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK, SKY, WINE)
+
+
+def operating_curves(points: Sequence[Operating], where: str) -> Figure:
+    """Collisions avoided against unnecessary stops, a curve per rule along its trigger."""
+    figure = plain_figure((WIDTH_IN, 4.3), DPI)
+    axes = figure.subplots()
+    rules = list(dict.fromkeys(point.rule for point in points))
+    names_in = 0.35 + 0.062 * max(map(len, rules))
+    figure.subplots_adjust(left=0.085, right=1 - names_in / WIDTH_IN, bottom=0.17, top=0.9)
+    set_style(axes)
+    ends: list[tuple[float, float, str, str]] = []
+    for rule, colour in zip(rules, itertools.cycle(RULE_COLOURS), strict=False):
+        own = [point for point in points if point.rule == rule]
+        x, y = [100 * p.stops.value for p in own], [100 * p.avoided.value for p in own]
+        for p, x_k, y_k in zip(own, x, y, strict=True):
+            axes.plot(
+                [100 * p.stops.low, 100 * p.stops.high], [y_k, y_k], color=colour, linewidth=0.6, alpha=0.3
+            )
+            axes.plot(
+                [x_k, x_k],
+                [100 * p.avoided.low, 100 * p.avoided.high],
+                color=colour,
+                linewidth=0.6,
+                alpha=0.3,
+            )
+        axes.plot(x, y, color=colour, marker="o", markersize=3.5, linewidth=1.3)
+        usual = [k for k, p in enumerate(own) if p.is_usual]
+        axes.plot(
+            [x[k] for k in usual], [y[k] for k in usual], linestyle="none", marker="o", markersize=8.5,
+            markerfacecolor="none", markeredgecolor=colour,
+        )  # fmt: skip
+        # named where it stands out: at its point of most unnecessary stops
+        last = max(range(len(own)), key=lambda k: (x[k], y[k]))
+        ends.append((x[last], y[last], rule, colour))
+    _name_curves(axes, ends)
+    axes.set_xlabel("unnecessary stops (% of nothing scenes)", fontsize=SMALL_PT)
+    axes.set_ylabel("collisions avoided (% of must-brake scenes)", fontsize=SMALL_PT)
+    figure.text(0.01, 0.95, f"Rules along their triggers: {where}", fontsize=FONT_PT)
+    counts = f"{points[0].avoided.count} + {points[0].stops.count} scenes per point. " if points else ""
+    figure.text(
+        0.5, 0.02,
+        f"{counts}Ringed: as the rule's source has it. Bars: 95 % intervals. Up and to the left is better.",
+        ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
+    )  # fmt: skip
+    return figure
+
+
+_NAME_PT = 10.0
+"""Least distance of names one above the other."""
+
+
+def _name_curves(axes: Axes, ends: Sequence[tuple[float, float, str, str]]) -> None:
+    """Names at the right edge, each with a line to its curve, none on another."""
+    figure = axes.figure
+    height_pt = 72.0 * axes.get_window_extent().height / figure.dpi
+    low, high = axes.get_ylim()
+    step = (high - low) * _NAME_PT / height_pt
+    places: list[float] = []
+    for _, y, *_ in (ranked := sorted(ends, key=lambda end: end[1])):
+        places.append(max(y, places[-1] + step) if places else y)
+    over = max(0.0, (places[-1] if places else low) - high)
+    right = axes.get_xlim()[1]
+    for (x, y, name, colour), place in zip(ranked, places, strict=True):
+        axes.annotate(
+            name, (x, y), xytext=(right + 0.03 * (right - axes.get_xlim()[0]), place - over),
+            textcoords="data", va="center", fontsize=SMALL_PT, color=colour, annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "alpha": 0.6, "shrinkB": 3.0},
+        )  # fmt: skip
+    axes.set_ylim(low, high)
+    axes.set_xlim(axes.get_xlim()[0], right)

@@ -1,0 +1,131 @@
+"""What does a lane filter gain over what any planner knows?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from evaluation.studies.answers import figures
+from evaluation.studies.answers.arms import Arm
+from evaluation.studies.answers.measures import DECISIVE
+from evaluation.studies.answers.results import (
+    Difference,
+    Results,
+    benefit_difference,
+    decisive_differences,
+)
+from evaluation.studies.answers.rivals import MAP, PATH, Rival, rivals
+from evaluation.studies.answers.study import Answer, Question
+from evaluation.studies.answers.tables import (
+    arms_table,
+    differences_csv,
+    differences_table,
+    estimates_csv,
+    points_text,
+    rates_table,
+    verdict,
+)
+from scenarios.settings import Settings
+
+NOTES = (
+    "Scenes are drawn independently and are the sample; in each, all sides meet the same sensor noise.",
+    "A collision counts as avoided only if the ego had not braked before the target set off.",
+    "A difference is called decided if McNemar's exact test sees it at 5 %, corrected for all questions "
+    "of the "
+    "study by Holm's method. Where it is not, the interval says how large it may be.",
+    "Sources of the methods: docs/answers.md.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Gain(Question):
+    """Every rival against the planned path, by preset and brake rule.
+
+    Args:
+        presets: conditions.
+        rules: brake rules.
+        own: strategies of the user's own.
+        tuned: settings that were chosen for a strategy and rule on other scenes (see `Tuning`), in place of
+            the rivals' own; both are run.
+    """
+
+    presets: tuple[str, ...] = ("physical",)
+    rules: tuple[str, ...] = ("paper",)
+    own: tuple[str, ...] = ()
+    tuned: tuple[tuple[str, str, Settings], ...] = ()
+    name = "gain"
+
+    @property
+    def groups(self) -> dict[tuple[str, str], list[Arm]]:
+        """The arms by preset and rule; the first of each is what the others are compared with."""
+        return {
+            (preset, rule): [arm for rival in rivals(self.own) for arm in self._sides(rival, preset, rule)]
+            for preset in self.presets
+            for rule in self.rules
+        }
+
+    def _sides(self, rival: Rival, preset: str, rule: str) -> list[Arm]:
+        """A rival as it is, and tuned where it was."""
+        arm = rival.arm(preset, rule)
+        chosen = [settings for name, of, settings in self.tuned if (name, of) == (rival.name, rule)]
+        return [arm, *(arm.having(*settings, name=f"{rival.name}, tuned") for settings in chosen)]
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """All of them, each once."""
+        return tuple(dict.fromkeys(arm for group in self.groups.values() for arm in group))
+
+    @property
+    def pairs(self) -> list[tuple[Arm, Arm]]:
+        """Every arm against the planned path; tuned ones against the tuned path."""
+        pairs = []
+        for group in self.groups.values():
+            tuned = next((arm for arm in group if arm.name == f"{PATH.name}, tuned"), group[0])
+            for arm in group[1:]:
+                against = tuned if arm.name.endswith(", tuned") and arm is not tuned else group[0]
+                pairs.append((arm, against))
+        return pairs
+
+    @property
+    def questions(self) -> int:
+        """Differences that are tested."""
+        return len(self.pairs) * len(DECISIVE)
+
+    def answer(self, results: Results) -> Answer:
+        """The gain of each rival, that of the map first."""
+        differences = decisive_differences(results, self.pairs)
+        tables, drawn = {}, {}
+        for (preset, rule), arms in self.groups.items():
+            own = [d for d in differences if d.arm in arms]
+            where = f"preset {preset}, rule {rule}"
+            tables[f"Against the planned path: {where}"] = differences_table(own)
+            tables[f"Each by itself: {where}"] = rates_table(results, arms)
+            drawn[f"gain_{preset}_{rule}".replace(":", ".")] = figures.gain(own, where)
+        named = [replace(arm, settings=tuple(s for s in arm.settings if s[0] != "rule")) for arm in self.arms]
+        tables["Who is who"] = arms_table(named)
+        files = {"gain.csv": differences_csv(differences), "table.csv": estimates_csv(results)}
+        sentences = findings(results, differences)
+        return Answer(
+            "What does a lane filter gain over what any planner knows?",
+            sentences,
+            tables,
+            drawn,
+            files,
+            NOTES,
+        )
+
+
+def findings(results: Results, differences: Sequence[Difference]) -> list[str]:
+    """The answer in sentences: the map filter against the planned path first, then the others."""
+    groups: dict[tuple[Arm, Arm], list[Difference]] = {}
+    for d in differences:
+        groups.setdefault((d.arm, d.against), []).append(d)
+    ranked = sorted(
+        groups, key=lambda pair: pair[0].name != MAP.name
+    )  # stable: else in the order of the arms
+    lines = []
+    for arm, against in ranked:
+        gained = points_text(benefit_difference(results, arm, against))
+        where = f"Preset {arm.preset}, rule {arm.rule}"
+        lines.append(f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.")
+    return lines

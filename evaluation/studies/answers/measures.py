@@ -1,0 +1,121 @@
+"""What is kept of a run that answers a question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
+from evaluation.studies.answers.arms import ArmRun
+from evaluation.studies.compare.measures import STANDING_MPS, THROUGH
+from scenarios.simulation.ends import CUT_OFF, is_avoided
+from scenarios.spec import simulation_of
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a run came to; None where it did not happen or has no meaning.
+
+    Args:
+        collided: whether the ego touched any road user.
+        v_impact_kmh: its speed then, 0 without contact; None of a run that was cut off.
+        false_activation: an emergency request where nothing should happen, or before a target that was to set
+            off had done so; None where the ego must brake for one that stands or moves from the start.
+        unnecessary_stop: a request or a standstill where nothing should happen.
+        flag_ttc_s: time to collision with the target at the first emergency request.
+        warning_ttc_s: the same at the first warning of the driver; rules that do not warn have none.
+        speed_lost_kmh: by how much it was slower at the slowest than at the start.
+        peak_decel_mps2: its greatest deceleration.
+        end_reason: why the run ended, see `scenarios.simulation.ends.EndReason`.
+    """
+
+    collided: bool
+    v_impact_kmh: float | None
+    false_activation: bool | None
+    unnecessary_stop: bool
+    flag_ttc_s: float | None
+    warning_ttc_s: float | None
+    speed_lost_kmh: float
+    peak_decel_mps2: float
+    end_reason: str
+
+    @property
+    def avoided(self) -> bool:
+        """Whether it counts as a collision avoided: not after a request before the target had set off."""
+        return is_avoided(self.collided, self.end_reason, self.false_activation)
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether it ended before what was to come: it is in no rate."""
+        return self.end_reason in CUT_OFF
+
+
+def decide(item: ArmRun) -> tuple[Decision, FrameTime]:
+    """Carry out one run.
+
+    Raises:
+        scenarios.openscenario.errors.OpenScenarioError: the scene cannot be run.
+        opendrive.OpenDriveError: its map cannot be read.
+    """
+    nothing = item.spec.must == "nothing"
+    outcome = simulation_of(item.spec, THROUGH if nothing else None).run()
+    log = outcome.log.table()
+    ego = log["kind"] == "ego"
+    speed = log["speed_mps"][ego]
+    flagged = outcome.flag_time_s is not None
+    decision = Decision(
+        collided=outcome.contact is not None,
+        v_impact_kmh=impact_speed_kmh(outcome),
+        false_activation=flagged if nothing else outcome.false_activation,
+        unnecessary_stop=nothing and (flagged or float(speed.min()) < STANDING_MPS),
+        flag_ttc_s=outcome.flag_ttc_s,
+        warning_ttc_s=outcome.warning_ttc_s,
+        speed_lost_kmh=3.6 * float(speed[0] - speed.min()),
+        peak_decel_mps2=max(0.0, -float(log["accel_mps2"][ego].min())),
+        end_reason=outcome.end_reason.value,
+    )
+    return decision, frame_time(outcome.frame_time_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """What of a run is compared.
+
+    Args:
+        text: in words.
+        must: kind of scenes in which it is measured.
+        value: of a run; None where it has none.
+        unit: of its values; empty: it is so or not.
+        digits: that are printed.
+    """
+
+    text: str
+    must: str
+    value: Callable[[Decision], float | None]
+    unit: str = ""
+    digits: int = 0
+
+
+def _timely(run: Decision, value: float | None) -> float | None:
+    """A value of a run whose request was not for something else."""
+    return None if run.false_activation else value
+
+
+MEASURES: Mapping[str, Measure] = MappingProxyType(
+    {
+        "avoided": Measure("collisions avoided", "brake", lambda run: run.avoided),
+        "stops": Measure("unnecessary stops", "nothing", lambda run: run.unnecessary_stop),
+        "early": Measure("early activations", "brake", lambda run: run.false_activation),
+        "impact": Measure("impact speed", "brake", lambda run: run.v_impact_kmh, "km/h", 1),
+        "flag_ttc": Measure("TTC at the request", "brake", lambda run: _timely(run, run.flag_ttc_s), "s", 2),
+        "warning_ttc": Measure(
+            "TTC at the warning", "brake", lambda run: _timely(run, run.warning_ttc_s), "s", 2
+        ),
+        "speed_lost": Measure("speed lost", "nothing", lambda run: run.speed_lost_kmh, "km/h", 1),
+        "peak_decel": Measure("peak deceleration", "nothing", lambda run: run.peak_decel_mps2, "m/s²", 1),
+    }
+)
+"""By short names; the first two are what questions are decided by."""
+
+DECISIVE = ("avoided", "stops")

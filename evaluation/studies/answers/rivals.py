@@ -1,0 +1,59 @@
+"""The rivals of the lane filter: everything that knows no more than a planner gives, and the paper's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from evaluation.studies.answers.arms import Arm
+from scenarios.settings import Settings
+
+FAIR: Settings = (("ego_forecast", "path"), ("way", "path"), ("standing", "path"))
+"""Every planner knows its path: the ego is forecast along it, speed adaptation looks along it, and what
+stands counts where it leads. Rivals that share this differ by their area alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """A way to monitor.
+
+    Args:
+        name: in tables and figures.
+        text: what it is, in words.
+        strategy: monitored area.
+        settings: parameters that depart from the preset.
+    """
+
+    name: str
+    text: str
+    strategy: str
+    settings: Settings = FAIR
+
+    def arm(self, preset: str, rule: str) -> Arm:
+        """It in a preset, with a brake rule."""
+        return Arm(self.name, self.strategy, self.settings, preset).having(("rule", rule))
+
+
+PATH = Rival("path", "the planned path without lanes, kerbs or filter", "path")
+MAP = Rival("map", "the lanes of the map, along the planned path", "map")
+
+RIVALS: tuple[Rival, ...] = (
+    PATH,
+    MAP,
+    Rival("all", "everything that is seen", "all"),
+    Rival("rectangle", "the paper's rectangle, along the planned path", "rectangular"),
+    Rival(
+        "rectangle, wide",
+        "a rectangle with the half width 4 m and the length 60 m, along the planned path",
+        "rectangular",
+        (("half_width_m", 4.0), ("length_m", 60.0), *FAIR),
+    ),
+    Rival("map, as published", "the map filter with the ego forecast by its turn rate", "map", ()),
+    Rival("rectangle, as published", "the paper's rectangle with the same forecast", "rectangular", ()),
+)
+"""The first is what the others are compared with."""
+
+
+def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:
+    """The rivals, and those of the user's own (`package.module:name`)."""
+    return (*RIVALS, *(Rival(name, "of the user's own", name) for name in own))

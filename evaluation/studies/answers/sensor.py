@@ -1,0 +1,178 @@
+"""Which error of the sensor costs most?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from evaluation.metrics.intervals import Estimate
+from evaluation.results.tables import Table, csv_bytes
+from evaluation.studies.answers import figures
+from evaluation.studies.answers.arms import Arm
+from evaluation.studies.answers.measures import DECISIVE
+from evaluation.studies.answers.results import Results, benefit, difference
+from evaluation.studies.answers.rivals import MAP, Rival
+from evaluation.studies.answers.study import Answer, Question
+from evaluation.studies.answers.tables import estimates_csv, points_text, rates_table
+from scenarios.presets import named_preset
+from scenarios.settings import PARAMETERS, Settings
+
+ERRORS: dict[str, tuple[str, ...]] = {
+    "position noise": ("position_sigma_m", "position_correlation_s"),
+    "position bias": ("position_bias_m",),
+    "headings": ("heading_sigma_deg", "heading_flip"),
+    "sizes": ("size_sigma",),
+    "categories": ("class_confusion",),
+    "misses": ("miss_rate", "miss_persistence"),
+    "ghosts": ("ghosts_per_frame",),
+    "frame rate": ("rate_hz",),
+    "latency": ("latency_s",),
+    "range": ("range_m",),
+}
+"""Parameters by what they are about; those of one kind of error go together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What an error costs.
+
+    Args:
+        error: which.
+        alone: rates with it alone less those without any.
+        among: rates with all less those with all others; each for collisions avoided, stops and the benefit.
+    """
+
+    error: str
+    alone: tuple[Estimate, Estimate, Estimate]
+    among: tuple[Estimate, Estimate, Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class SensorErrors(Question):
+    """One error of a real sensor at a time, and all but one.
+
+    Args:
+        rival: what is monitored.
+        rule: brake rule.
+        ideal: preset of a sensor without these errors.
+        real: preset of one with all.
+        errors: kinds of errors.
+    """
+
+    rival: Rival = MAP
+    rule: str = "paper"
+    ideal: str = "physical"
+    real: str = "real"
+    errors: tuple[str, ...] = tuple(ERRORS)
+    name = "sensor"
+
+    def having(self, errors: Sequence[str]) -> Arm:
+        """The real sensor with only some of its errors: the others have the ideal one's values."""
+        ideal = named_preset(self.ideal)
+        absent: Settings = tuple(
+            (key, PARAMETERS[key].of(ideal))
+            for error in self.errors
+            if error not in errors
+            for key in ERRORS[error]
+        )
+        if len(errors) == 1:
+            name = f"{errors[0]} alone"
+        elif len(errors) == len(self.errors) - 1:
+            name = f"all but {next(error for error in self.errors if error not in errors)}"
+        else:
+            name = "all errors" if errors else "no error"
+        return self.rival.arm(self.real, self.rule).having(*absent, name=name)
+
+    def all_but(self, error: str) -> Arm:
+        """With all errors but one."""
+        return self.having([other for other in self.errors if other != error])
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """Without any, with each alone, with all but each, with all."""
+        each = (arm for error in self.errors for arm in (self.having([error]), self.all_but(error)))
+        return tuple(dict.fromkeys([self.having([]), *each, self.having(self.errors)]))
+
+    @property
+    def questions(self) -> int:
+        """Both differences of each error, alone and among all."""
+        return 2 * len(DECISIVE) * len(self.errors)
+
+    def costs(self, results: Results) -> list[Cost]:
+        """What each error costs, the greatest first: by the benefit that is lost, alone or among all."""
+        none, every = self.having([]), self.having(self.errors)
+        costs = [
+            Cost(
+                error,
+                _change(results, self.having([error]), none),
+                _change(results, every, self.all_but(error)),
+            )
+            for error in self.errors
+        ]
+        return sorted(costs, key=lambda cost: min(cost.alone[2].value, cost.among[2].value))
+
+    def answer(self, results: Results) -> Answer:
+        """Which error costs most."""
+        costs = self.costs(results)
+        where = f"{self.rival.name}, rule {self.rule}"
+        total = _change(results, self.having(self.errors), self.having([]))
+        tables = {"What each error costs": _table(costs), "Each by itself": rates_table(results, self.arms)}
+        return Answer(
+            "Which error of the sensor costs most?",
+            findings(costs, total),
+            tables,
+            {"sensor": figures.tornado(costs, where)},
+            {"sensor.csv": _csv(costs), "table.csv": estimates_csv(results)},
+            (
+                f"The sensor is that of the preset {self.real}; an error that is left out has the value "
+                "of the "
+                f"preset {self.ideal}. The tracker knows the sensor's noise, whichever it is.",
+                "Alone: with the error less without any. Among all: with all less with all others. "
+                "Errors that "
+                "matter only together show in the second alone.",
+                "Benefit: collisions avoided per must-brake scene less unnecessary stops per nothing scene.",
+            ),
+        )
+
+
+def _change(results: Results, arm: Arm, against: Arm) -> tuple[Estimate, Estimate, Estimate]:
+    avoided, stops = (difference(results, arm, against, measure).estimate for measure in DECISIVE)
+    return avoided, stops, benefit(avoided, stops)
+
+
+def findings(costs: Sequence[Cost], total: tuple[Estimate, Estimate, Estimate]) -> list[str]:
+    """The answer in sentences."""
+    avoided, stops, both = map(points_text, total)
+    lines = [
+        f"All errors together against none: collisions avoided {avoided}, unnecessary stops {stops}, "
+        f"benefit {both} "
+        "points."
+    ]
+    for text, part in (("alone", "alone"), ("among all others", "among")):
+        ranked = sorted(costs, key=lambda cost: getattr(cost, part)[2].value)
+        worst = getattr(ranked[0], part) if ranked else None
+        if worst is not None and worst[2].value < 0:
+            clear = "" if worst[2].high < 0 else "; its interval holds 0"
+            lines.append(
+                f"{text.capitalize()}, {ranked[0].error} cost most: collisions avoided "
+                f"{points_text(worst[0])}, "
+                f"unnecessary stops {points_text(worst[1])}, benefit {points_text(worst[2])} points{clear}."
+            )
+        elif worst is not None:
+            lines.append(f"{text.capitalize()}, no error costs anything in these scenes.")
+    return lines
+
+
+def _table(costs: Sequence[Cost]) -> Table:
+    header = ["error"]
+    for part in ("alone", "among all"):
+        header += [f"{part}: avoided (points)", "stops (points)", "benefit (points)"]
+    rows = tuple((c.error, *map(points_text, (*c.alone, *c.among))) for c in costs)
+    return Table(tuple(header), rows, (), "Differences in the same scenes; 95 % intervals.")
+
+
+def _csv(costs: Sequence[Cost]) -> bytes:
+    names = [f"{part}_{name}" for part in ("alone", "among") for name in ("avoided", "stops", "benefit")]
+    header = ["error", *(f"{name}{end}" for name in names for end in ("", "_low", "_high"))]
+    rows = [[c.error, *(v for e in (*c.alone, *c.among) for v in (e.value, e.low, e.high))] for c in costs]
+    return csv_bytes(header, rows)

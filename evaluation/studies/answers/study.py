@@ -1,0 +1,229 @@
+"""What all questions share: drawn scenes, arms, a journal, and a page that answers in words first."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evaluation.results.files import SCHEMA, json_bytes, write_bytes, write_files
+from evaluation.results.tables import Table, csv_bytes, markdown_table
+from evaluation.runs.configuration import versions
+from evaluation.runs.execution import FrameTime
+from evaluation.runs.fingerprint import digest_of, file_digest, version
+from evaluation.studies.answers.arms import Arm, ArmRun, arm_runs
+from evaluation.studies.answers.measures import Decision, decide
+from evaluation.studies.answers.results import Results, power_lines
+from evaluation.studies.compare.figures import FORMATS, save
+from evaluation.studies.study import Finished, Study
+from scenarios import drawn
+from scenarios.drawn.draw import drawn_scenes
+from scenarios.scenes.scenes import SceneRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCENES = "scenes"
+"""Folder of the drawn scenes."""
+LIST = "list.json"
+"""What was drawn into a folder."""
+PREFIX = "study_"
+"""Of the journal, which all questions of a folder share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Which scenes are drawn.
+
+    Args:
+        split: train or test; their maps are others.
+        count: scenes of each kind.
+        seed: of scenes and sensor noise.
+        maps: folder of further maps.
+    """
+
+    split: str = "test"
+    count: int = 300
+    seed: int = 0
+    maps: Path | None = None
+
+    def draw(self, folder: Path) -> tuple[SceneRun, ...]:
+        """The scenes, their files in a folder; those that this version has drawn before are read again.
+
+        Raises:
+            ScenarioError: there is no such split, or no map that can be read.
+            ResultsError: the folder cannot be written.
+        """
+        target = folder / SCENES / f"{self.split}_{self.seed}_{self.count}"
+        listed, key = target / LIST, self._key()
+        known = _read_list(listed, key)
+        if known is None:
+            known = drawn_scenes(self.split, self.count, self.seed, target, self.maps)
+            scenes = [dataclasses.asdict(scene) | {"file": Path(scene.file).name} for scene in known]
+            write_bytes(listed, json_bytes({"key": key, "scenes": scenes}, indent=1))
+        return known
+
+    def _key(self) -> str:
+        """Hash of everything that determines the scenes."""
+        files = sorted(
+            path for path in Path(drawn.__path__[0]).rglob("*") if path.suffix in (".toml", ".xodr")
+        )
+        files += sorted(self.maps.glob("*.xodr")) if self.maps else []
+        return digest_of([version(), self.split, self.count, self.seed, *map(file_digest, files)])
+
+
+def _read_list(path: Path, key: str) -> tuple[SceneRun, ...] | None:
+    """Scenes that were drawn before; None if they are others, or a file is missing."""
+    try:
+        content = json.loads(path.read_bytes())
+        scenes = tuple(
+            SceneRun(**scene | {"file": str(path.parent / scene["file"]), "parameters": ()})
+            for scene in content["scenes"]
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return scenes if content["key"] == key and all(Path(scene.file).is_file() for scene in scenes) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a question came to.
+
+    Args:
+        title: the question.
+        sentences: the answer in words.
+        tables: by heading; each is shown as text.
+        figures: by file name.
+        files: further files by name.
+        notes: what is assumed, and how to read it.
+    """
+
+    title: str
+    sentences: list[str]
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def markdown(self) -> bytes:
+        """The page: words, figures, tables, notes."""
+        parts = [f"# {self.title}\n", *(f"{line}\n" for line in self.sentences)]
+        parts += [f"![{name}]({name}.png)\n" for name in self.figures]
+        for heading, table in self.tables.items():
+            parts += [f"## {heading}\n", markdown_table(table)]
+        if self.notes:
+            parts += ["## How to read it\n", *(f"- {note}" for note in self.notes), ""]
+        return "\n".join(parts).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class Question(Study[tuple[Arm, SceneRun], Decision]):
+    """A question over drawn scenes; subclasses say which arms it takes, and what the runs answer."""
+
+    sample: Sample = Sample()
+    formats: tuple[str, ...] = FORMATS
+    journal = PREFIX
+    table = "runs.csv"
+    kind = Decision
+
+    @property
+    @abstractmethod
+    def arms(self) -> tuple[Arm, ...]:
+        """Who is run."""
+
+    @property
+    @abstractmethod
+    def questions(self) -> int:
+        """How many differences are tested."""
+
+    @abstractmethod
+    def answer(self, results: Results) -> Answer:
+        """What the runs say."""
+
+    def items_of(self, scenes: Sequence[SceneRun]) -> list[ArmRun]:
+        """The runs over some scenes, by arm and scene.
+
+        Raises:
+            ArgumentError: a setting is out of range.
+        """
+        for arm in self.arms:
+            arm.check()
+        return arm_runs(self.arms, scenes, self.sample.seed)
+
+    def items(self, folder: Path) -> list[ArmRun]:
+        """The runs over the drawn scenes."""
+        return self.items_of(self.sample.draw(folder))
+
+    @staticmethod
+    def job(item: ArmRun) -> tuple[Decision, FrameTime]:
+        """Carry out one of them."""
+        return decide(item)
+
+    def power(self, scenes: Sequence[SceneRun]) -> list[str]:
+        """Which differences the scenes can decide."""
+        return power_lines(scenes, self.questions)
+
+    def write(self, folder: Path, items: Sequence[ArmRun], finished: Finished[Decision]) -> list[Path]:
+        """Write page, tables and figures; the same bytes for the same question."""
+        results = results_of(items, finished)
+        return self.write_answer(folder, results, self.answer(results))
+
+    def write_answer(self, folder: Path, results: Results, answer: Answer) -> list[Path]:
+        """Write an answer.
+
+        Raises:
+            ResultsError: the folder cannot be written.
+        """
+        contents = {
+            "answer.md": answer.markdown(),
+            self.table: runs_csv(results),
+            "study.json": self._configuration(results.scenes),
+            **answer.files,
+        }
+        paths = write_files(folder, contents)
+        for name, figure in answer.figures.items() if self.formats else ():
+            paths += save(figure, folder / name, self.formats)
+        return paths
+
+    def _configuration(self, scenes: Sequence[SceneRun]) -> bytes:
+        """What was asked, as JSON."""
+        sample = {"split": self.sample.split, "count": self.sample.count, "seed": self.sample.seed}
+        values = {
+            "schema": SCHEMA,
+            "version": version(),
+            "versions": versions(),
+            "question": self.name,
+            "sample": sample,
+            "scenes": {must: sum(s.must == must for s in scenes) for must in ("brake", "nothing")},
+            "arms": [
+                {"name": arm.name, "preset": arm.preset, "strategy": arm.strategy}
+                | {"settings": dict(arm.settings), "coins": list(arm.coins)}
+                for arm in self.arms
+            ],
+        }
+        return json_bytes(values, indent=1)
+
+
+def results_of(items: Sequence[ArmRun], finished: Finished[Decision]) -> Results:
+    """Finished runs by arm."""
+    runs: dict[Arm, list[Decision]] = {}
+    for item in items:
+        runs.setdefault(item.label[0], []).append(finished[item.key][0])
+    scenes = tuple(dict.fromkeys(item.label[1] for item in items))
+    return Results(scenes, {arm: tuple(decisions) for arm, decisions in runs.items()})
+
+
+def runs_csv(results: Results) -> bytes:
+    """One line per run."""
+    names = [entry.name for entry in dataclasses.fields(Decision)]
+    header = ("scene", "variant", "must", "name", "preset", "settings", *names)
+    rows = (
+        (scene.scene, scene.variant, scene.must, arm.name, arm.preset, arm.text, *dataclasses.astuple(run))
+        for arm, runs in results.runs.items()
+        for scene, run in zip(results.scenes, runs, strict=True)
+    )
+    return csv_bytes(header, rows)

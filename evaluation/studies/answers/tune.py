@@ -1,0 +1,253 @@
+"""Settings of every strategy and rule, chosen with the same effort on scenes other than the test's."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from evaluation.errors import ArgumentError
+from evaluation.metrics.intervals import Estimate
+from evaluation.results.files import json_bytes
+from evaluation.results.tables import Table, csv_bytes
+from evaluation.studies.answers.arms import Arm
+from evaluation.studies.answers.measures import DECISIVE
+from evaluation.studies.answers.results import Results, benefit
+from evaluation.studies.answers.rivals import FAIR, Rival, rivals
+from evaluation.studies.answers.study import Answer, Question
+from evaluation.studies.answers.tables import interval_text, points_text
+from evaluation.studies.answers.trigger import SENSITIVITIES
+from scenarios.settings import PARAMETERS, TRIGGERS, Setting, Settings, settings_text
+
+TUNED = "tuned.json"
+
+BOX: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "half_width_m": (0.9, 5.0),
+        "length_m": (12.0, 80.0),
+        "margin_m": (0.0, 5.0),
+        "corridor_m": (0.9, 4.0),
+        "horizon_s": (1.5, 5.0),
+    }
+)
+"""Least and greatest value that is tried of each parameter of an area; a trigger's are those of
+`evaluation.studies.answers.trigger.SENSITIVITIES`. Assumed: from the ego's half width to a
+lane beyond its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Settings that were tried.
+
+    Args:
+        rival, rule: of whom.
+        number: 0 as it is without tuning.
+        settings: what was set.
+        avoided, stops: rates.
+    """
+
+    rival: str
+    rule: str
+    number: int
+    settings: Settings
+    avoided: Estimate
+    stops: Estimate
+
+    @property
+    def benefit(self) -> Estimate:
+        """The objective: collisions avoided less unnecessary stops."""
+        return benefit(self.avoided, self.stops)
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning(Question):
+    """Every rival and rule with the same number of settings, drawn at random from a box.
+
+    Args:
+        preset: conditions.
+        rules: brake rules.
+        own: strategies of the user's own; of these the parameters of all strategies are drawn.
+        trials: settings of each, with that of the preset.
+    """
+
+    preset: str = "physical"
+    rules: tuple[str, ...] = ("paper",)
+    own: tuple[str, ...] = ()
+    trials: int = 12
+    name = "tune"
+
+    def drawn(self, rival: Rival, rule: str) -> list[Settings]:
+        """The settings that are tried, in their order; the first are none."""
+        arm = rival.arm(self.preset, rule)
+        box = {key: ends for key, ends in BOX.items() if PARAMETERS[key].changes(arm.strategy)}
+        trigger = TRIGGERS.get(rule)
+        if trigger is not None:
+            box[trigger] = (min(SENSITIVITIES[trigger]), max(SENSITIVITIES[trigger]))
+        lines: list[Settings] = [()]
+        for number in range(1, self.trials):
+            # the same point of the unit box for all: none has luckier draws
+            unit = np.random.default_rng([self.sample.seed, number]).random(len(box))
+            lines.append(
+                tuple((key, _value(ends, u)) for (key, ends), u in zip(box.items(), unit, strict=True))
+            )
+        return lines
+
+    @property
+    def tried(self) -> list[tuple[Rival, str, int, Settings, Arm]]:
+        """Rival, rule, number, settings and arm of each trial."""
+        return [
+            (
+                rival,
+                rule,
+                k,
+                settings,
+                rival.arm(self.preset, rule).having(*settings, name=f"{rival.name}, trial {k}"),
+            )
+            for rule in self.rules
+            for rival in rivals(self.own)
+            if rival.settings == FAIR  # the others are the same areas, as published
+            for k, settings in enumerate(self.drawn(rival, rule))
+        ]
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """All of them, each once."""
+        return tuple(dict.fromkeys(arm for *_, arm in self.tried))
+
+    @property
+    def questions(self) -> int:
+        """None is tested: the choice is tested on other scenes."""
+        return 0
+
+    def answer(self, results: Results) -> Answer:
+        """What was chosen for each, and all that was tried."""
+        trials = [
+            Trial(rival.name, rule, k, settings, *(results.estimate(arm, name) for name in DECISIVE))
+            for rival, rule, k, settings, arm in self.tried
+        ]
+        chosen = choose(trials)
+        files = {TUNED: _json(chosen, self), "tune.csv": _csv(trials)}
+        return Answer(
+            "Which settings are best on the training scenes?",
+            [
+                f"{t.rival}, rule {t.rule}: {settings_text(t.settings) or 'as it is'}, "
+                f"{interval_text(t.avoided, 'avoided')} % avoided at {interval_text(t.stops, 'stops')} "
+                "% unnecessary "
+                f"stops (trial {t.number} of {self.trials})."
+                for t in chosen
+            ],
+            {"Chosen": _table(chosen), "Everything that was tried": _table(trials)},
+            {},
+            files,
+            (
+                "Objective: collisions avoided per must-brake scene less unnecessary stops per nothing "
+                "scene; of "
+                "equals the first. Rates of what was chosen look better than they are: test it on other "
+                "scenes with "
+                "`smartmot-eval study gain --tuned`.",
+                f"Every rival and rule has {self.trials} trials: the preset's own settings, and others "
+                "drawn from the "
+                "same points of its box.",
+            ),
+        )
+
+
+def _value(ends: tuple[float, float], share: float) -> float:
+    """A value of the box, in three digits; by its logarithm where both ends are a decade apart."""
+    low, high = ends
+    by_logarithm = low > 0 and high >= 10 * low
+    value = low * (high / low) ** share if by_logarithm else low + share * (high - low)
+    return float(f"{value:.3g}")
+
+
+def choose(trials: Sequence[Trial]) -> list[Trial]:
+    """The best of each rival and rule by the objective; of equals the first."""
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for trial in trials:
+        groups.setdefault((trial.rival, trial.rule), []).append(trial)
+    return [
+        max(own, key=lambda t: -math.inf if math.isnan(t.benefit.value) else t.benefit.value)
+        for own in groups.values()
+    ]
+
+
+def read_tuned(path: Path) -> tuple[tuple[str, str, Settings], ...]:
+    """Rival, rule and settings of what was chosen.
+
+    Raises:
+        ArgumentError: the file is not one that `smartmot-eval study tune` wrote.
+    """
+    try:
+        lines = json.loads(path.read_text(encoding="utf-8"))["chosen"]
+        chosen = tuple(
+            (str(v["rival"]), str(v["rule"]), tuple(map(_setting, v["settings"].items()))) for v in lines
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ArgumentError(
+            f"--tuned: {path} is not a {TUNED} of `smartmot-eval study tune` ({type(error).__name__}: "
+            f"{error})"
+        ) from None
+    return chosen
+
+
+def _setting(pair: tuple[str, object]) -> tuple[str, Setting]:
+    name, value = pair
+    if name not in PARAMETERS:
+        raise ValueError(f"no parameter {name!r}")
+    return name, value if isinstance(value, str) else float(str(value))
+
+
+def _json(chosen: Sequence[Trial], study: Tuning) -> bytes:
+    values = {
+        "preset": study.preset,
+        "objective": "collisions avoided per must-brake scene less unnecessary stops per nothing scene",
+        "trials": study.trials,
+        "chosen": [{"rival": t.rival, "rule": t.rule, "settings": dict(t.settings)} for t in chosen],
+    }
+    return json_bytes(values, indent=1)
+
+
+def _table(trials: Sequence[Trial]) -> Table:
+    header = (
+        "who",
+        "rule",
+        "trial",
+        "settings",
+        "avoided (%)",
+        "unnecessary stops (%)",
+        "avoided less stopped (points)",
+    )
+    rows = tuple(
+        (
+            t.rival,
+            t.rule,
+            str(t.number),
+            settings_text(t.settings) or "as it is",
+            interval_text(t.avoided, "avoided"),
+            interval_text(t.stops, "stops"),
+            points_text(t.benefit),
+        )
+        for t in trials
+    )
+    return Table(header, rows)
+
+
+def _csv(trials: Sequence[Trial]) -> bytes:
+    header = (
+        "rival", "rule", "trial", "settings", "avoided", "avoided_low", "avoided_high", "stops", "stops_low",
+        "stops_high", "benefit",
+    )  # fmt: skip
+    rows = [
+        (
+            t.rival, t.rule, t.number, settings_text(t.settings),
+            t.avoided.value, t.avoided.low, t.avoided.high,
+            t.stops.value, t.stops.low, t.stops.high, t.benefit.value,
+        )
+        for t in trials
+    ]  # fmt: skip
+    return csv_bytes(header, rows)

@@ -1,0 +1,67 @@
+"""`smartmot-eval study`: options that do not go together, and which question they become."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from evaluation.cli import main
+from evaluation.studies.answers.study import Question
+from evaluation.studies.answers.trigger import FAMILIES
+
+
+def call(*arguments: str) -> int:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["smartmot-eval", "study", *arguments])
+        try:
+            main()
+        except SystemExit as stop:
+            return int(stop.code or 0)
+    return 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("profit",), "QUESTION: unknown 'profit'; use one of: gain"),
+        (("sensor", "--preset", "physical,real"), "--preset: sensor takes one"),
+        (("sensor", "--rule", "paper,rss"), "--rule: sensor takes one"),
+        (("gain", "--rule", "none"), "--rule: unknown 'none'"),
+        (("trigger", "--tuned", "x.json"), "--tuned: only gain takes it"),
+        (("gain", "--tuned", "x.json"), "--tuned: x.json is not a tuned.json"),
+        (("gain", "--split", "all"), "--split: unknown 'all'"),
+        (("gain", "--maps", "nowhere"), "--maps: nowhere is no folder"),
+        (("trigger", "--strategies", "lidar"), "--strategies: unknown 'lidar'"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    arguments: tuple[str, ...],
+    message: str,
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(*arguments) == 2
+    error = capfd.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Question] = []
+    monkeypatch.setattr("evaluation.studies.answers.command.ask", lambda question, *_: asked.append(question))
+    out = ("--out", str(tmp_path))
+    assert call("gain", "--preset", "physical,real", "--rule", "paper,rss", "--count", "7", *out) == 0
+    assert call("tune", "--trials", "3", *out) == 0
+    assert call("trigger", "--strategies", "map", *out) == 0
+    gain, tune, trigger = asked
+    assert {(arm.preset, arm.rule) for arm in gain.arms} == {
+        (preset, rule) for preset in ("physical", "real") for rule in ("paper", "rss")
+    }
+    assert (gain.sample.count, gain.sample.split, tune.sample.split) == (7, "test", "train")
+    assert len(tune.arms) == 4 * 3
+    assert {arm.strategy for arm in trigger.arms} == {"map"}
+    assert {arm.rule for arm in trigger.arms} == set(FAMILIES)

@@ -1,0 +1,49 @@
+"""The gain of a lane filter: pairs, words and files from made-up runs."""
+
+from __future__ import annotations
+
+from evaluation.studies.answers.gain import Gain
+from evaluation.studies.answers.rivals import RIVALS
+
+RATES = {"path": (0.9, 0.2), "map": (0.9, 0.05), "all": (0.9, 0.2)}
+
+
+def test_every_rival_is_compared_with_the_planned_path_of_its_preset_and_rule() -> None:
+    study = Gain(presets=("physical", "paper"), own=("mine:Area",))
+    assert len(study.arms) == 2 * (len(RIVALS) + 1)
+    assert study.questions == 2 * len(study.pairs) == 2 * 2 * len(RIVALS)
+    for arm, against in study.pairs:
+        assert against.name == "path"
+        assert (arm.preset, arm.rule) == (against.preset, against.rule)
+
+
+def test_tuned_settings_stand_beside_the_published_and_meet_the_tuned_path() -> None:
+    study = Gain(tuned=(("map", "paper", (("margin_m", 3.0),)), ("path", "paper", (("corridor_m", 2.0),))))
+    pairs = {arm.name: (arm, against) for arm, against in study.pairs}
+    arm, against = pairs["map, tuned"]
+    assert dict(arm.settings)["margin_m"] == 3.0
+    assert against.name == "path, tuned"
+    assert pairs["map"][1].name == pairs["path, tuned"][1].name == "path"
+
+
+def test_the_answer_says_what_the_runs_say(make) -> None:
+    study = Gain(formats=())
+    results = make(study.arms, 60, lambda arm: RATES.get(arm.name, (0.5, 0.4)))
+    answer = study.answer(results)
+    first = answer.sentences[0]
+    assert first.startswith("Preset physical, rule paper: map against path: collisions avoided 0.0 [")
+    assert "unnecessary stops -15.0 [" in first
+    assert "decided is the difference in unnecessary stops" in first
+    assert "Avoided less stopped: +15.0 [" in first
+    everything = next(line for line in answer.sentences if "all against path" in line)
+    assert "neither is decided" in everything
+    page = answer.markdown().decode()
+    assert (
+        page.index(first)
+        < page.index("![gain_physical_paper](gain_physical_paper.png)")
+        < page.index("| map |")
+    )
+    rows = answer.files["gain.csv"].decode().splitlines()
+    assert len(rows) == 1 + study.questions
+    assert "physical,paper,map," in rows[1]
+    assert ",0.0," in rows[1]

@@ -1,0 +1,90 @@
+"""Differences, benefit and power from made-up runs, by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from evaluation.metrics.intervals import NO_SAMPLE, Estimate, clustered_difference, wilson
+from evaluation.metrics.power import least_difference
+from evaluation.studies.answers.arms import Arm
+from evaluation.studies.answers.results import (
+    Results,
+    benefit,
+    benefit_difference,
+    decisive_differences,
+    difference,
+    power_lines,
+)
+from tests.evaluation.studies.answers.conftest import scenes_of
+
+ONE, TWO = Arm("one", "map"), Arm("two", "all")
+RATES = {"one": (0.8, 0.1), "two": (0.6, 0.3)}
+
+
+@pytest.fixture
+def results(make) -> Results:
+    return make((ONE, TWO), 40, lambda arm: RATES[arm.name])
+
+
+def test_rates_have_wilsons_interval_and_means_are_of_their_kind(results: Results) -> None:
+    assert results.estimate(ONE, "avoided") == wilson(32, 40)
+    assert results.estimate(TWO, "stops") == wilson(12, 40)
+    assert results.estimate(TWO, "speed_lost").value == pytest.approx(0.3 * 30.0)
+    assert results.estimate(ONE, "impact").value == pytest.approx(0.2 * 20.0)
+    assert results.estimate(ONE, "warning_ttc").count == 0
+
+
+def test_a_difference_is_paired_by_scene(results: Results) -> None:
+    avoided, stops = (difference(results, ONE, TWO, name) for name in ("avoided", "stops"))
+    assert (avoided.more, avoided.fewer, avoided.estimate.count) == (8, 0, 40)
+    assert avoided.estimate == clustered_difference([1] * 8 + [0] * 32, range(40))
+    assert (stops.more, stops.fewer) == (0, 8)
+    assert avoided.p_value == pytest.approx(2 / 2**8)
+
+
+def test_runs_that_were_cut_off_are_in_no_pair(results: Results) -> None:
+    first = dataclasses.replace(results.runs[ONE][0], end_reason="time_limit")
+    cut = Results(results.scenes, {**results.runs, ONE: (first, *results.runs[ONE][1:])})
+    assert cut.estimate(ONE, "avoided").count == 39
+    assert difference(cut, ONE, TWO, "avoided").estimate.count == 39
+
+
+def test_an_early_request_avoids_nothing(results: Results) -> None:
+    early = dataclasses.replace(results.runs[ONE][0], false_activation=True)
+    changed = Results(results.scenes, {**results.runs, ONE: (early, *results.runs[ONE][1:])})
+    assert changed.estimate(ONE, "avoided") == wilson(31, 40)
+    assert changed.estimate(ONE, "early") == wilson(1, 40)
+
+
+def test_p_values_are_corrected_for_all_questions(results: Results) -> None:
+    both = decisive_differences(results, [(ONE, TWO), (ONE, ONE)])
+    # 2 / 256 twice and 1 twice: the smallest times four, the next no smaller
+    assert [d.adjusted for d in both] == pytest.approx([8 / 256, 8 / 256, 1.0, 1.0])
+    assert [d.is_decided for d in both] == [True, True, False, False]
+
+
+def test_the_benefit_adds_intervals_in_squares() -> None:
+    ours = benefit(Estimate(0.1, 0.06, 0.15, 50), Estimate(-0.02, -0.05, 0.01, 60))
+    assert ours.value == pytest.approx(0.12)
+    assert ours.low == pytest.approx(0.12 - math.hypot(0.04, 0.03))
+    assert ours.high == pytest.approx(0.12 + math.hypot(0.05, 0.03))
+    assert benefit(NO_SAMPLE, ours) == NO_SAMPLE
+
+
+def test_the_benefit_of_one_over_another(results: Results) -> None:
+    assert benefit_difference(results, ONE, TWO).value == pytest.approx(0.2 + 0.2)
+
+
+def test_what_the_scenes_decide_is_said_before_the_runs() -> None:
+    scenes = scenes_of(100)
+    brake, nothing = power_lines(scenes, 4)
+    least = 100 * least_difference(100, 0.2, 0.05 / 4)
+    assert 10 < least < 20
+    assert f"above {least:.1f} points if 20 % are discordant" in brake
+    assert " 5 % are discordant" not in brake  # with so few discordant scenes, none is decided
+    assert "none if 20 % or fewer" in power_lines(scenes_of(10), 4)[0]
+    assert nothing.startswith("100 nothing scenes")
+    assert power_lines(scenes, 0) == []

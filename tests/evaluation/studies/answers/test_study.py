@@ -1,0 +1,46 @@
+"""A question carried out: drawn scenes, the same bytes for any number of workers, going on where it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from evaluation.studies.answers.break_even import BreakEven, Sweep
+from evaluation.studies.answers.command import ask
+from evaluation.studies.answers.study import Sample
+
+TINY = BreakEven(Sample(count=1), ("svg",), sweeps=(Sweep("margin_m", (1.0,)),), named=())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
+
+
+def test_a_question_gives_the_same_bytes_for_any_number_of_workers_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "one", tmp_path / "two"
+    ask(TINY, first, workers=1, quiet=True)
+    ask(TINY, second, workers=2, quiet=True)
+    written = contents(first / "break-even")
+    assert written == contents(second / "break-even")
+    assert {"answer.md", "runs.csv", "study.json", "break_even.csv"} <= set(written)
+    assert len(written["runs.csv"].splitlines()) == 1 + 3 * 2
+
+    def fail(item: object) -> None:
+        raise AssertionError("a finished run was carried out again")
+
+    monkeypatch.setattr("evaluation.studies.answers.study.decide", fail)
+    monkeypatch.setattr("evaluation.studies.answers.study.drawn_scenes", fail)
+    ask(TINY, first, workers=1, quiet=True)
+    assert contents(first / "break-even") == written
+
+
+def test_scenes_are_drawn_again_where_one_is_missing(tmp_path: Path) -> None:
+    sample = Sample(count=1, seed=3)
+    scenes = sample.draw(tmp_path)
+    assert [scene.must for scene in scenes] == ["brake", "nothing"]
+    Path(scenes[0].file).unlink()
+    assert sample.draw(tmp_path) == scenes
+    assert Path(scenes[0].file).is_file()
