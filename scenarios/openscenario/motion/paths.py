@@ -48,7 +48,7 @@ class Path(Immutable):
         station_m: (K,) arc length at the points; None: measured along the chords.
     """
 
-    __slots__ = ("_chord_yaw", "_station", "_x", "_y", "_yaw", "length_m", "points_m")
+    __slots__ = ("_chord_yaw", "_chords", "_ends", "_station", "_yaw", "length_m", "points_m")
 
     def __init__(
         self,
@@ -62,8 +62,12 @@ class Path(Immutable):
         if station_m is None:
             station_m = chord_stations(points)
         self.points_m = points
-        self._x, self._y = points[:, 0].tolist(), points[:, 1].tolist()
         self._station: list[float] = station_m.tolist()
+        begins = np.column_stack((points, station_m))
+        columns = (*begins[:-1].T.tolist(), *np.diff(begins, axis=0).T.tolist())
+        # x, y and arc length at which each chord begins, and by how much they grow along it
+        self._chords: list[tuple[float, ...]] = list(zip(*columns, strict=True))
+        self._ends = points[0].tolist(), points[-1].tolist()
         self._chord_yaw: list[float] = []
         self._yaw: list[float] | None = None
         if yaw_rad is None:
@@ -74,20 +78,18 @@ class Path(Immutable):
 
     def pose(self, station_m: float) -> tuple[float, float, float]:
         """x, y and heading at an arc length, which may lie beyond the ends."""
-        stations, x, y, yaw = self._station, self._x, self._y, self._yaw
-        i = bisect_right(stations, station_m) - 1
-        last = len(stations) - 2
-        i = 0 if i < 0 else min(i, last)
-        x0, y0, s0 = x[i], y[i], stations[i]
-        dx, dy, ds = x[i + 1] - x0, y[i + 1] - y0, stations[i + 1] - s0
+        stations, yaw = self._station, self._yaw
+        # the last point begins no chord; before the first one the first chord goes on
+        i = bisect_right(stations, station_m, 1, len(stations) - 1) - 1
+        x0, y0, s0, dx, dy, ds = self._chords[i]
         part = (station_m - s0) / ds
         if yaw is None:
             heading = self._chord_yaw[i]
         elif part < 0.0 or part > 1.0:
             end = 0 if part < 0.0 else -1
+            (x, y), heading = self._ends[end], yaw[end]
             beyond = station_m - stations[end]
-            heading = yaw[end]
-            return x[end] + beyond * math.cos(heading), y[end] + beyond * math.sin(heading), heading
+            return x + beyond * math.cos(heading), y + beyond * math.sin(heading), heading
         else:
             heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
         return x0 + part * dx, y0 + part * dy, heading

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from scenarios.openscenario.control import EgoController
@@ -40,6 +41,10 @@ class State(NamedTuple):
 
     def __deepcopy__(self, memo: dict[int, object]) -> State:
         return self
+
+
+_state = partial(tuple.__new__, State)
+"""A state from a tuple, in half the time of its constructor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +121,12 @@ class Actor:
         gone = abs(distance)
         station = self._anchor_station + (gone if self.on_trajectory else distance)
         if pose is not None:
-            return State(pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone)
+            return _state((pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone))
         x, y, yaw = self.path.pose(station)
         yaw += self._yaw_offset
         if self.on_trajectory and (speed < 0.0 or (speed == 0.0 and self._reversed)):
             yaw += math.pi
-        return State(x, y, yaw, speed, station, self._anchor_travelled + gone)
+        return _state((x, y, yaw, speed, station, self._anchor_travelled + gone))
 
     def _towed(self, time_s: float) -> State:
         assert self.tow is not None

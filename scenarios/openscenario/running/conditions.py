@@ -197,7 +197,7 @@ class Watch(Observed):
 
     def changed(self, instant: Instant) -> bool:
         """Whether it differs from its value at the beginning, or something is due that was not."""
-        if self._moves and super().changed(instant):
+        if self._moves and self.holding.mark(instant) != self._before:
             return True
         return self._delay_s > 0.0 and self.due(instant) != self._due
 

@@ -212,7 +212,7 @@ class Engine:
         """Move on by no more than a step."""
         end = round(self.time_s + duration_s, TIME_DIGITS)
         for _ in range(MAX_SPLITS):
-            if self.over or self.time_s >= end - TOLERANCE_S:
+            if self.time_s >= end - TOLERANCE_S or self.over:
                 break
             if self.ego.heed(self.time_s):
                 self._process()
@@ -355,7 +355,7 @@ class Engine:
 
     def _sample(self) -> None:
         self._samples.time_s.append(self.time_s)
-        self._samples.states.append([self._now.state(name) for name in self._actors])
+        self._samples.states.append([*map(self._now.state, self._actors)])
         self._samples.exists.append([actor.exists for actor in self._actors.values()])
 
     @property

@@ -183,15 +183,18 @@ class OnEntity(Holding):
     """
 
     def __init__(self, actor: Actor, condition: Holding, referred: Sequence[Actor]) -> None:
-        self._actor, self._condition, self._referred = actor, condition, referred
+        self._about, self._condition, self._refers = (actor, *referred), condition, bool(referred)
 
     def holds(self, instant: Instant) -> bool:
         """Whether it holds on the entity."""
-        return self._actor.exists and _exist(self._referred) and self._condition.holds(instant)
+        return _exist(self._about) and self._condition.holds(instant)
 
     def mark(self, instant: Instant) -> Mark:
         """That of the condition."""
-        return self._actor.exists and _exist(self._referred) and self._condition.mark(instant)
+        for actor in self._about:  # as `_exist`, which would be called at each step
+            if not actor.exists:
+                return False
+        return self._condition.mark(instant)
 
     def flips(self, a: Instant, b: Instant) -> bool:
         """That of the condition."""
@@ -203,7 +206,7 @@ class OnEntity(Holding):
 
     def settled_s(self, now: Instant) -> float:
         """That of the condition; for ever where an entity is missing that it refers to."""
-        if self._referred and not (self._actor.exists and _exist(self._referred)):
+        if self._refers and not _exist(self._about):
             return math.inf
         return self._condition.settled_s(now)
 
