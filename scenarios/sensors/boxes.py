@@ -174,7 +174,7 @@ def measured(
 
 def _visible(config: SensorConfig, ego: EgoState, boxes: Boxes) -> BoolArray:
     near = _in_view(config, ego, boxes)
-    if np.count_nonzero(near):
+    if len(boxes) > 1 and np.count_nonzero(near):  # nobody hides a single one
         near &= visible_share(boxes, ego.x_m, ego.y_m) >= config.min_visible
     return near
 

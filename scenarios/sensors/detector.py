@@ -50,7 +50,9 @@ def detected(
     # drawn for all objects, so that who else is visible does not change an object's error
     rng = np.random.default_rng((seed, measurement.number))
     noise = rng.standard_normal((n, 3))
-    reported = (visible & (rng.random(n) < config.detection_probability)).nonzero()[0]
+    if config.detection_probability < 1.0:
+        visible = visible & (rng.random(n) < config.detection_probability)
+    reported = visible.nonzero()[0]
     noise, boxes = noise.take(reported, axis=0), boxes[reported]
     # true boxes of known categories, with a finite error, need no second check
     noisy = unchecked(

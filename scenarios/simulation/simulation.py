@@ -276,9 +276,10 @@ class Simulation:
 
     def _to_next_frame(self) -> StepResult:
         """Go on until detections arrive or the run ends."""
-        assert self._suite is not None
+        suite = self._suite
+        assert suite is not None
         while self._end_reason is None:
-            arrival = self._suite.arrived(self._now_s)
+            arrival = suite.arrived(self._now_s)
             if arrival is not None:
                 self._frame = self._frame_of(arrival, self._now_s)
                 return StepResult(self._frame)
@@ -310,7 +311,7 @@ class Simulation:
             return
         milestones = self._milestones
         waits_for_stop = milestones.flag is not None and milestones.stop_time_s is None
-        if waits_for_stop and self._truth.ego_speed_mps == 0.0:
+        if waits_for_stop and engine.ego_speed_mps == 0.0:
             milestones.stop_time_s, milestones.stop_gap_m = after, self._truth.gap_to_target_m(after)
             if self._rule.at_standstill:
                 self._end(EndReason.STOPPED)
@@ -340,15 +341,15 @@ class Simulation:
     def _measure(self, now: float) -> None:
         """Log the truth, and let the sensors measure it."""
         assert self._suite is not None
-        truth = self._truth
+        truth, odometry = self._truth, self._truth.odometry(now)
         self._log_truth(now)
-        if truth.course(now).speed_mps < -STANDS_MPS:
+        if (-odometry.speed_mps if truth.backwards else odometry.speed_mps) < -STANDS_MPS:
             raise ScenarioError(
                 f"{self.engine.definition.path}: '{self.engine.ego.name}' turns its direction at {now:g} s; "
                 "perception looks ahead or behind for a whole run, so make two scenarios of it"
             )
         if self._senses:
-            self._suite.measure(self._steps_done, now, truth.world(now), truth.odometry(now))
+            self._suite.measure(self._steps_done, now, truth.world(now), odometry)
 
     def _carry_out(self, command: Command, now: float) -> None:
         """Hand the decision to the drive, and note what has come of it."""
@@ -382,7 +383,7 @@ class Simulation:
     def _log_truth(self, time_s: float) -> None:
         truth = self._truth
         entities, actors = truth.entities, truth.actors
-        existing = entities.exists[actors].nonzero()[0]
+        existing = entities.exists.take(actors).nonzero()[0]
         if len(existing) == len(actors):
             boxes, rows = truth.actor_boxes, actors
         else:

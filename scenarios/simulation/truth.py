@@ -56,9 +56,11 @@ class Truth:
     @property
     def entities(self) -> Entities:
         """Everybody now; made once for all who ask at the same time."""
-        if self._entities is None or self._entities.time_s != self.engine.time_s:
-            self._entities, self._boxes = self.engine.entities, None
-        return self._entities
+        entities = self._entities
+        if entities is None or entities.time_s != self.engine.time_s:
+            entities = self._entities = self.engine.entities
+            self._boxes = None
+        return entities
 
     @property
     def actor_boxes(self) -> Boxes:
@@ -71,9 +73,18 @@ class Truth:
     def world(self, time_s: float) -> World:
         """Everybody but the ego, for sensors; the objects are numbered as in the log."""
         entities, actors = self.entities, self.actors
-        columns = (entities.speed_mps[actors], self._height_m, self._object_id, self.category)
-        masks = (entities.exists[actors], entities.seen[actors])
-        return unchecked(World, time_s, self.actor_boxes, *columns, *masks, self._surface)
+        return unchecked(
+            World,
+            time_s,
+            self.actor_boxes,
+            entities.speed_mps.take(actors),
+            self._height_m,
+            self._object_id,
+            self.category,
+            entities.exists.take(actors),
+            entities.seen.take(actors),
+            self._surface,
+        )
 
     @property
     def ego_speed_mps(self) -> float:

@@ -117,7 +117,8 @@ def decide(state: AebState, now: Situation, config: AebConfig) -> tuple[AebState
         return state, False, tuple(events)
     braking = state.emergency and not now.standing
     if braking or now.vru_entering or now.way_occupied or flag:
-        return replace(state, clear_since_s=None), state.emergency, tuple(events)
+        state = state if state.clear_since_s is None else replace(state, clear_since_s=None)
+        return state, state.emergency, tuple(events)
     since = now.stamp_s if state.clear_since_s is None else state.clear_since_s
     if now.stamp_s - since < config.clear_s - 1e-9:
         return replace(state, clear_since_s=since), state.emergency, tuple(events)

@@ -355,7 +355,8 @@ class Engine:
 
     def _sample(self) -> None:
         self._samples.time_s.append(self.time_s)
-        self._samples.states.append([*map(self._now.state, self._actors)])
+        now = self._now
+        self._samples.states.append([now.state(name) for name in self._actors])
         self._samples.exists.append([actor.exists for actor in self._actors.values()])
 
     @property
@@ -366,8 +367,8 @@ class Engine:
     @property
     def entities(self) -> Entities:
         """All entities now."""
-        actors = list(self._actors.values())
-        states = [self._now.state(actor.name) for actor in actors]
+        actors, now = list(self._actors.values()), self._now
+        states = [now.state(name) for name in self._actors]
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
         return Entities(
             time_s=self.time_s,
