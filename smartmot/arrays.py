@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy import ndarray
 from numpy.typing import ArrayLike, NDArray
 
 from smartmot.errors import ShapeError
@@ -87,7 +88,7 @@ def unchecked(cls: type[T], *values: object) -> T:
     made = object.__new__(cls)
     # mypy takes type[T] for unhashable
     for put, value in zip(_setters(cls), values, strict=True):  # type: ignore[arg-type]
-        if type(value) is np.ndarray:
+        if type(value) is ndarray:
             value.setflags(False)  # type: ignore[call-arg]  # write; by name it takes twice the time
         put(made, value)
     return made

@@ -93,14 +93,10 @@ def forecast_tracks(
 
 def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     """CTRV forecast of the ego at its present speed and turn rate; one object, (1, T)."""
-    center, yaw = ctrv_positions(
-        np.array([ego.x_m]),
-        np.array([ego.y_m]),
-        np.array([ego.yaw_rad]),
-        np.array([ego.speed_mps]),
-        np.array([ego.yaw_rate_radps]),
-        time_s,
+    x, y, course, speed, rate = np.array(
+        [[ego.x_m], [ego.y_m], [ego.yaw_rad], [ego.speed_mps], [ego.yaw_rate_radps]]
     )
+    center, yaw = ctrv_positions(x, y, course, speed, rate, time_s)
     size = np.array([[ego.length_m, ego.width_m]])
     return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenarios.sensors.boxes import BoxMeasurement, SensorConfig
 from scenarios.sensors.process import ErrorProcess
@@ -37,6 +38,13 @@ def error_process(config: SensorConfig, seed: int) -> ErrorProcess | None:
     return None if config.errors is None else ErrorProcess(config, seed)
 
 
+def _entropy(seed: int, number: int) -> NDArray[np.uint32] | tuple[int, int]:
+    """What seeds the errors of a measurement: both numbers; as words of 32 bits numpy need not split them."""
+    if 0 <= seed < 2**32 and 0 <= number < 2**32:
+        return np.array((seed, number), dtype=np.uint32)
+    return seed, number
+
+
 def detected(
     config: SensorConfig, seed: int, measurement: BoxMeasurement, process: ErrorProcess | None = None
 ) -> Detections:
@@ -48,7 +56,7 @@ def detected(
         return Detections.empty(measurement.stamp_s)
     n = len(boxes)
     # drawn for all objects, so that who else is visible does not change an object's error
-    rng = np.random.default_rng((seed, measurement.number))
+    rng = np.random.default_rng(_entropy(seed, measurement.number))
     noise = rng.standard_normal((n, 3))
     if config.detection_probability < 1.0:
         visible = visible & (rng.random(n) < config.detection_probability)

@@ -121,6 +121,7 @@ def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, Flo
     turn = boxes.yaw_rad - ego.yaw_rad
     # a turned rectangle reaches as far along an axis as the shadows of its two half sides add up to
     ct, st = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    half_x = 0.5 * (boxes.size_m[:, 0] * ct + boxes.size_m[:, 1] * st)
-    half_y = 0.5 * (boxes.size_m[:, 0] * st + boxes.size_m[:, 1] * ct)
+    half_length, half_width = (0.5 * boxes.size_m).T
+    half_x = half_length * ct + half_width * st
+    half_y = half_length * st + half_width * ct
     return x - half_x, x + half_x, y - half_y, y + half_y

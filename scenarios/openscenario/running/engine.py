@@ -370,13 +370,14 @@ class Engine:
         actors, now = list(self._actors.values()), self._now
         states = [now.state(name) for name in self._actors]
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
+        table = np.array(states)
         return Entities(
             time_s=self.time_s,
             name=read_only(self._names),
             category=read_only(self._categories),
-            reference_m=np.array([(state.x_m, state.y_m) for state in states]),
+            reference_m=table[:, :2],
             boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
-            speed_mps=np.array([state.speed_mps for state in states]),
+            speed_mps=table[:, 3],
             exists=np.array([actor.exists for actor in actors]),
             seen=np.array([actor.exists and actor.seen for actor in actors]),
         )
