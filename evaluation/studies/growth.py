@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,8 +19,9 @@ from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.study import Finished, LabelledRun, Study, done_line
+from evaluation.views.plots.panels import draw_band, hidden_by, panel_page
 from evaluation.views.plots.strategies import strategy_looks
-from evaluation.views.plots.style import SMALL_PT, new_figure, set_style, set_title
+from evaluation.views.plots.style import FONT_PT, SMALL_PT
 from scenarios.catalogue.bystanders import Bystander, add_bystanders
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.motion.paths import Pose
@@ -287,50 +287,47 @@ def times_csv(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> bytes:
     return csv_bytes(names, rows)
 
 
-_LEGEND_CHARACTERS, _LEGEND_LINE_IN = 40, 0.165
-"""Characters of all strategies' names that three columns have room for, and the height of a line."""
+_MARKER_PT, _LINE_PT, _WIDER_PT = 3.5, 1.2, 1.6
+"""Size of markers, width of lines, and how much both grow for each curve that would hide a curve."""
+_SAME = 0.01
+"""Milliseconds, tracks and seconds nearer than this fall on one another."""
 
 
 def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figure:
-    """Time per frame, tracks and time of the flag over the number of others, a curve per strategy."""
+    """Time per frame, tracks and time of the flag over the number of others, a curve per strategy.
+
+    Around each curve the 95 % interval of its mean over the seeds.
+    """
+    from matplotlib.lines import Line2D
+
     pairs = list(zip(runs, spent, strict=True))
     looks = strategy_looks(run.strategy for run in runs)
-    columns = 3 if sum(map(len, looks)) < _LEGEND_CHARACTERS else 2
-    more_in = _LEGEND_LINE_IN * (math.ceil(len(looks) / columns) - 1)
-    height_in = 2.7 + more_in
-    figure = new_figure(height_in)
-    panels = figure.subplots(1, 3)
-    bottom, top = (1.0 + more_in) / height_in, 1.0 - 0.27 / height_in
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=bottom, top=top, wspace=0.33)
     counts = list(dict.fromkeys(run.others for run in runs))
+    page = panel_page(
+        1, 3, panel_in=1.95,
+        entries=[
+            Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.2, label=name)
+            for name, (colour, marker) in looks.items()
+        ],
+        note=f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds and "
+        "their 95 % intervals. No point: no emergency request for the pedestrian.",
+    )  # fmt: skip
     summaries: tuple[tuple[str, Callable[[Sequence[Timed]], Estimate]], ...] = (
         ("time per frame (ms)", _median_ms),
         ("tracks per frame", _tracks),
         ("first request (s)", _flag_s),
     )
-    for axes, (title, summary) in zip(panels, summaries, strict=True):
-        set_style(axes)
-        set_title(axes, title, room=26)
+    for axes, (title, summary) in zip(page.axes, summaries, strict=True):
+        axes.set_title(title, fontsize=FONT_PT, pad=4.0)
         axes.set_xlabel("other participants", fontsize=SMALL_PT)
-        for rank, (strategy, (colour, marker)) in enumerate(looks.items()):
+        means = {name: [summary(_cell(pairs, name, others)) for others in counts] for name in looks}
+        values = [[(k, mean.value) for k, mean in enumerate(row)] for row in means.values()]
+        for (name, (colour, marker)), hiding in zip(looks.items(), hidden_by(values, _SAME), strict=True):
+            draw_band(axes, counts, [m.low for m in means[name]], [m.high for m in means[name]], colour)
+            # curves that fall on one another stay visible: the lower ones are larger and thicker
             axes.plot(
-                counts,
-                [summary(_cell(pairs, strategy, others)).value for others in counts],
-                color=colour,
-                marker=marker,
-                markersize=max(5.5 - 1.2 * rank, 1.5),  # those that fall on one another stay visible
-                linewidth=1.2,
-                label=strategy if axes is panels[0] else None,
-            )
-    panels[0].set_ylim(bottom=0.0)
-    figure.legend(
-        loc="lower center", ncols=columns, fontsize=SMALL_PT, frameon=False,
-        bbox_to_anchor=(0.5, 0.27 / height_in),
-    )  # fmt: skip
-    figure.text(
-        0.5, 0.04 / height_in,
-        f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds.\n"
-        "No point: no emergency request for the pedestrian.",
-        ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
-    )  # fmt: skip
-    return figure
+                counts, [mean.value for mean in means[name]], color=colour, marker=marker, label=name,
+                markersize=_MARKER_PT + _WIDER_PT * hiding, linewidth=_LINE_PT + _WIDER_PT * hiding,
+            )  # fmt: skip
+    page.axes[0].set_ylim(bottom=0.0)
+    return page.figure

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import write_bytes
@@ -13,9 +16,11 @@ from evaluation.studies.compare.answer import Curve, curves
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.table import Summary
 from evaluation.views.pictures import drawn
+from evaluation.views.plots.fitting import fitted, wrapped
 from evaluation.views.plots.labels import Mark, write_values
+from evaluation.views.plots.panels import hidden_by, panel_page
 from evaluation.views.plots.strategies import strategy_looks
-from evaluation.views.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style, set_title
+from evaluation.views.plots.style import FONT_PT, GREY, SMALL_PT, LineStyle, new_figure, set_style
 from scenarios.settings import PARAMETERS, setting_text
 
 if TYPE_CHECKING:
@@ -28,6 +33,8 @@ _WIDTH_IN, _HEIGHT_IN = 7.0, 3.9
 """Across both columns of a paper."""
 _LEGEND_IN = 0.165
 """Height of a line of the legend."""
+_NOTE_LINE_IN = 0.125
+"""Height of a line of the note below."""
 _LINES: tuple[LineStyle, ...] = ("-", "--", ":")
 _MARKER_PT, _LINE_PT, _WIDER_PT = 4.5, 1.3, 3.0
 """Size of markers, width of lines, and how much both grow for each curve that would hide a curve."""
@@ -35,6 +42,8 @@ _SAME = 0.005
 """Shares nearer than this fall on one another."""
 PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
 """Width of each strategy's area in the paper and in its authors' code, metres."""
+_CHOICE_IN, _CHOICE_LINE_IN = 2.0, 0.17
+"""Width that names of changed choices may take, and height of each of their lines, inches."""
 _NAMES = {
     "rectangular": "rectangle (baseline)",
     "map": "map",
@@ -70,22 +79,34 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     """
     plotted = curves(rows, points)
     look = _curve_looks(plotted)
-    lines_below = _LEGEND_IN * max(0, math.ceil(len(plotted) / 2) - 2)
-    height = _HEIGHT_IN + lines_below
-    figure = new_figure(height)
+    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in plotted if curve.parameter}
+    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
+    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
+    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
+    note = (
+        f"{numbers}Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better."
+    )
+    figure = new_figure(_HEIGHT_IN)
+    figure.set_size_inches(_WIDTH_IN, _HEIGHT_IN)
+    heading = fitted(figure, title, 0.97 * _WIDTH_IN)
+    note = wrapped(figure, note, 0.97 * _WIDTH_IN, SMALL_PT - 1.0)
+    note_in = _NOTE_LINE_IN * max(0, note.count("\n") - 1)
+    lines_below = note_in + _LEGEND_IN * max(0, math.ceil(len(plotted) / 2) - 2)
+    height = _HEIGHT_IN + lines_below + heading.more_in
     figure.set_size_inches(_WIDTH_IN, height)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 1.0 - 0.13 * _HEIGHT_IN / height
-    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=top, wspace=0.05)
+    bottom, top = (0.33 * _HEIGHT_IN + lines_below) / height, 0.13 * _HEIGHT_IN + heading.more_in
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=bottom, top=1.0 - top / height, wspace=0.05)
     drawn: list[list[list[Mark]]] = []
-    for axes, (name, label, heading) in zip(panels, _PANELS, strict=True):
+    for axes, (name, label, words) in zip(panels, _PANELS, strict=True):
         set_style(axes)
-        set_title(axes, heading, room=40)
+        axes.set_title(words, fontsize=FONT_PT, pad=4.0)
         axes.set_xlabel(label, fontsize=SMALL_PT)
         # curves that fall on one another stay visible: the lower one is larger and thicker
-        drawn.append(
-            [_curve(axes, curve, name, look[k], _hiding(plotted, k, name)) for k, curve in enumerate(plotted)]
-        )
+        shares = [[(getattr(row, name).value, row.avoided.value) for row in curve.rows] for curve in plotted]
+        hiding = hidden_by(shares, _SAME)
+        drawn.append([_curve(axes, curve, name, look[k], hiding[k]) for k, curve in enumerate(plotted)])
     panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
     most = max(mark.x for lines in drawn for line in lines for mark in line)
     widest = min(max(most * 1.12, 30.0), 106.0)
@@ -95,24 +116,17 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     panels[0].set_yticks(range(0, 101, 20))
     for axes, lines in zip(panels, drawn, strict=True):
         write_values(figure, axes, lines, SMALL_PT - 1)
-    figure.suptitle(title, fontsize=FONT_PT, y=1.0 - 0.015 * _HEIGHT_IN / height)
+    figure.suptitle(heading.text, fontsize=heading.size_pt, y=1.0 - 0.015 * _HEIGHT_IN / height)
     handles, labels = panels[0].get_legend_handles_labels()
     legend = figure.legend(
         handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
-        bbox_to_anchor=(0.5, 0.105 * _HEIGHT_IN / height), columnspacing=3.0,
+        bbox_to_anchor=(0.5, (0.105 * _HEIGHT_IN + note_in) / height), columnspacing=3.0,
     )  # fmt: skip
     for line in legend.get_lines():
         line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
-    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in plotted if curve.parameter}
-    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
-    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
-    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
-    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
     figure.text(
-        0.5, 0.015 * _HEIGHT_IN / height,
-        f"{numbers}"
-        f"Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better.",
-        ha="center", va="bottom", fontsize=SMALL_PT - 1.0, color="#444444",
+        0.5, 0.015 * _HEIGHT_IN / height, note, ha="center", va="bottom", fontsize=SMALL_PT - 1.0,
+        color="#444444",
     )  # fmt: skip
     return figure
 
@@ -121,21 +135,6 @@ def _name(curve: Curve) -> str:
     """The curve in words, as far as there are any."""
     settings = (setting_text(name, value) for name, value in curve.fixed)
     return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
-
-
-def _hiding(plotted: Sequence[Curve], k: int, name: str) -> int:
-    """How many of the curves drawn after one lie on all of its points."""
-
-    def points(curve: Curve) -> list[tuple[float, float]]:
-        return [(getattr(row, name).value, row.avoided.value) for row in curve.rows]
-
-    def lie_on(above: Curve) -> bool:
-        return all(
-            any(abs(x - u) < _SAME and abs(y - v) < _SAME for u, v in points(above))
-            for x, y in points(plotted[k])
-        )
-
-    return sum(map(lie_on, plotted[k + 1 :]))
 
 
 def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int) -> list[Mark]:
@@ -163,7 +162,7 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hidi
         x, y,
         color=colour, linestyle=_LINES[style % len(_LINES)], label=_name(curve), zorder=3,
         linewidth=_LINE_PT + size_pt - _MARKER_PT, marker=marker, markersize=size_pt,
-        markerfacecolor="white" if style else colour,
+        markerfacecolor="white" if style else colour, clip_on=False,  # marks at 0 are whole
     )  # fmt: skip
     ringed = [k for k, value in enumerate(curve.values) if value == PAPER_WIDTHS.get(curve.strategy)]
     axes.plot(
@@ -180,31 +179,6 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     base = {row.strategy: row for row in rows if not row.settings}
     changed = [row for row in rows if row.settings and row.strategy in base]
     look = strategy_looks(row.strategy for row in changed)
-    figure = new_figure(1.3 + 0.17 * len(changed))
-    panels = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.37, right=0.98, bottom=0.75 / figure.get_figheight(), wspace=0.12)
-    figure.subplots_adjust(top=1 - 0.55 / figure.get_figheight())
-    height = list(range(len(changed)))[::-1]
-    measures = (("avoided", "collisions avoided"), ("false_activations", "false activations"))
-    for axes, (name, label) in zip(panels, measures, strict=True):
-        set_style(axes)
-        axes.axvline(0.0, color=GREY, linewidth=0.8)
-        for row, y in zip(changed, height, strict=True):
-            change = 100 * (getattr(row, name).value - getattr(base[row.strategy], name).value)
-            colour, marker = look[row.strategy]
-            axes.plot([0.0, change], [y, y], color=colour, linewidth=1.0)
-            axes.plot(change, y, color=colour, marker=marker, markersize=4.0)
-        set_title(axes, label, room=34)
-        axes.set_xlabel("change, percentage points", fontsize=SMALL_PT)
-        axes.margins(x=0.15)
-        axes.set_ylim(-0.7, len(changed) - 0.3)
-        for y, (row, above) in zip(height[1:], zip(changed[1:], changed, strict=False), strict=True):
-            if row.strategy != above.strategy:
-                axes.axhline(y + 0.5, color=GREY, linewidth=0.5, linestyle=":")
-    panels[0].set_yticks(
-        height, [f"{row.strategy}, {row.settings}" for row in changed], fontsize=SMALL_PT - 1
-    )
-    figure.suptitle(title, fontsize=FONT_PT, y=1 - 0.12 / figure.get_figheight())
     usual = ", ".join(
         f"{name} {100 * row.avoided.value:.0f} and {100 * row.false_activations.value:.0f}"
         for name, row in base.items()
@@ -212,13 +186,33 @@ def ablation(rows: Sequence[Summary], title: str) -> Figure:
     one_run = [
         f"{100 / rate.count:.1f}" for rate in (changed[0].avoided, changed[0].false_activations) if rate.count
     ] if changed else []  # fmt: skip
-    figure.text(
-        0.5, 0.05 / figure.get_figheight(),
-        f"Against the preset as it is, collisions avoided and false activations (%): {usual}.\n"
+    names = [f"{row.strategy}, {row.settings}" for row in changed]
+    names = [wrapped(new_figure(1.0), name, _CHOICE_IN, SMALL_PT - 1) for name in names]
+    # rows are as high as their names
+    lines = np.array([1.0 + 0.8 * name.count("\n") for name in names])
+    height = (lines.sum() - np.cumsum(lines) + (lines - 1.0) / 2).tolist()
+    page = panel_page(
+        1, 2, panel_in=0.75 + _CHOICE_LINE_IN * float(lines.sum()), share_y=True, title=title,
+        note=f"Against the preset as it is, collisions avoided and false activations (%): {usual}.\n"
         f"The same runs on both sides; one run more or less is {' or '.join(one_run)} points.",
-        ha="center", fontsize=SMALL_PT - 1.5, color="#444444",
     )  # fmt: skip
-    return figure
+    measures = (("avoided", "collisions avoided"), ("false_activations", "false activations"))
+    for axes, (name, label) in zip(page.axes, measures, strict=True):
+        axes.axvline(0.0, color=GREY, linewidth=0.8)
+        for row, y in zip(changed, height, strict=True):
+            change = 100 * (getattr(row, name).value - getattr(base[row.strategy], name).value)
+            colour, marker = look[row.strategy]
+            axes.plot([0.0, change], [y, y], color=colour, linewidth=1.0)
+            axes.plot(change, y, color=colour, marker=marker, markersize=4.0)
+        axes.set_title(label, fontsize=FONT_PT, pad=4.0)
+        axes.set_xlabel("change (% points)", fontsize=SMALL_PT)
+        axes.margins(x=0.15)
+        axes.set_ylim(-0.7, float(lines.sum()) - 0.3)
+        for k, (row, below) in enumerate(pairwise(changed)):
+            if row.strategy != below.strategy:
+                axes.axhline(height[k] - lines[k] / 2, color=GREY, linewidth=0.5, linestyle=":")
+    page.axes[0].set_yticks(height, names, fontsize=SMALL_PT - 1)
+    return page.figure
 
 
 def save(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[Path]:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evaluation.views.plots.fitting import fitted, set_title
 from evaluation.views.plots.ground import Area, draw_areas, draw_map, lane_outlines
 from evaluation.views.plots.labels import Rectangle
 from evaluation.views.plots.log_rows import frame_at, of_kind
 from evaluation.views.plots.objects import draw_objects
 from evaluation.views.plots.polygons import Pose, draw_polygons
-from evaluation.views.plots.style import BLACK, FONT_PT, MPS_TO_KMH, SMALL_PT, WIDTH_IN, new_figure, set_title
+from evaluation.views.plots.style import BLACK, FONT_PT, MPS_TO_KMH, SMALL_PT, WIDTH_IN, new_figure
 from smartmot.geometry import corners
 from smartmot.types import FloatArray
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 _LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN = 0.62, 0.15, 0.28, 0.5
 _TALLEST_IN = 5.0
 _LEGEND_COLUMNS, _LEGEND_LINE_IN = 4, 0.135
-_TITLE_ROOM = 62
+_TITLE_WIDTH_IN = 4.35
 _AROUND_EGO = (-10.0, -13.75, 40.0, 13.75)
 """View in the ego's frame, metres: further ahead than behind."""
 
@@ -60,7 +61,7 @@ def birdseye(
     axes.set_ylabel("Left of ego (m)", fontsize=FONT_PT)
     if title is None:
         title = f"t = {ego['time_s']:.2f} s, ego at {ego['speed_mps'] * MPS_TO_KMH:.1f} km/h"
-    set_title(axes, title, room=_TITLE_ROOM)
+    _add_title(figure, axes, title)
     handles = draw_map(axes, network, pose, _AROUND_EGO) + draw_areas(axes, areas, pose)
     handles += draw_objects(axes, frame, pose)
     _add_legend(figure, axes, handles)
@@ -88,7 +89,7 @@ def map_picture(
     axes.set_xlabel("x, east (m)", fontsize=FONT_PT)
     axes.set_ylabel("y, north (m)", fontsize=FONT_PT)
     if title:
-        set_title(axes, title, room=_TITLE_ROOM)
+        _add_title(figure, axes, title)
     handles = draw_map(axes, network, origin, view) + draw_areas(axes, areas, origin)
     if ego_pose is not None:
         x, y, yaw = ego_pose
@@ -119,7 +120,7 @@ def _map_axes(view: Rectangle) -> tuple[Figure, Axes]:
     height_in = min(max(width_in * (view[3] - view[1]) / (view[2] - view[0]), 1.2), _TALLEST_IN)
     figure = new_figure(height_in)
     axes = figure.add_subplot()
-    _lay_out(figure, axes, height_in, _BOTTOM_IN)
+    _lay_out(figure, axes, height_in, bottom_in=_BOTTOM_IN)
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlim(view[0], view[2])
     axes.set_ylim(view[1], view[3])
@@ -127,19 +128,35 @@ def _map_axes(view: Rectangle) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _lay_out(figure: Figure, axes: Axes, height_in: float, bottom_in: float) -> None:
+def _lay_out(
+    figure: Figure, axes: Axes, height_in: float, *, bottom_in: float, top_in: float = _TOP_IN
+) -> None:
     """Give axes of this height their place in a figure that is as tall as needed."""
-    total_in = height_in + _TOP_IN + bottom_in
+    total_in = height_in + top_in + bottom_in
     figure.set_figheight(total_in)
     left, width = _LEFT_IN / WIDTH_IN, 1.0 - (_LEFT_IN + _RIGHT_IN) / WIDTH_IN
     axes.set_position((left, bottom_in / total_in, width, height_in / total_in))
 
 
+def _height_in(figure: Figure, axes: Axes) -> float:
+    """Height of the axes, inches."""
+    return float(axes.get_position(original=True).height * figure.get_figheight())
+
+
+def _add_title(figure: Figure, axes: Axes, title: str) -> None:
+    """Heading above the axes; the figure grows by its lines."""
+    heading = fitted(figure, title, _TITLE_WIDTH_IN)
+    set_title(axes, heading)
+    top_in = _TOP_IN + heading.more_in
+    _lay_out(figure, axes, _height_in(figure, axes), bottom_in=_BOTTOM_IN, top_in=top_in)
+
+
 def _add_legend(figure: Figure, axes: Axes, handles: Sequence[Patch]) -> None:
     """Legend under the axes; the figure grows by its lines."""
     lines = math.ceil(len(handles) / _LEGEND_COLUMNS)
-    height_in = axes.get_position(original=True).height * figure.get_figheight()
-    _lay_out(figure, axes, height_in, _BOTTOM_IN + _LEGEND_LINE_IN * lines)
+    height_in = _height_in(figure, axes)
+    top_in = (1.0 - axes.get_position(original=True).y1) * figure.get_figheight()
+    _lay_out(figure, axes, height_in, bottom_in=_BOTTOM_IN + _LEGEND_LINE_IN * lines, top_in=top_in)
     figure.legend(
         handles=handles, loc="lower center", ncols=_LEGEND_COLUMNS, fontsize=SMALL_PT - 1.0, frameon=False,
         columnspacing=1.0, handlelength=1.4, handletextpad=0.5, labelspacing=0.3, borderaxespad=0.1,

@@ -16,6 +16,7 @@ from smartmot.types import BoolArray, FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import BboxBase
 
 Rectangle = tuple[float, float, float, float]
 """Left, low, right, high."""
@@ -121,7 +122,8 @@ def place_labels(
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         extent = Text.get_window_extent(label)
         boxes, liking = _candidates(points[k], extent.width, extent.height, offsets, scale)
-        costs = _label_costs(axes, points[k], boxes, liking, lines, points)
+        boxes, outside = _slid_into(axes.bbox, boxes)
+        costs = _label_costs(points[k], boxes, liking, outside, lines, points)
         labels.append(label)
         likings.append(liking)
         places.append(_Places(boxes, costs, _REPEAT_COST if repeats[k] else np.inf))
@@ -160,21 +162,33 @@ def _candidates(
     return np.array(boxes, dtype=np.float64), np.array(liking)
 
 
+def _slid_into(frame: BboxBase, boxes: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(P, 4) boxes moved until they lie within a frame, and (P,) which of them stuck out of it."""
+    low, high = boxes[:, :2], boxes[:, 2:]
+    least, most = np.array(frame.min), np.array(frame.max)
+    outside: BoolArray = np.any((low < least) | (high > most), axis=1)
+    size = high - low
+    inside = np.maximum(np.minimum(low, most - _APART_PX - size), least + _APART_PX)
+    low = np.where(outside[:, None], inside, low)
+    return np.hstack([low, low + size]), outside
+
+
 def _label_costs(
-    axes: Axes,
     point: FloatArray,
     boxes: FloatArray,
     liking: FloatArray,
+    outside: BoolArray,
     lines: FloatArray,
     points: FloatArray,
 ) -> Callable[[FloatArray], Sequence[NDArray[np.generic]]]:
-    """How much a text at each place would hide or stick out, or its leader to the point would cross."""
-    frame = axes.bbox
+    """How much a text at each place would hide or its leader to the point would cross.
+
+    What had to be slid into the frame stands away from where a reader looks for it.
+    """
     low, high = boxes[:, None, :2], boxes[:, None, 2:]
-    outside = ((low < frame.min) | (high > frame.max)).any(axis=(1, 2))
     covered = ((points >= low) & (points <= high)).all(axis=-1).sum(axis=-1)
     crossed = _crossings(boxes, lines).sum(axis=-1)
-    # weights in the order of what disturbs most: a text over a text, outside, over a point, over a line
+    # weights in the order of what disturbs most: a text over a text, slid, over a point, over a line
     alone = 200.0 * outside + 10.0 * np.minimum(crossed, 6) + 15.0 * np.minimum(covered, 4)
     nearest = np.clip(point, boxes[:, :2], boxes[:, 2:])
     leaders = np.stack([np.broadcast_to(point, nearest.shape), nearest], axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import ordered_strategies, varying_conditions
+from evaluation.views.plots.fitting import fitted, set_title, wrapped
 from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, of_kind
 from evaluation.views.plots.strategies import strategy_looks
 from evaluation.views.plots.style import (
@@ -23,11 +24,11 @@ from evaluation.views.plots.style import (
     SKY,
     SMALL_PT,
     VERMILLION,
+    WIDTH_IN,
     WINE,
     LineStyle,
     new_figure,
     set_style,
-    set_title,
 )
 from smartmot.types import FloatArray
 
@@ -42,6 +43,11 @@ SPEED_COLOURS = (BLUE, VERMILLION, ORANGE, PURPLE, GREEN, SKY, WINE, BLACK)
 
 _LEGEND_COLUMNS, _LEGEND_LINE_IN, _TITLE_IN = 5, 0.16, 0.3
 """Entries in a line of the legend above the panels, its height, and what the panels' titles need."""
+
+_LEFT, _RIGHT, _ACROSS, _UP = 0.105, 0.98, 0.14, 0.2
+"""Where the panels begin and end, of the figure's width, and what is between them, of a panel's size."""
+_BELOW_IN = 0.42
+"""What the time axis of the lowest panels needs."""
 
 _TIME_STEPS_S, _MOST_TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0), 5
 """Steps of a time axis, and how many of them a panel has room for."""
@@ -82,20 +88,30 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
     handles = _legend_handles(sorted({float(speed) for speed in runs["v_test_kmh"]}))
     legend_columns = min(math.ceil(len(handles) / 2), _LEGEND_COLUMNS)
     above_in = _TITLE_IN + _LEGEND_LINE_IN * math.ceil(len(handles) / legend_columns)
-    height_in = 0.28 + above_in + 2.15 * lines
-    figure = new_figure(height_in)
+    figure = new_figure(1.0)
+    width_in = WIDTH_IN * (_RIGHT - _LEFT) / (columns + _ACROSS * (columns - 1))
+    headings = [
+        fitted(figure, f"({_letter(k)}) {name}", (1.0 + 0.8 * _ACROSS) * width_in)
+        for k, (name, _) in enumerate(panels)
+    ]
+    more_in = max(heading.more_in for heading in headings)
+    above_in += more_in
+    panel_in = _panels_in(lines) / (lines + _UP * (lines - 1))
+    height_in = _BELOW_IN + _panels_in(lines) + more_in * (lines - 1) + above_in
+    figure.set_figheight(height_in)
     grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
-    bottom, top = 0.42 / height_in, 1.0 - above_in / height_in
-    figure.subplots_adjust(left=0.105, right=0.98, bottom=bottom, top=top, wspace=0.14, hspace=0.2)
+    figure.subplots_adjust(
+        left=_LEFT, right=_RIGHT, bottom=_BELOW_IN / height_in, top=1.0 - above_in / height_in,
+        wspace=_ACROSS, hspace=_UP + more_in / panel_in,
+    )  # fmt: skip
     drawn, earliest, top = curves_of(runs, logs)
-    for number, (axes, (name, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
-        letter = chr(ord("a") + number) if number < 26 else str(number + 1)
-        set_title(axes, f"({letter}) {name}", room=30)
+    for number, (axes, (_, rows)) in enumerate(zip(grid.flat, panels, strict=False)):
+        set_title(axes, headings[number])
         _set_scales(axes, earliest, top)
         axes.spines["top"].set(color=looks[str(rows["strategy"].iloc[0])][0], linewidth=2.5)
         for row in rows[rows.index.isin(drawn.index)].sort_values("v_test_kmh").to_dict("records"):
             _draw_speed_curve(axes, row, logs[row["log"]], earliest)
-        _note_undrawn(axes, rows[rows["t0_s"].isna()])
+        _note_undrawn(axes, rows[rows["t0_s"].isna()], width_in)
     for axes in grid.flat[len(panels) :]:
         axes.set_axis_off()
     for axes in grid[-1]:
@@ -107,6 +123,16 @@ def speed_curves(runs: pd.DataFrame, logs: Mapping[str, pd.DataFrame]) -> Figure
         columnspacing=1.2, handlelength=1.6, borderaxespad=0.2,
     )  # fmt: skip
     return figure
+
+
+def _panels_in(lines: int) -> float:
+    """Height of panels above one another with one line of heading each, inches."""
+    return 2.15 * lines - 0.14
+
+
+def _letter(number: int) -> str:
+    """How a panel is called."""
+    return chr(ord("a") + number) if number < 26 else str(number + 1)
 
 
 def curves_of(runs: pd.DataFrame, logs: Container[str]) -> tuple[pd.DataFrame, float, float]:
@@ -213,12 +239,17 @@ def _draw_speed_curve(axes: Axes, run: Mapping[Any, Any], log: pd.DataFrame, ear
         )
 
 
-def _note_undrawn(axes: Axes, runs: pd.DataFrame) -> None:
+def _note_undrawn(axes: Axes, runs: pd.DataFrame, width_in: float) -> None:
     """Name the test speeds that end in neither stop nor contact, which have no T0."""
     speeds = sorted({float(speed) for speed in runs["v_test_kmh"]})
     if speeds:
-        text = "no emergency stop, no contact:\n" + ", ".join(f"{speed:g}" for speed in speeds) + " km/h"
-        axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
+        figure = axes.get_figure(root=True)
+        assert figure is not None
+        names = ", ".join(f"{speed:g}" for speed in speeds)
+        text = wrapped(figure, f"no emergency stop, no contact:\n{names} km/h", 0.94 * width_in, SMALL_PT)
+        note = axes.text(0.03, 0.03, text, transform=axes.transAxes, fontsize=SMALL_PT, color="#333333")
+        # curves of low speeds pass behind it
+        note.set_bbox({"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0})
 
 
 def _legend_handles(speeds_kmh: Sequence[float]) -> list[Line2D]:

@@ -13,6 +13,7 @@ Look = tuple[str, str]
 SHIPPED: dict[str, Look] = {
     "rectangular": (VERMILLION, "s"),
     "map": (BLUE, "o"),
+    "path": ("#00cc66", "^"),
     "all": (BLACK, "D"),
     "path": (GREEN, "v"),
     "none": (GREY, "p"),
@@ -20,20 +21,19 @@ SHIPPED: dict[str, Look] = {
 """Of the shipped strategies, and of the run in which nothing brakes."""
 
 OWN: tuple[Look, ...] = (
-    ("#aa00ff", "^"),
-    ("#eebb88", "v"),
+    ("#aa00ff", "v"),
     ("#663311", "P"),
-    ("#77ccff", "X"),
+    ("#ffcc00", "X"),
     ("#221199", "<"),
-    ("#554455", ">"),
-    ("#aa7755", "h"),
-    ("#440055", "d"),
-    ("#ff9900", "*"),
-    ("#dd55ff", "H"),
+    ("#aaccff", ">"),
+    ("#554455", "h"),
+    ("#ee55ff", "d"),
+    ("#440055", "8"),
+    ("#99ffbb", "H"),
 )
 """Of the user's own. Chosen one after the other, each the colour of the RGB cube (16 steps) whose least
 CIELAB distance to white, to the shipped colours and to those before it is greatest, over normal vision and
-three kinds of colour blindness (Machado, Oliveira and Fernandes 2009, full severity): 22 or more between any
+three kinds of colour blindness (Machado, Oliveira and Fernandes 2009, full severity): 21 or more between any
 two."""
 
 

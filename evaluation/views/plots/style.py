@@ -46,9 +46,3 @@ def set_style(axes: Axes) -> None:
     axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=SMALL_PT)
-
-
-def set_title(axes: Axes, title: str, *, room: int) -> None:
-    """Heading, smaller where it has more characters than there is room for."""
-    size = FONT_PT * min(1.0, room / max(len(title), 1))
-    axes.set_title(title, fontsize=size, pad=4.0)

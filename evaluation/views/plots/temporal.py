@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evaluation.views.plots.fitting import fitted, set_title
 from evaluation.views.plots.labels import place_labels
 from evaluation.views.plots.log_rows import TIME_TOLERANCE_S, Event, boxes_of, events_of, of_kind
 from evaluation.views.plots.style import (
@@ -24,7 +25,6 @@ from evaluation.views.plots.style import (
     WINE,
     new_figure,
     set_style,
-    set_title,
 )
 from smartmot.geometry import signed_gap
 from smartmot.types import FloatArray
@@ -63,6 +63,10 @@ STATE_COLOURS = {
 _STANDSTILL_MPS = 0.01
 _CONTACT_GAP_M = 0.01
 
+_HEIGHT_IN, _BELOW_IN, _EDGE_IN, _TITLE_IN = 4.1, 0.4715, 0.0615, 0.246
+"""Of a figure with one line of heading: all, the time axis, the free edge above, and the heading."""
+_TITLE_WIDTH_IN = 4.0
+
 
 def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
     """Events of each layer over time, with causes and effects, above the ego's speed.
@@ -75,13 +79,20 @@ def temporal_diagram(log: pd.DataFrame, title: str | None = None) -> Figure:
     """
     ego = of_kind(log, "ego").sort_values("time_s")
     events = of_kind(log, "event").sort_values("time_s", kind="stable")
-    figure = new_figure(4.1)
-    figure.subplots_adjust(left=0.155, right=0.885, bottom=0.115, top=0.925 if title else 0.985, hspace=0.06)
+    figure = new_figure(_HEIGHT_IN)
+    heading = fitted(figure, title or "", _TITLE_WIDTH_IN)
+    height_in = _HEIGHT_IN + heading.more_in
+    figure.set_figheight(height_in)
+    above_in = heading.more_in + (_TITLE_IN if title else 0.0)
+    figure.subplots_adjust(
+        left=0.155, right=0.885, bottom=_BELOW_IN / height_in, top=1.0 - (_EDGE_IN + above_in) / height_in,
+        hspace=0.06,
+    )  # fmt: skip
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.35, 1.0))
     set_style(above)
     set_style(below)
     if title:
-        set_title(above, title, room=58)
+        set_title(above, heading)
     start, end = time_range(ego, events)
     # room at the right for the names of what happens last
     below.set_xlim(start - 0.02 * (end - start), end + 0.14 * (end - start))

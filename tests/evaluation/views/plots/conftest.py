@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.axis import XTick
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -94,27 +92,6 @@ class Look:
         return [text.get_text() for text in figure.legends[0].get_texts()]
 
     @staticmethod
-    def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
-        """Pairs of visible texts whose boxes on paper share area."""
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        axles = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
-        ticks = [tick for axis in axles for tick in axis.get_major_ticks()]
-        outside = {id(tick.label1) for tick in ticks if not _in_view(tick)}
-        boxes = [
-            (artist.get_text(), Text.get_window_extent(artist, canvas.get_renderer()))
-            for artist in figure.findobj(Text)
-            if artist.get_visible() and artist.get_text().strip() and id(artist) not in outside
-        ]
-        shown = [one for one in boxes if figure.bbox.overlaps(one[1])]
-        return [
-            (a, b)
-            for (a, one), (b, two) in itertools.combinations(shown, 2)
-            if min(one.x1, two.x1) - max(one.x0, two.x0) > 0.5
-            and min(one.y1, two.y1) - max(one.y0, two.y0) > 0.5
-        ]
-
-    @staticmethod
     def labels_off_page(figure: Figure) -> list[str]:
         page = figure.bbox
         boxes = [(label, Text.get_window_extent(label)) for label in Look.by_gid(figure, "label")]
@@ -123,12 +100,6 @@ class Look:
             for label, box in boxes
             if box.x0 < page.x0 or box.x1 > page.x1 or box.y0 < page.y0 or box.y1 > page.y1
         ]
-
-
-def _in_view(tick: Any) -> bool:
-    """Whether a tick lies within the limits of its axis; others exist but are not drawn."""
-    low, high = sorted(tick.axes.get_xlim() if isinstance(tick, XTick) else tick.axes.get_ylim())
-    return bool(low <= tick.get_loc() <= high)
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -8,6 +8,9 @@ import pytest
 
 from evaluation.results.files import ResultsError
 from evaluation.views.plots import birdseye, map_picture
+from evaluation.views.plots.fitting import SMALLEST_PT
+from evaluation.views.plots.ground import AREA_COLOURS
+from tests.figures import text_faults
 
 
 def test_birdseye_turns_the_scene_into_the_ego_frame(
@@ -42,7 +45,7 @@ def test_birdseye_texts_do_not_cover_each_other(
     look: Any, road: Any, scene_log: pd.DataFrame, scene_areas: list[Any]
 ) -> None:
     figure = birdseye(road, scene_log, 1.5, scene_areas)
-    assert look.overlapping_texts(figure) == []
+    assert text_faults(figure) == []
     assert {"pedestrian 3", "car 4", "car 5"} <= set(look.texts(figure))
     legend = look.legend(figure)
     for name in ("driving lane", "crosswalk", "monitored: vru margin", "track, threat", "detection dropped"):
@@ -72,7 +75,7 @@ def test_map_picture_shows_the_whole_map(look: Any, road: Any) -> None:
     assert legend[:3] == ["driving lane", "sidewalk lane", "parking lane"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x, east (m)", "y, north (m)")
     assert axes.get_ylim()[1] > 850.0
-    assert look.overlapping_texts(figure) == []
+    assert text_faults(figure) == []
 
 
 def test_map_picture_shows_the_ego_at_its_pose(look: Any, road: Any) -> None:
@@ -91,3 +94,16 @@ def test_map_picture_shows_the_surroundings_of_the_areas(
     (axes,) = figure.axes
     assert -10.0 < axes.get_xlim()[0] < axes.get_xlim()[1] < 80.0
     assert look.by_gid(figure, "monitored: current")
+
+
+def test_a_long_title_gets_lines_of_its_own(
+    road: Any, scene_log: pd.DataFrame, scene_areas: list[Any]
+) -> None:
+    title = "my_package.monitored.areas:variant_00_wide, " * 4
+    everything = [(role, ring + 0.3 * k) for k, role in enumerate(AREA_COLOURS) for _, ring in scene_areas]
+    for figure in (
+        birdseye(road, scene_log, 1.5, everything, title),
+        map_picture(road, everything, (20.0, 5.0, 0.3), title),
+    ):
+        assert text_faults(figure) == []
+        assert figure.axes[0].title.get_fontsize() >= SMALLEST_PT

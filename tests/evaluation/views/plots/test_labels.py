@@ -7,6 +7,7 @@ import pytest
 
 from evaluation.views.plots.labels import place_labels
 from evaluation.views.plots.style import new_figure
+from tests.figures import text_faults
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def test_texts_of_one_point_do_not_cover_each_other(look: Any, axes: Any) -> Non
         axes, [(5.0, 5.0, name) for name in ("north", "east", "south", "west")], [], offsets_pt=(8, 16)
     )
     assert len(look.by_gid(axes.figure, "label")) == 4
-    assert look.overlapping_texts(axes.figure) == []
+    assert text_faults(axes.figure) == []
 
 
 def test_text_keeps_clear_of_a_line(look: Any, axes: Any) -> None:
@@ -49,7 +50,7 @@ def test_repeated_text_is_left_out_where_there_is_no_room(look: Any, axes: Any) 
     texts = [label.get_text() for label in look.by_gid(axes.figure, "label")]
     assert "other" in texts
     assert 2 <= texts.count("again") < 20
-    assert look.overlapping_texts(axes.figure) == []
+    assert text_faults(axes.figure) == []
 
 
 @pytest.mark.parametrize("leaders", [False, True])

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 
 from evaluation.views.plots import temporal_diagram
+from evaluation.views.plots.fitting import SMALLEST_PT
+from tests.figures import text_faults
 
 
 def with_events(log: pd.DataFrame, events: list[tuple[float, str, str]]) -> pd.DataFrame:
@@ -42,7 +44,7 @@ def test_no_text_stands_over_another(
 ) -> None:
     log, _ = braking_log(40.0)
     figure = temporal_diagram(with_events(log, paper_events(forecast_s, collision_s, end_s)), "CPNA")
-    assert look.overlapping_texts(figure) == []
+    assert text_faults(figure) == []
     assert look.labels_off_page(figure) == []
     written = look.texts(figure)
     for name in {event[2] for event in paper_events(forecast_s, collision_s, end_s)}:
@@ -75,7 +77,7 @@ def test_finds_the_contact_in_the_log(look: Any, braking_log: Any) -> None:
     assert contact.get_ydata()[0] == pytest.approx(44.3 / 3.6)
     assert "contact 44.3 km/h" in look.texts(figure)
     assert look.by_gid(figure, "stop") == []
-    assert look.overlapping_texts(figure) == []
+    assert text_faults(figure) == []
 
 
 def test_shares_time_and_names_units(look: Any, braking_log: Any) -> None:
@@ -101,7 +103,7 @@ def test_survives_flickering_events(look: Any, braking_log: Any) -> None:
     for time in times.tolist():
         events += [(time, "monitors", "collision"), (time, "unexpected", "predicted_collision")]
     figure = temporal_diagram(with_events(log, events), "flicker")
-    assert look.overlapping_texts(figure) == []
+    assert text_faults(figure) == []
     assert len(look.by_gid(figure, "event")) == 2 + 2 * len(times)
 
 
@@ -109,3 +111,19 @@ def test_without_events_or_ego(look: Any, braking_log: Any, empty_log: pd.DataFr
     assert look.by_gid(temporal_diagram(empty_log), "event") == []
     log, _ = braking_log(10.0)
     assert look.by_gid(temporal_diagram(log), "event") == []
+
+
+@pytest.mark.parametrize("count", [1, 7, 30])
+@pytest.mark.parametrize("spread_s", [0.0, 0.4, 4.0])
+def test_however_many_events_fall_together(braking_log: Any, count: int, spread_s: float) -> None:
+    log, _ = braking_log(50.0)
+    names = [
+        ("monitors", "collision"), ("unexpected", "forecasted_pedestrian"), ("selector", "unexpected"),
+        ("unexpected", "predicted_collision"), ("monitors", "free_lane"), ("unexpected", "end_unexpected"),
+        ("selector", "follow_path"),
+    ]  # fmt: skip
+    events = [(1.0 + spread_s * k / count, *names[k % len(names)]) for k in range(count)]
+    title = "my_package.monitored.areas:variant_00_wide, a scenario with a long name, 50 km/h, preset paper"
+    figure = temporal_diagram(with_events(log, events), title)
+    assert text_faults(figure) == []
+    assert figure.axes[0].title.get_fontsize() >= SMALLEST_PT
