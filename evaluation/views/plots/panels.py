@@ -92,8 +92,8 @@ def panel_page(
         "constrained", rect=(0.0, low, 1.0, high - low), w_pad=_EDGE_IN, h_pad=0.03, wspace=0.02, hspace=0.02
     )
     axes = figure.subplots(lines, columns, sharex=share_x, sharey=share_y, squeeze=False)
-    for one in axes.flat:
-        set_style(one)
+    for panel in axes.flat:
+        set_style(panel)
     if title:
         figure.text(
             0.5, 1.0 - _EDGE_IN / height, head.text, ha="center", va="top", fontsize=head.size_pt,
@@ -151,7 +151,7 @@ def hidden_by(curves: Sequence[ArrayLike], same: float) -> list[int]:
         same: coordinates nearer than this are equal.
     """
     points = [np.asarray(curve, dtype=np.float64).reshape(-1, 2) for curve in curves]
-    points = [one[~np.isnan(one).any(axis=1)] for one in points]
+    points = [curve[~np.isnan(curve).any(axis=1)] for curve in points]
 
     def lies_on(above: FloatArray, below: FloatArray) -> bool:
         near = np.abs(below[:, None] - above[None]) < same

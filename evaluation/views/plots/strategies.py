@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 
-from evaluation.views.plots.style import BLACK, BLUE, GREEN, GREY, VERMILLION
+from evaluation.views.plots.style import BLACK, BLUE, GREY, VERMILLION
 
 Look = tuple[str, str]
 """Colour, and marker of a point."""
@@ -15,7 +15,6 @@ SHIPPED: dict[str, Look] = {
     "map": (BLUE, "o"),
     "path": ("#00cc66", "^"),
     "all": (BLACK, "D"),
-    "path": (GREEN, "v"),
     "none": (GREY, "p"),
 }
 """Of the shipped strategies, and of the run in which nothing brakes."""
