@@ -134,9 +134,12 @@ def pipeline_of(preset: Preset) -> PipelineConfig:
     The tracker's noise of positions and headings is the sensor's at 20 m or its own, whichever is greater: a
     named configuration keeps what it was published with until the sensor is worse. That of velocities is the
     sensor's where detections carry one. `Preset.tracker_sigma_m` puts another number in place of the noise of
-    positions, and leaves the others as they are. A tracker of the user's own is left alone.
+    positions, and leaves the others as they are. A tracker of the user's own is given the sensor if it has a
+    parameter of that name.
     """
     tracker = preset.pipeline.tracker
+    if isinstance(tracker, Plugin):
+        return replace(preset.pipeline, tracker=_TrackerOf(tracker, preset.sensor))
     if not isinstance(tracker, TrackerConfig):
         return preset.pipeline
     noise = tracker.filter
@@ -155,6 +158,23 @@ def pipeline_of(preset: Preset) -> PipelineConfig:
     if noise == tracker.filter:
         return preset.pipeline
     return replace(preset.pipeline, tracker=replace(tracker, filter=noise))
+
+
+@dataclass(frozen=True, slots=True)
+class _TrackerOf:
+    """Makes a tracker of the user's own for a sensor."""
+
+    plugin: Plugin
+    sensor: SensorConfig
+
+    @property
+    def name(self) -> str:
+        """Name of the tracker, for messages."""
+        return self.plugin.name
+
+    def __call__(self) -> Any:
+        """The tracker."""
+        return self.plugin(sensor=self.sensor)
 
 
 _LEAST_MPS = 1e-3

@@ -38,15 +38,22 @@ class Plugin:
     name: str
     digest: str
 
-    def __call__(self, *arguments: object) -> Any:
+    def __call__(self, *arguments: object, **offered: object) -> Any:
         """What the class or function returns.
+
+        Args:
+            arguments: What it is called with.
+            offered: What it is given besides if it has parameters of these names.
 
         Raises:
             PluginError: It does not take the arguments, or fails.
         """
         named = _named_object(self.name)
+        keywords: dict[str, object] = {}
         try:
-            signature(named).bind(*arguments)
+            parameters = signature(named)
+            keywords = {k: v for k, v in offered.items() if k in parameters.parameters}
+            parameters.bind(*arguments, **keywords)
         except TypeError as error:
             given = ", ".join(type(argument).__name__ for argument in arguments)
             raise PluginError(
@@ -55,7 +62,7 @@ class Plugin:
         except ValueError:  # written in C, without a signature
             pass
         try:
-            return named(*arguments)
+            return named(*arguments, **keywords)
         except SmartMotError:
             raise
         except (Exception, SystemExit) as error:

@@ -7,6 +7,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import BoxMeasurement, SensorConfig
 from scenarios.sensors.errors import (
     CONFUSED_WITH,
@@ -15,13 +16,13 @@ from scenarios.sensors.errors import (
     NORMALS,
     OCCLUSION_SHARES,
     BoxErrors,
+    SensorErrors,
 )
-from smartmot.filters.motion_models import table
+from scenarios.sensors.ghosts import Ghosts
 from smartmot.geometry import wrap_angle
 from smartmot.types import (
     CATEGORIES,
     NOTHING_DROPPED,
-    BoolArray,
     Boxes,
     Detections,
     EgoState,
@@ -37,17 +38,11 @@ _CONFUSED = np.array([_CODES[CONFUSED_WITH[name]] for name in CATEGORIES])
 _RADIAL, _TANGENTIAL, _YAW, _LENGTH, _WIDTH, _FLIP, _CLASS, _VELOCITY_X, _VELOCITY_Y, _MISS = range(10)
 """Columns of the standard normal processes that every object has; the last two kinds are white."""
 
-_OBJECTS, _GHOSTS = 1, 2
-"""Streams of random numbers beside that of the plain noise."""
+_STREAM = 1
+"""Stream of random numbers beside that of the plain noise."""
 
 _LEAST_SIZE = 0.2
 """Share of the true size that a reported one keeps at least: a length stays positive. Assumed."""
-
-_GHOST_SIZES = np.array([(3.9, 1.6), (0.8, 0.6), (1.76, 0.6), (10.1, 2.6), (1.76, 0.6), (3.9, 1.6)])
-"""Lengths and widths of ghosts, m, by category: the anchors of PointPillars for KITTI's car, pedestrian and
-cyclist (Lang et al. 2019), and the mean truck of Frustum PointNets (Qi et al. 2018); others assumed."""
-
-_NO_GHOSTS = np.zeros((0, 4))
 
 _NORMAL = NormalDist()
 
@@ -71,7 +66,8 @@ class ErrorProcess:
     runs that see an object at the same range miss the same frames after a few.
 
     The state is the processes' last values: a copy goes on as the original would. Measurements that are left
-    out are passed through. For one before the last, all begins anew.
+    out are passed through, as if the object had been where it is now. For one before the last all begins
+    anew.
 
     Args:
         config: the sensor, with errors.
@@ -79,8 +75,7 @@ class ErrorProcess:
     """
 
     def __init__(self, config: SensorConfig, seed: int) -> None:
-        errors = config.errors
-        assert errors is not None
+        errors = config.errors or SensorErrors()
         self._config, self._errors, self._seed = config, errors, seed
         self._interval_s = 1.0 / config.rate_hz
         self._tables()
@@ -89,16 +84,10 @@ class ErrorProcess:
         times = (position, position, heading, size, size, heading, size, 0.0, 0.0, 0.0)
         self._kept = np.array([math.exp(-self._interval_s / time) if time else 0.0 for time in times])
         self._new = np.sqrt(1.0 - self._kept**2)
-        self._survive = math.exp(-self._interval_s / errors.ghost_life_s)
-        self._ghost_rate = table(errors.ghosts_per_frame)
-        self._ghost_range = np.full(len(CATEGORIES), config.range_m)
-        if errors.ghost_range_m is not None:
-            np.minimum(self._ghost_range, table(errors.ghost_range_m), out=self._ghost_range)
-        self._ghost_view = config.fov_rad if errors.ghost_view_rad is None else errors.ghost_view_rad
+        self._ghosts = Ghosts(config, errors, seed) if errors.has_ghosts else None
         self._first, self._last = -1, -1
         self._normal = np.zeros((0, _MISS + 1))
         self._missed = np.zeros(0, dtype=np.bool_)
-        self._ghosts = _NO_GHOSTS
 
     def _tables(self) -> None:
         """Rows of errors as arrays over cells: the B bands of range, and for each the C categories."""
@@ -143,16 +132,20 @@ class ErrorProcess:
         return deviates
 
     def report(self, measurement: BoxMeasurement) -> Detections:
-        """Detections of one measurement, stamped with its time."""
-        ego, boxes = measurement.ego, measurement.boxes
-        assert ego is not None
-        assert measurement.visible_share is not None
+        """Detections of one measurement, stamped with its time.
+
+        Raises:
+            ScenarioError: the measurement does not say from where and how far boxes are visible.
+        """
+        ego, boxes, share = measurement.ego, measurement.boxes, measurement.visible_share
+        if ego is None or share is None:
+            raise ScenarioError("sensor errors: the measurement has no pose of the ego or no visible shares")
         delta = boxes.center_m - np.array([ego.x_m, ego.y_m])
         range_m = np.hypot(delta[:, 0], delta[:, 1])
         code = np.array([_CODES[name] for name in measurement.category.tolist()], dtype=np.int64)
         cell = self._limits.searchsorted(range_m) * len(CATEGORIES) + code
         clear, partly = OCCLUSION_SHARES
-        level = (measurement.visible_share < clear) + (measurement.visible_share < partly).astype(np.int64)
+        level = (share < clear) + (share < partly).astype(np.int64)
         self._go_to(measurement.number, self._miss[cell, level], ego)
         seen = (measurement.visible & ~self._missed).nonzero()[0]
         code, cell, normal = code.take(seen), cell.take(seen), self._normal.take(seen, axis=0)
@@ -160,15 +153,15 @@ class ErrorProcess:
         detected = self._noisy(boxes[seen], sight, cell, normal)
         code = np.where(normal[:, _CLASS] < self._confusion.take(cell), _CONFUSED.take(code), code)
         velocity = self._velocity(measurement, seen, normal)
-        if len(self._ghosts):
-            ghosts, ghost_code = self._ghost_boxes(measurement.number, ego)
+        ghosts = self._ghosts
+        if ghosts is not None and len(ghosts):
             detected = unchecked(
                 Boxes,
-                np.concatenate((detected.center_m, ghosts.center_m)),
+                np.concatenate((detected.center_m, self._ghost_centers(ghosts, ego))),
                 np.concatenate((detected.size_m, ghosts.size_m)),
                 np.concatenate((detected.yaw_rad, ghosts.yaw_rad)),
             )
-            code = np.concatenate((code, ghost_code))
+            code = np.concatenate((code, ghosts.code))
             if velocity is not None:
                 velocity = np.concatenate((velocity, np.zeros((len(ghosts), 2))))
         scores = np.ones(len(code))
@@ -230,16 +223,14 @@ class ErrorProcess:
 
     def _draw(self, number: int, count: int) -> FloatArray:
         """Row by row, so that those behind an object do not change its numbers."""
-        return np.random.default_rng((self._seed, number, _OBJECTS)).standard_normal((count, _MISS + 1))
+        return np.random.default_rng((self._seed, number, _STREAM)).standard_normal((count, _MISS + 1))
 
     def _begin(self, number: int, count: int, miss: FloatArray, ego: EgoState) -> None:
         """Stationary from the first measurement on."""
         self._normal = self._draw(number, count)
         self._missed = self._normal[:, _MISS] < miss[:, 0]
-        self._ghosts = _NO_GHOSTS
-        if self._errors.has_ghosts:
-            rng = np.random.default_rng((self._seed, number, _GHOSTS))
-            self._ghosts = self._born(rng, self._ghost_rate, ego)
+        if self._ghosts is not None:
+            self._ghosts.begin(number, ego)
 
     def _go_on(self, number: int, miss: FloatArray, ego: EgoState) -> None:
         """One measurement further."""
@@ -248,33 +239,14 @@ class ErrorProcess:
         self._normal = self._kept * self._normal + new
         chance = np.where(self._missed, miss[:, 2], miss[:, 1])
         self._missed = self._normal[:, _MISS] < chance
-        if self._errors.has_ghosts:
-            rng = np.random.default_rng((self._seed, number, _GHOSTS))
-            ghosts = self._ghosts
-            if len(ghosts):
-                alive: BoolArray = rng.random(len(ghosts)) < self._survive
-                ghosts = ghosts[alive]
-            born = self._born(rng, self._ghost_rate * (1.0 - self._survive), ego)
-            self._ghosts = np.concatenate((ghosts, born)) if len(born) else ghosts
+        if self._ghosts is not None:
+            self._ghosts.go_on(number, ego)
 
-    def _born(self, rng: np.random.Generator, rate: FloatArray, ego: EgoState) -> FloatArray:
-        """(G, 4) new ghosts: position in their category, x, y and heading, map frame."""
-        count = rng.poisson(rate)
-        if not count.any():
-            return _NO_GHOSTS
-        code = np.repeat(np.arange(len(CATEGORIES)), count)
-        share = rng.random((len(code), 3))
-        bearing = ego.yaw_rad + self._ghost_view * (share[:, 0] - 0.5)
-        distance = self._ghost_range.take(code) * np.sqrt(share[:, 1])
-        x, y = ego.x_m + distance * np.cos(bearing), ego.y_m + distance * np.sin(bearing)
-        return np.column_stack((code, x, y, np.pi * (2.0 * share[:, 2] - 1.0)))
-
-    def _ghost_boxes(self, number: int, ego: EgoState) -> tuple[Boxes, IntArray]:
-        """Boxes of the ghosts, which stand still but for white noise, and positions of their categories."""
-        code, place = self._ghosts[:, 0].astype(np.int64), self._ghosts[:, 1:3]
-        range_m = np.hypot(place[:, 0] - ego.x_m, place[:, 1] - ego.y_m)
-        cell = self._limits.searchsorted(range_m) * len(CATEGORIES) + code
-        sigma = self._values[cell, 1:3]
-        noise = np.random.default_rng((self._seed, number, _GHOSTS, 1)).standard_normal(place.shape)
-        size = _GHOST_SIZES.take(code, axis=0)
-        return unchecked(Boxes, place + sigma * noise, size, self._ghosts[:, 3]), code
+    def _ghost_centers(self, ghosts: Ghosts, ego: EgoState) -> FloatArray:
+        """(G, 2) centres with the white noise of their categories and ranges."""
+        range_m = np.hypot(ghosts.center_m[:, 0] - ego.x_m, ghosts.center_m[:, 1] - ego.y_m)
+        cell = self._limits.searchsorted(range_m) * len(CATEGORIES) + ghosts.code
+        radial, tangential = self._values[cell, 1], self._values[cell, 2]
+        sigma = np.sqrt((radial**2 + tangential**2) / 2.0)
+        center: FloatArray = ghosts.center_m + sigma[:, None] * ghosts.normal
+        return center

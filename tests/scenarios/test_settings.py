@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,7 +125,7 @@ def test_a_number_of_the_errors_replaces_that_of_any_preset(name: str) -> None:
     value, parameter = 0.375, PARAMETERS[name]
     for preset in (PHYSICAL, REAL):
         changed = preset_with(preset, ((name, value),))
-        assert parameter.of(changed) == value
+        assert parameter.of(changed) == pytest.approx(value)
         assert changed.sensor != preset.sensor
         for other, number in ERROR_NUMBERS.items():
             if other != name:
@@ -178,8 +179,25 @@ def test_a_named_tracker_keeps_its_noise_until_the_sensor_has_more() -> None:
         settings = (("tracker", "centerpoint"), ("position_sigma_m", noise))
         assert position_sigma(preset_with(PHYSICAL, settings)) == expected
     assert position_sigma(preset_with(PHYSICAL, (("tracker", "ab3dmot"), ("tracker_sigma_m", 0.3)))) == 0.3
-    own = preset_with(PHYSICAL, (("tracker", "smartmot:Tracker"), ("position_sigma_m", 0.5)))
-    assert pipeline_of(own) is own.pipeline
+
+
+def test_a_tracker_of_ones_own_is_given_the_sensor_if_it_asks_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own_trackers.py").write_text(
+        "import smartmot\n"
+        "def plain():\n    return smartmot.Tracker()\n"
+        "def informed(sensor=None):\n"
+        "    tracker = smartmot.Tracker()\n    tracker.sensor = sensor\n    return tracker\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    for name, expected in (("plain", None), ("informed", 0.5)):
+        preset = preset_with(PHYSICAL, (("tracker", f"own_trackers:{name}"), ("position_sigma_m", 0.5)))
+        make = pipeline_of(preset).tracker
+        assert callable(make)
+        sensor = getattr(make(), "sensor", None)
+        assert (None if sensor is None else sensor.position_sigma_m) == expected
+        assert PARAMETERS["tracker"].of(preset) == f"own_trackers:{name}"
 
 
 def test_names_and_numbers_of_one_parameter() -> None:

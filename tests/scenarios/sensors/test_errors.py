@@ -556,6 +556,13 @@ def test_any_errors_give_boxes_that_perception_takes(
         assert (frame.score == 1.0).all()
 
 
+def test_a_measurement_that_does_not_say_what_is_hidden_is_refused() -> None:
+    boxes, names = around(2, 12.0, "cyclist")
+    bare = BoxMeasurement(0.0, 0, boxes, names, np.full(2, True))
+    with pytest.raises(ScenarioError, match="sensor errors: the measurement has no"):
+        BoxDetector(REAL, 0).detect(bare)
+
+
 def test_one_number_where_all_are_equal() -> None:
     assert per_category([0.1] * 6) == 0.1
     assert per_category([0.1, 0.2, 0.1, 0.1, 0.1, 0.1]) == PerCategory(0.1, 0.2, 0.1, 0.1, 0.1, 0.1)
