@@ -13,7 +13,7 @@ from evaluation.cli.output import counting, print_written
 EXAMPLES = options.examples(
     "`smartmot-eval scenes --split test --count 300 --seed 0 --out results/scenes`",
     "`smartmot-eval scenes --count 50 --maps towns --out results/towns`",
-    "`smartmot-eval run results/scenes/test-0-brake-0000.xosc --strategies all`",
+    "`smartmot-eval run results/scenes/test-0-brake-0000.xosc --strategy all`",
     "Situations, distributions and their sources: docs/scenes.md.",
 )
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from opendrive.errors import OpenDriveError
 from scenarios.drawn.actors import Actor
 from scenarios.drawn.files import scene_bytes
 from scenarios.drawn.manifest import GIVEN_UP, MANIFEST, REJECTED, DrawnScene, write_manifest, write_rejected
@@ -22,7 +21,6 @@ from scenarios.drawn.stage import Ground, choose_stage
 from scenarios.drawn.timeline import CLEAR_M, Timeline
 from scenarios.drawn.values import Draw, RejectedDraw, data, weighted
 from scenarios.errors import ScenarioError
-from scenarios.openscenario.errors import RunError
 from scenarios.scenes.scenes import SceneRun
 
 MOST_TRIES = 400
@@ -54,6 +52,7 @@ def drawn_scenes(
 
     Raises:
         ScenarioError: unknown split, no maps, or no scene of a kind can be placed on them.
+        scenarios.openscenario.errors.RunError: a map cannot be read.
     """
     folder = Path(folder)
     grounds = grounds_of(split, maps)
@@ -71,23 +70,17 @@ def grounds_of(split: str, maps: Path | None) -> list[Ground]:
     """The maps to place scenes on.
 
     Raises:
-        ScenarioError: unknown split, or none of the files is a map that can be read.
+        ScenarioError: unknown split, or a folder without OpenDRIVE files.
+        scenarios.openscenario.errors.RunError: a map cannot be read.
     """
     if split not in SPLITS:
         raise ScenarioError(f"split {split!r}: expected one of {', '.join(SPLITS)}")
     paths = [MAPS / f"{name}.xodr" for name in data()["maps"][split]]
     if maps is not None:
         paths = sorted(maps.glob("*.xodr"))
-    grounds = []
-    for path in paths:
-        try:
-            grounds.append(Ground(path))
-        except (RunError, OpenDriveError):
-            if maps is None:
-                raise
-    if not grounds:
-        raise ScenarioError(f"{maps}: no OpenDRIVE file that can be read")
-    return grounds
+    if not paths:
+        raise ScenarioError(f"{maps}: no OpenDRIVE file (*.xodr)")
+    return [Ground(path) for path in paths]
 
 
 def draw_all(split: str, count: int, seed: int, folder: Path, grounds: list[Ground]) -> Iterator[DrawnScene]:

@@ -20,6 +20,7 @@ from scenarios.catalogue.map_builder import (
     road_record,
 )
 from scenarios.catalogue.reference_line import Piece, Pose, moved, turned
+from smartmot.types import FloatArray
 
 CROSSWALK_FROM_MOUTH_M = 4.0
 RING_RAD = math.radians(28.0)
@@ -109,7 +110,7 @@ def two_arcs(start: Pose, end: Pose) -> list[Piece]:
     return pieces
 
 
-def _arc(chord: np.ndarray, yaw_rad: float) -> Piece:
+def _arc(chord: FloatArray, yaw_rad: float) -> Piece:
     """The arc over a chord that begins with a heading; rounded, so that files do not vary."""
     chord_m = math.hypot(*chord)
     half_turn = math.remainder(math.atan2(chord[1], chord[0]) - yaw_rad, 2.0 * math.pi)

@@ -47,7 +47,7 @@ def write_manifest(path: Path, scenes: Sequence[DrawnScene]) -> None:
     drawn = sorted({name for scene in scenes for name in scene.values})
     fixed = (
         "scene", "must", "situation", "map", "road", "lane", "s_m", "place", "speed_kmh", "contact_s",
-        "gap_m", "road_users", "rejected_before",
+        "gap_m", "starts_aside_m", "road_users", "rejected_before",
     )  # fmt: skip
     rows = [[*fixed, *drawn]]
     for scene in scenes:
@@ -55,12 +55,14 @@ def write_manifest(path: Path, scenes: Sequence[DrawnScene]) -> None:
         road, lane, s_m = stage.place_at(stage.line_m)
         contact = f"{proof.contact_s:.3f}" if proof.entity else ""
         gap = "" if proof.entity else f"{proof.gap_m:.3f}"
+        start = scene.actors[0].start
+        aside = abs(stage.route.project(start.x_m, start.y_m)[1])
         values = [_cell(scene.values.get(name, "")) for name in drawn]
         rows.append(
             [
                 scene.run.scene, scene.run.must, scene.situation.name, stage.ground.name, road, str(lane),
-                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, gap, str(len(scene.actors)),
-                str(sum(scene.rejected.values())), *values,
+                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, gap, f"{aside:.2f}",
+                str(len(scene.actors)), str(sum(scene.rejected.values())), *values,
             ]
         )  # fmt: skip
     _write_rows(path, rows)

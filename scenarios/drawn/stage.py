@@ -32,7 +32,21 @@ STRAIGHT_RAD, BEND_RAD = math.radians(4.0), math.radians(20.0)
 APPROACH_M = 35.0
 TURN_RAD = math.radians(45.0)
 """A way through a junction is a turn if it turns by more."""
-CARRIAGEWAY = frozenset({"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp"}) | KERBSIDE_TYPES
+PAVED = frozenset(
+    {
+        "driving",
+        "bidirectional",
+        "entry",
+        "exit",
+        "onRamp",
+        "offRamp",
+        "parking",
+        "shoulder",
+        "stop",
+        "biking",
+    }
+)
+CARRIAGEWAY = PAVED | KERBSIDE_TYPES
 _CHORD_M = 2.0
 
 
@@ -84,9 +98,17 @@ class SideStrips:
     @property
     def kerb_m(self) -> float:
         """Distance of the kerb: where the carriageway with its parking and cycle lanes ends."""
+        return self._edge_m(CARRIAGEWAY)
+
+    @property
+    def paved_m(self) -> float:
+        """Distance up to which vehicles may drive or stand; verges without a name of their own are beyond."""
+        return self._edge_m(PAVED)
+
+    def _edge_m(self, kinds: frozenset[str]) -> float:
         edge = self.half_width_m
         for strip in self.strips:
-            if strip.kind not in CARRIAGEWAY:
+            if strip.kind not in kinds:
                 break
             edge = strip.outer_m
         return edge

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from scenarios.drawn.actors import EGO, OUTLINES, Actor, Motion, Stays, straight
 from scenarios.drawn.stage import Stage
 from scenarios.drawn.values import RejectedDraw
 from scenarios.openscenario.motion.paths import Pose
+from smartmot.types import FloatArray
 
 EARLIEST_S = 0.2
 """Who sets off does so no earlier after the start."""
@@ -75,16 +77,10 @@ def crossing(
         sets_off_s = hit_s - motion.time_to_s(way_m)
         if sets_off_s < EARLIEST_S:
             raise RejectedDraw("it would have to set off before the start")
-        motion = Motion(speed_mps, round(sets_off_s, 3), accelerates_m)
+        motion = replace(motion, sets_off_s=round(sets_off_s, 3))
     if way_m <= 0.0:
         raise RejectedDraw("it would have to set off before the start")
     return straight(name, outline, pose.moved(-way_m, 0.0), motion, way_m + 40.0)
-
-
-def crossing_from_m(actor: Actor, stage: Stage) -> float:
-    """How far from the ego's way an actor is at first."""
-    start = actor.start
-    return abs(stage.route.project(start.x_m, start.y_m)[1])
 
 
 def merging(
@@ -123,29 +119,31 @@ def merging(
     then_m = EGO.width_m * (0.5 - share_percent / 100.0) + box.width_m / 2
     if then_m >= from_m - 0.1 or then_m < 0.0:
         raise RejectedDraw("it covers the drawn share of the ego's width from the start, or never")
-    wanted = 1.0 - then_m / from_m
-    part = float(np.interp(wanted, *_s_curve()))
-    swerve_m = part * over_m
+    part = float(np.interp(1.0 - then_m / from_m, *_s_curve()))
     middle_m = stage.line_m + box.length_m / 2
-    begins_m = middle_m - swerve_m
-    hit_s = stage.hit_s
+    begins_m = middle_m - part * over_m
+
+    def points(station_m: FloatArray) -> FloatArray:
+        p = np.clip((station_m - begins_m) / over_m, 0.0, 1.0)
+        return stage.route.poses(station_m, sign * from_m * (1.0 - p**2 * (3.0 - 2.0 * p)))[0]
+
+    swerve = points(np.linspace(begins_m, middle_m, 50))
+    swerve_m = float(np.hypot(*np.diff(swerve, axis=0).T).sum())
     if from_standstill:
-        motion = Motion(speed_mps, 0.0, accelerates_m)
-        sets_off_s = hit_s - motion.time_to_s(swerve_m)
+        motion, start_m = Motion(speed_mps, 0.0, accelerates_m), begins_m
+        sets_off_s = stage.hit_s - motion.time_to_s(swerve_m)
         if sets_off_s < EARLIEST_S:
             raise RejectedDraw("it would have to set off before the start")
-        motion, start_m = Motion(speed_mps, round(sets_off_s, 3), accelerates_m), begins_m
+        motion = replace(motion, sets_off_s=round(sets_off_s, 3))
     else:
-        motion, start_m = Motion(speed_mps), middle_m - speed_mps * hit_s
+        motion, start_m = Motion(speed_mps), begins_m - (speed_mps * stage.hit_s - swerve_m)
         if start_m > begins_m:
             raise RejectedDraw("it would move over before the start")
-    ahead = np.arange(start_m, begins_m + over_m + 30.0, 1.0)
-    p = np.clip((ahead - begins_m) / over_m, 0.0, 1.0)
-    left = sign * from_m * (1.0 - p**2 * (3.0 - 2.0 * p))
-    return Actor("Target", outline, stage.route.poses(ahead, left)[0], motion, smooth=True)
+    way = points(np.arange(start_m, begins_m + over_m + 30.0, 1.0))
+    return Actor("Target", outline, way, motion, smooth=True)
 
 
-def _s_curve() -> tuple[np.ndarray, np.ndarray]:
+def _s_curve() -> tuple[FloatArray, FloatArray]:
     """Values of 3 p^2 - 2 p^3 and p, for its inverse."""
     p = np.linspace(0.0, 1.0, 1001)
     return p**2 * (3.0 - 2.0 * p), p

@@ -23,8 +23,8 @@ def _side(stage: Stage, draw: Draw) -> int:
     return stage.near * (1 if draw.text("side") == "near" else -1)
 
 
-def people_on_the_sidewalk(stage: Stage, draw: Draw) -> Made:
-    """One to five people stand or walk beside the kerb, at drawn distances from it."""
+def people_beside_the_road(stage: Stage, draw: Draw) -> Made:
+    """One to five people stand or walk beyond the kerb, on the sidewalk or the verge, at drawn distances."""
     actors: list[Actor] = []
     for number in range(1, 2 + int(draw.uniform() * 5)):
         sign = stage.near * (1 if draw.uniform() < 0.7 else -1)
@@ -121,7 +121,7 @@ def cyclist_beside(stage: Stage, draw: Draw) -> Made:
         beside = strip.middle_m + draw.between(-0.4, 0.4)
     else:
         beside = EGO.width_m / 2 + draw.number("passing_m") + OUTLINES["bicyclist"].width_m / 2
-        if beside > side.kerb_m - 0.3:
+        if beside > side.paved_m - 0.3:
             raise RejectedDraw("no room to pass a cyclist")
     speed = min(draw.number("cyclist_speed_mps"), 0.8 * stage.speed_mps)
     # the fronts are level when the ego is at the line
@@ -197,7 +197,7 @@ def cars_wait_at_a_junction(stage: Stage, draw: Draw) -> Made:
 
 
 NOTHING = (
-    Situation("people on the sidewalk", "nothing", "any", people_on_the_sidewalk),
+    Situation("people beside the road", "nothing", "any", people_beside_the_road),
     Situation("pedestrian stops at the kerb", "nothing", "any", walks_to_the_kerb),
     Situation("pedestrians wait at a crosswalk", "nothing", "crosswalk", waits_at_a_crosswalk),
     Situation("parked cars on both sides", "nothing", "any", parked_on_both_sides),

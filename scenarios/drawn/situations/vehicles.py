@@ -40,7 +40,7 @@ def parking_middle_m(stage: Stage, station_m: float, sign: int) -> float:
         raise RejectedDraw("no car is parked at a crosswalk")
     side, width = stage.side(station_m, sign), OUTLINES["large car"].width_m
     strip = side.nearest("parking")
-    middle = strip.middle_m if strip else side.kerb_m - AT_KERB_M - width / 2
+    middle = strip.middle_m if strip else side.paved_m - AT_KERB_M - width / 2
     if middle - width / 2 < EGO.width_m / 2 + PASSING_M:
         raise RejectedDraw("no room for a parked car")
     return middle
@@ -159,11 +159,12 @@ def waiting_cars(stage: Stage, draw: Draw) -> list[Actor]:
     network = stage.network
     lane, _ = stage.lane_at(stage.line_m)
     junction = network.lanes.junction_id[lane]
-    own = {*stage.route.lanes}
+    own = {network.lanes.key[k].road_id for k in stage.route.lanes}
     arms = {
         network.predecessors(way)[0]: way
         for way, _ in stage.ground.ways_through
-        if network.lanes.junction_id[way] == junction and network.predecessors(way)[0] not in own
+        if network.lanes.junction_id[way] == junction
+        and network.lanes.key[network.predecessors(way)[0]].road_id not in own
     }
     if not arms:
         raise RejectedDraw("no other way leads into the junction")

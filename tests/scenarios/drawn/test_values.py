@@ -10,7 +10,7 @@ import pytest
 from scenarios.drawn.values import Draw, Law, data, law, weighted
 from scenarios.errors import ScenarioError
 
-N = 20_000
+N = 4_000
 NUMBERS = [name for name, entry in data()["draw"].items() if entry["law"] != "choice"]
 TEXTS = [name for name, entry in data()["draw"].items() if entry["law"] == "choice"]
 
