@@ -14,6 +14,13 @@ from scenarios.sensors.errors import greatest
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.measured_errors import REAL_ERRORS
 from scenarios.sensors.sensor import box_chain, observing_chain
+from scenarios.sources.pose_errors import (
+    NO_LOCALISATION_ERRORS,
+    NO_ODOMETRY_ERRORS,
+    LocalisationErrors,
+    OdometryErrors,
+    PoseErrors,
+)
 from scenarios.weather import DRY_FRICTION, Light, Weather
 from smartmot.area import MapAreaConfig, PathAreaConfig, RectangularConfig
 from smartmot.pipeline import PipelineConfig
@@ -36,6 +43,8 @@ class Preset:
             `pipeline_of`.
         detector: makes a detector or sensors of the user's own from a `SensorConfig` and a seed, in place of
             the shipped sensor; see `sensors_of`.
+        path_from: where the planned path comes from; see `scenarios.sources.perception.AreaPipelines`.
+        localisation, odometry: errors of the ego's pose on the map, and of its own motion.
     """
 
     name: str
@@ -49,6 +58,9 @@ class Preset:
     tracker_sigma_m: float | None = None
     detector: Plugin | None = None
     path_area: PathAreaConfig = field(default_factory=PathAreaConfig)
+    path_from: str = "planner"
+    localisation: LocalisationErrors = field(default_factory=LocalisationErrors)
+    odometry: OdometryErrors = field(default_factory=OdometryErrors)
 
 
 PAPER = Preset(
@@ -211,6 +223,13 @@ def sensors_of(preset: Preset, seed: int) -> tuple[SensorChain[Any], ...]:
     if parts and all(isinstance(part, SensorChain) for part in parts):
         return tuple(replace(chain, name=plugin.name) for chain in parts)
     return (observing_chain(preset.sensor, require(made, "observe", plugin.name), plugin.name),)
+
+
+def pose_errors_of(preset: Preset, seed: int) -> PoseErrors | None:
+    """The errors of localisation and odometry of a run; None: there are none."""
+    if (preset.localisation, preset.odometry) == (NO_LOCALISATION_ERRORS, NO_ODOMETRY_ERRORS):
+        return None
+    return PoseErrors(preset.localisation, preset.odometry, seed)
 
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.weather")

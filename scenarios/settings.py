@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from scenarios.presets import PRESETS, Preset
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
+from scenarios.sources.perception import PATHS_FROM
 from scenarios.strategies import STRATEGIES
 from smartmot.area import WAYS
 from smartmot.decision.aeb import AebConfig
@@ -75,6 +76,19 @@ def _number(text: str, unit: str, strategies: tuple[str, ...], field: str) -> Pa
         return float(attrgetter(field)(preset))
 
     return Parameter(text, unit, strategies, (), of, lambda preset, v: _with(preset, path, float(v)))
+
+
+def _degrees(text: str, unit: str, strategies: tuple[str, ...], field: str) -> Parameter:
+    """The parameter that is one angle of a preset, in degrees, by its place in it."""
+    path = field.split(".")
+
+    def of(preset: Preset) -> Setting:
+        return round(math.degrees(attrgetter(field)(preset)), 9)
+
+    def put(preset: Preset, value: Setting) -> Preset:
+        return _with(preset, path, math.radians(float(value)))
+
+    return Parameter(text, unit, strategies, (), of, put)
 
 
 def _choice(text: str, strategies: tuple[str, ...], choices: tuple[str, ...], field: str) -> Parameter:
@@ -300,6 +314,26 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         ),
         "way": _choice("what speed adaptation looks at", STRATEGIES, WAYS, "pipeline.way"),
         "standing": _choice("which standing objects count", STRATEGIES, WAYS, "pipeline.standing"),
+        "path_from": _choice("where the planned path comes from", STRATEGIES, PATHS_FROM, "path_from"),
+        "localisation_lateral_m": _number(
+            "bias of the localisation to the left", "m", STRATEGIES, "localisation.lateral_m"
+        ),
+        "localisation_longitudinal_m": _number(
+            "bias of the localisation ahead", "m", STRATEGIES, "localisation.longitudinal_m"
+        ),
+        "localisation_heading_deg": _degrees(
+            "bias of the localised heading to the left", "degrees", STRATEGIES, "localisation.heading_rad"
+        ),
+        "localisation_drift_m": _number(
+            "slow error of the localisation", "m", STRATEGIES, "localisation.drift_sigma_m"
+        ),
+        "localisation_noise_m": _number(
+            "noise of the localisation in each frame", "m", STRATEGIES, "localisation.noise_sigma_m"
+        ),
+        "odometry_speed": _number("error of the ego's speed, relative", "", STRATEGIES, "odometry.speed"),
+        "odometry_yaw_rate_deg_s": _degrees(
+            "bias of the ego's turn rate", "degrees/s", STRATEGIES, "odometry.yaw_rate_radps"
+        ),
         "filter": Parameter(
             "what the monitored lanes filter",
             "",

@@ -20,6 +20,7 @@ from smartmot.area import (
     uses_path,
     with_way,
 )
+from smartmot.area.localised import Alignment, LocalisedArea
 from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.braking import BrakingDistance, horizon_s
 from smartmot.decision.collision import IOU_THRESHOLD, NO_THREATS, collision_times, threats
@@ -149,18 +150,26 @@ class Pipeline:
     Args:
         strategy: which objects matter.
         config: settings.
+        map_path: the planned path as the map has it, map frame; it is followed in place of those given to
+            `step`, and moves against the world with every error of the localisation. None: those are.
 
     Raises:
         PluginError: a brake rule of the user's own cannot be made.
     """
 
-    def __init__(self, strategy: MonitoredAreaStrategy, config: PipelineConfig) -> None:
+    def __init__(
+        self,
+        strategy: MonitoredAreaStrategy,
+        config: PipelineConfig,
+        map_path: PlannedPath | None = None,
+    ) -> None:
         self.strategy, self.config = strategy, config
         self._tracker = Tracker(config.tracker) if isinstance(config.tracker, TrackerConfig) else None
         self._rule = PaperRule(config.aeb) if isinstance(config.aeb, AebConfig) else own_rule(config.aeb)
         self._area_along_path = uses_path(strategy) and "path" in signature(strategy.at).parameters
         # a map's route is planned where the area is made, so that callers need not give it a second time
-        self._known_path = known_path(strategy)
+        self._known_path = map_path or known_path(strategy)
+        self._follows_map = map_path is not None
 
     def initial(self) -> PipelineState:
         """State before the first frame.
@@ -177,14 +186,18 @@ class Pipeline:
         detections: Detections,
         ego: EgoState,
         path: PlannedPath | None = None,
+        localised: EgoState | None = None,
     ) -> tuple[PipelineState, FrameResult]:
         """Process one frame.
 
         Args:
             state: from `initial` or the step before.
             detections: what the sensor delivered; may be older than `ego` by the sensor's latency.
-            ego: odometry now.
-            path: where the ego is going to go; None: not known, unless the strategy was made for a route.
+            ego: odometry now, in the frame of the detections.
+            path: where the ego is going to go, in that frame; None: not known, unless the strategy was made
+                for a route.
+            localised: the ego as it is localised on the map, map frame: there the monitored area is asked.
+                None: the frame of the detections is the map frame.
 
         Raises:
             TimeOrderError: the detections are newer than the ego's state, or not newer than those before.
@@ -196,8 +209,9 @@ class Pipeline:
                 f"pipeline: detections of {detections.stamp_s:g} s are newer than the ego's state of "
                 f"{ego.stamp_s:g} s; give the odometry of now"
             )
-        path = path or self._known_path
-        area = self._area(ego, path)
+        on_map = None if localised is None else Alignment(ego, localised)
+        path = self._followed(path, on_map)
+        area = self._area(ego, path, on_map)
         kept = area.kept(detections.boxes, detections.category)
         dropped = config.filter_detections and np.count_nonzero(kept) < len(kept)
         relevant = detections[kept] if dropped else detections
@@ -223,10 +237,22 @@ class Pipeline:
         )
         return PipelineState(tracker_state, rule_state), result
 
-    def _area(self, ego: EgoState, path: PlannedPath | None) -> MonitoredArea:
+    def _followed(self, path: PlannedPath | None, on_map: Alignment | None) -> PlannedPath | None:
+        """The planned path in the frame of the detections."""
+        if path is not None and not self._follows_map:
+            return path
+        of_map = self._known_path
+        return of_map if of_map is None or on_map is None else on_map.inverse.path(of_map)
+
+    def _area(self, ego: EgoState, path: PlannedPath | None, on_map: Alignment | None) -> MonitoredArea:
         """The monitored area, bent along the planned path where the strategy does that."""
-        along = {"path": path} if self._area_along_path else {}  # a parameter of its own
-        area = self.strategy.at(ego, **along)
+        along: dict[str, PlannedPath | None] = {}
+        if self._area_along_path:  # a parameter of its own
+            along["path"] = path if path is None or on_map is None else on_map.path(path)
+        if on_map is None:
+            area = self.strategy.at(ego, **along)
+        else:
+            area = LocalisedArea(self.strategy.at(on_map.dst, **along), on_map)
         return with_way(area, ego, path, self.config.way, self.config.standing)
 
     def score_limits(self, tracker: TrackerState | ObjectTracker) -> ScoreLimits | None:

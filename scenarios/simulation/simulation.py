@@ -37,7 +37,7 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
-from scenarios.presets import Preset, pipeline_of, sensors_of
+from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.suite import Arrival, SensorSuite
 from scenarios.simulation.counts import DetectionCounts
@@ -69,7 +69,7 @@ class Simulation:
         strategy: makes the monitored area of `perception` for the map and the ego's route on it; None: `run`
             has no perception, and nobody brakes. In reverse, where no lane runs the ego's way, every one of
             them is the rectangle, behind the ego.
-        seed: of the sensor noise.
+        seed: of the errors of sensor and localisation.
         network: the map that perception uses; None: the scenario's own.
         rule: when to end.
         roads: the scenario's own map, if it is already loaded.
@@ -104,6 +104,7 @@ class Simulation:
         )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
+        self._pose_errors = pose_errors_of(preset, seed)
         self._chains = sensors_of(preset, seed) if sensors is None else tuple(sensors)
         interval_s = min((1.0 / chain.sensor.timing.rate_hz for chain in self._chains), default=1.0)
         self._truth = Truth(self.engine, self._drive, backwards, interval_s)
@@ -159,7 +160,7 @@ class Simulation:
             return Perception(_FixedPipeline(area, config), reversed_course)
         if self._make_strategy is None:
             raise ScenarioError("simulation: it has been made without a strategy, so it has no perception")
-        return Perception(AreaPipelines(self._make_strategy, config))
+        return Perception(AreaPipelines(self._make_strategy, config, self._preset.path_from))
 
     def start(self) -> StepResult:
         """Go to the first frame, or to the end if none comes.
@@ -295,7 +296,8 @@ class Simulation:
             # the scenario may give the ego another way
             self._way, self._path = self.engine.ego.path, self._way_ahead()
         odometry = self._truth.odometry(now)
-        return Frame(now, odometry, detections, arrival.measurement, self.network, self._path)
+        frame = Frame(now, odometry, detections, arrival.measurement, self.network, self._path)
+        return frame if self._pose_errors is None else self._pose_errors.perceived(frame)
 
     def _advance(self) -> None:
         """Move the world on by a step, and begin the next one unless the run has ended."""
@@ -350,6 +352,8 @@ class Simulation:
             )
         if self._senses:
             self._suite.measure(self._steps_done, now, truth.world(now), odometry)
+            if self._pose_errors is not None:
+                self._pose_errors.drive(odometry)
 
     def _carry_out(self, command: Command, now: float) -> None:
         """Hand the decision to the drive, and note what has come of it."""

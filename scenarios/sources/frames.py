@@ -29,13 +29,17 @@ class Frame:
 
     Args:
         stamp_s: now, seconds; equal to `ego.stamp_s`.
-        ego: odometry now, map frame. Its heading is that of the vehicle, also in reverse, where its speed is
-            negative.
-        detections: what has arrived now, map frame; stamped with the time of their measurement, which is
-            earlier by the latency of sensor and detector.
+        ego: odometry now, in its own frame, which is the map frame unless `localised` is given. Its heading
+            is that of the vehicle, also in reverse, where its speed is negative.
+        detections: what has arrived now, in the same frame; stamped with the time of their measurement, which
+            is earlier by the latency of sensor and detector.
         measurement: what the detections were made from, if the source has it; None: it is not kept.
         lane_map: the map that perception uses; None: there is none.
-        path: where the ego is going to go; the same object as long as that does not change. None: not known.
+        path: where the ego is going to go, in the same frame; the same object as long as that does not
+            change, unless `mission` is given. None: not known.
+        localised: the ego as it is localised on the map; None: its odometry says that exactly.
+        mission: the way over the map that the navigation has chosen lanes for, map frame; the same object as
+            long as that does not change. None: it is `path`.
     """
 
     stamp_s: float
@@ -44,6 +48,8 @@ class Frame:
     measurement: object | None = None
     lane_map: LaneMap | None = None
     path: PlannedPath | None = None
+    localised: EgoState | None = None
+    mission: PlannedPath | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

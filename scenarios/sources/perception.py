@@ -13,7 +13,7 @@ import numpy as np
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.sources.frames import Frame
-from smartmot.area import MonitoredAreaStrategy, known_path
+from smartmot.area import MonitoredAreaStrategy
 from smartmot.maps.follow import route_along
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import Route
@@ -26,6 +26,7 @@ ROUTE_AHEAD_M, ROUTE_BEHIND_M = 100.0, 50.0
 """The route goes on beyond the ego's way, so that the monitored area does not end with it."""
 
 StrategyMaker = Callable[[MapView], MonitoredAreaStrategy]
+PATHS_FROM = ("planner", "map")
 PipelineMaker = Callable[[Frame], Pipeline]
 
 
@@ -57,9 +58,10 @@ class _FrameView(MapView):
 
     @property
     def route(self) -> Route:
-        if self._frame.path is None:
+        mission = self._frame.mission or self._frame.path
+        if mission is None:
             raise self._missing()
-        route = self._laid_route or map_view(self.network, self._frame.path).route
+        route = self._laid_route or map_view(self.network, mission).route
         object.__setattr__(self, "_laid_route", route)
         return route
 
@@ -76,10 +78,20 @@ class AreaPipelines:
     Args:
         strategy: makes the area for the map and the ego's route on it.
         config: settings of the pipelines.
+        path_from: where the planned path comes from, one of `PATHS_FROM`, for every strategy alike: from the
+            planner, which knows it relative to the ego, or from the map, as the middle of the route's lanes.
+
+    Raises:
+        ScenarioError: there is no such source of paths.
     """
 
     strategy: StrategyMaker
     config: PipelineConfig
+    path_from: str = "planner"
+
+    def __post_init__(self) -> None:
+        if self.path_from not in PATHS_FROM:
+            raise ScenarioError(f"path_from must be one of {', '.join(PATHS_FROM)}, got {self.path_from!r}")
 
     def __call__(self, frame: Frame) -> Pipeline:
         """The pipeline for the way that the ego is on in a frame.
@@ -89,14 +101,17 @@ class AreaPipelines:
             smartmot.maps.route.RouteError: the area needs a route, and the path runs on no driving lane of
                 the map.
         """
-        return Pipeline(self.strategy(_FrameView(frame)), self.config)
+        view = _FrameView(frame)
+        strategy = self.strategy(view)
+        return Pipeline(strategy, self.config, view.route if self.path_from == "map" else None)
 
 
 class Perception:
     """Turns frames into results, one after the other.
 
     Args:
-        pipeline_of: makes the pipeline; called at the first frame, and whenever the planned path is another.
+        pipeline_of: makes the pipeline; called at the first frame, and whenever the mission (the planned path
+            where there is none) is another.
         course_of: the state of the ego in the heading in which it drives, from its odometry; None: it drives
             ahead.
     """
@@ -107,13 +122,13 @@ class Perception:
         self._pipeline_of, self._course_of = pipeline_of, course_of
         self._pipeline: Pipeline | None = None
         self._state: PipelineState | None = None
-        self._path: PlannedPath | None = None
+        self._mission: PlannedPath | None = None
         self._spent_ns: list[int] = []
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Perception:
         """A perception that goes on for itself; its pipeline, which remembers nothing, is shared."""
         copied = Perception(self._pipeline_of, self._course_of)
-        copied._pipeline, copied._path = self._pipeline, self._path
+        copied._pipeline, copied._mission = self._pipeline, self._mission
         copied._state = copy.deepcopy(self._state, memo)
         copied._spent_ns = list(self._spent_ns)
         return copied
@@ -136,14 +151,15 @@ class Perception:
 
     def step(self, frame: Frame) -> FrameResult:
         """Process the next frame; see `Pipeline.step` for what it raises."""
-        if self._pipeline is None or frame.path is not self._path:
-            self._pipeline, self._path = self._pipeline_of(frame), frame.path
+        mission = frame.mission or frame.path
+        if self._pipeline is None or mission is not self._mission:
+            self._pipeline, self._mission = self._pipeline_of(frame), mission
         pipeline = self._pipeline
         state = self._state or pipeline.initial()
-        ego = self._course_of(frame.ego) if self._course_of is not None else frame.ego
-        # an area that was made for a route keeps to it: the same way, laid over the lanes
-        path = None if known_path(pipeline.strategy) is not None else frame.path
+        ego, localised = frame.ego, frame.localised
+        if self._course_of is not None:
+            ego, localised = self._course_of(ego), None if localised is None else self._course_of(localised)
         start_ns = time.thread_time_ns()
-        self._state, result = pipeline.step(state, frame.detections, ego, path)
+        self._state, result = pipeline.step(state, frame.detections, ego, frame.path, localised)
         self._spent_ns.append(time.thread_time_ns() - start_ns)
         return result

@@ -42,8 +42,7 @@ class Way:
 
     Args:
         ego: odometry now.
-        path: the way; None: straight ahead. It is followed beside its middle, as far as the ego is now beside
-            it, as in the forecast of the ego.
+        path: the way, on which the centre of the ego is to pass; None: straight ahead.
     """
 
     ego: EgoState
@@ -54,8 +53,7 @@ class Way:
         if self.path is None:
             return ego_frame(points_m, self.ego)
         station, offset = self.path.place(points_m)
-        ego_station, ego_offset = self.path.project(self.ego.x_m, self.ego.y_m)
-        return station - ego_station, offset - ego_offset
+        return station - self.path.project(self.ego.x_m, self.ego.y_m)[0], offset
 
     def points(self, ahead_m: FloatArray, aside_m: float) -> FloatArray:
         """(K, 2) points beside the way (left positive) at (K,) distances ahead, map frame."""
@@ -63,8 +61,7 @@ class Way:
         if self.path is None:
             c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
             return np.column_stack((ego.x_m + c * ahead_m - s * aside_m, ego.y_m + s * ahead_m + c * aside_m))
-        station, offset = self.path.project(ego.x_m, ego.y_m)
-        return self.path.poses(station + ahead_m, offset + aside_m)[0]
+        return self.path.poses(self.path.project(ego.x_m, ego.y_m)[0] + ahead_m, aside_m)[0]
 
     def in_lane(self, points_m: FloatArray) -> BoolArray:
         """(N,) points, (N, 2) map frame, ahead and within a lane's width."""

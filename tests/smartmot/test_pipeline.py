@@ -117,7 +117,7 @@ def test_a_bus_brakes_where_a_car_with_the_same_front_does(area: str, kmh: int) 
 
 def test_ground_truth_has_no_way_in() -> None:
     names = list(inspect.signature(Pipeline.step).parameters)
-    assert names == ["self", "state", "detections", "ego", "path"]
+    assert names == ["self", "state", "detections", "ego", "path", "localised"]
     annotations = inspect.get_annotations(Pipeline.step, eval_str=True)
     assert annotations["detections"] is Detections
     assert annotations["ego"] is EgoState

@@ -88,22 +88,20 @@ def test_without_a_path_the_way_is_straight() -> None:
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5), st.floats(-30.0, 30.0), st.floats(-5.0, 5.0))
-def test_a_straight_path_beside_the_ego_is_the_way_straight_ahead(
+def test_along_a_straight_path_the_lane_lies_about_the_path(
     yaw_rad: float, beside_m: float, x_m: float, y_m: float
 ) -> None:
-    """The path is followed as far beside its middle as the ego is now."""
+    """Straight ahead it lies about the ego, which may be beside its path."""
     ego = EgoState(0.0, 4.0, -3.0, yaw_rad, 10.0)
     along, left = np.array([np.cos(yaw_rad), np.sin(yaw_rad)]), np.array([-np.sin(yaw_rad), np.cos(yaw_rad)])
     start = np.array([4.0, -3.0]) + beside_m * left - 20.0 * along
     path = PlannedPath.through([start, start + 90.0 * along])
     point = np.array([[4.0, -3.0]]) + x_m * along + y_m * left
-    if min(abs(abs(y_m) - 1.75), abs(x_m)) < 1e-6:
-        return
-    lanes = [
-        with_way(EverythingArea().at(ego), ego, path, way, "area").on_lane(point)
-        for way in ("straight", "path")
-    ]
-    assert lanes[0].tolist() == lanes[1].tolist() == [x_m >= 0.0 and abs(y_m) <= 1.75]
+    for way, middle_m in (("straight", 0.0), ("path", beside_m)):
+        aside_m = abs(y_m - middle_m)
+        if min(abs(aside_m - 1.75), abs(x_m)) > 1e-6:
+            lane = with_way(EverythingArea().at(ego), ego, path, way, "area").on_lane(point)
+            assert lane.tolist() == [x_m >= 0.0 and aside_m <= 1.75]
 
 
 @pytest.mark.parametrize("name", ["way", "standing"])
