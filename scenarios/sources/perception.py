@@ -160,6 +160,8 @@ class Perception:
         if self._course_of is not None:
             ego, localised = self._course_of(ego), None if localised is None else self._course_of(localised)
         start_ns = time.thread_time_ns()
-        self._state, result = pipeline.step(state, frame.detections, ego, frame.path, localised)
+        # pipelines of the user's own, derived from ours, may know nothing of a localisation
+        given = (frame.path,) if localised is None else (frame.path, localised)
+        self._state, result = pipeline.step(state, frame.detections, ego, *given)
         self._spent_ns.append(time.thread_time_ns() - start_ns)
         return result
