@@ -23,6 +23,7 @@ from scenarios.sources.pose_errors import (
 )
 from scenarios.weather import DRY_FRICTION, Light, Weather
 from smartmot.area import MapAreaConfig, PathAreaConfig, RectangularConfig
+from smartmot.maps.faulty import MapErrors
 from smartmot.pipeline import PipelineConfig
 from smartmot.plugins import Plugin, require
 from smartmot.tracking.tracker import TrackerConfig
@@ -45,6 +46,7 @@ class Preset:
             the shipped sensor; see `sensors_of`.
         path_from: where the planned path comes from; see `scenarios.sources.perception.AreaPipelines`.
         localisation, odometry: errors of the ego's pose on the map, and of its own motion.
+        map_errors: what is wrong with the map that perception uses.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Preset:
     path_from: str = "planner"
     localisation: LocalisationErrors = field(default_factory=LocalisationErrors)
     odometry: OdometryErrors = field(default_factory=OdometryErrors)
+    map_errors: MapErrors = field(default_factory=MapErrors)
 
 
 PAPER = Preset(

@@ -19,6 +19,7 @@ from smartmot.decision.required_deceleration import LAST_POINT_TO_BRAKE
 from smartmot.decision.shipped import PAPER_RULE, RULES
 from smartmot.errors import ConfigError
 from smartmot.forecast import EGO_FORECASTS
+from smartmot.maps.faulty import LANES, SIDEWALKS, TYPES
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
 
@@ -334,6 +335,11 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "odometry_yaw_rate_deg_s": _degrees(
             "bias of the ego's turn rate", "degrees/s", STRATEGIES, "odometry.yaw_rate_radps"
         ),
+        "map_kerb_m": _number("sidewalks of the map too far out", "m", STRATEGIES, "map_errors.kerb_m"),
+        "map_lane_m": _number("lanes of the map too far left", "m", STRATEGIES, "map_errors.lane_m"),
+        "map_sidewalk": _choice("sidewalks of the map", STRATEGIES, SIDEWALKS, "map_errors.sidewalk"),
+        "map_lanes": _choice("lanes of the map beside the route", STRATEGIES, LANES, "map_errors.lanes"),
+        "map_types": _choice("lane types of the map", STRATEGIES, TYPES, "map_errors.types"),
         "filter": Parameter(
             "what the monitored lanes filter",
             "",

@@ -48,9 +48,10 @@ from scenarios.simulation.motion_actions import drives_backwards, ego_of
 from scenarios.simulation.outcome import Flag, Milestones, Outcome
 from scenarios.simulation.truth import STEP_S, Truth, reversed_course
 from scenarios.sources.frames import Frame, StepResult
-from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, map_view
+from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, faulty_map, map_view
 from smartmot.area import RectangularArea
 from smartmot.decision.rules import Command
+from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
 
@@ -122,6 +123,7 @@ class Simulation:
         self._end_reason: EndReason | None = None
         self._way: Path | None = None
         self._path: PlannedPath | None = None
+        self._lane_map: LaneMap = self.network
 
     # Running
 
@@ -261,6 +263,7 @@ class Simulation:
         """A copy that goes on for itself; maps, scenario and preset, which never change, are shared."""
         for shared in (self.network, self.engine.definition, self._preset, self._path, self._make_strategy):
             memo[id(shared)] = shared
+        memo[id(self._lane_map)] = self._lane_map
         copied = object.__new__(type(self))
         memo[id(self)] = copied
         copied.__dict__.update(copy.deepcopy(self.__dict__, memo))
@@ -295,8 +298,9 @@ class Simulation:
         if not self._truth.backwards and self.engine.ego.path is not self._way:
             # the scenario may give the ego another way
             self._way, self._path = self.engine.ego.path, self._way_ahead()
+            self._lane_map = faulty_map(self.network, self._path, self._preset.map_errors)
         odometry = self._truth.odometry(now)
-        frame = Frame(now, odometry, detections, arrival.measurement, self.network, self._path)
+        frame = Frame(now, odometry, detections, arrival.measurement, self._lane_map, self._path)
         return frame if self._pose_errors is None else self._pose_errors.perceived(frame)
 
     def _advance(self) -> None:

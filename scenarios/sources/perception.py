@@ -14,9 +14,10 @@ from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.sources.frames import Frame
 from smartmot.area import MonitoredAreaStrategy
+from smartmot.maps.faulty import NO_MAP_ERRORS, FaultyMap, MapErrors
 from smartmot.maps.follow import route_along
 from smartmot.maps.lane_map import LaneMap
-from smartmot.maps.route import Route
+from smartmot.maps.route import Route, RouteError
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.tracking.tracker import ScoreLimits
@@ -36,7 +37,20 @@ def map_view(lane_map: LaneMap, path: PlannedPath) -> MapView:
     Raises:
         smartmot.maps.route.RouteError: the path runs on no driving lane of the map.
     """
+    if isinstance(lane_map, FaultyMap):
+        return MapView(lane_map, lane_map.route)
     return MapView(lane_map, route_along(lane_map, path.center_m, ROUTE_AHEAD_M, ROUTE_BEHIND_M))
+
+
+def faulty_map(lane_map: LaneMap, path: PlannedPath, errors: MapErrors) -> LaneMap:
+    """A map with errors about the ego's way; itself where there are none, or no driving lane on that way."""
+    if errors == NO_MAP_ERRORS:
+        return lane_map
+    try:
+        route = map_view(lane_map, path).route
+    except RouteError:
+        return lane_map
+    return FaultyMap(lane_map, route, path.center_m, errors, ROUTE_AHEAD_M, ROUTE_BEHIND_M)
 
 
 class _FrameView(MapView):

@@ -31,6 +31,9 @@ def test_ranges_lists_and_names() -> None:
         "iou_threshold": (0.001, 0.01),
         "ego_forecast": ("ctrv", "route"),
     }
+    assert parse_vary(["localisation_lateral_m=-1..1:0.5"]) == {
+        "localisation_lateral_m": (-1.0, -0.5, 0.0, 0.5, 1.0)
+    }
     assert parse_vary(["horizon_s=2..5:1"])["horizon_s"] == (2.0, 3.0, 4.0, 5.0)
 
 
