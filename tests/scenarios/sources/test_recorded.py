@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from opendrive import load_map
+from opendrive import RoadNetwork, load_map
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.presets import PHYSICAL
 from scenarios.recorded.csv_files import read_csv
@@ -267,6 +267,18 @@ def test_the_perception_of_simulations_runs_on_recordings(towards_a_pedestrian: 
     needed_m = PHYSICAL.pipeline.braking_distance.at(SPEED_MPS)
     assert braked[0] == pytest.approx(math.ceil((edge_m - needed_m) / SPEED_MPS / FRAME_S) * FRAME_S)
     assert len(perception.frame_time_ms) == len(towards_a_pedestrian)
+
+
+@pytest.mark.parametrize("name", [name for name in STRATEGIES if name != "map"])
+@pytest.mark.parametrize("lane_map", [None, load_map(MAPS / "urban_street.xodr")], ids=["no map", "off it"])
+def test_areas_without_a_route_need_no_map(name: str, lane_map: RoadNetwork | None) -> None:
+    """In reverse, 500 m beside the road."""
+    stamp_s = np.arange(20) * FRAME_S
+    drive = recording(stamp_s, 100.0 - SPEED_MPS * stamp_s, np.full(20, 500.0), np.zeros(20))
+    perception = Perception(AreaPipelines(NamedStrategy(name, PHYSICAL), PHYSICAL.pipeline))
+    for frame in frames(RecordedSource(drive, lane_map, hindsight_s=0.5)):
+        assert not perception.step(frame).command.emergency
+    assert len(perception.frame_time_ms) == 20
 
 
 def test_a_recorded_drive_is_logged_as_a_run_is(towards_a_pedestrian: Sequence) -> None:
