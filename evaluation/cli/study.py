@@ -42,13 +42,18 @@ def command(
         str | None, typer.Option(help="Maps of the scenes: train or test. Default: test; of tune: train.")
     ] = None,
     preset: Annotated[
-        str, typer.Option(help="Conditions: paper, physical or real; gain takes several, comma-separated.")
-    ] = "physical",
+        str | None,
+        typer.Option(
+            help="Conditions: paper, physical or real; gain takes several, comma-separated. Default: "
+            "physical; of gain: physical,real.",
+            metavar="NAMES",
+        ),
+    ] = None,
     rule: Annotated[
         str | None,
         typer.Option(
             help="Brake rule, shipped or package.module:name; gain, trigger and tune take several. "
-            "Default: paper; of trigger: all.",
+            "Default: paper; of gain: paper,cascade; of trigger: all.",
             metavar="NAMES",
         ),
     ] = None,
@@ -89,7 +94,8 @@ def command(
         split or ("train" if question == "tune" else "test"), ("train", "test"), "--split"
     )
     sample = Sample(split, count, seed, maps.resolve() if maps else None)
-    presets = options.parse_names(preset, tuple(PRESETS), "--preset")
+    usual = "physical,real" if question == "gain" else "physical"
+    presets = options.parse_names(preset or usual, tuple(PRESETS), "--preset")
     formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
     asked = _question(question, sample, formats, presets, _rules(question, rule), strategies, tuned, trials)
     with locked(writable_folder(out)):
@@ -102,7 +108,7 @@ def _rules(question: str, text: str | None) -> tuple[str, ...]:
 
     known = PARAMETERS["rule"].choices
     if text is None:
-        return FAMILIES if question == "trigger" else known[:1]
+        return {"trigger": FAMILIES, "gain": ("paper", "cascade")}.get(question, ("paper",))
     return options.parse_names(text, known, "--rule", own=True)
 
 

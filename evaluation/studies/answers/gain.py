@@ -98,7 +98,7 @@ class Gain(Question):
         for (preset, rule), arms in self.groups.items():
             own = [d for d in differences if d.arm in arms]
             where = f"preset {preset}, rule {rule}"
-            tables[f"Against the planned path: {where}"] = differences_table(own)
+            tables[f"Against the planned path: {where}"] = differences_table(own, len(differences))
             tables[f"Each by itself: {where}"] = rates_table(results, arms)
             drawn[f"gain_{preset}_{rule}".replace(":", ".")] = figures.gain(own, where)
         named = [replace(arm, settings=tuple(s for s in arm.settings if s[0] != "rule")) for arm in self.arms]

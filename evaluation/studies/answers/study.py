@@ -109,14 +109,19 @@ class Answer:
     files: Mapping[str, bytes] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def markdown(self) -> bytes:
-        """The page: words, figures, tables, notes."""
-        parts = [f"# {self.title}\n", *(f"{line}\n" for line in self.sentences)]
+    def markdown(self, power: Sequence[str] = ()) -> bytes:
+        """The page: words, figures, tables, notes.
+
+        Args:
+            power: what the scenes can decide.
+        """
+        parts = [f"# {self.title}\n", *(f"- {line}" for line in self.sentences), ""]
         parts += [f"![{name}]({name}.png)\n" for name in self.figures]
         for heading, table in self.tables.items():
             parts += [f"## {heading}\n", markdown_table(table)]
-        if self.notes:
-            parts += ["## How to read it\n", *(f"- {note}" for note in self.notes), ""]
+        notes = (*power, *self.notes)
+        if notes:
+            parts += ["## How to read it\n", *(f"- {note}" for note in notes), ""]
         return "\n".join(parts).encode()
 
 
@@ -179,7 +184,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
             ResultsError: the folder cannot be written.
         """
         contents = {
-            "answer.md": answer.markdown(),
+            "answer.md": answer.markdown(self.power(results.scenes)),
             self.table: runs_csv(results),
             "study.json": self._configuration(results.scenes),
             **answer.files,

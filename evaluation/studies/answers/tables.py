@@ -34,8 +34,13 @@ def rates_table(results: Results, arms: Sequence[Arm]) -> Table:
     return Table(tuple(header), tuple(rows), (), caption)
 
 
-def differences_table(differences: Sequence[Difference]) -> Table:
-    """A line per pair of arms: both decisive measures, with discordant scenes and p-values."""
+def differences_table(differences: Sequence[Difference], questions: int) -> Table:
+    """A line per pair of arms: both decisive measures, with discordant scenes and p-values.
+
+    Args:
+        differences: to be shown.
+        questions: for how many their p-values are corrected.
+    """
     header = ["who", "against"]
     for name in DECISIVE:
         header += [f"{MEASURES[name].text} (points)", "more : fewer", "p", "p (Holm)"]
@@ -45,10 +50,8 @@ def differences_table(differences: Sequence[Difference]) -> Table:
         line += [change_text(d), f"{d.more} : {d.fewer}", p_text(d.p_value), p_text(d.adjusted)]
     caption = (
         "Scene by scene, with the same sensor noise: difference with Tango's interval (95 %), scenes in "
-        "which "
-        "only the one or only the other is so, p-value of McNemar's exact test, and the same corrected "
-        "for all "
-        f"{len(differences)} questions of this study that are asked together."
+        "which only the one or only the other is so, p-value of McNemar's exact test, and the same corrected "
+        f"for all {questions} questions of this study."
     )
     return Table(tuple(header), tuple(map(tuple, lines.values())), (), caption)
 
