@@ -12,7 +12,7 @@ from evaluation.cli import options
 if TYPE_CHECKING:
     from evaluation.studies.answers.study import Question, Sample
 
-QUESTIONS = ("gain", "sensor", "trigger", "tune")
+QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune")
 
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",

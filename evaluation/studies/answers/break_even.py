@@ -47,7 +47,12 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("map_lane_m", (0.25, 0.5, 1.0), coin=True),
 )
 """From what survey-grade localisation and maps keep to what a receiver without corrections has; assumed."""
-NAMED = (("map_sidewalk", "missing"), ("map_lanes", "missing"), ("map_types", "wrong"))
+NAMED = (
+    ("map_sidewalk", "missing"),
+    ("map_lanes", "missing"),
+    ("map_types", "strips_drive"),
+    ("map_types", "no_sidewalk"),
+)
 """Errors that are there or not."""
 
 

@@ -195,9 +195,8 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
             va="top",
             fontsize=SMALL_PT - 1.0,
         )
-    axes.set_xlabel(
-        f"{parameter.text} ({parameter.unit})", fontsize=min(SMALL_PT, SMALL_PT * 36 / len(parameter.text))
-    )
+    label = f"{parameter.text} ({parameter.unit})"
+    axes.set_xlabel(label, fontsize=SMALL_PT * min(1.0, 38 / len(label)))  # as many have room
     axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
 
 

@@ -28,6 +28,13 @@ ERRORS: dict[str, tuple[str, ...]] = {
     "frame rate": ("rate_hz",),
     "latency": ("latency_s",),
     "range": ("range_m",),
+    "localisation": (
+        "localisation_lateral_m",
+        "localisation_longitudinal_m",
+        "localisation_heading_deg",
+        "localisation_drift_m",
+        "localisation_noise_m",
+    ),
 }
 """Parameters by what they are about; those of one kind of error go together."""
 

@@ -55,9 +55,11 @@ def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("evaluation.studies.answers.command.ask", lambda question, *_: asked.append(question))
     out = ("--out", str(tmp_path))
     assert call("gain", "--preset", "physical,real", "--rule", "paper,rss", "--count", "7", *out) == 0
+    assert call("break-even", "--preset", "real", *out) == 0
     assert call("tune", "--trials", "3", *out) == 0
     assert call("trigger", "--strategies", "map", *out) == 0
-    gain, tune, trigger = asked
+    gain, break_even, tune, trigger = asked
+    assert {arm.preset for arm in break_even.arms} == {"real"}
     assert {(arm.preset, arm.rule) for arm in gain.arms} == {
         (preset, rule) for preset in ("physical", "real") for rule in ("paper", "rss")
     }

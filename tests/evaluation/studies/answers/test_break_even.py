@@ -64,3 +64,10 @@ def test_an_error_that_means_nothing_for_the_path_runs_it_once() -> None:
     study = BreakEven(sweeps=(Sweep("margin_m", (1.0, 2.0)),), named=())
     assert [arm.strategy for arm in study.arms].count("path") == 1
     assert [arm.strategy for arm in study.arms].count("map") == 3
+
+
+def test_all_errors_can_be_run() -> None:
+    study = BreakEven()
+    for arm in study.arms:
+        arm.check()
+    assert len(study.pairs) == 1 + sum(len(sweep.values) for sweep in study.sweeps) + len(study.named)

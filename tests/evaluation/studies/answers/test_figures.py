@@ -8,15 +8,14 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from evaluation.studies.answers.break_even import BreakEven, Sweep
+from evaluation.studies.answers.break_even import BreakEven
 from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.sensor import SensorErrors
 from evaluation.studies.answers.study import Question
 from evaluation.studies.answers.trigger import Trigger
 
 GAIN = Gain(presets=("physical",), own=("my_package.areas:narrow",))
-SWEEPS = (Sweep("margin_m", (1.0, 2.0)), Sweep("reach_m", (10.0, 20.0)), Sweep("range_m", (20.0, 40.0)))
-QUESTIONS: tuple[Question, ...] = (GAIN, BreakEven(sweeps=SWEEPS, named=()), SensorErrors(), Trigger())
+QUESTIONS: tuple[Question, ...] = (GAIN, BreakEven(), SensorErrors(), Trigger())
 
 
 def overlapping(figure: Figure) -> list[tuple[str, str]]:
