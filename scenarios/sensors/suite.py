@@ -72,6 +72,10 @@ class _Schedule:
         since = step - self.first
         return since >= 0 and since % self.interval == 0
 
+    def next_step(self, step: int) -> int:
+        """The first step after another at which the sensor measures."""
+        return max(self.first, step + self.interval - (step - self.first) % self.interval)
+
     def takes(self, step: int) -> bool:
         """Whether the detector takes the measurement of a step."""
         if self._last is not None and step < self._last + self.pause:
@@ -99,15 +103,12 @@ class SensorSuite:
         if not chains:
             raise ScenarioError("sensors: expected one or more")
         self._schedules = [_Schedule(chain, step_s) for chain in chains]
-        self._measured = [(schedule.first, schedule.interval) for schedule in self._schedules]
-        self._waiting: deque[Arrival] = deque()
+        self.waiting: deque[Arrival] = deque()
+        """What has not arrived yet, in the order in which it will."""
 
-    def measures(self, step: int) -> bool:
-        """Whether any sensor measures at a step."""
-        for first, interval in self._measured:  # noqa: SIM110 - asked at each step: no generator, no call
-            if step >= first and (step - first) % interval == 0:
-                return True
-        return False
+    def next_step(self, step: int) -> int:
+        """The first step after another at which a sensor measures."""
+        return min(schedule.next_step(step) for schedule in self._schedules)
 
     def measure(self, step: int, time_s: float, world: World, ego: EgoState) -> None:
         """Let the sensors measure that do so at a step.
@@ -136,12 +137,12 @@ class SensorSuite:
             shown = None if measurement.is_truth else measurement
             arrivals.append(Arrival(time_s + schedule.latency_s, detections, shown))
         if arrivals:
-            self._waiting.append(arrivals[0] if len(arrivals) == 1 else _together(arrivals))
+            self.waiting.append(arrivals[0] if len(arrivals) == 1 else _together(arrivals))
 
     def arrived(self, time_s: float) -> Arrival | None:
         """What reaches perception next, and has done so by now; it is handed over once."""
-        if self._waiting and self._waiting[0].time_s <= time_s + ARRIVAL_TOLERANCE_S:
-            return self._waiting.popleft()
+        if self.waiting and self.waiting[0].time_s <= time_s + ARRIVAL_TOLERANCE_S:
+            return self.waiting.popleft()
         return None
 
 

@@ -117,7 +117,7 @@ class Simulation:
         self._suite: SensorSuite | None = None
         self._senses = True
         self._step_count = round(self._rule.time_limit_s / STEP_S)
-        self._steps_done, self._now_s = 0, 0.0
+        self._steps_done, self._now_s, self._measure_step = 0, 0.0, 0
         self._frame: Frame | None = None
         self._result: FrameResult | None = None
         self._end_reason: EndReason | None = None
@@ -174,6 +174,7 @@ class Simulation:
         if self._suite is not None:
             raise StepOrderError("simulation: start() a second time; make another, or copy it before")
         self._suite = SensorSuite(self._chains, STEP_S)
+        self._measure_step = self._suite.next_step(-1)
         self._begin_step()
         return self._to_next_frame()
 
@@ -283,7 +284,7 @@ class Simulation:
         suite = self._suite
         assert suite is not None
         while self._end_reason is None:
-            arrival = suite.arrived(self._now_s)
+            arrival = suite.arrived(self._now_s) if suite.waiting else None
             if arrival is not None:
                 self._frame = self._frame_of(arrival, self._now_s)
                 return StepResult(self._frame)
@@ -324,14 +325,16 @@ class Simulation:
                 return
         self._steps_done += 1
         self._now_s = self._steps_done * STEP_S
-        self._begin_step()
+        if self._steps_done in (self._measure_step, self._step_count):
+            self._begin_step()
 
     def _begin_step(self) -> None:
         """End the run where the rule asks for it; else let the sensors measure that are to do so."""
         assert self._suite is not None
         if self._steps_done >= self._step_count:
             self._end(EndReason.TIME_LIMIT)
-        elif self._suite.measures(self._steps_done):
+        elif self._steps_done == self._measure_step:
+            self._measure_step = self._suite.next_step(self._steps_done)
             now, milestones = self._now_s, self._milestones
             reason = self._ends.reason(now, milestones.flag is not None, milestones.resumed_s)
             if reason is not None:

@@ -64,7 +64,7 @@ def handed_over(chains: list[SensorChain[Echo]], until_s: float) -> list[tuple[f
     for step in range(round(until_s / STEP_S)):
         now = step * STEP_S
         world, ego = dataclasses.replace(people(0), time_s=now), EgoState(now, 0.0, 0.0, 0.0, 0.0)
-        if suite.measures(step):
+        if step == suite.next_step(step - 1):
             suite.measure(step, now, world, ego)
         while (arrival := suite.arrived(now)) is not None:
             rows.append((now, arrival.detections.stamp_s, arrival.measurement))
