@@ -7,9 +7,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from evaluation.metrics.intervals import Estimate
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import LEVEL, Difference
+from evaluation.views.plots.fitting import wrapped
+from evaluation.views.plots.panels import spread
 from evaluation.views.plots.style import (
     BLACK,
     BLUE,
@@ -38,6 +42,8 @@ if TYPE_CHECKING:
 WIDTH_IN = 7.0
 """Across both columns of a paper."""
 DPI = 200
+_NAME_IN = 1.5
+"""Width that names of rivals may take, inches."""
 COLOURS = {"avoided": BLUE, "stops": VERMILLION}
 BETTER = {"avoided": "better: right", "stops": "better: left"}
 
@@ -50,8 +56,11 @@ def gain(differences: Sequence[Difference], where: str) -> Figure:
         where: that preset and rule.
     """
     names = list(dict.fromkeys(_pair_name(d, differences) for d in differences))
-    height_in = 1.45 + 0.27 * len(names)
-    figure = plain_figure((WIDTH_IN, height_in), DPI)
+    figure = plain_figure((WIDTH_IN, 1.0), DPI)
+    texts = [wrapped(figure, name, _NAME_IN, SMALL_PT) for name in names]
+    row_in = 0.27 + 0.12 * max((text.count("\n") for text in texts), default=0)
+    height_in = 1.45 + row_in * len(names)
+    figure.set_figheight(height_in)
     panels = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(
         left=0.24, right=0.98, bottom=0.72 / height_in, top=1 - 0.55 / height_in, wspace=0.06
@@ -67,7 +76,7 @@ def gain(differences: Sequence[Difference], where: str) -> Figure:
         axes.set_xlabel("difference (percentage points)", fontsize=SMALL_PT)
         _room_for_labels(axes, own)
         axes.set_ylim(-0.6, len(names) - 0.4)
-    panels[0].set_yticks(range(len(names)), names[::-1], fontsize=SMALL_PT)
+    panels[0].set_yticks(range(len(names)), texts[::-1], fontsize=SMALL_PT)
     figure.text(0.01, 1 - 0.2 / height_in, f"Against the planned path alone, {where}", fontsize=FONT_PT)
     figure.text(
         0.5, 0.05 / height_in,
@@ -134,6 +143,9 @@ def break_even(curves: Sequence[Curve], shown: str, where: str) -> Figure:
     )
     for axes, curve in zip(panels.flat, curves, strict=False):
         _break_even_panel(axes, curve, shown)
+    if shown == "parts":
+        for axes, curve in zip(panels.flat, curves, strict=False):
+            _name_parts(axes, curve)
     for axes in panels.flat[len(curves) :]:
         axes.set_axis_off()
     for line in panels:
@@ -170,15 +182,6 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
             linewidth=0,
         )
         axes.plot(x, [100 * p.value for p in points], color=colour, marker="o", markersize=3.0, linewidth=1.3)
-        if name in COLOURS:
-            word = {"avoided": "avoided", "stops": "stops"}[name]
-            others = [getattr(curve.points[-1], other).value for other in names if other != name]
-            above = not others or points[-1].value >= others[0]
-            axes.annotate(
-                word, (x[-1], 100 * points[-1].value), xytext=(-2, 4 if above else -4),
-                textcoords="offset points", ha="right", va="bottom" if above else "top",
-                fontsize=SMALL_PT - 1.0, color=colour,
-            )  # fmt: skip
     if shown == "benefit" and 0.0 < curve.crossing < math.inf:
         most = curve.values[-1]
         axes.plot(
@@ -198,6 +201,28 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
     label = f"{parameter.text} ({parameter.unit})"
     axes.set_xlabel(label, fontsize=SMALL_PT * min(1.0, 38 / len(label)))  # as many have room
     axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
+
+
+_PART_NAME_PT = 9.0
+"""Height that the name of a curve needs."""
+
+
+def _name_parts(axes: Axes, curve: Curve) -> None:
+    """Names of both curves inside the panel at their ends, the upper above and the lower below its own."""
+    scale = 72.0 / axes.figure.dpi
+    axes.get_ylim()  # all panels share it: final once all are drawn
+    x = curve.values[-1]
+    heights = {name: 100 * getattr(curve.points[-1], name).value for name in DECISIVE}
+    upper = max(heights, key=heights.__getitem__)
+    ends = np.array([axes.transData.transform((x, y))[1] for y in heights.values()]) * scale
+    beside = np.array([0.7 if name == upper else -0.7 for name in heights]) * _PART_NAME_PT
+    sizes = np.full(len(ends), _PART_NAME_PT)
+    places = spread(ends + beside, sizes, axes.bbox.y0 * scale, axes.bbox.y1 * scale)
+    for (name, y), shift in zip(heights.items(), (places - ends).tolist(), strict=True):
+        axes.annotate(
+            name, (x, y), xytext=(-2, shift), textcoords="offset points", ha="right",
+            va="center", fontsize=SMALL_PT - 1.0, color=COLOURS[name],
+        )  # fmt: skip
 
 
 def _lost_text(curve: Curve) -> str:
