@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 from scenarios.openscenario import model
@@ -80,7 +80,7 @@ class Element:
         self.kind, self.path = kind, path
         self.state = STANDBY
         self.transition: str | None = None
-        self.children: list[Element] = []
+        self.children: Sequence[Element] = ()
 
     def begin(self) -> None:
         """Start transition."""
@@ -109,6 +109,29 @@ class Element:
         for child in self.children:
             yield from child.everything()
 
+    def watches(self) -> Iterator[Watch]:
+        """Conditions in it that matter now."""
+        for child in self.children:
+            yield from child.watches()
+
+    def advance(self, storyboard: Storyboard, instant: Instant) -> bool:
+        """Begin if it has not yet, let the children go on, and end with them; whether anything changed."""
+        if self.state == COMPLETE:
+            return False
+        changed = self.state == STANDBY
+        if changed:
+            self.begin()
+        for child in self.children:
+            changed |= child.advance(storyboard, instant)
+        if all(child.state == COMPLETE for child in self.children):
+            self.children_completed()
+            changed = True
+        return changed
+
+    def children_completed(self) -> None:
+        """What follows when all children are complete."""
+        self.end()
+
 
 class ActionElement(Element):
     """An action of an event, carried out by each actor."""
@@ -125,27 +148,75 @@ class ActionElement(Element):
                 part.stop(time_s)
         super().halt(time_s)
 
+    def advance(self, storyboard: Storyboard, instant: Instant) -> bool:
+        """End when all actors are done with it."""
+        if self.state != RUNNING or not all(part.over for part in self.running):
+            return False
+        if any(part.stopped for part in self.running):
+            self.halt(instant.time_s)
+        else:
+            self.end()
+        return True
+
 
 class EventElement(Element):
-    """An event."""
+    """An event.
 
-    def __init__(self, path: tuple[str, ...], event: model.Event, world: World) -> None:
+    Args:
+        path: names from the story down.
+        event: as read.
+        world: what its trigger refers to.
+        maneuver: that it is one of.
+    """
+
+    def __init__(self, path: tuple[str, ...], event: model.Event, world: World, maneuver: Element) -> None:
         super().__init__("event", path)
-        self.event = event
+        self.event, self.maneuver = event, maneuver
         self.start = TriggerWatch(event.start, world, missing=True)
         self.executions = 0
-        self.children = [ActionElement((*path, action.name), action) for action in event.actions]
-
-    @property
-    def actions(self) -> list[ActionElement]:
-        """Its actions."""
-        return [child for child in self.children if isinstance(child, ActionElement)]
+        self.actions = [ActionElement((*path, action.name), action) for action in event.actions]
+        self.children = self.actions
 
     def reset(self) -> None:
         """Ready for another execution of the maneuver group."""
         super().reset()
         self.executions = 0
         self.start.forget()
+
+    def watches(self) -> Iterator[Watch]:
+        """What it waits for."""
+        if self.state == STANDBY:
+            yield from self.start.watches()
+
+    def advance(self, storyboard: Storyboard, instant: Instant) -> bool:
+        """Start when triggered, as the priority allows; end with the actions, and wait again if it may."""
+        if self.state == RUNNING:
+            return super().advance(storyboard, instant)
+        if self.state == COMPLETE or not self.start.look(instant):
+            return False
+        rivals = [other for other in self.maneuver.children if other is not self and other.state == RUNNING]
+        if self.event.priority == "skip" and rivals:
+            self.executions += 1
+            self.transition = "skipTransition"
+            if self.executions >= self.event.max_executions:
+                self.state = COMPLETE
+            return True
+        if self.event.priority == "override":
+            for other in rivals:
+                other.halt(instant.time_s)
+        self.begin()
+        for action in self.actions:
+            action.begin()
+            action.running = storyboard.execute(instant, action.action.action, action.action.entities)
+        return True
+
+    def children_completed(self) -> None:
+        """The end of an execution."""
+        self.executions += 1
+        self.end()
+        if self.executions < self.event.max_executions:
+            self.state = STANDBY
+            self.start.forget()
 
 
 class ActElement(Element):
@@ -155,8 +226,27 @@ class ActElement(Element):
         super().__init__("act", path)
         self.start = TriggerWatch(act.start, world, missing=True)
         self.stop = TriggerWatch(act.stop, world, missing=False)
-        for group in act.groups:
-            self.children.append(GroupElement((*path, group.name), group, world))
+        self.children = [GroupElement((*path, group.name), group, world) for group in act.groups]
+
+    def watches(self) -> Iterator[Watch]:
+        """What it waits for, what stops it, and what its events wait for."""
+        if self.state == STANDBY:
+            yield from self.start.watches()
+        if self.state != COMPLETE:
+            yield from self.stop.watches()
+        if self.state == RUNNING:
+            yield from super().watches()
+
+    def advance(self, storyboard: Storyboard, instant: Instant) -> bool:
+        """Stop or begin when triggered."""
+        if self.state == COMPLETE:
+            return False
+        if self.stop.look(instant):
+            self.halt(instant.time_s)
+            return True
+        if self.state == STANDBY and not self.start.look(instant):
+            return False
+        return super().advance(storyboard, instant)
 
 
 class GroupElement(Element):
@@ -166,10 +256,20 @@ class GroupElement(Element):
         super().__init__("maneuverGroup", path)
         self.max_executions = group.max_executions
         self.executions = 0
-        for maneuver in group.maneuvers:
-            element = Element("maneuver", (*path, maneuver.name))
-            element.children = [EventElement((*element.path, e.name), e, world) for e in maneuver.events]
-            self.children.append(element)
+        self.children = [Element("maneuver", (*path, maneuver.name)) for maneuver in group.maneuvers]
+        for element, maneuver in zip(self.children, group.maneuvers, strict=True):
+            element.children = [
+                EventElement((*element.path, e.name), e, world, element) for e in maneuver.events
+            ]
+
+    def children_completed(self) -> None:
+        """The end of an execution."""
+        self.executions += 1
+        if self.executions < self.max_executions:
+            for maneuver in self.children:
+                maneuver.reset()
+        else:
+            self.end()
 
 
 class Storyboard:
@@ -245,20 +345,7 @@ class Storyboard:
 
     def watches(self) -> list[Watch]:
         """Conditions that matter now."""
-        watches = list(self._stop.watches())
-        for story in self._stories:
-            for act in story.children:
-                if not isinstance(act, ActElement):
-                    continue
-                if act.state == STANDBY:
-                    watches.extend(act.start.watches())
-                if act.state != COMPLETE:
-                    watches.extend(act.stop.watches())
-                if act.state == RUNNING:
-                    for element in act.everything():
-                        if isinstance(element, EventElement) and element.state == STANDBY:
-                            watches.extend(element.start.watches())
-        return watches
+        return [*self._stop.watches(), *(watch for story in self._stories for watch in story.watches())]
 
     @property
     def elements(self) -> list[Element]:
@@ -303,105 +390,10 @@ class Storyboard:
                 changed = True
         self._running = [part for part in self._running if not part.over]
         for story in self._stories:
-            changed |= self._story(story, instant)
+            changed |= story.advance(self, instant)
         if self._stop.look(instant):
             self.over = True
             for story in self._stories:
                 story.halt(instant.time_s)
             return True
         return changed
-
-    def _story(self, story: Element, instant: Instant) -> bool:
-        changed = False
-        if story.state == STANDBY:
-            story.begin()
-            changed = True
-        for act in story.children:
-            assert isinstance(act, ActElement)
-            changed |= self._act(act, instant)
-        return changed | _completed(story)
-
-    def _act(self, act: ActElement, instant: Instant) -> bool:
-        if act.state == COMPLETE:
-            return False
-        if act.stop.look(instant):
-            act.halt(instant.time_s)
-            return True
-        changed = False
-        if act.state == STANDBY:
-            if not act.start.look(instant):
-                return False
-            act.begin()
-            changed = True
-        for group in act.children:
-            assert isinstance(group, GroupElement)
-            changed |= self._group(group, instant)
-        return changed | _completed(act)
-
-    def _group(self, group: GroupElement, instant: Instant) -> bool:
-        if group.state == COMPLETE:
-            return False
-        changed = group.state == STANDBY
-        if changed:
-            group.begin()
-        for maneuver in group.children:
-            if maneuver.state == STANDBY:
-                maneuver.begin()
-                changed = True
-            events = [child for child in maneuver.children if isinstance(child, EventElement)]
-            for event in events:
-                changed |= self._event(event, events, instant)
-            changed |= _completed(maneuver)
-        if all(child.state == COMPLETE for child in group.children):
-            group.executions += 1
-            if group.executions < group.max_executions:
-                for maneuver in group.children:
-                    maneuver.reset()
-            else:
-                group.end()
-            changed = True
-        return changed
-
-    def _event(self, event: EventElement, siblings: list[EventElement], instant: Instant) -> bool:
-        if event.state == RUNNING:
-            changed = False
-            for action in event.actions:
-                if action.state == RUNNING and all(part.over for part in action.running):
-                    if any(part.stopped for part in action.running):
-                        action.halt(instant.time_s)
-                    else:
-                        action.end()
-                    changed = True
-            if all(action.state == COMPLETE for action in event.actions):
-                event.executions += 1
-                event.end()
-                if event.executions < event.event.max_executions:
-                    event.state = STANDBY
-                    event.start.forget()
-                changed = True
-            return changed
-        if event.state == COMPLETE or not event.start.look(instant):
-            return False
-        rivals = [other for other in siblings if other is not event and other.state == RUNNING]
-        if event.event.priority == "skip" and rivals:
-            event.executions += 1
-            event.transition = "skipTransition"
-            if event.executions >= event.event.max_executions:
-                event.state = COMPLETE
-            return True
-        if event.event.priority == "override":
-            for other in rivals:
-                other.halt(instant.time_s)
-        event.begin()
-        for action in event.actions:
-            action.begin()
-            action.running = self.execute(instant, action.action.action, action.action.entities)
-        return True
-
-
-def _completed(element: Element) -> bool:
-    """End a running element whose children are all complete; whether it did."""
-    if element.state == RUNNING and all(child.state == COMPLETE for child in element.children):
-        element.end()
-        return True
-    return False
