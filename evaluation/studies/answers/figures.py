@@ -13,7 +13,7 @@ from evaluation.metrics.intervals import Estimate
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import LEVEL, Difference
 from evaluation.views.plots.fitting import wrapped
-from evaluation.views.plots.panels import spread
+from evaluation.views.plots.panels import hidden_by, spread
 from evaluation.views.plots.style import (
     BLACK,
     BLUE,
@@ -169,7 +169,11 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
     set_style(axes)
     axes.axhline(0.0, color=GREY, linewidth=0.9)
     names = {"benefit": ("benefit",), "parts": DECISIVE}[shown]
-    for name in names:
+    values = [
+        [(x, 100 * getattr(p, name).value) for x, p in zip(curve.values, curve.points, strict=True)]
+        for name in names
+    ]
+    for name, hiding in zip(names, hidden_by(values, _SAME), strict=True):
         points: list[Estimate] = [getattr(point, name) for point in curve.points]
         colour = COLOURS.get(name, GREEN)
         x = curve.values
@@ -181,7 +185,10 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
             alpha=0.16,
             linewidth=0,
         )
-        axes.plot(x, [100 * p.value for p in points], color=colour, marker="o", markersize=3.0, linewidth=1.3)
+        axes.plot(
+            x, [100 * p.value for p in points], color=colour, marker="o", markersize=3.0 + 2.0 * hiding,
+            linewidth=1.3 + 2.0 * hiding,
+        )  # fmt: skip
     if shown == "benefit" and 0.0 < curve.crossing < math.inf:
         most = curve.values[-1]
         axes.plot(
@@ -203,6 +210,8 @@ def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
     axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
 
 
+_SAME = 0.01
+"""Points nearer than this fall on one another: the lower curve is drawn wider."""
 _PART_NAME_PT = 9.0
 """Height that the name of a curve needs."""
 

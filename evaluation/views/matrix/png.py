@@ -63,8 +63,8 @@ def matrix_figure(sheet: Sheet) -> Figure:
     for name, rows in lines.items():
         # the strategy's colour, a bar above its part
         page.plot([_MARGIN_IN, width - _MARGIN_IN], [y - _BAR_IN] * 2, color=looks[name][0], linewidth=2.5)
-        for index, text in enumerate(notes[name]):
-            size, weight = (SMALL_PT, "normal") if index else (FONT_PT, "bold")
+        for index, (text, weight) in enumerate(notes[name]):
+            size = FONT_PT if weight == "bold" else SMALL_PT
             _write(page, _MARGIN_IN, y + _LINE_IN * index, text, fontsize=size, fontweight=weight, va="top")
         y += _STRATEGY_IN + _LINE_IN * (len(notes[name]) - 1)
         for line, height in zip(rows, heights[name], strict=True):
@@ -180,11 +180,13 @@ def _draw_legend(page: Axes, marks: list[Mark], y: float, *, extended: bool) -> 
         _write(page, x + 0.26, y + 0.075, "extended range")
 
 
-def _headline(sheet: Sheet, name: str, width: float) -> list[str]:
-    """Strategy with its first total, then the others and what requirement failed."""
+def _headline(sheet: Sheet, name: str, width: float) -> list[tuple[str, str]]:
+    """Lines with their weight: strategy with its first total, the others and what requirement failed."""
     totals = sheet.totals[name]
     first = f"{name}: {total_line(totals[:1])}" if totals else name
-    return [first, *_wrapped(total_line(totals[1:]), gate_line(sheet.gates[name]), width=width)]
+    bold = textwrap.wrap(first, int((width - 2 * _MARGIN_IN) / _BOLD_IN))
+    usual = _wrapped(total_line(totals[1:]), gate_line(sheet.gates[name]), width=width)
+    return [*((text, "bold") for text in bold), *((text, "normal") for text in usual)]
 
 
 def _wrapped(*texts: str, width: float) -> list[str]:

@@ -21,6 +21,7 @@ from evaluation.views.matrix.html import matrix_page
 from evaluation.views.matrix.matrix import matrix_view
 from evaluation.views.matrix.png import matrix_figure
 from evaluation.views.plots.strategies import strategy_colour
+from tests.figures import text_faults
 
 PROTOCOL = EuroNcap2026()
 EVERY_MARK = [*MARKS.values(), *(value for value in vars(marks).values() if isinstance(value, Mark))]
@@ -110,6 +111,16 @@ def test_the_picture_holds_every_cell_inside_itself() -> None:
         assert box.x1 <= width, text
         assert box.y0 >= 0, text
         assert box.y1 <= height, text
+
+
+@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("family", ["CPNA", "CBTA", "CBNAO", "CCRb"])
+def test_texts_of_the_picture_keep_apart(family: str, count: int) -> None:
+    """Whatever the names of strategies: those of plug-ins have 40 characters."""
+    worst = {cell: Measurement(max(cell.speed_kmh - 0.1, 0.0)) for cell in PROTOCOL.cells(family)}
+    names = [f"my_package.monitored.areas:variant_{k}_wide" for k in range(count)]
+    scored = make_sheet({name: PROTOCOL.assess(worst) for name in names}, [family])
+    assert text_faults(matrix_figure(scored)) == []
 
 
 def test_a_strategy_has_its_colour_in_page_and_picture() -> None:
