@@ -48,6 +48,7 @@ _NAMES = {
     "rectangular": "rectangle (baseline)",
     "map": "map",
     "all": "no area (control)",
+    "path": "planned path",
     "ego_forecast=ctrv": "ego expected to keep its turn rate",
     "ego_forecast=route": "ego expected along its route",
 }
