@@ -27,7 +27,6 @@ from evaluation.views.frames import frames_of
 from evaluation.views.plots.ground import AREA_COLOURS
 from tests.figures import text_faults
 
-
 LONG_TITLE = "my_package.monitored.areas:variant_00_wide, a_scenario_with_a_long_name, 50 km/h, dry"
 
 
