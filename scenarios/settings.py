@@ -58,6 +58,13 @@ class Parameter:
         """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
         return strategy in self.strategies or (is_plugin(strategy) and self.strategies == STRATEGIES)
 
+    def admits(self, value: Setting) -> bool:
+        """Whether a value is one of the names, or a number where that is asked; ranges are the preset's."""
+        if isinstance(value, str):
+            return value in (*self.choices, *self.old) or (self.own and is_plugin(value))
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
+        return is_number and (self.numeric or not self.choices)
+
 
 T = TypeVar("T")
 
@@ -273,6 +280,8 @@ def _tracker_sigma_of(preset: Preset) -> Setting:
 
 
 def _put_tracker_sigma(preset: Preset, value: Setting) -> Preset:
+    if value != OF_SENSOR and not 0.0 < float(value) < math.inf:
+        raise ConfigError(f"tracker_sigma_m must be positive and finite, got {value}")
     return replace(preset, tracker_sigma_m=None if value == OF_SENSOR else float(value))
 
 
@@ -412,8 +421,14 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
     """A preset with other values of some parameters, in whichever order they are given.
 
     Raises:
-        smartmot.errors.ConfigError: a value is out of range.
+        smartmot.errors.ConfigError: there is no parameter of that name, or a value is out of range.
     """
+    for name, value in settings:
+        if name not in PARAMETERS:
+            raise ConfigError(f"no parameter {name!r}; there are: {', '.join(PARAMETERS)}")
+        if not PARAMETERS[name].admits(value):
+            expected = ", ".join(PARAMETERS[name].choices) or "a number"
+            raise ConfigError(f"{name}: expected {expected}; got {value!r}")
     for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)
     return preset

@@ -9,6 +9,7 @@ at its best. "Measured" below means on these data; "assumed" is said where they 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from scenarios.sensors.errors import GAUSSIAN, BoxErrors, SensorErrors, Tail
 from smartmot.filters.motion_models import PerCategory
@@ -40,66 +41,53 @@ def _pedestrian_yaw_rad(median_deg: float) -> float:
     return math.radians(median_deg / 0.447)
 
 
-def _car(
+def _box(
+    size_m: tuple[float, float],
     up_to_m: float,
     detected: tuple[float, float, float],
     radial_m: tuple[float, float],
     tangential_m: float,
-    yaw_deg: float,
     flip: float,
     width_m: float,
     length_m: float,
 ) -> BoxErrors:
+    """What cars and pedestrians have alike: biases and deviations in metres, of boxes of a mean size."""
     return BoxErrors(
-        categories=("car", "truck", "unknown"),  # trucks and unknown objects: assumed as cars
         up_to_m=up_to_m,
         radial_bias_m=radial_m[0],
         radial_sigma_m=radial_m[1],
         tangential_sigma_m=tangential_m,
-        position_tail=_CAR_TAIL,
-        yaw_sigma_rad=_car_yaw_rad(yaw_deg),
-        yaw_tail=_CAR_TAIL,
         flip=flip,
-        width_bias=-0.05 / _CAR_M[1],  # measured: -0.03 to -0.07 m
-        width_sigma=width_m / _CAR_M[1],
-        length_sigma=length_m / _CAR_M[0],
-        confusion=0.0,  # not measured: KITTI's vans and trucks were no class of the detector
+        width_sigma=width_m / size_m[1],
+        length_sigma=length_m / size_m[0],
         miss=_misses(detected),
-        miss_persistence=(
-            0.51,
-            0.51,
-            0.51,
-        ),  # measured at 30 to 40 m: P(miss | hit) 0.06, P(miss | miss) 0.57
     )
 
 
-def _pedestrian(
-    up_to_m: float,
-    detected: tuple[float, float, float],
-    radial_m: tuple[float, float],
-    tangential_m: float,
-    yaw_deg: float,
-    flip: float,
-    width_m: float,
-    length_m: float,
-    clear_persistence: float,
-) -> BoxErrors:
-    return BoxErrors(
+def _car(errors: BoxErrors, yaw_deg: float) -> BoxErrors:
+    return replace(
+        errors,
+        categories=("car", "truck", "unknown"),  # trucks and unknown objects: assumed as cars
+        position_tail=_CAR_TAIL,
+        yaw_sigma_rad=_car_yaw_rad(yaw_deg),
+        yaw_tail=_CAR_TAIL,
+        width_bias=-0.05 / _CAR_M[1],  # measured: -0.03 to -0.07 m
+        confusion=0.0,  # not measured: KITTI's vans and trucks were no class of the detector
+        # measured at 30 to 40 m: P(miss | hit) 0.06, P(miss | miss) 0.57
+        miss_persistence=(0.51, 0.51, 0.51),
+    )
+
+
+def _pedestrian(errors: BoxErrors, yaw_deg: float, clear_persistence: float) -> BoxErrors:
+    return replace(
+        errors,
         categories=("pedestrian",),
-        up_to_m=up_to_m,
-        radial_bias_m=radial_m[0],
-        radial_sigma_m=radial_m[1],
-        tangential_sigma_m=tangential_m,
         position_tail=_PEDESTRIAN_TAIL,
         yaw_sigma_rad=_pedestrian_yaw_rad(yaw_deg),
         yaw_tail=_PEDESTRIAN_YAW_TAIL,
-        flip=flip,
         width_bias=-0.10 / _PEDESTRIAN_M[1],  # measured: -0.1 m
-        width_sigma=width_m / _PEDESTRIAN_M[1],
         length_bias=-0.06 / _PEDESTRIAN_M[0],  # measured: -0.06 to -0.08 m
-        length_sigma=length_m / _PEDESTRIAN_M[0],
         confusion=0.006,  # measured: 49 of 8,443 labels have a cyclist's detection within 1 m, and no other
-        miss=_misses(detected),
         # Partly hidden, measured: P(miss | hit) 0.12, P(miss | miss) 0.70; largely: 0.32 and 0.86.
         miss_persistence=(clear_persistence, 0.58, 0.54),
     )
@@ -132,23 +120,31 @@ def _misses(detected: tuple[float, float, float]) -> tuple[float, float, float]:
 
 REAL_ERRORS = SensorErrors(
     rows=(
-        # up to m, P(detected) at three levels of occlusion, radial bias and sd, tangential sd (m), median
-        # error of the heading (degrees), P(flip), sd of width and length (m). All measured but where it is
-        # said. No largely hidden car within 10 m was met: assumed as at 10 to 20 m.
-        _car(10.0, (1.00, 1.00, 0.99), (-0.02, 0.07), 0.05, 0.6, 0.000, 0.07, 0.16),
-        _car(20.0, (1.00, 1.00, 0.99), (0.00, 0.09), 0.08, 0.7, 0.004, 0.08, 0.24),
-        _car(30.0, (1.00, 0.96, 0.90), (-0.01, 0.12), 0.08, 1.0, 0.003, 0.10, 0.24),
-        _car(40.0, (0.96, 0.82, 0.77), (0.01, 0.15), 0.09, 1.0, 0.02, 0.09, 0.28),
+        # Up to m, P(detected) at three levels of occlusion, radial bias and sd, tangential sd (m), P(flip),
+        # sd of width and length (m), and the median error of the heading (degrees). All measured but where it
+        # is said. No largely hidden car within 10 m was met: assumed as at 10 to 20 m.
+        _car(_box(_CAR_M, 10.0, (1.00, 1.00, 0.99), (-0.02, 0.07), 0.05, 0.000, 0.07, 0.16), 0.6),
+        _car(_box(_CAR_M, 20.0, (1.00, 1.00, 0.99), (0.00, 0.09), 0.08, 0.004, 0.08, 0.24), 0.7),
+        _car(_box(_CAR_M, 30.0, (1.00, 0.96, 0.90), (-0.01, 0.12), 0.08, 0.003, 0.10, 0.24), 1.0),
+        _car(_box(_CAR_M, 40.0, (0.96, 0.82, 0.77), (0.01, 0.15), 0.09, 0.02, 0.09, 0.28), 1.0),
         # Beyond 60 m 15 % of 138 visible cars were detected: assumed none.
-        _car(60.0, (0.86, 0.68, 0.46), (-0.04, 0.21), 0.11, 1.2, 0.04, 0.13, 0.35),
+        _car(_box(_CAR_M, 60.0, (0.86, 0.68, 0.46), (-0.04, 0.21), 0.11, 0.04, 0.13, 0.35), 1.2),
         # The last value: persistence of misses in full view. Measured P(miss | hit) and P(miss | miss):
         # 0.02, 0.67 within 10 m; 0.04, 0.43 at 10 to 20 m; 0.11, 0.76 at 20 to 30 m; 0.31, 0.95 beyond.
-        _pedestrian(10.0, (0.96, 0.87, 0.44), (-0.02, 0.13), 0.11, 6.0, 0.02, 0.11, 0.12, 0.65),
-        _pedestrian(20.0, (0.92, 0.69, 0.34), (-0.02, 0.14), 0.15, 5.5, 0.03, 0.10, 0.13, 0.39),
-        _pedestrian(30.0, (0.66, 0.42, 0.20), (-0.01, 0.13), 0.11, 4.0, 0.05, 0.10, 0.11, 0.65),
+        _pedestrian(
+            _box(_PEDESTRIAN_M, 10.0, (0.96, 0.87, 0.44), (-0.02, 0.13), 0.11, 0.02, 0.11, 0.12), 6.0, 0.65
+        ),
+        _pedestrian(
+            _box(_PEDESTRIAN_M, 20.0, (0.92, 0.69, 0.34), (-0.02, 0.14), 0.15, 0.03, 0.10, 0.13), 5.5, 0.39
+        ),
+        _pedestrian(
+            _box(_PEDESTRIAN_M, 30.0, (0.66, 0.42, 0.20), (-0.01, 0.13), 0.11, 0.05, 0.10, 0.11), 4.0, 0.65
+        ),
         # Few were detected beyond 30 m: errors of position and size assumed as at 20 to 30 m; beyond 40 m,
         # where 2 of 19 were detected: assumed none.
-        _pedestrian(40.0, (0.12, 0.04, 0.03), (-0.01, 0.13), 0.11, 6.0, 0.08, 0.10, 0.11, 0.65),
+        _pedestrian(
+            _box(_PEDESTRIAN_M, 40.0, (0.12, 0.04, 0.03), (-0.01, 0.13), 0.11, 0.08, 0.10, 0.11), 6.0, 0.65
+        ),
         # Within 10 m 111 visible labels were met, 102 at 20 to 30 m and 34 at 30 to 40 m. Of hidden ones too
         # few but at 10 to 20 m: elsewhere assumed to be detected in the same ratio to visible ones as there.
         # Beyond 40 m, where 1 of 9 was detected: assumed none.

@@ -58,9 +58,8 @@ class ErrorProcess:
     """Errors of one sensor along a run.
 
     Each object has standard normal processes, one for each kind of error. They follow from the seed, the
-    number
-    of the object and the number of the measurement, counted from the first, and from nothing else: not from
-    who else is there, nor from what is decided. What is decided moves the ego, and the range at which an
+    number of the object and the number of the measurement, counted from the first, and from nothing else: not
+    from who else is there, nor from what is decided. What is decided moves the ego, and the range at which an
     error happens scales it. Misses are a Markov chain: with the same random number, a frame is missed or not
     whatever the frame before was, unless the number lies between P(miss | hit) and P(miss | miss). So two
     runs that see an object at the same range miss the same frames after a few.

@@ -128,6 +128,13 @@ def with_way(
         way: one of `WAYS`.
         standing: one of `WAYS`.
     """
+    if isinstance(area, WayArea):  # of an area with a way of its own, only what is asked for is replaced
+        way, standing = (
+            asked if asked != OF_AREA else own for asked, own in ((way, area.way), (standing, area.standing))
+        )
+        if (way, standing) == (area.way, area.standing):
+            return area
+        area = area.area
     if way == standing == OF_AREA:
         return area
     return WayArea(area, {STRAIGHT: Way(ego, None), ALONG_PATH: Way(ego, path)}, way, standing)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from evaluation.errors import ArgumentError
 from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE
@@ -47,6 +48,9 @@ class Gain(Question):
         own: strategies of the user's own.
         tuned: settings that were chosen for a strategy and rule on other scenes (see `Tuning`), in place of
             the rivals' own; both are run.
+
+    Raises:
+        ArgumentError: settings were chosen for no strategy that is run, or for none of the rules.
     """
 
     presets: tuple[str, ...] = ("physical",)
@@ -54,6 +58,14 @@ class Gain(Question):
     own: tuple[str, ...] = ()
     tuned: tuple[tuple[str, str, Settings], ...] = ()
     name = "gain"
+
+    def __post_init__(self) -> None:
+        names = {rival.name for rival in rivals(self.own)}
+        if absent := [name for name, _, _ in self.tuned if name not in names]:
+            raise ArgumentError(f"--tuned: settings of {', '.join(absent)}, which is not run")
+        if self.tuned and not any(rule in self.rules for _, rule, _ in self.tuned):
+            chosen = ", ".join(dict.fromkeys(rule for _, rule, _ in self.tuned))
+            raise ArgumentError(f"--tuned: settings for rule {chosen} alone; give it with --rule")
 
     @property
     def groups(self) -> dict[tuple[str, str], list[Arm]]:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.studies.answers.arms import ArmRun
-from evaluation.studies.compare.measures import STANDING_MPS, THROUGH
+from evaluation.studies.compare.measures import THROUGH, false_activation_of, is_unnecessary_stop
 from scenarios.simulation.ends import CUT_OFF, is_avoided
 from scenarios.spec import simulation_of
 
@@ -47,8 +47,11 @@ class Decision:
 
     @property
     def cut_off(self) -> bool:
-        """Whether it ended before what was to come: it is in no rate."""
-        return self.end_reason in CUT_OFF
+        """Whether it ended before what was to come: it is in no rate.
+
+        An unnecessary stop has come, whatever else would have.
+        """
+        return self.end_reason in CUT_OFF and not self.unnecessary_stop
 
 
 def decide(item: ArmRun) -> tuple[Decision, FrameTime]:
@@ -58,17 +61,16 @@ def decide(item: ArmRun) -> tuple[Decision, FrameTime]:
         scenarios.openscenario.errors.OpenScenarioError: the scene cannot be run.
         opendrive.OpenDriveError: its map cannot be read.
     """
-    nothing = item.spec.must == "nothing"
-    outcome = simulation_of(item.spec, THROUGH if nothing else None).run()
+    must = item.spec.must
+    outcome = simulation_of(item.spec, THROUGH if must == "nothing" else None).run()
     log = outcome.log.table()
     ego = log["kind"] == "ego"
     speed = log["speed_mps"][ego]
-    flagged = outcome.flag_time_s is not None
     decision = Decision(
         collided=outcome.contact is not None,
         v_impact_kmh=impact_speed_kmh(outcome),
-        false_activation=flagged if nothing else outcome.false_activation,
-        unnecessary_stop=nothing and (flagged or float(speed.min()) < STANDING_MPS),
+        false_activation=false_activation_of(must, outcome),
+        unnecessary_stop=is_unnecessary_stop(must, outcome, speed),
         flag_ttc_s=outcome.flag_ttc_s,
         warning_ttc_s=outcome.warning_ttc_s,
         speed_lost_kmh=3.6 * float(speed[0] - speed.min()),

@@ -57,19 +57,16 @@ class Trigger(Question):
         arm, key = self.rival.arm(self.preset, rule), TRIGGERS.get(rule)
         if key is None:
             return [(math.nan, arm)]
-        usual = float(PARAMETERS[key].of(preset_with(named_preset(self.preset), arm.settings)))
-        values = sorted({usual, *SENSITIVITIES[key]})
+        values = sorted({self.usual(rule), *SENSITIVITIES[key]})
         return [(value, arm.having((key, value), name=f"{rule}, {value:g}")) for value in values]
 
     def usual(self, rule: str) -> float:
         """Value of a rule's trigger as its source has it; NaN without a trigger."""
         key = TRIGGERS.get(rule)
-        arm = self.rival.arm(self.preset, rule)
-        return (
-            float(PARAMETERS[key].of(preset_with(named_preset(self.preset), arm.settings)))
-            if key
-            else math.nan
-        )
+        if key is None:
+            return math.nan
+        settings = self.rival.arm(self.preset, rule).settings
+        return float(PARAMETERS[key].of(preset_with(named_preset(self.preset), settings)))
 
     @property
     def arms(self) -> tuple[Arm, ...]:

@@ -196,10 +196,13 @@ def read_tuned(path: Path) -> tuple[tuple[str, str, Settings], ...]:
 
 
 def _setting(pair: tuple[str, object]) -> tuple[str, Setting]:
+    """Name and value of a parameter; whether it admits the value is seen before the first run."""
     name, value = pair
     if name not in PARAMETERS:
         raise ValueError(f"no parameter {name!r}")
-    return name, value if isinstance(value, str) else float(str(value))
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"{name} cannot be {value!r}")
+    return name, value if isinstance(value, str) else float(value)
 
 
 def _json(chosen: Sequence[Trial], study: Tuning) -> bytes:

@@ -18,10 +18,11 @@ from scenarios.settings import settings_text
 from scenarios.simulation.ends import CUT_OFF, TIME_LIMIT_S, EndReason, StopRule, is_avoided
 from scenarios.simulation.outcome import Outcome
 from scenarios.spec import preset_of, simulation_of
+from smartmot.decision.rules import STANDING_MPS
+from smartmot.types import FloatArray
 
 THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
 """A scene in which nothing should happen is driven to its end, so that the delay can be measured."""
-STANDING_MPS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +92,17 @@ class RunMeasures:
 
     @property
     def cut_off(self) -> bool:
-        """Whether it ended before what was to come: it is in no share."""
-        return self.end_reason in CUT_OFF
+        """Whether it ended before what was to come: it is in no share.
+
+        An unnecessary stop has come, whatever else would have.
+        """
+        return self.end_reason in CUT_OFF and not self.needless_stop
 
 
 def told_measures(runs: Sequence[RunMeasures]) -> list[str]:
     """What the reader has to know about finished runs, one line each; none if all is as it should be."""
-    ended = sum(run.end_reason == EndReason.TIME_LIMIT for run in runs)
-    not_begun = sum(run.end_reason == EndReason.NOT_BEGUN for run in runs)
+    ends = [run.end_reason for run in runs if run.cut_off]
+    ended, not_begun = ends.count(EndReason.TIME_LIMIT), ends.count(EndReason.NOT_BEGUN)
     lost = [run.dropped_share for run in runs if run.dropped_share > MANY_DROPPED]
     lines = []
     if ended:
@@ -114,6 +118,22 @@ def told_measures(runs: Sequence[RunMeasures]) -> list[str]:
             f"(up to {100 * max(lost):.0f} %), for their score, category or box; `runs.csv` has the shares"
         )
     return lines
+
+
+def false_activation_of(must: str, outcome: Outcome) -> bool | None:
+    """Whether a request was one for nothing: any where nothing should happen; see `Outcome` else."""
+    return outcome.flag_time_s is not None if must == "nothing" else outcome.false_activation
+
+
+def is_unnecessary_stop(must: str, outcome: Outcome, speed_mps: FloatArray) -> bool:
+    """Whether the ego made an emergency request, or stood, where nothing should happen.
+
+    Args:
+        must: what the ego must do, brake or nothing.
+        outcome: of the run.
+        speed_mps: (F,) of the ego.
+    """
+    return must == "nothing" and (outcome.flag_time_s is not None or float(speed_mps.min()) < STANDING_MPS)
 
 
 def impact_kmh(run: RunMeasures) -> float | None:
@@ -139,7 +159,7 @@ def measure(item: SceneItem) -> tuple[RunMeasures, FrameTime]:
     driven = float(np.hypot(np.diff(log["x_m"][own]), np.diff(log["y_m"][own])).sum())
     duration = float(time_s[-1] - time_s[0])
     threat = criticality(log, brakes.max_decel_mps2)
-    flagged, flag_ttc = outcome.flag_time_s is not None, None
+    flag_ttc = None
     if outcome.flag_time_s is not None:
         at = min(int(np.searchsorted(threat.time_s, outcome.flag_time_s)), len(threat.time_s) - 1)
         flag_ttc = _finite(float(threat.time_to_collision_s[at]))
@@ -164,8 +184,8 @@ def measure(item: SceneItem) -> tuple[RunMeasures, FrameTime]:
         flag_distance_m=outcome.flag_distance_m,
         flag_ttc_s=flag_ttc,
         end_reason=outcome.end_reason.value,
-        false_activation=flagged if nothing else outcome.false_activation,
-        needless_stop=nothing and (flagged or float(speed.min()) < STANDING_MPS),
+        false_activation=false_activation_of(scene.must, outcome),
+        needless_stop=is_unnecessary_stop(scene.must, outcome, speed),
         speed_loss_kmh=3.6 * float(speed[0] - speed.min()),
         delay_s=duration - driven / float(speed[0]),
         distance_m=driven,

@@ -132,3 +132,13 @@ def test_a_corridor_without_limit_counts_whatever_is_ahead() -> None:
     assert area.polygons() == []
     with pytest.raises(ConfigError, match="half_width_m must be positive"):
         PathAreaConfig(0.0)
+
+
+def test_an_area_with_a_way_of_its_own_is_not_asked_twice() -> None:
+    area = PathArea().at(EGO, LEFT_TURN)
+    assert with_way(area, EGO, LEFT_TURN, "path", "path") is area
+    assert with_way(area, EGO, LEFT_TURN, "area", "area") is area
+    objects, category = boxes((40.0, 0.0), (30.0, 20.0))  # straight ahead, and beyond the turn
+    straight = with_way(area, EGO, LEFT_TURN, "straight", "area").relevance(objects, category)
+    assert straight.on_way.tolist() == [True, False]
+    assert straight.in_route.tolist() == [False, True]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
+from evaluation.errors import ArgumentError
 from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.rivals import RIVALS
+from scenarios.settings import Setting, Settings
 
 RATES = {"path": (0.9, 0.2), "map": (0.9, 0.05), "all": (0.9, 0.2)}
 
@@ -47,3 +51,22 @@ def test_the_answer_says_what_the_runs_say(make) -> None:
     assert len(rows) == 1 + study.questions
     assert "physical,paper,map," in rows[1]
     assert ",0.0," in rows[1]
+
+
+@pytest.mark.parametrize(
+    "tuned",
+    [(("mapp", "paper", ()),), (("map", "rss", ()),)],
+    ids=["a strategy that is not run", "a rule that is not run"],
+)
+def test_settings_that_nobody_takes_are_refused(tuned: tuple[tuple[str, str, Settings], ...]) -> None:
+    with pytest.raises(ArgumentError, match="--tuned"):
+        Gain(tuned=tuned)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"margin_m": "wide"}, {"way": "left"}, {"way": 1.0}, {"margin_m": -1.0}]
+)
+def test_settings_that_cannot_be_are_refused_before_the_first_run(settings: dict[str, Setting]) -> None:
+    study = Gain(tuned=(("map", "paper", tuple(settings.items())),))
+    with pytest.raises(ArgumentError, match=next(iter(settings)).removesuffix("_m")):
+        study.items_of(())

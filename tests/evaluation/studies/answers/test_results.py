@@ -52,6 +52,19 @@ def test_runs_that_were_cut_off_are_in_no_pair(results: Results) -> None:
     assert difference(cut, ONE, TWO, "avoided").estimate.count == 39
 
 
+@pytest.mark.parametrize("end_reason", ["time_limit", "not_begun"])
+def test_an_unnecessary_stop_counts_whatever_was_still_to_come(results: Results, end_reason: str) -> None:
+    """A run that stands before the scene's event has begun ends as not begun: what it did is known."""
+    stopped = results.values(ONE, "stops") == 1.0
+    runs = tuple(
+        dataclasses.replace(run, end_reason=end_reason) if stops else run
+        for run, stops in zip(results.runs[ONE], stopped, strict=True)
+    )
+    cut = Results(results.scenes, {**results.runs, ONE: runs})
+    assert stopped.sum() == 4
+    assert cut.estimate(ONE, "stops") == results.estimate(ONE, "stops") == wilson(4, 40)
+
+
 def test_an_early_request_avoids_nothing(results: Results) -> None:
     early = dataclasses.replace(results.runs[ONE][0], false_activation=True)
     changed = Results(results.scenes, {**results.runs, ONE: (early, *results.runs[ONE][1:])})

@@ -36,7 +36,15 @@ def test_the_best_by_the_objective_is_chosen_and_read_again(make, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "content", ["", "{}", '{"chosen": [{"rival": "map", "rule": "paper", "settings": {"x": 1}}]}']
+    "content",
+    [
+        "",
+        "{}",
+        "[]",
+        '{"chosen": [{"rival": "map", "rule": "paper", "settings": {"x": 1}}]}',
+        '{"chosen": [{"rival": "map", "rule": "paper", "settings": {"margin_m": true}}]}',
+        '{"chosen": [{"rival": "map", "rule": "paper", "settings": {"margin_m": [1]}}]}',
+    ],
 )
 def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
     path = tmp_path / TUNED

@@ -131,6 +131,8 @@ def test_rates_have_their_own_denominators() -> None:
         run("n", "nothing", 1, score=None, band=None, end_reason="time_limit"),
     ]
     row = summarise(runs)
+    stood = run("n", "nothing", 2, score=None, band=None, end_reason="not_begun", needless_stop=True)
+    assert summarise([*runs, stood]).needless_stops.value == 1 / 2  # what it did is known
     assert (row.avoided.value, row.avoided.count) == (3 / 5, 5)
     # one of the three whose target sets off and that were not cut off
     assert (row.early_activations.value, row.early_activations.count) == (pytest.approx(1 / 3), 3)
