@@ -21,6 +21,9 @@ largely hidden. Levels 0, 1 and 2 of KITTI's labels, which name no shares: assum
 MISS_INTERVAL_S = 0.1
 """Distance in time of the two frames that `BoxErrors.miss_persistence` compares; KITTI's frames."""
 
+GHOST_AHEAD_M = 1.75
+"""Half a lane of 3.5 m on either side of the line ahead: where a false positive is in the ego's way."""
+
 NO_GHOSTS = PerCategory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 _GREATEST = 6.0
@@ -180,6 +183,7 @@ class SensorErrors:
         ghost_life_s: mean time for which a ghost is reported, at the same place.
         ghost_range_m: distance within which ghosts appear, uniformly over the area; None: the sensor's range.
         ghost_view_rad: angle about the ego's heading in which they appear; None: the sensor's field of view.
+        ghost_ahead: share of them within `GHOST_AHEAD_M` of the line ahead; None: as the area has it.
 
     Raises:
         ScenarioError: a value is out of range.
@@ -194,6 +198,7 @@ class SensorErrors:
     ghost_life_s: float = 0.1
     ghost_range_m: PerCategory | None = None
     ghost_view_rad: float | None = None
+    ghost_ahead: PerCategory | None = None
 
     def __post_init__(self) -> None:
         times = (self.position_correlation_s, self.heading_correlation_s, self.size_correlation_s)
@@ -205,6 +210,10 @@ class SensorErrors:
             raise ScenarioError("sensor errors: ghosts need a positive range")
         if self.ghost_view_rad is not None and not 0.0 < self.ghost_view_rad <= 2.0 * math.pi:
             raise ScenarioError("sensor errors: the view of ghosts must lie in (0, 2 pi]")
+        if self.ghost_ahead is not None and not all(
+            0.0 <= share <= 1.0 for share in self.ghost_ahead.values()
+        ):
+            raise ScenarioError("sensor errors: the share of ghosts ahead must lie in [0, 1]")
 
     def with_rows(self, **changes: object) -> SensorErrors:
         """The same with other values in all rows."""

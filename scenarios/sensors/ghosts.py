@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scenarios.sensors.boxes import SensorConfig
-from scenarios.sensors.errors import SensorErrors
+from scenarios.sensors.errors import GHOST_AHEAD_M, SensorErrors
 from smartmot.filters.motion_models import table
 from smartmot.types import CATEGORIES, EgoState, FloatArray, IntArray
 
@@ -41,6 +41,7 @@ class Ghosts:
         if errors.ghost_range_m is not None:
             self._range_m = np.minimum(self._range_m, table(errors.ghost_range_m))
         self._view_rad = config.fov_rad if errors.ghost_view_rad is None else errors.ghost_view_rad
+        self._ahead = None if errors.ghost_ahead is None else table(errors.ghost_ahead)
         self._rows = _NOTHING
 
     def __len__(self) -> int:
@@ -100,8 +101,20 @@ class Ghosts:
             return _NOTHING
         code = np.repeat(np.arange(len(CATEGORIES)), count)
         share = rng.random((len(code), 3))
-        bearing = ego.yaw_rad + self._view_rad * (share[:, 0] - 0.5)
         distance = self._range_m.take(code) * np.sqrt(share[:, 1])
+        bearing = ego.yaw_rad + self._bearing(code, distance, share[:, 0])
         x, y = ego.x_m + distance * np.cos(bearing), ego.y_m + distance * np.sin(bearing)
         yaw = np.pi * (2.0 * share[:, 2] - 1.0)
         return np.column_stack((code, x, y, yaw, np.zeros((len(code), 2))))
+
+    def _bearing(self, code: IntArray, distance_m: FloatArray, share: FloatArray) -> FloatArray:
+        """(G,) angles to the left of the heading, from numbers uniform in [0, 1)."""
+        half = 0.5 * self._view_rad
+        signed = 2.0 * share - 1.0
+        if self._ahead is None:
+            return half * signed
+        # of the angles at its distance, those at which it is ahead take their share, the others the rest
+        edge = np.minimum(np.arcsin(np.minimum(GHOST_AHEAD_M / np.maximum(distance_m, 1e-9), 1.0)), half)
+        ahead, size = self._ahead.take(code), np.abs(signed)
+        outside = edge + (half - edge) * (size - ahead) / np.maximum(1.0 - ahead, 1e-9)
+        return np.copysign(np.where(size < ahead, edge * size / np.maximum(ahead, 1e-9), outside), signed)

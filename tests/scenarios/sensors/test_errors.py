@@ -373,7 +373,11 @@ def test_ghosts_are_as_many_as_measured_and_where() -> None:
         assert np.median(np.hypot(*delta.T)) == pytest.approx(median_m, rel=0.06)
         bearing = np.angle(np.exp(1j * (np.arctan2(delta[:, 1], delta[:, 0]) - 2.0)))
         assert np.quantile(np.abs(bearing), 0.99) < math.radians(40.5) + 0.02  # and their white noise
-        assert bearing.std() == pytest.approx(math.radians(81.0) / math.sqrt(12), rel=0.06)
+        aside = np.hypot(*delta.T) * np.abs(np.sin(bearing))
+        share = {"car": 0.026, "pedestrian": 0.055, "cyclist": 0.20}[name]
+        # a third of them live on in the next frame, so that the deviation is that of fewer
+        assert (aside < 1.75).mean() == pytest.approx(share, abs=3.0 * math.sqrt(1.5 * share / len(own)))
+        assert abs((bearing > 0).mean() - 0.5) < 3.0 / math.sqrt(len(own))
     assert set(code.tolist()) == {0, 1, 2}
     # a third of them has another within 1 m in the next frame
     again = [
@@ -382,6 +386,27 @@ def test_ghosts_are_as_many_as_measured_and_where() -> None:
         if len(a) and len(b)
     ]
     assert sum(a.sum() for a in again) / len(every) == pytest.approx(math.exp(-0.1 / 0.09), abs=0.03)
+
+
+def test_ghosts_ahead_have_their_share_and_the_others_lie_evenly_beside() -> None:
+    view, share, range_m = math.radians(81.0), 0.1, 40.0
+    errors = SensorErrors(
+        ghosts_per_frame=PerCategory(50.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        ghost_life_s=1e-3,  # all anew in each frame
+        ghost_view_rad=view,
+        ghost_ahead=PerCategory(share, share, share, share, share, share),
+    )
+    config = SensorConfig(range_m=range_m, position_sigma_m=0.0, rate_hz=10.0, errors=errors)
+    x, y = np.concatenate(ghosts(config, 400))[:, 1:3].T
+    far = np.hypot(x, y) > 1.75 / math.sin(view / 2)  # nearer ones have no angle beside
+    x, y = x[far], y[far]
+    ahead = np.abs(y) < 1.75
+    assert abs(ahead.mean() - share) < 3.0 * math.sqrt(share * (1 - share) / len(x))
+    edge = np.arcsin(1.75 / np.hypot(x, y))
+    beside = ((np.abs(np.arctan2(y, x)) - edge) / (view / 2 - edge))[~ahead]  # uniform in [0, 1]
+    assert beside.mean() == pytest.approx(0.5, abs=3.0 / math.sqrt(12 * len(beside)))
+    assert beside.var() == pytest.approx(1 / 12, rel=0.05)
+    assert abs((y > 0).mean() - 0.5) < 1.5 / math.sqrt(len(y))
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 40.0])
