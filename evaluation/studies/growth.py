@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rich.console
 
-from evaluation.metrics.intervals import Estimate, mean_t
 from evaluation.results.files import configuration_json, write_files
 from evaluation.results.tables import EMPTY, Table, csv_bytes, markdown_table, rich_table
 from evaluation.runs.configuration import configuration_of
@@ -226,17 +226,33 @@ def _cell(pairs: Sequence[Timed], strategy: str, others: int) -> list[Timed]:
     return [pair for pair in pairs if (pair[0].strategy, pair[0].others) == (strategy, others)]
 
 
-def _median_ms(pairs: Sequence[Timed]) -> Estimate:
-    return mean_t([spent.median_ms for _, spent in pairs])
+@dataclass(frozen=True, slots=True)
+class _OverSeeds:
+    """A measure over the seeds: mean, least and greatest; NaN if no seed has it."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+    @classmethod
+    def of(cls, sample: Sequence[float]) -> _OverSeeds:
+        if not sample:
+            return cls(math.nan, math.nan, math.nan, 0)
+        return cls(math.fsum(sample) / len(sample), min(sample), max(sample), len(sample))
 
 
-def _tracks(pairs: Sequence[Timed]) -> Estimate:
-    return mean_t([run.tracks_mean for run, _ in pairs])
+def _median_ms(pairs: Sequence[Timed]) -> _OverSeeds:
+    return _OverSeeds.of([spent.median_ms for _, spent in pairs])
 
 
-def _flag_s(pairs: Sequence[Timed]) -> Estimate:
+def _tracks(pairs: Sequence[Timed]) -> _OverSeeds:
+    return _OverSeeds.of([run.tracks_mean for run, _ in pairs])
+
+
+def _flag_s(pairs: Sequence[Timed]) -> _OverSeeds:
     """Over the runs whose flag is for the pedestrian."""
-    return mean_t(
+    return _OverSeeds.of(
         [run.flag_time_s for run, _ in pairs if run.flag_time_s is not None and not run.false_activation]
     )
 
@@ -254,7 +270,7 @@ def growth_table(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Table
         for strategy in strategies:
             cell = _cell(pairs, strategy, others)
             flag = _flag_s(cell)
-            impact = mean_t([run.v_impact_kmh for run, _ in cell if run.v_impact_kmh is not None])
+            impact = _OverSeeds.of([run.v_impact_kmh for run, _ in cell if run.v_impact_kmh is not None])
             line += [
                 f"{_median_ms(cell).value:.2f}",
                 f"{_tracks(cell).value:.1f}",
@@ -296,7 +312,7 @@ _SAME = 0.01
 def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figure:
     """Time per frame, tracks and time of the flag over the number of others, a curve per strategy.
 
-    Around each curve the 95 % interval of its mean over the seeds.
+    Around each curve lies what the seeds have, from the least to the greatest.
     """
     from matplotlib.lines import Line2D
 
@@ -309,10 +325,10 @@ def growth_figure(runs: Sequence[GrowthRun], spent: Sequence[FrameTime]) -> Figu
             Line2D([], [], color=colour, marker=marker, markersize=4.5, linewidth=1.2, label=name)
             for name, (colour, marker) in looks.items()
         ],
-        note=f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds and "
-        "their 95 % intervals. No point: no emergency request for the pedestrian.",
+        note=f"Crossing at {SPEED_KMH:g} km/h; processor time, medians per frame; means over the seeds, "
+        "shaded from the least to the greatest. No point: no emergency request for the pedestrian.",
     )  # fmt: skip
-    summaries: tuple[tuple[str, Callable[[Sequence[Timed]], Estimate]], ...] = (
+    summaries: tuple[tuple[str, Callable[[Sequence[Timed]], _OverSeeds]], ...] = (
         ("time per frame (ms)", _median_ms),
         ("tracks per frame", _tracks),
         ("first request (s)", _flag_s),

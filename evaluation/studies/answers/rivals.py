@@ -40,7 +40,6 @@ MAP = Rival("map", "the lanes of the map, along the planned path", "map")
 RIVALS: tuple[Rival, ...] = (
     PATH,
     MAP,
-    Rival("all", "everything that is seen", "all"),
     Rival("rectangle", "the paper's rectangle, along the planned path", "rectangular"),
     Rival(
         "rectangle, wide",
@@ -50,8 +49,10 @@ RIVALS: tuple[Rival, ...] = (
     ),
     Rival("map, as published", "the map filter with the ego forecast by its turn rate", "map", ()),
     Rival("rectangle, as published", "the paper's rectangle with the same forecast", "rectangular", ()),
+    Rival("all, as published", "everything that is seen, with the same forecast", "all", ()),
 )
-"""The first is what the others are compared with."""
+"""The first is what the others are compared with. `all` along the planned path would be the first again: it is
+a rival only as published."""
 
 
 def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:

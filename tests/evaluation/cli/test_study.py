@@ -64,6 +64,6 @@ def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (preset, rule) for preset in ("physical", "real") for rule in ("paper", "rss")
     }
     assert (gain.sample.count, gain.sample.split, tune.sample.split) == (7, "test", "train")
-    assert len(tune.arms) == 4 * 3
+    assert len(tune.arms) == len(("path", "map", "rectangle")) * 3
     assert {arm.strategy for arm in trigger.arms} == {"map"}
     assert {arm.rule for arm in trigger.arms} == set(FAMILIES)
