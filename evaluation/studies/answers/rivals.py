@@ -51,8 +51,8 @@ RIVALS: tuple[Rival, ...] = (
     Rival("rectangle, as published", "the paper's rectangle with the same forecast", "rectangular", ()),
     Rival("all, as published", "everything that is seen, with the same forecast", "all", ()),
 )
-"""The first is what the others are compared with. `all` along the planned path would be the first again: it is
-a rival only as published."""
+"""The first is what the others are compared with. `all` along the planned path would be the first again, so
+that it is a rival only as published."""
 
 
 def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:
