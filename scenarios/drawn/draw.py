@@ -56,7 +56,6 @@ def drawn_scenes(
     """
     folder = Path(folder)
     grounds = grounds_of(split, maps)
-    (folder / "maps").mkdir(parents=True, exist_ok=True)
     scenes: list[DrawnScene] = []
     for scene in draw_all(split, count, seed, folder, grounds):
         scenes.append(scene)
@@ -84,14 +83,26 @@ def grounds_of(split: str, maps: Path | None) -> list[Ground]:
 
 
 def draw_all(split: str, count: int, seed: int, folder: Path, grounds: list[Ground]) -> Iterator[DrawnScene]:
-    """Draw the scenes one after the other; each depends on split, seed, kind and its number alone."""
+    """Draw the scenes one after the other."""
+    copy_maps(folder, grounds)
+    for kind in KINDS:
+        for number in range(count):
+            yield draw_one(split, seed, kind, number, folder, grounds)
+
+
+def copy_maps(folder: Path, grounds: list[Ground]) -> None:
+    """Put the maps where the scenes' files look for them."""
+    (folder / "maps").mkdir(parents=True, exist_ok=True)
     for ground in grounds:
         (folder / "maps" / f"{ground.name}.xodr").write_bytes(ground.path.read_bytes())
-    for kind_number, (kind, situations) in enumerate(KINDS.items()):
-        for number in range(count):
-            key = [seed, SPLITS.index(split), kind_number, number]
-            name = f"{split}-{seed}-{kind}-{number:04d}"
-            yield _draw_scene(name, situations, np.random.default_rng(key), folder, grounds)
+
+
+def draw_one(
+    split: str, seed: int, kind: str, number: int, folder: Path, grounds: list[Ground]
+) -> DrawnScene:
+    """Draw a scene; it depends on split, seed, kind and its number alone, and on the maps."""
+    rng = np.random.default_rng([seed, SPLITS.index(split), list(KINDS).index(kind), number])
+    return _draw_scene(f"{split}-{seed}-{kind}-{number:04d}", KINDS[kind], rng, folder, grounds)
 
 
 def _draw_scene(
