@@ -25,9 +25,10 @@ from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
     "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py",
-    "results/rows.py", "runs/execution.py", "studies/compare/measures.py", "studies/growth.py",
+    "results/rows.py", "results/seal.py", "runs/execution.py", "studies/answers/measures.py",
+    "studies/compare/measures.py", "studies/growth.py", "studies/reference/mechanisms.py",
 )  # fmt: skip
-"""Modules of this package that what is kept of a run depends on."""
+"""Modules of this package that what is kept of a run depends on. A test finds them from the studies' jobs."""
 
 LIBRARIES = (
     "filterpy", "highway-env", "lxml", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "shapely",
@@ -50,6 +51,7 @@ def version() -> str:
     return f"{metadata.version('smartmot')}+{digest.hexdigest()[:12]}"
 
 
+@cache
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that runs depend on."""
     return {name: metadata.version(name) for name in LIBRARIES}
@@ -58,8 +60,9 @@ def library_versions() -> dict[str, str]:
 def fingerprint(spec: RunSpec, *more: object) -> str:
     """Hash of a run's values, its files, its preset with its settings, the code, and whatever else is told.
 
-    A setting that says what the preset has anyway makes no other run. The files are all that reading the
-    scenario touches (itself, its catalogs, its map) and the map of perception; where they lie is no matter.
+    The code is this distribution's, and that of the libraries by their versions. A setting that says what the
+    preset has anyway makes no other run. The files are all that reading the scenario touches (itself, its
+    catalogs, its map) and the map of perception; where they lie is no matter.
 
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: the scenario cannot be read.
@@ -73,7 +76,8 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     parameters.pop("Map", None)
     told_map = None if spec.map_name is None else Path(spec.map_name).name
     values = asdict(replace(spec, file=path.name, parameters=(), settings=(), map_name=told_map))
-    hashed = [values, parameters, _preset_text(spec.preset, spec.settings), files, version(), *more]
+    code = [version(), library_versions()]
+    hashed = [values, parameters, _preset_text(spec.preset, spec.settings), files, code, *more]
     if is_plugin(spec.strategy):
         hashed.append(plugin(spec.strategy).digest)
     return digest_of(hashed)
