@@ -101,10 +101,19 @@ def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_))
 
 
-def forecast_ego_along(ego: EgoState, path: PlannedPath, time_s: FloatArray) -> Forecast:
-    """Forecast of the ego at its present speed along its planned path, beside it as far as now; (1, T)."""
+def forecast_ego_along(
+    ego: EgoState, path: PlannedPath, time_s: FloatArray, *, keeps_offset: bool = True
+) -> Forecast:
+    """Forecast of the ego at its present speed along its planned path; one object, (1, T).
+
+    Args:
+        ego: odometry now.
+        path: in the frame of the odometry.
+        time_s: (T,) times after now.
+        keeps_offset: whether it goes on beside the path as far as now, or on the path itself.
+    """
     station, offset = path.project(ego.x_m, ego.y_m)
-    center, yaw = path.poses(station + ego.speed_mps * time_s, offset)
+    center, yaw = path.poses(station + ego.speed_mps * time_s, offset if keeps_offset else 0.0)
     size = np.array([[ego.length_m, ego.width_m]])
     return unchecked(
         Forecast, time_s, center[None], yaw[None], size, np.ones((1, len(time_s)), dtype=np.bool_)

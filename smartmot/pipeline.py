@@ -151,7 +151,8 @@ class Pipeline:
         strategy: which objects matter.
         config: settings.
         map_path: the planned path as the map has it, map frame; it is followed in place of those given to
-            `step`, and moves against the world with every error of the localisation. None: those are.
+            `step`, and moves against the world with every error of the localisation. The ego is expected on
+            it, not beside it. None: those are.
 
     Raises:
         PluginError: a brake rule of the user's own cannot be made.
@@ -225,7 +226,7 @@ class Pipeline:
         time = forecast_times(horizon, config.forecast.step_s)
         forecast = forecast_tracks(tracks, time, config.forecast, ego.stamp_s - tracks.stamp_s)
         followed = path if config.forecast.ego == "path" else None
-        ego_forecast = forecast_ego_along(ego, followed, time) if followed else forecast_ego(ego, time)
+        ego_forecast = forecast_ego(ego, time) if followed is None else self._along(followed, ego, time)
         now = self._assess(area, tracks, forecast, ego_forecast, ego, followed)
         if type(self._rule) is PaperRule:  # one derived from it is the user's: asked and checked as such
             rule_state, command, events = self._rule.decide(state.rule, now)
@@ -243,6 +244,14 @@ class Pipeline:
             return path
         of_map = self._known_path
         return of_map if of_map is None or on_map is None else on_map.inverse.path(of_map)
+
+    def _along(self, path: PlannedPath, ego: EgoState, time_s: FloatArray) -> Forecast:
+        """The ego's forecast along the planned path.
+
+        How far a map's path lies beside the ego is the error of map and localisation, which a planner takes
+        for its own deviation and steers out: forecast, way and standing objects look along the same path.
+        """
+        return forecast_ego_along(ego, path, time_s, keeps_offset=not self._follows_map)
 
     def _area(self, ego: EgoState, path: PlannedPath | None, on_map: Alignment | None) -> MonitoredArea:
         """The monitored area, bent along the planned path where the strategy does that."""

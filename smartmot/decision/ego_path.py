@@ -21,8 +21,8 @@ _OUTLINE = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1)
 class PathRelation:
     """How M objects lie to the ego's path now.
 
-    The ego goes on along the path as far beside it as now. Its swept width is its own width; the swing of its
-    corners in a bend is left out (0.1 m for a car at a radius of 20 m).
+    The ego goes on along the path as far beside it as its forecast begins. Its swept width is its own width;
+    the swing of its corners in a bend is left out (0.1 m for a car at a radius of 20 m).
 
     Args:
         gap_m: (M,) free distance along the path from the ego's front to the near face of each box; negative
@@ -39,7 +39,9 @@ class PathRelation:
     aside_mps: FloatArray
 
 
-def relation(ego: EgoState, path: PlannedPath, tracks: Tracks, forecast: Forecast) -> PathRelation:
+def relation(
+    ego: EgoState, path: PlannedPath, tracks: Tracks, forecast: Forecast, ego_forecast: Forecast
+) -> PathRelation:
     """Relation of tracks to the ego's path.
 
     Args:
@@ -47,9 +49,10 @@ def relation(ego: EgoState, path: PlannedPath, tracks: Tracks, forecast: Forecas
         path: of the ego's centre.
         tracks: M tracks; those that are not dynamic stand.
         forecast: of the tracks; its first poses are where they are now.
+        ego_forecast: of the ego; its first pose is where it is expected on the path, or beside it.
     """
     points = _outline(forecast.center_m[:, 0], forecast.yaw_rad[:, 0], forecast.size_m)
-    own_station, own_offset = path.project(ego.x_m, ego.y_m)
+    own_station, own_offset = path.project(*ego_forecast.center_m[0, 0].tolist())
     station, offset = path.place(points.reshape(-1, 2))
     station = station.reshape(len(tracks), len(_OUTLINE)) - own_station
     offset = offset.reshape(len(tracks), len(_OUTLINE)) - own_offset

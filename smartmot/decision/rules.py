@@ -154,7 +154,8 @@ class Assessment:
         """How the tracks, moved on to the ego's time, lie to the ego's path."""
         if self._on_path is None:
             path = self.path or path_of_forecast(self.ego, self.ego_forecast)
-            object.__setattr__(self, "_on_path", relation(self.ego, path, self.tracks, self.forecast))
+            of_tracks = relation(self.ego, path, self.tracks, self.forecast, self.ego_forecast)
+            object.__setattr__(self, "_on_path", of_tracks)
         return cast(PathRelation, self._on_path)
 
 

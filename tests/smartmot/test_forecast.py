@@ -190,6 +190,8 @@ def test_ego_beside_its_route_keeps_its_offset() -> None:
     ahead = forecast_ego_along(ego, route, np.array([0.0, 1.0, 3.0, 100.0]))
     np.testing.assert_allclose(ahead.center_m[0], [[100, -1.35], [110, -1.35], [130, -1.35], [1100, -1.35]])
     np.testing.assert_allclose(ahead.yaw_rad[0], 0.0, atol=1e-12)
+    on_it = forecast_ego_along(ego, route, np.array([0.0, 1.0]), keeps_offset=False)
+    np.testing.assert_allclose(on_it.center_m[0], [[100, -1.75], [110, -1.75]])
 
 
 def test_unknown_ego_forecast_is_refused() -> None:

@@ -45,7 +45,7 @@ def placed(
 
 def related(ego: EgoState, path: PlannedPath, tracks: Tracks, delay_s: float = 0.0) -> PathRelation:
     forecast = forecast_tracks(tracks, TIMES, ForecastConfig(), delay_s)
-    return relation(ego, path, tracks, forecast)
+    return relation(ego, path, tracks, forecast, forecast_ego(ego, TIMES))
 
 
 def test_on_a_straight_path() -> None:
