@@ -31,12 +31,14 @@ class PathRelation:
             is in it.
         speed_mps: (M,) speed along the path's direction at the object.
         aside_mps: (M,) rate at which `aside_m` grows; negative: the object comes nearer.
+        offset_m: (M,) of each centre from the middle of the swept width; left is positive.
     """
 
     gap_m: FloatArray
     aside_m: FloatArray
     speed_mps: FloatArray
     aside_mps: FloatArray
+    offset_m: FloatArray
 
 
 def relation(
@@ -57,7 +59,7 @@ def relation(
     station = station.reshape(len(tracks), len(_OUTLINE)) - own_station
     offset = offset.reshape(len(tracks), len(_OUTLINE)) - own_offset
     left, right = offset.min(axis=1), -offset.max(axis=1)
-    center_station, _ = path.place(forecast.center_m[:, 0])
+    center_station, center_offset = path.place(forecast.center_m[:, 0])
     _, heading = path.poses(center_station)
     velocity = np.where(tracks.dynamic[:, None], tracks.velocity_mps, 0.0)
     c, s = np.cos(heading), np.sin(heading)
@@ -67,6 +69,7 @@ def relation(
         aside_m=np.maximum(left, right) - ego.width_m / 2,
         speed_mps=velocity[:, 0] * c + velocity[:, 1] * s,
         aside_mps=np.where(left >= right, to_left, -to_left),
+        offset_m=center_offset - own_offset,
     )
 
 

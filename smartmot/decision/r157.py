@@ -18,9 +18,12 @@ from smartmot.decision.along_path import (
 )
 from smartmot.decision.rules import Assessment, Command
 from smartmot.errors import ConfigError
-from smartmot.types import BoolArray
+from smartmot.types import BoolArray, FloatArray
 
 _G_MPS2 = 9.81
+_NEXT_LANE_M = 1.5 * 3.5
+"""Centres farther beside the path are beyond the next lane (lanes of 3.5 m: assumed)."""
+
 _NEARING_MPS = 0.1
 """Slower towards the path is no approach (assumed; the source's 1e-6 m/s is for speeds without noise)."""
 
@@ -32,7 +35,7 @@ class Approach:
     Args:
         track_id: of its track.
         aside_m: how far it was from the swept width when it began.
-        risk_s: when the driver first saw a risk in it; None: not yet.
+        risk_s: since when the driver evaluates its risk, or has found one; None: not yet.
     """
 
     track_id: int
@@ -58,15 +61,16 @@ class R157:
     """A competent driver brakes for what comes into the lane; for what is in it, the emergency brake.
 
     Source: UN R157, annex 3 (guidance, performance models), as read in esmini@77028d8,
-    ControllerALKS_R157SM (ReferenceDriver). The driver sees a risk in a vehicle that has wandered 0.375 m
-    towards the path, and in any pedestrian or cyclist who comes towards it; evaluates it for 0.4 s; has
-    the foot on the brake 0.75 s later; and brakes with 0.774 g if the time to collision is then below 2 s.
-    The emergency brake takes 0.85 g below 1.5 s for what overlaps the width that the ego sweeps.
+    ControllerALKS_R157SM (ReferenceDriver). The driver evaluates for 0.4 s a vehicle (a cyclist too) of the
+    own or the next lane that has wandered 0.375 m towards the path, and any pedestrian who comes towards it.
+    If the time to collision is then below 2 s, and stays so, the driver brakes with 0.774 g after another
+    0.75 s; if not, the evaluation begins again. The emergency brake takes 0.85 g below 1.5 s for what
+    overlaps the width that the ego sweeps.
 
     Not carried over: easing off the accelerator, the driver behind a braking or an overtaken vehicle, and the
-    driver's build-up, in whose place is that of the vehicle. The emergency brake of esmini waits until the
-    object is wholly in front of the ego. It brakes until standstill (esmini's FullStop). For a pedestrian who
-    crosses the emergency brake comes on entering the swept width, the driver 1.15 s after the first step.
+    driver's build-up (0.6 s), in whose place is that of the vehicle. The emergency brake of esmini waits
+    until the object is wholly in front of the ego. It brakes until standstill (esmini's FullStop). For a
+    pedestrian who crosses the emergency brake comes on entering the swept width.
 
     Args:
         r157_ttc_s: time to collision of the emergency brake (1.5 s); more brakes earlier.
@@ -107,28 +111,26 @@ class R157:
         approaches: tuple[Approach, ...] = ()
         if np.count_nonzero(now.counts):
             in_path, ttc = targets(now), closing_times(now)
-            approaches = self._approaches(state.approaches, now, in_path)
+            approaches = self._approaches(state.approaches, now, in_path, ttc)
             if (ttc[in_path] < self.r157_ttc_s).any():
                 stage = 2
-            elif approaches:
+            else:
                 acts_after_s = self.perception_s + self.driver_delay_s
-                ready = [
-                    a.track_id
-                    for a in approaches
-                    if a.risk_s is not None and now.ego.stamp_s - a.risk_s >= acts_after_s - 1e-9
-                ]
-                stage = int((ttc[np.isin(now.tracks.track_id, ready)] < self.driver_ttc_s).any())
+                stage = int(any(_since(a, now) >= acts_after_s - 1e-9 for a in approaches))
         braking, events = next_braking(state.braking, now, stage, until_standstill(now))
         decel = (None, self.driver_mps2, self.brake_mps2)[braking.stage]
         command = Command(braking.stage > 0, now.lead, decel_mps2=decel)
         return R157State(braking, approaches), command, events
 
     def _approaches(
-        self, before: tuple[Approach, ...], now: Assessment, in_path: BoolArray
+        self, before: tuple[Approach, ...], now: Assessment, in_path: BoolArray, ttc_s: FloatArray
     ) -> tuple[Approach, ...]:
         """Who comes nearer to the path now, or has done so before and is in it."""
         known = {approach.track_id: approach for approach in before}
-        nearing = now.counts & in_front(now) & now.tracks.dynamic & (now.path_aside_mps < -_NEARING_MPS)
+        pedestrian = now.tracks.category == "pedestrian"
+        seen = pedestrian | (np.abs(now.path_offset_m) <= _NEXT_LANE_M)
+        moves = now.tracks.dynamic & (now.path_aside_mps < -_NEARING_MPS)
+        nearing = now.counts & in_front(now) & seen & moves
         kept: list[Approach] = []
         for k in (nearing | in_path).nonzero()[0].tolist():
             track_id, aside = int(now.tracks.track_id[k]), float(now.path_aside_m[k])
@@ -137,7 +139,17 @@ class R157:
                 if not nearing[k]:
                     continue
                 approach = Approach(track_id, aside, None)
-            if approach.risk_s is None and (now.vulnerable[k] or approach.aside_m - aside > self.wander_m):
+            starts = approach.risk_s is None and (
+                bool(pedestrian[k]) or approach.aside_m - aside > self.wander_m
+            )
+            # evaluated, and no risk (any more): esmini begins again
+            harmless = _since(approach, now) >= self.perception_s - 1e-9 and ttc_s[k] >= self.driver_ttc_s
+            if starts or harmless:
                 approach = Approach(track_id, approach.aside_m, now.ego.stamp_s)
             kept.append(approach)
         return tuple(kept)
+
+
+def _since(approach: Approach, now: Assessment) -> float:
+    """For how long the risk of an approach has been evaluated; less than 0: it has not."""
+    return -1.0 if approach.risk_s is None else now.ego.stamp_s - approach.risk_s

@@ -150,6 +150,11 @@ class Assessment:
         """(M,) rate at which `path_aside_m` grows; negative: the object comes nearer to the swept width."""
         return self._relation().aside_mps
 
+    @property
+    def path_offset_m(self) -> FloatArray:
+        """(M,) distance of each centre from the middle of the width that the ego sweeps; left is positive."""
+        return self._relation().offset_m
+
     def _relation(self) -> PathRelation:
         """How the tracks, moved on to the ego's time, lie to the ego's path."""
         if self._on_path is None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,49 +17,55 @@ from smartmot.tracking.own import tracks_from_arrays
 KMH = 1 / 3.6
 EGO_LENGTH_M, EGO_WIDTH_M = 4.4, 1.8
 TIMES = forecast_times(3.0, 0.1)
+_CAR: Mapping[str, Any] = {
+    "offset_m": 0.0,
+    "velocity_mps": (0.0, 0.0),
+    "size_m": (4.0, 1.8),
+    "category": "car",
+    "counts": True,
+}
 
 
-def frame(
-    speed_mps: float,
-    gap_m: float,
-    *,
-    stamp_s: float = 0.0,
-    offset_m: float = 0.0,
-    velocity_mps: tuple[float, float] = (0.0, 0.0),
-    size_m: tuple[float, float] = (4.0, 1.8),
-    category: str = "car",
-    counts: bool = True,
-    track_id: int = 1,
-) -> Assessment:
+def frame(speed_mps: float, gap_m: float, *, stamp_s: float = 0.0, **kwargs: Any) -> Assessment:
     """The ego at the origin, heading east; an object whose rear is `gap_m` ahead of the ego's front."""
+    return scene(speed_mps, [{"gap_m": gap_m, **kwargs}], stamp_s=stamp_s)
+
+
+def scene(speed_mps: float, objects: Sequence[Mapping[str, Any]], *, stamp_s: float = 0.0) -> Assessment:
+    """The ego at the origin, heading east, and objects by `gap_m` and what departs from `_CAR`."""
     ego = EgoState(stamp_s, 0.0, 0.0, 0.0, speed_mps, length_m=EGO_LENGTH_M, width_m=EGO_WIDTH_M)
-    center = np.array([[EGO_LENGTH_M / 2 + gap_m + size_m[0] / 2, offset_m]])
+    columns = [{**_CAR, "track_id": k + 1, **given} for k, given in enumerate(objects)]
+    size, velocity, category, counts, track_id, gap, offset = (
+        np.array([column[name] for column in columns])
+        for name in ("size_m", "velocity_mps", "category", "counts", "track_id", "gap_m", "offset_m")
+    )
+    count = len(columns)
     tracks = tracks_from_arrays(
         stamp_s,
-        np.array([track_id]),
-        center,
-        np.array([size_m]),
-        np.zeros(1),
-        np.array([category]),
-        np.array([velocity_mps]),
-        dynamic=np.array([math.hypot(*velocity_mps) > 0.0]),
+        track_id,
+        np.stack((EGO_LENGTH_M / 2 + gap + size[:, 0] / 2, offset), axis=1),
+        size,
+        np.zeros(count),
+        category,
+        velocity,
+        dynamic=np.hypot(*velocity.T) > 0.0,
     )
-    no = np.zeros(1, dtype=np.bool_)
+    no = np.zeros(count, dtype=np.bool_)
     return Assessment(
         ego=ego,
         tracks=tracks,
         forecast=forecast_tracks(tracks, TIMES, ForecastConfig()),
         ego_forecast=forecast_ego(ego, TIMES),
         threats=NO_THREATS,
-        time_to_collision_s=np.full(1, np.inf),
-        ahead_m=np.array([gap_m + EGO_LENGTH_M / 2]),
+        time_to_collision_s=np.full(count, np.inf),
+        ahead_m=gap + EGO_LENGTH_M / 2,
         on_way=no,
         entering=no,
         threatening=no,
-        vulnerable=np.array([category in ("pedestrian", "cyclist")]),
+        vulnerable=np.isin(category, ("pedestrian", "cyclist")),
         lead=None,
         braking_distance_m=0.0,
-        counts=np.array([counts]),
+        counts=counts,
     )
 
 

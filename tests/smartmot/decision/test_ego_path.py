@@ -60,6 +60,7 @@ def test_on_a_straight_path() -> None:
     on_path = related(ego, STRAIGHT, tracks)
     assert on_path.gap_m == pytest.approx([15.8, 15.8, 12.55, -12.2])
     assert on_path.aside_m == pytest.approx([-1.8, 1.6, 2.35, -1.8])
+    assert on_path.offset_m == pytest.approx([0.0, -3.5, 3.5, 0.0])
     assert on_path.speed_mps == pytest.approx([5.0, 8.0, 0.2, 9.0])
     assert on_path.aside_mps[1:3] == pytest.approx([-0.6, -1.5])
 

@@ -18,7 +18,7 @@ from smartmot.decision.r157 import R157
 from smartmot.decision.required_deceleration import LAST_POINT_TO_BRAKE, RequiredDeceleration
 from smartmot.decision.rss import Rss
 from smartmot.decision.shipped import PAPER_RULE, RULES
-from tests.smartmot.decision.frames import KMH, approach, decided, frame, free
+from tests.smartmot.decision.frames import KMH, approach, decided, frame, free, scene
 
 PEDESTRIAN: dict[str, Any] = {"size_m": (0.5, 0.5), "category": "pedestrian"}
 WALK_MPS = 5 * KMH
@@ -194,10 +194,22 @@ def test_a_warning_alone_ends_with_its_reason() -> None:
 
 
 @pytest.mark.parametrize(
-    "rule", [Cascade(), RequiredDeceleration(), LAST_POINT_TO_BRAKE, Autoware(expand_width_m=0.0)], ids=names
+    ("rule", "beside_m"),
+    [
+        # in the width of 1.8 m once the centre is 0.9 + 0.25 m beside the middle
+        (RequiredDeceleration(), 1.15),
+        (LAST_POINT_TO_BRAKE, 1.15),
+        (Autoware(expand_width_m=0.0), 1.15),
+        # the centre in a lane of 3.6 m
+        (Cascade(), 1.8),
+        (CASCADE_GENTLE, 1.8),
+    ],
+    ids=lambda value: value.name if hasattr(value, "name") else "",
 )
-def test_a_pedestrian_who_crosses_is_a_target_on_entering_the_swept_width(rule: Any) -> None:
-    """At 5 km/h from the right: in the width of 1.8 m once the centre is 0.9 + 0.25 m beside the middle."""
+def test_a_pedestrian_who_crosses_is_a_target_on_entering_the_swept_width_or_lane(
+    rule: Any, beside_m: float
+) -> None:
+    """At 5 km/h from the right."""
     step_s = 0.01
     frames = [
         frame(
@@ -207,8 +219,16 @@ def test_a_pedestrian_who_crosses_is_a_target_on_entering_the_swept_width(rule: 
         for k in range(400)
     ]  # fmt: skip
     braked = [command.emergency for command, _ in decided(rule, frames)]
-    enters = (4.0 - 1.15) / WALK_MPS / step_s
+    enters = (4.0 - beside_m) / WALK_MPS / step_s
     assert braked.index(True) == pytest.approx(enters, abs=1)
+
+
+def test_the_cascade_takes_the_nearest_object_of_its_lane() -> None:
+    """A car that drives as fast as the ego hides the standing one behind it, until it leaves the lane."""
+    near, far = {"gap_m": 10.0, "velocity_mps": (10.0, 0.0)}, {"gap_m": 14.5}
+    assert not Cascade().decide(None, scene(10.0, [near, far]))[1].emergency
+    assert Cascade().decide(None, scene(10.0, [{**near, "offset_m": 1.81}, far]))[1].emergency
+    assert not Cascade().decide(None, scene(10.0, [near, {**far, "counts": False}]))[1].emergency
 
 
 def test_autoware_waits_until_the_narrower_published_width_is_entered() -> None:
@@ -297,20 +317,29 @@ def crossing(first_m: float, speed_mps: float, gap_m: float, **kwargs: Any) -> l
     ]  # fmt: skip
 
 
-def test_the_driver_brakes_for_a_pedestrian_after_evaluation_and_delay() -> None:
-    """0.4 + 0.75 s after the first sight; not before the time to collision is below 2 s."""
-    near = [c for c, _ in decided(R157(), crossing(-9.0, 10.0, 25.0, **PEDESTRIAN))]
-    far = [c for c, _ in decided(R157(), crossing(-9.0, 10.0, 40.0, **PEDESTRIAN))]
-    at = [c.emergency for c in near].index(True)
-    assert at == pytest.approx(1.15 / 0.05, abs=1)
-    assert near[at].decel_mps2 == pytest.approx(0.774 * 9.81)
-    assert [c.emergency for c in far].index(True) == pytest.approx(2.0 / 0.05, abs=1)
+@pytest.mark.parametrize(
+    ("gap_m", "brakes_s"),
+    [
+        (23.0, 1.15),  # 1.9 s after 0.4 s: a risk; 0.75 s later the foot is on the brake
+        (25.0, 1.55),  # 2.1 s after 0.4 s: none; 1.7 s after 0.8 s
+        (39.0, 2.75),  # 2.3 s after 1.6 s: none; 1.9 s after 2.0 s
+    ],
+)
+def test_the_driver_brakes_for_a_pedestrian_after_evaluation_and_delay(gap_m: float, brakes_s: float) -> None:
+    """At 10 m/s; evaluated every 0.4 s until the time to collision is below 2 s, then 0.75 s."""
+    out = [c for c, _ in decided(R157(), crossing(-9.0, 10.0, gap_m, **PEDESTRIAN))]
+    at = [c.emergency for c in out].index(True)
+    assert at == round(brakes_s / 0.05)
+    assert out[at].decel_mps2 == pytest.approx(0.774 * 9.81)
 
 
-def test_the_driver_sees_a_car_once_it_has_wandered() -> None:
-    """0.375 m at 5 km/h take 0.27 s: so much later than for a pedestrian."""
-    out = [c for c, _ in decided(R157(), crossing(-9.0, 10.0, 25.0))]
-    assert [c.emergency for c in out].index(True) == pytest.approx((0.375 / WALK_MPS + 1.15) / 0.05, abs=1.01)
+@pytest.mark.parametrize("kind", [{}, {**PEDESTRIAN, "category": "cyclist"}], ids=["car", "cyclist"])
+def test_the_driver_sees_who_is_no_pedestrian_once_it_has_wandered_in_the_next_lane(kind: Any) -> None:
+    """0.375 m at 5 km/h take 0.27 s, 0.3 s in frames: so much later than for a pedestrian."""
+    near = [c.emergency for c, _ in decided(R157(), crossing(-5.0, 10.0, 23.0, **kind))]
+    assert near.index(True) == round((0.3 + 1.15) / 0.05)
+    # from 9 m aside 5.25 m are reached after 2.7 s, the contact would be after 2.3 s
+    assert not any(c.emergency for c, _ in decided(R157(), crossing(-9.0, 10.0, 23.0, **kind)))
 
 
 def test_the_emergency_brake_of_r157() -> None:
@@ -342,6 +371,7 @@ def test_the_last_point_to_brake_is_the_way_of_the_brakes(
     [
         lambda: Cascade(partial1_mps2=6.0),
         lambda: Cascade(cascade_margin_s=-0.1),
+        lambda: Cascade(lane_width_m=0.0),
         lambda: RequiredDeceleration(0.0),
         lambda: RequiredDeceleration(6.0, -0.1),
         lambda: Rss(rss_response_s=-1.0),
