@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,9 @@ from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import Results, benefit, difference
-from evaluation.studies.answers.rivals import MAP, PATH
+from evaluation.studies.answers.rivals import MAP, PATH, Tuned, tuned_arm
 from evaluation.studies.answers.study import Answer, Question
-from evaluation.studies.answers.tables import points_text
+from evaluation.studies.answers.tables import arms_table, points_text
 from scenarios.settings import PARAMETERS
 from smartmot.types import FloatArray
 
@@ -31,20 +31,30 @@ class Sweep:
     Args:
         parameter: which.
         values: greater than zero, rising.
-        coin: whether it is a bias, whose side is drawn for each scene.
+        side: in words, of a bias whose side is drawn for each scene; empty: it has none.
     """
 
     parameter: str
     values: tuple[float, ...]
-    coin: bool = False
+    side: str = ""
+
+    @property
+    def text(self) -> str:
+        """What grows, in words."""
+        return self.side or PARAMETERS[self.parameter].text
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return PARAMETERS[self.parameter].unit
 
 
 SWEEPS: tuple[Sweep, ...] = (
-    Sweep("localisation_lateral_m", (0.25, 0.5, 1.0, 1.5), coin=True),
+    Sweep("localisation_lateral_m", (0.25, 0.5, 1.0, 1.5), "localisation biased left or right"),
     Sweep("localisation_drift_m", (0.25, 0.5, 1.0)),
-    Sweep("localisation_heading_deg", (0.5, 1.0, 2.0), coin=True),
-    Sweep("map_kerb_m", (0.5, 1.0, 2.0), coin=True),
-    Sweep("map_lane_m", (0.25, 0.5, 1.0), coin=True),
+    Sweep("localisation_heading_deg", (0.5, 1.0, 2.0), "heading biased left or right"),
+    Sweep("map_kerb_m", (0.5, 1.0, 2.0), "sidewalks of the map too far out or in"),
+    Sweep("map_lane_m", (0.25, 0.5, 1.0), "lanes of the map too far left or right"),
 )
 """From what survey-grade localisation and maps keep to what a receiver without corrections has; assumed."""
 NAMED = (
@@ -77,12 +87,14 @@ class Curve:
     """The differences along a sweep, from no error on.
 
     Args:
+        side: name of the map filter that is compared.
         sweep: the errors.
         points: the first without any.
         crossing: error at which the benefit is lost; infinite: not within the sweep; 0: there is none.
         low, high: its interval, from resampled scenes.
     """
 
+    side: str
     sweep: Sweep
     points: tuple[Point, ...]
     crossing: float
@@ -95,6 +107,10 @@ class Curve:
         return [0.0, *self.sweep.values]
 
 
+Pair = tuple[Arm, Arm]
+"""A map filter, and the planned path that it is compared with."""
+
+
 @dataclass(frozen=True, slots=True)
 class BreakEven(Question):
     """The map filter less the planned path, with growing errors of localisation and map.
@@ -104,43 +120,51 @@ class BreakEven(Question):
         rule: brake rule.
         sweeps: errors that grow.
         named: errors that are there or not.
+        tuned: settings of both that were chosen on other scenes; with them both are also compared.
     """
 
     preset: str = "physical"
     rule: str = "paper"
     sweeps: tuple[Sweep, ...] = SWEEPS
     named: tuple[tuple[str, str], ...] = NAMED
+    tuned: Tuned = ()
     name = "break-even"
 
     @property
-    def base(self) -> tuple[Arm, Arm]:
-        """Map filter and planned path without errors."""
-        return MAP.arm(self.preset, self.rule), PATH.arm(self.preset, self.rule)
+    def sides(self) -> list[Pair]:
+        """Map filter and planned path without errors: with the paper's margin, and tuned."""
+        first = (MAP.arm(self.preset, self.rule), PATH.arm(self.preset, self.rule))
+        second = tuple(tuned_arm(arm, self.tuned) or arm for arm in first)
+        return list(dict.fromkeys([first, (second[0], second[1])]))
 
-    def pair(self, parameter: str, value: float | str, coin: bool = False) -> tuple[Arm, Arm]:
+    @staticmethod
+    def having(side: Pair, parameter: str, value: float | str, coin: bool = False) -> Pair:
         """Both with an error; what means nothing for one of them leaves it as it is."""
-        first, second = (arm.having((parameter, value), coin=coin) for arm in self.base)
+        first, second = (arm.having((parameter, value), coin=coin) for arm in side)
         return first, second
 
-    @property
-    def pairs(self) -> list[tuple[Arm, Arm]]:
-        """Both sides at every error."""
-        grown = [self.pair(s.parameter, value, s.coin) for s in self.sweeps for value in s.values]
-        return [self.base, *grown, *(self.pair(*setting) for setting in self.named)]
+    def pairs_of(self, side: Pair) -> list[Pair]:
+        """Both at every error, first at none."""
+        grown = [
+            self.having(side, s.parameter, value, bool(s.side)) for s in self.sweeps for value in s.values
+        ]
+        return [side, *grown, *(self.having(side, *setting) for setting in self.named)]
 
     @property
     def arms(self) -> tuple[Arm, ...]:
         """All of them, each once."""
-        return tuple(dict.fromkeys(arm for pair in self.pairs for arm in pair))
+        pairs = (pair for side in self.sides for pair in self.pairs_of(side))
+        return tuple(dict.fromkeys(arm for pair in pairs for arm in pair))
 
     @property
     def questions(self) -> int:
         """Both differences at every error."""
-        return len(self.pairs) * len(DECISIVE)
+        return len(DECISIVE) * sum(len(self.pairs_of(side)) for side in self.sides)
 
-    def curve(self, results: Results, sweep: Sweep) -> Curve:
+    def curve(self, results: Results, side: Pair, sweep: Sweep) -> Curve:
         """The differences along a sweep, and where the benefit is lost."""
-        pairs = [self.base, *(self.pair(sweep.parameter, value, sweep.coin) for value in sweep.values)]
+        errors = (self.having(side, sweep.parameter, value, bool(sweep.side)) for value in sweep.values)
+        pairs = [side, *errors]
         values = [0.0, *sweep.values]
         points = tuple(_point(results, pair, value) for pair, value in zip(pairs, values, strict=True))
         sizes = np.array(values)
@@ -151,22 +175,34 @@ class BreakEven(Question):
         # order statistics: infinite ones cannot be interpolated
         low, high = (float(ends[round(q * (len(ends) - 1))]) for q in (tail, 1 - tail))
         middle = crossing(sizes, np.array([point.benefit.value for point in points]))
-        return Curve(sweep, points, middle, low, high)
+        return Curve(side[0].name, sweep, points, middle, low, high)
+
+    def curves(self, results: Results) -> dict[str, list[Curve]]:
+        """The differences along every sweep, by the name of the map filter."""
+        return {side[0].name: [self.curve(results, side, s) for s in self.sweeps] for side in self.sides}
+
+    def points_named(self, results: Results) -> dict[str, list[tuple[str, Point]]]:
+        """The differences at errors that are there or not: parameter and point, by the map filter."""
+        return {
+            side[0].name: [(key, _point(results, self.having(side, key, v), v)) for key, v in self.named]
+            for side in self.sides
+        }
 
     def answer(self, results: Results) -> Answer:
         """Where the benefit of the map filter is lost."""
-        curves = [self.curve(results, sweep) for sweep in self.sweeps]
-        named = [(key, _point(results, self.pair(key, value), value)) for key, value in self.named]
+        curves, named = self.curves(results), self.points_named(results)
         where = f"preset {self.preset}, rule {self.rule}"
-        tables = {"By error": _table(curves, named), "Where the benefit is lost": _crossings(curves)}
-        drawn = {
-            "break_even": figures.break_even(curves, "benefit", where),
-            "break_even_parts": figures.break_even(curves, "parts", where),
-        }
+        tables = {"Where the benefit is lost": _crossings(curves)}
+        tables |= {f"By error: {side}": _table(curves[side], named[side]) for side in curves}
+        tables["Who is who"] = arms_table([arm for side in self.sides for arm in side])
+        drawn = {"break_even": figures.break_even(curves, where)}
+        for side, own in curves.items():
+            name = f"break_even_{side}".replace(", ", "_").replace(" ", "_")
+            drawn[name] = figures.break_even_parts(own, f"{side}, {where}")
         files = {"break_even.csv": _csv(curves, named)}
         return Answer(
             "How wrong may localisation and map be before a lane filter hurts?",
-            findings(curves, named),
+            [line for side in curves for line in findings(side, curves[side], named[side])],
             tables,
             drawn,
             files,
@@ -177,12 +213,10 @@ class BreakEven(Question):
 NOTES = (
     "Benefit: collisions avoided per must-brake scene less unnecessary stops per nothing scene, of the map "
     "filter along the planned path less the planned path alone. One weighs as much as the other: a "
-    "yardstick, "
-    "and no trade-off of lives against comfort; both are given separately.",
+    "yardstick, and no trade-off of lives against comfort; both are given separately.",
     "A bias has in each scene the sign of a coin: its side is not known.",
     "The crossing is interpolated linearly between the sizes that were run; its interval is that of "
-    f"{RESAMPLES} "
-    "resamples of the scenes (percentiles, seeded).",
+    f"{RESAMPLES} resamples of the scenes (percentiles, seeded).",
     "Differences: Tango's interval over the scenes; benefit: the squares of both added (Zou and Donner).",
 )
 
@@ -240,34 +274,38 @@ def _point(results: Results, pair: tuple[Arm, Arm], value: float | str) -> Point
     return Point(value, avoided, stops, benefit(avoided, stops))
 
 
-def findings(curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> list[str]:
-    """The answer in sentences."""
-    start = curves[0].points[0] if curves else None
+def findings(side: str, curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> list[str]:
+    """The answer for one map filter in sentences."""
     lines = []
-    if start:
+    if curves:
+        start = curves[0].points[0]
         lines.append(
-            f"Without errors the map filter against the planned path: collisions avoided "
+            f"{side}: without errors, against the planned path, collisions avoided "
             f"{points_text(start.avoided)}, unnecessary stops {points_text(start.stops)}, benefit "
             f"{points_text(start.benefit)} points."
         )
-    lines += [_crossing_sentence(curve) for curve in curves]
+        if start.benefit.value <= 0.0:
+            lines.append(f"{side}: there is no benefit that an error could take.")
+        else:
+            lines += [f"{side}: {crossing_sentence(curve)}" for curve in curves]
     lines += [
-        f"{PARAMETERS[key].text} {point.value}: collisions avoided {points_text(point.avoided)}, unnecessary "
-        f"stops {points_text(point.stops)} points."
+        f"{side}: {PARAMETERS[key].text} {point.value}: collisions avoided {points_text(point.avoided)}, "
+        f"unnecessary stops {points_text(point.stops)} points."
         for key, point in named
     ]
     return lines
 
 
-def _crossing_sentence(curve: Curve) -> str:
-    parameter = PARAMETERS[curve.sweep.parameter]
-    most = f"{curve.sweep.values[-1]:g} {parameter.unit}"
+def crossing_sentence(curve: Curve) -> str:
+    """Where the benefit is lost, for one error."""
+    text, unit = curve.sweep.text, curve.sweep.unit
     reach = f"[{_size(curve.low)}, {_size(curve.high)}]"
     if curve.crossing == 0.0:
-        return f"{parameter.text}: there is no benefit to lose."
+        return f"{text}: there is no benefit to lose."
     if math.isinf(curve.crossing):
-        return f"{parameter.text}: the benefit is not lost up to {most} (interval of the crossing {reach})."
-    return f"{parameter.text}: the benefit is lost at {_size(curve.crossing)} {parameter.unit} {reach}."
+        most = f"{curve.sweep.values[-1]:g} {unit}"
+        return f"{text}: the benefit is not lost up to {most} (interval of the crossing {reach})."
+    return f"{text}: the benefit is lost at {_size(curve.crossing)} {unit} {reach}."
 
 
 def _size(value: float) -> str:
@@ -295,27 +333,40 @@ def _table(curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> Table
     return Table(header, tuple(rows), (), "Map filter less planned path in the same scenes; 95 % intervals.")
 
 
-def _crossings(curves: Sequence[Curve]) -> Table:
+def _crossings(curves: Mapping[str, Sequence[Curve]]) -> Table:
     rows = tuple(
         (
-            PARAMETERS[c.sweep.parameter].text,
-            PARAMETERS[c.sweep.parameter].unit,
-            fixed(c.crossing, 2) if math.isfinite(c.crossing) else f"{EMPTY} (beyond {c.sweep.values[-1]:g})",
+            side,
+            c.sweep.text,
+            c.sweep.unit,
+            _lost_at(c),
             f"[{_size(c.low)}, {_size(c.high)}]",
         )
-        for c in curves
+        for side, own in curves.items()
+        for c in own
     )
-    return Table(("error", "unit", "benefit lost at", "95 % interval"), rows)
+    return Table(("who", "error", "unit", "benefit lost at", "95 % interval"), rows)
 
 
-def _csv(curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> bytes:
-    header = ["parameter", "value"]
+def _lost_at(curve: Curve) -> str:
+    if curve.crossing == 0.0:
+        return "no benefit to lose"
+    return (
+        fixed(curve.crossing, 2)
+        if math.isfinite(curve.crossing)
+        else f"{EMPTY} (beyond {curve.sweep.values[-1]:g})"
+    )
+
+
+def _csv(curves: Mapping[str, Sequence[Curve]], named: Mapping[str, Sequence[tuple[str, Point]]]) -> bytes:
+    header = ["name", "parameter", "value"]
     for name in ("avoided", "stops", "benefit"):
         header += [name, f"{name}_low", f"{name}_high"]
     rows = []
-    for key, point in _lines(curves, named):
-        line: list[object] = [key, point.value]
-        for part in (point.avoided, point.stops, point.benefit):
-            line += [part.value, part.low, part.high]
-        rows.append(line)
+    for side in curves:
+        for key, point in _lines(curves[side], named[side]):
+            line: list[object] = [side, key, point.value]
+            for part in (point.avoided, point.stops, point.benefit):
+                line += [part.value, part.low, part.high]
+            rows.append(line)
     return csv_bytes(header, rows)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import LEVEL, Difference
 from evaluation.views.plots.fitting import wrapped
-from evaluation.views.plots.panels import hidden_by, spread
+from evaluation.views.plots.panels import PanelPage, draw_band, hidden_by, panel_page
 from evaluation.views.plots.style import (
     BLACK,
     BLUE,
@@ -29,9 +27,9 @@ from evaluation.views.plots.style import (
     plain_figure,
     set_style,
 )
-from scenarios.settings import PARAMETERS
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -125,123 +123,112 @@ def _scene_counts(differences: Sequence[Difference]) -> str:
     return f"{counts['avoided']} must-brake scenes, {counts['stops']} in which nothing should happen"
 
 
-def break_even(curves: Sequence[Curve], shown: str, where: str) -> Figure:
-    """Map filter less planned path over growing errors: curves with bands, and where the benefit is lost.
+SIDE_COLOURS = (GREEN, PURPLE)
+"""Of the map filters that are compared with the planned path: with the paper's margin, and tuned."""
+
+
+def break_even(curves: Mapping[str, Sequence[Curve]], where: str) -> Figure:
+    """Benefit of each map filter over growing errors, with bands, and where it is lost.
+
+    Args:
+        curves: one per error, by the name of the map filter.
+        where: preset and rule.
+    """
+    from matplotlib.lines import Line2D
+
+    colours = dict(zip(curves, itertools.cycle(SIDE_COLOURS), strict=False))
+    entries = [Line2D([], [], color=colour, marker="o", label=side) for side, colour in colours.items()]
+    every = list(curves.values())
+    page = _error_page(every[0], "Avoided less stopped: map filter less planned path", where, entries, _LOST)
+    for k, axes in enumerate(page.axes[: len(every[0])]):
+        for side, own in curves.items():
+            _curve(axes, own[k], "benefit", colours[side])
+            _mark_loss(axes, own[k], colours[side])
+        _error_axis(axes, every[0][k])
+    return page.figure
+
+
+def break_even_parts(curves: Sequence[Curve], where: str) -> Figure:
+    """Collisions avoided and unnecessary stops of a map filter less those of the planned path.
 
     Args:
         curves: one per error.
-        shown: `benefit`, or `parts` for collisions avoided and unnecessary stops.
-        where: preset and rule.
+        where: map filter, preset and rule.
     """
-    columns = min(3, len(curves))
-    rows = math.ceil(len(curves) / columns)
-    height_in = 0.75 + 1.95 * rows
-    figure = plain_figure((WIDTH_IN, height_in), DPI)
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
-    figure.subplots_adjust(
-        left=0.085, right=0.985, bottom=0.75 / height_in, top=1 - 0.5 / height_in, wspace=0.13, hspace=0.55
-    )
-    for axes, curve in zip(panels.flat, curves, strict=False):
-        _break_even_panel(axes, curve, shown)
-    if shown == "parts":
-        for axes, curve in zip(panels.flat, curves, strict=False):
-            _name_parts(axes, curve)
-    for axes in panels.flat[len(curves) :]:
-        axes.set_axis_off()
-    for line in panels:
-        line[0].set_ylabel("map less path (points)", fontsize=SMALL_PT)
-    what = {"benefit": "Avoided less stopped", "parts": "Collisions avoided and unnecessary stops"}[shown]
-    figure.text(
-        0.01, 1 - 0.2 / height_in, f"{what}: the map filter less the planned path, {where}", fontsize=FONT_PT
-    )
+    from matplotlib.lines import Line2D
+
+    entries = [
+        Line2D([], [], color=COLOURS[name], marker="o", label=f"{MEASURES[name].text} ({BETTER_UP[name]})")
+        for name in DECISIVE
+    ]
+    page = _error_page(curves, "Map filter less planned path", where, entries)
+    for axes, curve in zip(page.axes, curves, strict=False):
+        lines = [
+            [(x, 100 * getattr(p, name).value) for x, p in zip(curve.values, curve.points, strict=True)]
+            for name in DECISIVE
+        ]
+        for name, hiding in zip(DECISIVE, hidden_by(lines, _SAME), strict=True):
+            _curve(axes, curve, name, COLOURS[name], hiding)
+        _error_axis(axes, curve)
+    return page.figure
+
+
+BETTER_UP = {"avoided": "better: up", "stops": "better: down"}
+_LOST = " Black ticks: where the benefit is lost, and its interval."
+
+
+def _error_page(
+    curves: Sequence[Curve], title: str, where: str, entries: Sequence[Artist], more: str = ""
+) -> PanelPage:
+    """A panel for each error, three in a line."""
+    columns = min(3, max(1, len(curves)))
     scenes = curves[0].points[0] if curves else None
     counts = f"{scenes.avoided.count} + {scenes.stops.count} scenes per point. " if scenes else ""
-    crossing = " Line: where the benefit is lost, with its interval." if shown == "benefit" else ""
-    figure.text(
-        0.5, 0.05 / height_in, f"{counts}Bands: 95 % intervals over the scenes.{crossing}",
-        ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
+    page = panel_page(
+        max(1, math.ceil(len(curves) / columns)), columns,
+        width_in=WIDTH_IN, panel_in=1.85, title=f"{title}, {where}", share_y=True,
+        note=f"{counts}Bands: 95 % intervals over the scenes.{more}", entries=entries,
     )  # fmt: skip
-    return figure
+    for axes in page.axes[len(curves) :]:
+        axes.set_axis_off()
+    for axes in page.axes[::columns]:
+        axes.set_ylabel("difference (points)", fontsize=SMALL_PT)
+    return page
 
 
-def _break_even_panel(axes: Axes, curve: Curve, shown: str) -> None:
-    parameter = PARAMETERS[curve.sweep.parameter]
-    set_style(axes)
-    axes.axhline(0.0, color=GREY, linewidth=0.9)
-    names = {"benefit": ("benefit",), "parts": DECISIVE}[shown]
-    values = [
-        [(x, 100 * getattr(p, name).value) for x, p in zip(curve.values, curve.points, strict=True)]
-        for name in names
-    ]
-    for name, hiding in zip(names, hidden_by(values, _SAME), strict=True):
-        points: list[Estimate] = [getattr(point, name) for point in curve.points]
-        colour = COLOURS.get(name, GREEN)
-        x = curve.values
-        axes.fill_between(
-            x,
-            [100 * p.low for p in points],
-            [100 * p.high for p in points],
-            color=colour,
-            alpha=0.16,
-            linewidth=0,
-        )
-        axes.plot(
-            x, [100 * p.value for p in points], color=colour, marker="o", markersize=3.0 + 2.0 * hiding,
-            linewidth=1.3 + 2.0 * hiding,
-        )  # fmt: skip
-    if shown == "benefit" and 0.0 < curve.crossing < math.inf:
-        most = curve.values[-1]
-        axes.plot(
-            [curve.low, min(curve.high, most)], [0.0, 0.0], color=BLACK, linewidth=2.4, solid_capstyle="butt"
-        )
-        axes.plot(curve.crossing, 0.0, marker="|", markersize=9.0, color=BLACK)
-    if shown == "benefit":
-        axes.text(
-            0.97,
-            0.95,
-            _lost_text(curve),
-            transform=axes.transAxes,
-            ha="right",
-            va="top",
-            fontsize=SMALL_PT - 1.0,
-        )
-    label = f"{parameter.text} ({parameter.unit})"
-    axes.set_xlabel(label, fontsize=SMALL_PT * min(1.0, 38 / len(label)))  # as many have room
+def _curve(axes: Axes, curve: Curve, name: str, colour: str, hiding: int = 0) -> None:
+    """One difference along the errors with its band; wider if another lies on it."""
+    points: list[Estimate] = [getattr(point, name) for point in curve.points]
+    low, high = ([100 * getattr(p, end) for p in points] for end in ("low", "high"))
+    draw_band(axes, curve.values, low, high, colour)
+    axes.plot(
+        curve.values, [100 * p.value for p in points], color=colour, marker="o",
+        markersize=3.0 + 2.0 * hiding, linewidth=1.3 + 2.0 * hiding,
+    )  # fmt: skip
+
+
+def _mark_loss(axes: Axes, curve: Curve, colour: str) -> None:
+    """Where a benefit is lost on the line of no difference, with its interval."""
+    if not 0.0 < curve.crossing < math.inf:
+        return
+    most = curve.values[-1]
+    axes.plot([curve.low, min(curve.high, most)], [0.0, 0.0], color=colour, linewidth=2.4, alpha=0.8)
+    axes.plot(curve.crossing, 0.0, marker="|", markersize=9.0, color=BLACK)
+
+
+def _error_axis(axes: Axes, curve: Curve) -> None:
+    axes.axhline(0.0, color=GREY, linewidth=0.9, zorder=1.0)
+    label = f"{curve.sweep.text} ({curve.sweep.unit})"
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    axes.set_xlabel(wrapped(figure, label, _LABEL_IN, SMALL_PT), fontsize=SMALL_PT)
     axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
 
 
+_LABEL_IN = 1.95
+"""Width that the label of one of three panels may take, inches."""
 _SAME = 0.01
 """Points nearer than this fall on one another: the lower curve is drawn wider."""
-_PART_NAME_PT = 9.0
-"""Height that the name of a curve needs."""
-
-
-def _name_parts(axes: Axes, curve: Curve) -> None:
-    """Names of both curves inside the panel at their ends, the upper above and the lower below its own."""
-    scale = 72.0 / axes.figure.dpi
-    axes.get_ylim()  # all panels share it: final once all are drawn
-    x = curve.values[-1]
-    heights = {name: 100 * getattr(curve.points[-1], name).value for name in DECISIVE}
-    upper = max(heights, key=heights.__getitem__)
-    ends = np.array([axes.transData.transform((x, y))[1] for y in heights.values()]) * scale
-    beside = np.array([0.7 if name == upper else -0.7 for name in heights]) * _PART_NAME_PT
-    sizes = np.full(len(ends), _PART_NAME_PT)
-    places = spread(ends + beside, sizes, axes.bbox.y0 * scale, axes.bbox.y1 * scale)
-    for (name, y), shift in zip(heights.items(), (places - ends).tolist(), strict=True):
-        axes.annotate(
-            name, (x, y), xytext=(-2, shift), textcoords="offset points", ha="right",
-            va="center", fontsize=SMALL_PT - 1.0, color=COLOURS[name],
-        )  # fmt: skip
-
-
-def _lost_text(curve: Curve) -> str:
-    """Where the benefit is lost, for a corner."""
-    if curve.crossing == 0.0:
-        return "no benefit to lose"
-    unit = PARAMETERS[curve.sweep.parameter].unit
-    if math.isinf(curve.crossing):
-        return f"not lost up to {curve.sweep.values[-1]:g} {unit}"
-    return f"lost at {curve.crossing:.2g} {unit}"
 
 
 def tornado(costs: Sequence[Cost], where: str) -> Figure:

@@ -29,6 +29,11 @@ class Rival:
     strategy: str
     settings: Settings = FAIR
 
+    @property
+    def is_as_published(self) -> bool:
+        """Whether it is the paper's, which knows no planned path."""
+        return not self.settings
+
     def arm(self, preset: str, rule: str) -> Arm:
         """It in a preset, with a brake rule."""
         return Arm(self.name, self.strategy, self.settings, preset).having(("rule", rule))
@@ -53,6 +58,21 @@ RIVALS: tuple[Rival, ...] = (
 )
 """The first is what the others are compared with. `all` along the planned path would be the first again, so
 that it is a rival only as published."""
+
+
+Tuned = tuple[tuple[str, str, Settings], ...]
+"""Name of a rival, rule, and settings that were chosen for them on other scenes (see `Tuning`)."""
+
+BY_TUNING = ", tuned"
+"""Of the names of rivals with such settings."""
+
+
+def tuned_arm(arm: Arm, tuned: Tuned) -> Arm | None:
+    """A rival with the settings that were chosen for it and its rule; None where none were."""
+    for name, rule, settings in tuned:
+        if (name, rule) == (arm.name, arm.rule):
+            return arm.having(*settings, name=f"{arm.name}{BY_TUNING}")
+    return None
 
 
 def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:

@@ -49,7 +49,7 @@ def test_the_answer_says_where_the_benefit_is_lost(make) -> None:
         return 0.9, 0.2 if arm.strategy == "path" else 0.3 if wide else 0.1
 
     results = make(study.arms, 100, rates)
-    first, second = (study.curve(results, sweep) for sweep in study.sweeps)
+    first, second = study.curves(results)["map"]
     assert first.crossing == pytest.approx(0.5)
     assert 0.2 < first.low < 0.5 < first.high < 0.8
     assert math.isinf(second.crossing)
@@ -70,4 +70,21 @@ def test_all_errors_can_be_run() -> None:
     study = BreakEven()
     for arm in study.arms:
         arm.check()
-    assert len(study.pairs) == 1 + sum(len(sweep.values) for sweep in study.sweeps) + len(study.named)
+    errors = sum(len(sweep.values) for sweep in study.sweeps) + len(study.named)
+    assert len(study.pairs_of(study.sides[0])) == 1 + errors
+
+
+def test_tuned_settings_are_compared_as_well_and_with_the_tuned_path() -> None:
+    chosen = (("map", "paper", (("margin_m", 4.0),)), ("path", "paper", (("corridor_m", 2.0),)))
+    (_, path), (wide, narrow) = BreakEven(tuned=chosen).sides
+    assert (wide.name, dict(wide.settings)["margin_m"]) == ("map, tuned", 4.0)
+    assert (narrow.name, dict(narrow.settings)["corridor_m"]) == ("path, tuned", 2.0)
+    assert "corridor_m" not in dict(path.settings)
+    nothing_chosen = BreakEven(tuned=(("map", "rss", ()), ("map", "paper", ())))
+    assert len(nothing_chosen.sides) == 2  # a filter that stays as it is has a name of its own
+
+
+def test_without_a_benefit_there_is_nothing_to_lose(make) -> None:
+    study = BreakEven(sweeps=(Sweep("margin_m", (1.0,)),), named=())
+    answer = study.answer(make(study.arms, 50, lambda arm: (0.9 if arm.strategy == "path" else 0.8, 0.1)))
+    assert answer.sentences[1:] == ["map: there is no benefit that an error could take."]

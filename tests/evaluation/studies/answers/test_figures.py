@@ -13,7 +13,8 @@ from tests.figures import text_faults
 
 OWN = ("my_package.monitored.areas:variant_00_wide", "my_package.areas:narrow")
 GAIN = Gain(presets=("physical",), own=OWN)
-QUESTIONS: tuple[Question, ...] = (GAIN, BreakEven(), SensorErrors(), Trigger())
+CHOSEN = (("map", "paper", (("margin_m", 4.0),)),)
+QUESTIONS: tuple[Question, ...] = (GAIN, BreakEven(), BreakEven(tuned=CHOSEN), SensorErrors(), Trigger())
 
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.name)

@@ -53,6 +53,22 @@ def test_the_answer_says_what_the_runs_say(make) -> None:
     assert ",0.0," in rows[1]
 
 
+def test_what_is_the_papers_as_published_has_the_papers_rule() -> None:
+    names = {rule: {arm.name for arm in Gain(rules=("paper", "rss")).arms if arm.rule == rule}
+             for rule in ("paper", "rss")}  # fmt: skip
+    assert names["paper"] - names["rss"] == {rival.name for rival in RIVALS if rival.is_as_published}
+    assert {"path", "map", "rectangle", "rectangle, wide"} == names["rss"]
+
+
+def test_the_price_of_fewer_stops_is_said(make) -> None:
+    """2 points of collisions for 1 point of stops: it pays from a weight of 2 on."""
+    study = Gain(formats=())
+    rates = {"path": (0.9, 0.2), "map": (0.8, 0.15)}
+    lines = study.answer(make(study.arms, 60, lambda arm: rates.get(arm.name, (0.5, 0.4)))).sentences
+    assert "weighs more than 2.0 collisions" in lines[1]
+    assert sum("it pays if" in line for line in lines) == 1
+
+
 @pytest.mark.parametrize(
     "tuned",
     [(("mapp", "paper", ()),), (("map", "rss", ()),)],
