@@ -384,6 +384,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         ),
         "heading_sigma_deg": _sensor_error("noise of headings", "degrees", "heading_sigma_deg"),
         "heading_flip": _sensor_error("headings that point backwards", "", "heading_flip"),
+        "size_bias": _sensor_error("lengths and widths too great, relative", "", "size_bias"),
         "size_sigma": _sensor_error("noise of lengths and widths, relative", "", "size_sigma"),
         "class_confusion": _sensor_error("objects in a wrong category", "", "class_confusion"),
         "velocity_sigma_mps": _sensor_error("noise of reported velocities", "m/s", "velocity_sigma_mps"),

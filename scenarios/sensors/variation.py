@@ -52,16 +52,16 @@ def _with(config: SensorConfig, errors: SensorErrors) -> SensorConfig:
     return replace(config, errors=None if errors == SensorErrors() else errors)
 
 
-def _in_rows(config: SensorConfig, name: str) -> Any:
-    """What all rows have; NaN: they differ."""
-    values = {getattr(row, name) for row in (config.errors or SensorErrors()).rows}
+def _in_rows(config: SensorConfig, *names: str) -> Any:
+    """What all rows have in all of these fields; NaN: they differ."""
+    values = {getattr(row, name) for row in (config.errors or SensorErrors()).rows for name in names}
     return values.pop() if len(values) == 1 else math.nan
 
 
 def _row(*names: str) -> ErrorNumber:
     """A number of the rows, put into one or more fields."""
     return ErrorNumber(
-        lambda config: float(_in_rows(config, names[0])),
+        lambda config: float(_in_rows(config, *names)),
         lambda config, v: with_rows(config, **dict.fromkeys(names, v)),
     )
 
@@ -131,6 +131,7 @@ ERROR_NUMBERS: Mapping[str, ErrorNumber] = MappingProxyType(
         "position_correlation_s": _error("position_correlation_s"),
         "heading_sigma_deg": ErrorNumber(_heading_of, _put_heading),
         "heading_flip": _row("flip"),
+        "size_bias": _row("length_bias", "width_bias"),
         "size_sigma": _row("length_sigma", "width_sigma"),
         "class_confusion": _row("confusion"),
         "velocity_sigma_mps": ErrorNumber(_velocity_of, _put_velocity),

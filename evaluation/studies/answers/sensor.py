@@ -21,7 +21,7 @@ ERRORS: dict[str, tuple[str, ...]] = {
     "position noise": ("position_sigma_m", "position_correlation_s"),
     "position bias": ("position_bias_m",),
     "headings": ("heading_sigma_deg", "heading_flip"),
-    "sizes": ("size_sigma",),
+    "sizes": ("size_sigma", "size_bias"),
     "categories": ("class_confusion",),
     "misses": ("miss_rate", "miss_persistence"),
     "ghosts": ("ghosts_per_frame",),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from evaluation.studies.answers.sensor import ERRORS, SensorErrors
 from scenarios.presets import named_preset
-from scenarios.settings import PARAMETERS
+from scenarios.sensors.variation import ERROR_NUMBERS
+from scenarios.settings import PARAMETERS, preset_with
 
 STUDY = SensorErrors(errors=("misses", "latency", "range"))
 
@@ -18,6 +21,18 @@ def test_an_error_that_is_left_out_has_the_value_of_the_ideal_sensor() -> None:
     assert len(STUDY.arms) == 2 + 2 * 3
     for arm in SensorErrors().arms:
         arm.check()
+
+
+def test_without_any_error_the_sensor_is_the_ideal_one_but_for_what_it_may_see_at_all() -> None:
+    study = SensorErrors()
+    ideal, without = (
+        preset_with(named_preset(name), arm.settings)
+        for name, arm in (("physical", study.rival.arm("physical", "paper")), ("real", study.having([])))
+    )
+    numbers = {name: number.of(ideal.sensor) for name, number in ERROR_NUMBERS.items()}
+    assert {name: number.of(without.sensor) for name, number in ERROR_NUMBERS.items()} == numbers
+    plain = replace(without.sensor, errors=None, min_visible=ideal.sensor.min_visible)
+    assert replace(without, name=ideal.name, sensor=plain) == ideal
 
 
 def test_the_error_that_costs_most_is_named(make) -> None:
