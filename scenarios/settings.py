@@ -10,7 +10,10 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from scenarios.presets import PRESETS, Preset
+from scenarios.sensors.boxes import SensorConfig
+from scenarios.sensors.suite import whole_steps
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
+from scenarios.simulation.truth import STEP_S
 from scenarios.sources.perception import PATHS_FROM
 from scenarios.strategies import STRATEGIES
 from smartmot.area import WAYS
@@ -423,6 +426,7 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
 
     Raises:
         smartmot.errors.ConfigError: there is no parameter of that name, or a value is out of range.
+        ScenarioError: one of the sensor is, or no multiple of the simulation's step.
     """
     for name, value in settings:
         if name not in PARAMETERS:
@@ -432,7 +436,14 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
             raise ConfigError(f"{name}: expected {expected}; got {value!r}")
     for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)
+    _check_timing(preset.sensor)
     return preset
+
+
+def _check_timing(sensor: SensorConfig) -> None:
+    """See that frames come at steps of the simulation."""
+    whole_steps(1.0 / sensor.rate_hz, STEP_S, "frame interval (1 / rate_hz)", least=1)
+    whole_steps(sensor.latency_s, STEP_S, "latency")
 
 
 def settings_text(settings: Settings) -> str:

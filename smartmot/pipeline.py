@@ -304,8 +304,9 @@ class Pipeline:
             return unchecked(Assessment, ego, tracks, forecast, ego_forecast, *of_none)
         boxes = unchecked(Boxes, forecast.center_m[:, 0], forecast.size_m, forecast.yaw_rad[:, 0])
         relevance = area.relevance(boxes, tracks.category)
-        # one detection shows no velocity: a track just born is not known to stand, it may drive like the ego
-        known = tracks.confirmed & (tracks.age_s > 0.0)
+        # One detection shows no velocity, however long ago it was: what was seen once is not known to stand,
+        # it may drive like the ego. The last match was the first where both times are equal.
+        known = tracks.confirmed & (tracks.age_s > tracks.coasted_s)
         counts = np.where(
             tracks.dynamic, relevance.within_reach & tracks.confirmed, relevance.in_route & known
         )

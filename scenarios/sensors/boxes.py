@@ -51,8 +51,8 @@ class SensorConfig:
         if not (self.range_m > 0 and self.rate_hz > 0 and 0 < self.fov_rad <= 2 * np.pi):
             raise ScenarioError("sensor: range and rate must be positive, the field of view in (0, 2 pi]")
         times = (self.position_sigma_m, self.yaw_sigma_rad, self.latency_s, self.phase_s)
-        if not all(value >= 0 for value in times):
-            raise ScenarioError("sensor: noise, latency and phase must not be negative")
+        if not all(0 <= value < math.inf for value in times):
+            raise ScenarioError("sensor: noise, latency and phase must be finite and not negative")
         if not (0 <= self.detection_probability <= 1 and 0 <= self.min_visible <= 1):
             raise ScenarioError("sensor: detection_probability and min_visible must lie in [0, 1]")
 

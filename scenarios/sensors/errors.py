@@ -181,7 +181,8 @@ class SensorErrors:
             detections carry no velocity. A detector of one's own that observes boxes knows none.
         ghosts_per_frame: false positives in a frame, on average, by category.
         ghost_life_s: mean time for which a ghost is reported, at the same place.
-        ghost_range_m: distance within which ghosts appear, uniformly over the area; None: the sensor's range.
+        ghost_range_m: distance within which ghosts appear, uniformly over the area, though not where the ego
+            is; None: the sensor's range.
         ghost_view_rad: angle about the ego's heading in which they appear; None: the sensor's field of view.
         ghost_ahead: share of them within `GHOST_AHEAD_M` of the line ahead; None: as the area has it.
 

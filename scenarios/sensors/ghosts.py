@@ -18,11 +18,15 @@ _SIZES_M = np.array([(3.9, 1.6), (0.8, 0.6), (1.76, 0.6), (10.1, 2.6), (1.76, 0.
 """Lengths and widths by category: the anchors of PointPillars for KITTI's car, pedestrian and cyclist (Lang
 et al. 2019), and the mean truck of Frustum PointNets (Qi et al. 2018); others assumed."""
 
+_NEAREST_M = np.array([4.2, 5.0, 3.2, 4.2, 3.2, 4.2])
+"""No ghost is nearer, by category: the nearest of those on KITTI (`scenarios.sensors.measured_errors`);
+motorcycles as cyclists, others as cars. Nearer is the ego itself, which no detector reports."""
+
 _NOTHING = np.zeros((0, 6))
 
 
 class Ghosts:
-    """Ghosts along a run: Poisson births, exponential lives, uniform over an area about the ego.
+    """Ghosts along a run: Poisson births, exponential lives, uniform over a ring about the ego.
 
     How many there are follows from the seed and the number of the measurement alone; a ghost stands where the
     ego's pose at its birth puts it.
@@ -40,6 +44,7 @@ class Ghosts:
         self._range_m = np.full(len(CATEGORIES), config.range_m)
         if errors.ghost_range_m is not None:
             self._range_m = np.minimum(self._range_m, table(errors.ghost_range_m))
+        self._nearest_m = np.minimum(_NEAREST_M, self._range_m)
         self._view_rad = config.fov_rad if errors.ghost_view_rad is None else errors.ghost_view_rad
         self._ahead = None if errors.ghost_ahead is None else table(errors.ghost_ahead)
         self._rows = _NOTHING
@@ -101,7 +106,8 @@ class Ghosts:
             return _NOTHING
         code = np.repeat(np.arange(len(CATEGORIES)), count)
         share = rng.random((len(code), 3))
-        distance = self._range_m.take(code) * np.sqrt(share[:, 1])
+        inner, outer = self._nearest_m.take(code) ** 2, self._range_m.take(code) ** 2
+        distance = np.sqrt(inner + (outer - inner) * share[:, 1])
         bearing = ego.yaw_rad + self._bearing(code, distance, share[:, 0])
         x, y = ego.x_m + distance * np.cos(bearing), ego.y_m + distance * np.sin(bearing)
         yaw = np.pi * (2.0 * share[:, 2] - 1.0)

@@ -66,8 +66,8 @@ def tracks_from_arrays(
         velocity_mps: (M, 2) velocities over ground, map frame.
         score: (M,) scores of the last detections; 1 when not given.
         yaw_rate_radps: (M,) turn rates; 0 when not given: forecasts are straight.
-        age_s: (M,) time since birth; infinite when not given. A track of age 0 shows no velocity yet, and
-            the ego does not adapt its speed to it.
+        age_s: (M,) time since birth; infinite when not given. A track without a detection since then shows no
+            velocity yet: where it stands, the ego neither brakes for it nor adapts its speed to it.
         coasted_s: (M,) time since the last detection; 0 when not given.
         confirmed: (M,) only confirmed tracks raise a flag; all of them when not given.
         dynamic: (M,) only dynamic tracks are forecast; those over `DYNAMIC_MPS` when not given.

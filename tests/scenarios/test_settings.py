@@ -10,6 +10,7 @@ import pytest
 from evaluation.cli.options import parse_vary
 from evaluation.errors import ArgumentError
 from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
+from scenarios.errors import ScenarioError
 from scenarios.presets import PAPER, PHYSICAL, REAL, Preset, pipeline_of
 from scenarios.scenes.scenes import choose_scenes
 from scenarios.sensors.variation import ERROR_NUMBERS
@@ -70,6 +71,19 @@ def test_a_value_that_is_put_is_read_back_and_the_preset_keeps_its_own(name: str
 def test_a_value_out_of_range_is_refused_before_the_first_run() -> None:
     with pytest.raises(ConfigError):
         study_runs([Point("map", (("margin_m", -1.0),))], choose_scenes(), "physical", ["dry"], 1)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        ("rate_hz", 30.0), ("rate_hz", 0.0), ("rate_hz", math.inf), ("latency_s", 0.055), ("latency_s", math.inf),
+        ("position_sigma_m", math.inf), ("heading_sigma_deg", math.inf),
+    ],
+)  # fmt: skip
+def test_what_the_sensor_cannot_do_is_refused_before_the_first_run(setting: tuple[str, float]) -> None:
+    """Frames come at steps of 10 ms."""
+    with pytest.raises(ScenarioError, match="sensor: .* (multiple of the step of 10 ms|finite|positive)"):
+        preset_with(PHYSICAL, (setting,))
 
 
 def test_points_take_only_the_parameters_that_mean_something() -> None:

@@ -139,6 +139,21 @@ def test_a_step_is_a_function_of_its_arguments() -> None:
         state = once
 
 
+def test_what_was_seen_once_neither_brakes_nor_slows_the_ego() -> None:
+    """One false positive in the lane: its track coasts, and nothing more is known of it with time."""
+    pipeline = Pipeline(_map_area(), PipelineConfig())
+    seen: list[Object] = [("car", (112.0, LANE_Y), (0.0, 0.0))]
+    for frames, brakes in ((1, False), (2, True)):
+        state, results = pipeline.initial(), []
+        for k in range(5):
+            ego = EgoState(k * FRAME_S, 100.0, LANE_Y, 0.0, 10.0)
+            state, result = pipeline.step(state, _detections(k * FRAME_S, seen if k < frames else ()), ego)
+            results.append(result)
+        assert len(results[2].tracks) == 1  # for 0.15 s
+        assert any(r.command.emergency for r in results) == brakes
+        assert any(r.lead is not None for r in results) == brakes
+
+
 def test_irrelevant_detections_are_dropped_before_tracking() -> None:
     objects: list[Object] = [
         ("car", (120.0, LANE_Y), (0, 0)),  # in the lane
