@@ -76,13 +76,13 @@ def test_a_value_out_of_range_is_refused_before_the_first_run() -> None:
 @pytest.mark.parametrize(
     "setting",
     [
-        ("rate_hz", 30.0), ("rate_hz", 0.0), ("rate_hz", math.inf), ("latency_s", 0.055), ("latency_s", math.inf),
-        ("position_sigma_m", math.inf), ("heading_sigma_deg", math.inf),
+        ("rate_hz", 30.0), ("rate_hz", 0.0), ("rate_hz", math.inf), ("latency_s", 0.055),
+        ("latency_s", math.inf), ("position_sigma_m", math.inf), ("heading_sigma_deg", math.inf),
     ],
 )  # fmt: skip
 def test_what_the_sensor_cannot_do_is_refused_before_the_first_run(setting: tuple[str, float]) -> None:
     """Frames come at steps of 10 ms."""
-    with pytest.raises(ScenarioError, match="sensor: .* (multiple of the step of 10 ms|finite|positive)"):
+    with pytest.raises(ScenarioError, match=r"sensor: .* (multiple of the step of 10 ms|finite|positive)"):
         preset_with(PHYSICAL, (setting,))
 
 
