@@ -8,6 +8,7 @@ from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.presets import Preset
 from smartmot.area import EverythingArea, MapArea, MonitoredAreaStrategy, PathArea, RectangularArea
+from smartmot.area.way import ALONG_PATH
 from smartmot.plugins import is_plugin, plugin, require
 
 STRATEGIES = ("rectangular", "map", "all", "path")
@@ -38,6 +39,18 @@ def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStra
     if name == "path":
         return PathArea(preset.path_area)
     raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")
+
+
+def path_source(name: str, preset: Preset) -> str:
+    """Where the planned path of a run comes from, one of `PATHS_FROM`; empty: nothing looks along one.
+
+    Args:
+        name: of the strategy; of one of the user's own it is not known whether it does.
+        preset: its settings.
+    """
+    pipeline = preset.pipeline
+    looks = ALONG_PATH in (pipeline.forecast.ego, pipeline.way, pipeline.standing)
+    return preset.path_from if looks or name == PathArea.name or is_plugin(name) else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from scenarios.presets import named_preset
 from scenarios.scenes.scenes import SceneRun
 from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
 from scenarios.spec import RunSpec
+from scenarios.strategies import path_source
 from smartmot.errors import ConfigError
 
 
@@ -44,6 +45,11 @@ class Arm:
     def text(self) -> str:
         """Strategy and settings as they are typed."""
         return ", ".join(part for part in (self.strategy, settings_text(self.settings)) if part)
+
+    @property
+    def path_from(self) -> str:
+        """Where its planned path comes from; see `scenarios.strategies.path_source`."""
+        return path_source(self.strategy, preset_with(named_preset(self.preset), self.settings))
 
     def having(self, *settings: tuple[str, Setting], name: str = "", coin: bool = False) -> Arm:
         """The same with other values of some parameters; those that mean nothing for its strategy drop out.

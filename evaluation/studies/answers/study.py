@@ -18,6 +18,7 @@ from evaluation.runs.fingerprint import digest_of, file_digest, version
 from evaluation.studies.answers.arms import Arm, ArmRun, arm_runs
 from evaluation.studies.answers.measures import Decision, decide
 from evaluation.studies.answers.results import Results, power_lines
+from evaluation.studies.answers.tables import path_note
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.study import Finished, Study
 from scenarios import drawn
@@ -109,17 +110,17 @@ class Answer:
     files: Mapping[str, bytes] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def markdown(self, power: Sequence[str] = ()) -> bytes:
+    def markdown(self, first: Sequence[str] = ()) -> bytes:
         """The page: words, figures, tables, notes.
 
         Args:
-            power: what the scenes can decide.
+            first: notes before its own: what the scenes can decide, where the planned path comes from.
         """
         parts = [f"# {self.title}\n", *(f"- {line}" for line in self.sentences), ""]
         parts += [f"![{name}]({name}.png)\n" for name in self.figures]
         for heading, table in self.tables.items():
             parts += [f"## {heading}\n", markdown_table(table)]
-        notes = (*power, *self.notes)
+        notes = (*first, *self.notes)
         if notes:
             parts += ["## How to read it\n", *(f"- {note}" for note in notes), ""]
         return "\n".join(parts).encode()
@@ -184,7 +185,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
             ResultsError: the folder cannot be written.
         """
         contents = {
-            "answer.md": answer.markdown(self.power(results.scenes)),
+            "answer.md": answer.markdown((*self.power(results.scenes), path_note(self.arms))),
             self.table: runs_csv(results),
             "study.json": self._configuration(results.scenes),
             **answer.files,
@@ -206,7 +207,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
             "scenes": {must: sum(s.must == must for s in scenes) for must in ("brake", "nothing")},
             "arms": [
                 {"name": arm.name, "preset": arm.preset, "strategy": arm.strategy}
-                | {"settings": dict(arm.settings), "coins": list(arm.coins)}
+                | {"settings": dict(arm.settings), "coins": list(arm.coins), "path_from": arm.path_from}
                 for arm in self.arms
             ],
         }
@@ -225,9 +226,13 @@ def results_of(items: Sequence[ArmRun], finished: Finished[Decision]) -> Results
 def runs_csv(results: Results) -> bytes:
     """One line per run."""
     names = [entry.name for entry in dataclasses.fields(Decision)]
-    header = ("scene", "variant", "must", "name", "preset", "settings", *names)
+    header = ("scene", "variant", "must", "name", "preset", "settings", "path_from", *names)
+    path_from = {arm: arm.path_from for arm in results.runs}
     rows = (
-        (scene.scene, scene.variant, scene.must, arm.name, arm.preset, arm.text, *dataclasses.astuple(run))
+        [
+            *(scene.scene, scene.variant, scene.must, arm.name, arm.preset, arm.text, path_from[arm]),
+            *dataclasses.astuple(run),
+        ]
         for arm, runs in results.runs.items()
         for scene, run in zip(results.scenes, runs, strict=True)
     )

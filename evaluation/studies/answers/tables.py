@@ -86,8 +86,27 @@ def estimates_csv(results: Results) -> bytes:
 
 def arms_table(arms: Sequence[Arm]) -> Table:
     """What stands behind the names."""
-    rows = tuple((arm.name, arm.strategy, settings_text(arm.settings) or EMPTY) for arm in arms)
-    return Table(("who", "strategy", "settings"), tuple(dict.fromkeys(rows)))
+    rows = tuple(
+        (arm.name, arm.strategy, arm.path_from or EMPTY, settings_text(arm.settings) or EMPTY) for arm in arms
+    )
+    return Table(("who", "strategy", "path from", "settings"), tuple(dict.fromkeys(rows)))
+
+
+_SOURCES = {
+    "planner": "from the planner, exact relative to the ego under every error of localisation and map",
+    "map": "from the map, as wrong as that and the localisation are",
+    "": "none",
+}
+
+
+def path_note(arms: Sequence[Arm]) -> str:
+    """Where the planned path of each side comes from, in a sentence."""
+    names: dict[str, list[str]] = {}
+    for arm in arms:
+        of_source = names.setdefault(arm.path_from, [])
+        of_source += [arm.name] * (arm.name not in of_source)
+    parts = [f"{_SOURCES[source]} ({', '.join(of)})" for source, of in names.items()]
+    return f"Planned path: {'; '.join(parts)}."
 
 
 def interval_text(estimate: Estimate, measure: str) -> str:

@@ -49,6 +49,7 @@ from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
 from scenarios.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
+from scenarios.strategies import path_source
 from scenarios.weather import named_weather
 from smartmot.errors import ConfigError
 
@@ -264,7 +265,11 @@ def _configuration(study: SceneStudy, scenes: Sequence[SceneRun], out: Path) -> 
         "versions": versions(),
         "preset": study.preset,
         "seeds": study.seeds,
-        "points": [{"strategy": point.strategy, "settings": dict(point.settings)} for point in study.points],
+        "points": [
+            {"strategy": point.strategy, "settings": dict(point.settings)}
+            | {"path_from": path_source(point.strategy, preset_with(preset, point.settings))}
+            for point in study.points
+        ],
         "scenes": [
             {"scene": run.scene, "variant": run.variant, "must": run.must, "file": Path(run.file).name}
             | {"parameters": {k: v for k, v in run.parameters if k != "Map"}}

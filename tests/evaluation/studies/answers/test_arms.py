@@ -7,6 +7,7 @@ import pytest
 from evaluation.errors import ArgumentError
 from evaluation.studies.answers.arms import Arm, arm_runs, scene_seed
 from evaluation.studies.answers.rivals import MAP, PATH, RIVALS
+from evaluation.studies.answers.tables import path_note
 from scenarios.scenes.scenes import SceneRun, all_scenes
 
 
@@ -48,3 +49,12 @@ def test_rivals_can_be_run(rival) -> None:
 def test_the_drawn_scene_is_named_by_scene_and_variant() -> None:
     scenes = [SceneRun("s", variant, "brake", "f", (), 50.0) for variant in ("a", "b")]
     assert scene_seed(0, scenes[0]) != scene_seed(0, scenes[1])
+
+
+def test_the_page_says_whose_planned_path_comes_from_where() -> None:
+    arms = [rival.arm("physical", "paper") for rival in RIVALS if rival.name in ("path", "all, as published")]
+    of_map = arms[0].having(("path_from", "map"), name="wrong")
+    assert path_note([*arms, of_map]) == (
+        "Planned path: from the planner, exact relative to the ego under every error of localisation and map "
+        "(path); none (all, as published); from the map, as wrong as that and the localisation are (wrong)."
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from pathlib import Path
 
 import pytest
@@ -27,6 +29,11 @@ def test_a_question_gives_the_same_bytes_for_any_number_of_workers_and_goes_on(
     assert written == contents(second / "break-even")
     assert {"answer.md", "runs.csv", "study.json", "break_even.csv"} <= set(written)
     assert len(written["runs.csv"].splitlines()) == 1 + 3 * 2
+    # every result says where its path comes from
+    rows = list(csv.DictReader(written["runs.csv"].decode().splitlines()))
+    assert {row["path_from"] for row in rows} == {"planner"}
+    assert {arm["path_from"] for arm in json.loads(written["study.json"])["arms"]} == {"planner"}
+    assert "Planned path: from the planner, exact relative to the ego" in written["answer.md"].decode()
 
     def fail(item: object) -> None:
         raise AssertionError("a finished run was carried out again")
