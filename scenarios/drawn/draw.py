@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.drawn.actors import Actor
+from scenarios.drawn.avoidance import avoidance
 from scenarios.drawn.files import scene_bytes
 from scenarios.drawn.manifest import GIVEN_UP, MANIFEST, REJECTED, DrawnScene, write_manifest, write_rejected
 from scenarios.drawn.map_set import MAPS
@@ -21,6 +22,7 @@ from scenarios.drawn.stage import Ground, choose_stage
 from scenarios.drawn.timeline import CLEAR_M, Timeline
 from scenarios.drawn.values import Draw, RejectedDraw, data, weighted
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.errors import RunError
 from scenarios.scenes.scenes import SceneRun
 
 MOST_TRIES = 400
@@ -51,8 +53,7 @@ def drawn_scenes(
         done: called after each scene with how many of how many there are.
 
     Raises:
-        ScenarioError: unknown split, no maps, or no scene of a kind can be placed on them.
-        scenarios.openscenario.errors.RunError: a map cannot be read.
+        ScenarioError: unknown split, no maps or unreadable ones, or no scene of a kind can be placed on them.
     """
     folder = Path(folder)
     grounds = grounds_of(split, maps)
@@ -69,8 +70,7 @@ def grounds_of(split: str, maps: Path | None) -> list[Ground]:
     """The maps to place scenes on.
 
     Raises:
-        ScenarioError: unknown split, or a folder without OpenDRIVE files.
-        scenarios.openscenario.errors.RunError: a map cannot be read.
+        ScenarioError: unknown split, a folder without OpenDRIVE files, or maps that cannot be read.
     """
     if split not in SPLITS:
         raise ScenarioError(f"split {split!r}: expected one of {', '.join(SPLITS)}")
@@ -79,7 +79,16 @@ def grounds_of(split: str, maps: Path | None) -> list[Ground]:
         paths = sorted(maps.glob("*.xodr"))
     if not paths:
         raise ScenarioError(f"{maps}: no OpenDRIVE file (*.xodr)")
-    return [Ground(path) for path in paths]
+    grounds, faults = [], []
+    for path in paths:
+        try:
+            grounds.append(Ground(path))
+        except RunError as error:
+            faults.append(str(error))
+    if faults:
+        unread = f"{len(faults)} of {len(paths)} maps cannot be read: " if len(faults) > 1 else ""
+        raise ScenarioError(unread + "; ".join(faults))
+    return grounds
 
 
 def draw_all(split: str, count: int, seed: int, folder: Path, grounds: list[Ground]) -> Iterator[DrawnScene]:
@@ -154,7 +163,8 @@ def _try_scene(
         file.unlink()
         raise RejectedDraw(fault)
     run = SceneRun(name, description, situation.must, str(file.resolve()), (), kmh)
-    return DrawnScene(run, situation, stage, tuple(actors), draw.values, proof, rejected)
+    left = avoidance(stage, actors, proof.contact_s) if situation.must == "brake" else None
+    return DrawnScene(run, situation, stage, tuple(actors), draw.values, proof, left, rejected)
 
 
 def _check(situation: Situation, timeline: Timeline, actors: list[Actor]) -> None:
@@ -167,6 +177,8 @@ def _check(situation: Situation, timeline: Timeline, actors: list[Actor]) -> Non
         gap = timeline.gap_m(actor)
         if situation.must == "nothing" and float(gap.min()) < CLEAR_M:
             raise RejectedDraw("unbraked the ego passes too near")
+        if situation.must == "nothing" and timeline.is_braked_for(actor):
+            raise RejectedDraw("an attentive driver would brake")
         if situation.must == "brake" and actor.name == "Target" and float(gap.min()) > 0.0:
             raise RejectedDraw("unbraked the ego touches no road user")
         if float(gap[0]) < CLEAR_M:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.drawn.actors import Actor
+from scenarios.drawn.avoidance import Avoidance
 from scenarios.drawn.proof import Proof
 from scenarios.drawn.situations.situation import Situation
 from scenarios.drawn.stage import Stage
@@ -30,6 +31,7 @@ class DrawnScene:
         actors: all but the ego.
         values: what was drawn, by name.
         proof: its unbraked run.
+        avoidance: what is left to do in a must-brake scene; None: nothing has to be done.
         rejected: draws before it that were rejected, by reason.
     """
 
@@ -39,6 +41,7 @@ class DrawnScene:
     actors: tuple[Actor, ...]
     values: dict[str, float | str]
     proof: Proof
+    avoidance: Avoidance | None = None
     rejected: Counter[tuple[str, str]] = field(default_factory=Counter)
 
 
@@ -47,7 +50,7 @@ def write_manifest(path: Path, scenes: Sequence[DrawnScene]) -> None:
     drawn = sorted({name for scene in scenes for name in scene.values})
     fixed = (
         "scene", "must", "situation", "map", "road", "lane", "s_m", "place", "speed_kmh", "contact_s",
-        "gap_m", "starts_aside_m", "road_users", "rejected_before",
+        "notice_s", "avoidable", "gap_m", "starts_aside_m", "road_users", "rejected_before",
     )  # fmt: skip
     rows = [[*fixed, *drawn]]
     for scene in scenes:
@@ -55,13 +58,15 @@ def write_manifest(path: Path, scenes: Sequence[DrawnScene]) -> None:
         road, lane, s_m = stage.place_at(stage.line_m)
         contact = f"{proof.contact_s:.3f}" if proof.entity else ""
         gap = "" if proof.entity else f"{proof.gap_m:.3f}"
+        left = scene.avoidance
+        notice = (f"{left.notice_s:.3f}", "yes" if left.avoidable else "no") if left else ("", "")
         start = scene.actors[0].start
         aside = abs(stage.route.project(start.x_m, start.y_m)[1])
         values = [_cell(scene.values.get(name, "")) for name in drawn]
         rows.append(
             [
                 scene.run.scene, scene.run.must, scene.situation.name, stage.ground.name, road, str(lane),
-                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, gap, f"{aside:.2f}",
+                f"{s_m:.3f}", stage.kind, f"{scene.run.speed_kmh:g}", contact, *notice, gap, f"{aside:.2f}",
                 str(len(scene.actors)), str(sum(scene.rejected.values())), *values,
             ]
         )  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.drawn.timeline import CLEAR_M
 from scenarios.scenes.scenes import Must
+from scenarios.simulation.ends import THROUGH
 from scenarios.spec import NO_AEB, RunSpec, simulation_of
 from smartmot.geometry import signed_gap, signed_gap_scalar
 
@@ -63,7 +64,8 @@ def unbraked(file: Path) -> Proof:
         v_test_kmh=0.0,
         adapts=False,
     )
-    simulation = simulation_of(spec)
+    # to the end of the scene: others may come after the first has been passed
+    simulation = simulation_of(spec, THROUGH)
     contact = simulation.run().contact
     engine = simulation.engine
     world = engine.entities

@@ -16,6 +16,9 @@ CLEAR_M = 0.3
 """Least distance of the unbraked ego to everybody whom it does not have to brake for (assumed)."""
 APART_M = 0.1
 """Least distance of the others to each other."""
+DRIVERS_MPS2 = 3.4
+"""Deceleration with which most drivers stop without an emergency (AASHTO, Geometric Design of Highways and
+Streets, 2011: the stopping sight distance is made for it)."""
 _EVERY, _SPARSE = 3, 10
 _BEHIND_M = 8.0
 
@@ -61,6 +64,32 @@ class Timeline:
         covered = np.zeros(int(ahead.sum()), dtype=bool)
         covered[hits.point[on]] = True
         return bool(covered.all() if actor.stays == "on" else not covered.any())
+
+    def is_braked_for(self, actor: Actor) -> bool:
+        """Whether an attentive driver would brake for an actor.
+
+        So it is if it would be hit, going on as it moves at any instant, and the ego could no longer stop
+        before it as drivers do: a time to collision of v / (2 a). Who follows the road is expected to do so.
+        """
+        if actor.smooth or actor.motion.speed_mps == 0.0:
+            return False
+        time_s, speed = self.time_s[::_EVERY], self._stage.speed_mps
+        ahead_s = np.arange(0.0, speed / (2.0 * DRIVERS_MPS2), STEP_S)
+        center, yaw = actor.poses(time_s)
+        velocity = np.gradient(center, time_s, axis=0)
+        then = center[:, None] + ahead_s[:, None] * velocity[:, None]
+        stations = self._stage.start_m + speed * (time_s[:, None] + ahead_s)
+        ego, ego_yaw = self._stage.route.poses(stations.ravel())
+        ego_size = np.array([EGO.length_m, EGO.width_m])
+        gaps = signed_gap(
+            ego.reshape(then.shape),
+            ego_size,
+            ego_yaw.reshape(stations.shape),
+            then,
+            _size(actor),
+            yaw[:, None],
+        )
+        return bool((gaps <= 0.0).any())
 
     def is_apart(self, actor: Actor) -> bool:
         """Whether an actor stays away from all that have been added."""

@@ -90,6 +90,10 @@ class StopRule:
     at_standstill: bool = False
 
 
+THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
+"""A scene in which nothing should happen is driven to its end."""
+
+
 class EndWatch:
     """Looks at each frame whether the run is finished, by its stop rule.
 

@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.studies.answers.arms import ArmRun
-from evaluation.studies.compare.measures import THROUGH, false_activation_of, is_unnecessary_stop
-from scenarios.simulation.ends import CUT_OFF, is_avoided
+from evaluation.studies.compare.measures import false_activation_of, is_unnecessary_stop
+from scenarios.simulation.ends import CUT_OFF, THROUGH, is_avoided
 from scenarios.spec import simulation_of
 
 

@@ -71,7 +71,7 @@ class Sample:
     def _key(self) -> str:
         """Hash of everything that determines the scenes."""
         files = sorted(
-            path for path in Path(drawn.__path__[0]).rglob("*") if path.suffix in (".toml", ".xodr")
+            path for path in Path(drawn.__path__[0]).rglob("*") if path.suffix in (".py", ".toml", ".xodr")
         )
         files += sorted(self.maps.glob("*.xodr")) if self.maps else []
         return digest_of([version(), self.split, self.count, self.seed, *map(file_digest, files)])

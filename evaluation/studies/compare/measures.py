@@ -15,14 +15,11 @@ from evaluation.results.notes import MANY_DROPPED
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh, run_points
 from evaluation.studies.compare.grid import SceneItem
 from scenarios.settings import settings_text
-from scenarios.simulation.ends import CUT_OFF, TIME_LIMIT_S, EndReason, StopRule, is_avoided
+from scenarios.simulation.ends import CUT_OFF, THROUGH, TIME_LIMIT_S, EndReason, is_avoided
 from scenarios.simulation.outcome import Outcome
 from scenarios.spec import preset_of, simulation_of
 from smartmot.decision.rules import STANDING_MPS
 from smartmot.types import FloatArray
-
-THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
-"""A scene in which nothing should happen is driven to its end, so that the delay can be measured."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ def walks_to_the_kerb(stage: Stage, draw: Draw) -> Made:
     kerb = stage.side(stage.line_m, sign).kerb_m
     box = OUTLINES[outline]
     stop = kerb + draw.number("stops_before_kerb_m") + box.length_m / 2
-    brakes = draw.number("stops_over_m") * speed
+    brakes = speed**2 / (2.0 * draw.number("stops_mps2"))
     # it stands that long before the ego's front is beside it
     stands_s = stage.hit_s - draw.number("stands_before_s")
     steady_m = speed * (stands_s - 2.0 * brakes / speed)

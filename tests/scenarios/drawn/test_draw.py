@@ -58,6 +58,15 @@ def test_the_contact_comes_within_the_lead(drawn: tuple[str, Path, tuple[SceneRu
             assert 2.0 < float(row["contact_s"]) <= float(row["lead_s"]), row["scene"]
 
 
+def test_what_can_be_avoided_at_best_is_known(drawn: tuple[str, Path, tuple[SceneRun, ...]]) -> None:
+    for row in manifest(drawn[1]):
+        if row["must"] == "brake":
+            assert row["avoidable"] in ("yes", "no")
+            assert 0.0 <= float(row["notice_s"]) <= float(row["contact_s"]), row["scene"]
+        else:
+            assert row["notice_s"] == row["avoidable"] == "", row["scene"]
+
+
 def test_no_scene_is_one_of_the_comparison(drawn: tuple[str, Path, tuple[SceneRun, ...]]) -> None:
     kept = {Path(scene.file).resolve() for scene in all_scenes()}
     assert not kept & {Path(scene.file) for scene in drawn[2]}
@@ -81,4 +90,11 @@ def test_unknown_splits_and_empty_folders_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="expected one of train, test"):
         drawn_scenes("dev", 1, 0, tmp_path)
     with pytest.raises(ScenarioError, match="no OpenDRIVE file"):
+        drawn_scenes("test", 1, 0, tmp_path, tmp_path)
+
+
+def test_all_maps_that_cannot_be_read_are_named_at_once(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.xodr").write_text("<OpenDRIVE>")
+    with pytest.raises(ScenarioError, match=r"(?s)2 of 2 maps cannot be read: .*a\.xodr.*; .*b\.xodr"):
         drawn_scenes("test", 1, 0, tmp_path, tmp_path)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from scenarios.drawn.actors import OUTLINES
+from scenarios.drawn.actors import OUTLINES, Motion, straight
 from scenarios.drawn.map_set import MAPS
-from scenarios.drawn.situations.motions import crossing, hit_left_m, merging
+from scenarios.drawn.situations.motions import along, crossing, hit_left_m, merging
 from scenarios.drawn.stage import Ground, Stage, way_over
 from scenarios.drawn.timeline import Timeline
 from scenarios.drawn.values import RejectedDraw
@@ -93,3 +93,20 @@ def test_who_moves_over_covers_the_drawn_share_when_reached(
     # it stands to the right: its left side is that share of 1.8 m to the left of the ego's right one
     assert at[1] + box.width_m / 2 == pytest.approx(-1.625 - 0.9 + share / 100 * 1.8, abs=0.03)
     assert at[0] - box.length_m / 2 == pytest.approx(LINE_X, abs=0.03)
+
+
+def test_a_driver_brakes_for_who_would_be_hit_within_the_time_to_stop(stage: Stage) -> None:
+    """At 10 m/s and 3.4 m/s2 that are 1.47 s: who stands by then is not braked for."""
+    timeline = Timeline(stage)
+    for stops_before_s, braked_for in ((2.0, False), (1.0, True)):
+        # walks at 2 m/s to 1.5 m before the ego's way, so that it would be hit in going on
+        walks_s = LEAD - 0.22 - stops_before_s
+        pose = stage.pose(stage.line_m, -1.5 - 2.0 * walks_s, math.pi / 2)
+        motion = Motion(2.0, brakes_after_m=2.0 * walks_s - 0.05, brakes_m=0.05)
+        assert timeline.is_braked_for(straight("Target", "adult", pose, motion)) == braked_for
+
+
+def test_no_driver_brakes_for_who_walks_along_the_road(stage: Stage) -> None:
+    timeline = Timeline(stage)
+    actor = along("Target", "adult", stage, stage.line_m - 5.0, -2.5, 1.3, 6.0, "off")
+    assert not timeline.is_braked_for(actor)

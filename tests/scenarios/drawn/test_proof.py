@@ -56,3 +56,11 @@ def test_another_that_is_hit_first_voids_the_scene(stage: Stage, tmp_path: Path)
     )
     assert proof.entity == "Other"
     assert proof.fault("brake") == "unbraked the ego touches another than the target first"
+
+
+def test_the_run_goes_on_after_the_first_has_been_passed(stage: Stage, tmp_path: Path) -> None:
+    """Someone stands in the way 13 m beyond the line; the first is passed 20 m before it."""
+    first = standing("Target", "adult", stage.pose(stage.line_m - 20.0, -3.0))
+    proof = proof_of(stage, [first, standing("Other", "adult", stage.pose(stage.line_m + 13.0))], tmp_path)
+    assert proof.entity == "Other"
+    assert proof.fault("nothing") == "unbraked the ego touches a road user"
