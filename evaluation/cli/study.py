@@ -156,5 +156,5 @@ def _question(
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
     if name == "break-even":
         return BreakEven(sample, formats, preset=presets[0], rule=rules[0])
-    chosen_settings = read_tuned(tuned) if tuned is not None else ()
+    chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
     return Gain(sample, formats, presets=presets, rules=rules, own=own, tuned=chosen_settings)

@@ -121,6 +121,30 @@ def mean_t(sample: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
     return Estimate(mean, mean - half, mean + half, n)
 
 
+def median(sample: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
+    """Median of a sample with the interval between two of its values; of too few without one (NaN).
+
+    It holds the true median whatever the distribution, at least as often as the confidence says: the values
+    below that are as many as heads of a fair coin (W. J. Conover, Practical Nonparametric Statistics, 3rd ed.
+    1999, section 3.2).
+
+    Args:
+        sample: (N,) values; NaN are left out.
+        confidence: see `wilson`.
+    """
+    from scipy.special import bdtr
+
+    values = np.sort(np.asarray(sample, dtype=np.float64))
+    values = values[~np.isnan(values)]
+    n = len(values)
+    if n == 0:
+        return NO_SAMPLE
+    # so many values at either end may be left out
+    beyond = int(np.count_nonzero(bdtr(np.arange(n), n, 0.5) <= (1 - confidence) / 2))
+    ends = (values[beyond - 1], values[n - beyond]) if beyond else (math.nan, math.nan)
+    return Estimate(float(np.median(values)), float(ends[0]), float(ends[1]), n)
+
+
 def clustered_mean(
     sample: ArrayLike, clusters: Sequence[Hashable], confidence: float = CONFIDENCE
 ) -> Estimate:

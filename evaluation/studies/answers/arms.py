@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from evaluation.errors import ArgumentError
+from evaluation.runs.execution import execute
 from evaluation.studies.compare.grid import seeded_phase_s
 from evaluation.studies.study import LabelledRun
 from scenarios.errors import ScenarioError
@@ -74,6 +75,26 @@ class Arm:
             preset_with(named_preset(self.preset), self.settings)
         except (ConfigError, ScenarioError) as error:
             raise ArgumentError(f"{self.name} ({settings_text(self.settings)}): {error}") from None
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """What of the user's own takes part."""
+        return self._trial.plugins
+
+    def try_out(self) -> None:
+        """Drive one shipped crossing with it: mistakes in what is the user's own appear in the first frames.
+
+        Raises:
+            smartmot.errors.PluginError: it cannot be made, or fails.
+        """
+        execute(self._trial, keep_log=False)
+
+    @property
+    def _trial(self) -> RunSpec:
+        parameters = (("Ego_speed_kmh", 50.0),)
+        return RunSpec(
+            "trial", "crossing", parameters, self.strategy, self.preset, "dry", 50.0, settings=self.settings
+        )
 
     def settings_in(self, scene_seed: int) -> Settings:
         """Its settings in the scene with a seed, signs drawn."""

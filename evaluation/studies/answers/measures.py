@@ -90,6 +90,7 @@ class Measure:
         value: of a run; None where it has none.
         unit: of its values; empty: it is so or not.
         digits: that are printed.
+        partial: whether only some of the runs have a value; then it is told by its median.
     """
 
     text: str
@@ -97,6 +98,12 @@ class Measure:
     value: Callable[[Decision], float | None]
     unit: str = ""
     digits: int = 0
+    partial: bool = False
+
+
+def _impact_kmh(run: Decision) -> float | None:
+    """Impact speed, 0 of a collision avoided; none of a run that never met its target."""
+    return run.v_impact_kmh if run.collided or run.avoided else None
 
 
 def _timely(run: Decision, value: float | None) -> float | None:
@@ -109,10 +116,12 @@ MEASURES: Mapping[str, Measure] = MappingProxyType(
         "avoided": Measure("collisions avoided", "brake", lambda run: run.avoided),
         "stops": Measure("unnecessary stops", "nothing", lambda run: run.unnecessary_stop),
         "early": Measure("early activations", "brake", lambda run: run.false_activation),
-        "impact": Measure("impact speed", "brake", lambda run: run.v_impact_kmh, "km/h", 1),
-        "flag_ttc": Measure("TTC at the request", "brake", lambda run: _timely(run, run.flag_ttc_s), "s", 2),
+        "impact": Measure("impact speed", "brake", _impact_kmh, "km/h", 1),
+        "flag_ttc": Measure(
+            "TTC at the request", "brake", lambda run: _timely(run, run.flag_ttc_s), "s", 2, partial=True
+        ),
         "warning_ttc": Measure(
-            "TTC at the warning", "brake", lambda run: _timely(run, run.warning_ttc_s), "s", 2
+            "TTC at the warning", "brake", lambda run: _timely(run, run.warning_ttc_s), "s", 2, partial=True
         ),
         "speed_lost": Measure("speed lost", "nothing", lambda run: run.speed_lost_kmh, "km/h", 1),
         "peak_decel": Measure("peak deceleration", "nothing", lambda run: run.peak_decel_mps2, "m/s²", 1),

@@ -13,6 +13,7 @@ from evaluation.metrics.intervals import (
     Estimate,
     clustered_difference,
     mean_t,
+    median,
     sign_test,
     wilson,
 )
@@ -50,8 +51,10 @@ class Results:
         return np.array([math.nan if value is None else float(value) for value in values])
 
     def estimate(self, arm: Arm, measure: str) -> Estimate:
-        """Rate with Wilson's interval, or mean with Student's, over the scenes."""
+        """Rate with Wilson's interval, or mean with Student's, over the scenes; if partial, the median."""
         values = self.values(arm, measure)
+        if MEASURES[measure].partial:
+            return median(values)
         if MEASURES[measure].unit:
             return mean_t(values)
         outcomes = values[~np.isnan(values)]

@@ -9,11 +9,23 @@ from evaluation.metrics.intervals import Estimate
 from evaluation.results.tables import Table, csv_bytes
 from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
-from evaluation.studies.answers.measures import DECISIVE
-from evaluation.studies.answers.results import Results, benefit, difference
+from evaluation.studies.answers.measures import DECISIVE, MEASURES
+from evaluation.studies.answers.results import (
+    Difference,
+    Results,
+    benefit,
+    decisive_differences,
+    difference,
+)
 from evaluation.studies.answers.rivals import MAP, Rival
 from evaluation.studies.answers.study import Answer, Question
-from evaluation.studies.answers.tables import estimates_csv, points_text, rates_table
+from evaluation.studies.answers.tables import (
+    differences_csv,
+    differences_table,
+    estimates_csv,
+    points_text,
+    rates_table,
+)
 from scenarios.presets import named_preset
 from scenarios.settings import PARAMETERS, Settings
 
@@ -101,21 +113,22 @@ class SensorErrors(Question):
         return tuple(dict.fromkeys([self.having([]), *each, self.having(self.errors)]))
 
     @property
+    def pairs(self) -> list[tuple[Arm, Arm]]:
+        """With each error against without it: alone, and among all."""
+        none, every = self.having([]), self.having(self.errors)
+        alone = [(self.having([error]), none) for error in self.errors]
+        return alone + [(every, self.all_but(error)) for error in self.errors]
+
+    @property
     def questions(self) -> int:
-        """Both differences of each error, alone and among all."""
-        return 2 * len(DECISIVE) * len(self.errors)
+        """Both differences of each pair."""
+        return len(self.pairs) * len(DECISIVE)
 
     def costs(self, results: Results) -> list[Cost]:
         """What each error costs, the greatest first: by the benefit that is lost, alone or among all."""
-        none, every = self.having([]), self.having(self.errors)
-        costs = [
-            Cost(
-                error,
-                _change(results, self.having([error]), none),
-                _change(results, every, self.all_but(error)),
-            )
-            for error in self.errors
-        ]
+        changes = [_change(results, *pair) for pair in self.pairs]
+        half = len(self.errors)
+        costs = [Cost(*parts) for parts in zip(self.errors, changes[:half], changes[half:], strict=True)]
         return sorted(costs, key=lambda cost: min(cost.alone[2].value, cost.among[2].value))
 
     def answer(self, results: Results) -> Answer:
@@ -123,21 +136,32 @@ class SensorErrors(Question):
         costs = self.costs(results)
         where = f"{self.rival.name}, rule {self.rule}"
         total = _change(results, self.having(self.errors), self.having([]))
-        tables = {"What each error costs": _table(costs), "Each by itself": rates_table(results, self.arms)}
+        differences = decisive_differences(results, self.pairs)
+        tables = {
+            "What each error costs": _table(costs),
+            "Whether it costs anything": differences_table(differences, self.questions),
+            "Each by itself": rates_table(results, self.arms),
+        }
         return Answer(
             "Which error of the sensor costs most?",
-            findings(costs, total),
+            [*findings(costs, total), decided(differences)],
             tables,
             {"sensor": figures.tornado(costs, where)},
-            {"sensor.csv": _csv(costs), "table.csv": estimates_csv(results)},
+            {
+                "sensor.csv": _csv(costs),
+                "differences.csv": differences_csv(differences),
+                "table.csv": estimates_csv(results),
+            },
             (
                 f"The sensor is that of the preset {self.real}; an error that is left out has the value "
-                "of the "
-                f"preset {self.ideal}. The tracker knows the sensor's noise, whichever it is.",
+                f"of the preset {self.ideal}; how much of an object may be hidden stays that of {self.real}. "
+                "The tracker knows the sensor's noise, whichever it is.",
                 "Alone: with the error less without any. Among all: with all less with all others. "
                 "Errors that "
                 "matter only together show in the second alone.",
-                "Benefit: collisions avoided per must-brake scene less unnecessary stops per nothing scene.",
+                "Benefit: collisions avoided per must-brake scene less unnecessary stops per nothing scene. "
+                "Its intervals are of each error by itself: the greatest of several looks greater than it "
+                "is.",
             ),
         )
 
@@ -168,6 +192,16 @@ def findings(costs: Sequence[Cost], total: tuple[Estimate, Estimate, Estimate]) 
         elif worst is not None:
             lines.append(f"{text.capitalize()}, no error costs anything in these scenes.")
     return lines
+
+
+def decided(differences: Sequence[Difference]) -> str:
+    """Which differences are seen in spite of their number, in a sentence."""
+    seen = [
+        f"{d.arm.name} against {d.against.name}, {MEASURES[d.measure].text}"
+        for d in differences
+        if d.is_decided
+    ]
+    return f"Decided, corrected for {len(differences)} questions: {'; '.join(seen) or 'none'}."
 
 
 def _table(costs: Sequence[Cost]) -> Table:

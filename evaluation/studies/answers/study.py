@@ -161,8 +161,22 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
         return arm_runs(self.arms, scenes, self.sample.seed)
 
     def items(self, folder: Path) -> list[ArmRun]:
-        """The runs over the drawn scenes."""
+        """The runs over the drawn scenes; what can be said of the arms is said before these are drawn.
+
+        Raises:
+            ArgumentError: a setting is out of range.
+            smartmot.errors.PluginError: what is the user's own cannot be made, or fails.
+        """
+        self.check()
         return self.items_of(self.sample.draw(folder))
+
+    def check(self) -> None:
+        """See that all arms can be run; see `items` for what it raises."""
+        for arm in self.arms:
+            arm.check()
+        own = {arm.plugins: arm for arm in self.arms if arm.plugins}
+        for arm in own.values():
+            arm.try_out()
 
     @staticmethod
     def job(item: ArmRun) -> tuple[Decision, FrameTime]:

@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.tables import EMPTY, Table, csv_bytes, fixed
 from evaluation.studies.answers.arms import Arm
-from evaluation.studies.answers.measures import DECISIVE, MEASURES
+from evaluation.studies.answers.measures import DECISIVE, MEASURES, Measure
 from evaluation.studies.answers.results import Difference, Results
 from scenarios.settings import settings_text
 
 
 def rates_table(results: Results, arms: Sequence[Arm]) -> Table:
     """A line per arm: what its runs came to, over the scenes."""
-    header = ["who", *(f"{m.text} ({m.unit or '%'})" for m in MEASURES.values()), "cut off"]
+    header = ["who", *map(_heading, MEASURES.values()), "cut off"]
     rows = [
         (
             arm.name,
-            *(interval_text(results.estimate(arm, name), name) for name in MEASURES),
+            *(_cell(results.estimate(arm, name), name) for name in MEASURES),
             str(sum(run.cut_off for run in results.runs[arm])),
         )
         for arm in arms
@@ -27,11 +27,21 @@ def rates_table(results: Results, arms: Sequence[Arm]) -> Table:
     counts = {must: sum(s.must == must for s in results.scenes) for must in ("brake", "nothing")}
     caption = (
         f"{counts['brake']} scenes in which the ego must brake, {counts['nothing']} in which nothing should "
-        "happen; 95 % intervals over the scenes (rates: Wilson, means: Student). Early activations: of the "
-        "scenes whose target stands at first and sets off. Speed lost and peak deceleration: where nothing "
-        "should happen. Runs that were cut off are in no number."
+        "happen; 95 % intervals over the scenes (rates: Wilson, means: Student, medians: order statistics). "
+        "Early activations: of the scenes whose target stands at first and sets off. Speed lost and peak "
+        "deceleration: where nothing should happen. TTC: only of the n runs with a request, or warning, that was not early: who asks in "
+        "fewer scenes may ask earlier in these. Runs that were cut off are in no number."
     )
     return Table(tuple(header), tuple(rows), (), caption)
+
+
+def _heading(measure: Measure) -> str:
+    return f"{measure.text} ({measure.unit or '%'}{', median' if measure.partial else ''})"
+
+
+def _cell(estimate: Estimate, measure: str) -> str:
+    text = interval_text(estimate, measure)
+    return f"{text}, n = {estimate.count}" if MEASURES[measure].partial and estimate.count else text
 
 
 def differences_table(differences: Sequence[Difference], questions: int) -> Table:

@@ -12,10 +12,16 @@ from evaluation.results.tables import Table
 from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE
-from evaluation.studies.answers.results import Results, benefit
+from evaluation.studies.answers.results import Results, benefit, decisive_differences
 from evaluation.studies.answers.rivals import PATH, Rival
 from evaluation.studies.answers.study import Answer, Question
-from evaluation.studies.answers.tables import estimates_csv, interval_text, points_text
+from evaluation.studies.answers.tables import (
+    differences_csv,
+    differences_table,
+    estimates_csv,
+    interval_text,
+    points_text,
+)
 from scenarios.presets import named_preset
 from scenarios.settings import PARAMETERS, TRIGGERS, preset_with
 
@@ -74,9 +80,18 @@ class Trigger(Question):
         return tuple(dict.fromkeys(arm for rule in self.rules for _, arm in self.curve(rule)))
 
     @property
+    def pairs(self) -> list[tuple[Arm, Arm]]:
+        """Every rule as its source has it against the first."""
+        published = [
+            next(arm for value, arm in self.curve(rule) if value == self.usual(rule) or math.isnan(value))
+            for rule in self.rules
+        ]
+        return [(arm, published[0]) for arm in published[1:]]
+
+    @property
     def questions(self) -> int:
-        """Both measures of every rule against the first."""
-        return len(DECISIVE) * max(len(self.rules) - 1, 0)
+        """Both measures of every pair."""
+        return len(self.pairs) * len(DECISIVE)
 
     def operating(self, results: Results) -> list[Operating]:
         """All rules at all values, with their rates."""
@@ -91,13 +106,18 @@ class Trigger(Question):
     def answer(self, results: Results) -> Answer:
         """What each rule avoids at what price."""
         points = self.operating(results)
+        differences = decisive_differences(results, self.pairs)
+        tables = {"Every rule and value": _table(points)}
+        if differences:
+            first = f"Each as its source has it, against {self.rules[0]}"
+            tables[first] = differences_table(differences, self.questions)
         where = f"{self.rival.name}, preset {self.preset}"
         return Answer(
             "Which brake rule, and how sensitive?",
             findings(points),
-            {"Every rule and value": _table(points)},
+            tables,
             {"trigger": figures.operating_curves(points, where)},
-            {"trigger.csv": estimates_csv(results)},
+            {"trigger.csv": estimates_csv(results), "differences.csv": differences_csv(differences)},
             (
                 "Each curve is a rule, from its latest trigger to its earliest; ringed: as its source "
                 "has it.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +18,10 @@ from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE
 from evaluation.studies.answers.results import Results, benefit
 from evaluation.studies.answers.rivals import FAIR, Rival, rivals
-from evaluation.studies.answers.study import Answer, Question
+from evaluation.studies.answers.study import Answer, Question, Sample
 from evaluation.studies.answers.tables import interval_text, points_text
 from evaluation.studies.answers.trigger import SENSITIVITIES
+from scenarios.reading import read_json
 from scenarios.settings import PARAMETERS, TRIGGERS, Setting, Settings, settings_text
 
 TUNED = "tuned.json"
@@ -176,22 +176,38 @@ def choose(trials: Sequence[Trial]) -> list[Trial]:
     ]
 
 
-def read_tuned(path: Path) -> tuple[tuple[str, str, Settings], ...]:
+def read_tuned(path: Path, sample: Sample) -> tuple[tuple[str, str, Settings], ...]:
     """Rival, rule and settings of what was chosen.
 
+    Args:
+        path: the file.
+        sample: scenes on which the settings are to be shown.
+
     Raises:
-        ArgumentError: the file is not one that `smartmot-eval study tune` wrote.
+        ArgumentError: the file is not one that `smartmot-eval study tune` wrote, or what it has was chosen on
+            these very scenes.
     """
     try:
-        lines = json.loads(path.read_text(encoding="utf-8"))["chosen"]
+        content = read_json(path)
+        on = content["sample"]
+        chosen_on = str(on["split"]), int(on["seed"])
         chosen = tuple(
-            (str(v["rival"]), str(v["rule"]), tuple(map(_setting, v["settings"].items()))) for v in lines
+            (str(v["rival"]), str(v["rule"]), tuple(map(_setting, v["settings"].items())))
+            for v in content["chosen"]
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        if len({(rival, rule) for rival, rule, _ in chosen}) < len(chosen):
+            raise ValueError("a rival and rule twice")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ArgumentError(
             f"--tuned: {path} is not a {TUNED} of `smartmot-eval study tune` ({type(error).__name__}: "
             f"{error})"
         ) from None
+    # scenes follow from split, seed and their number: a smaller sample is a part of a greater one
+    if chosen_on == (sample.split, sample.seed):
+        raise ArgumentError(
+            f"--tuned: chosen on these very scenes (split {sample.split}, seed {sample.seed}); show the "
+            "settings on others, by --split or --seed"
+        )
     return chosen
 
 
@@ -209,6 +225,7 @@ def _json(chosen: Sequence[Trial], study: Tuning) -> bytes:
     values = {
         "preset": study.preset,
         "objective": "collisions avoided per must-brake scene less unnecessary stops per nothing scene",
+        "sample": {"split": study.sample.split, "seed": study.sample.seed},
         "trials": study.trials,
         "chosen": [{"rival": t.rival, "rule": t.rule, "settings": dict(t.settings)} for t in chosen],
     }

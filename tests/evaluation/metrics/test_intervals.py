@@ -14,6 +14,7 @@ from evaluation.metrics.intervals import (
     clustered_mean,
     clustered_rate,
     mean_t,
+    median,
     sign_test,
     tango,
     wilson,
@@ -57,6 +58,24 @@ def test_mean_covers_the_truth_as_often_as_it_says() -> None:
         interval = mean_t(rng.normal(1.0, 3.0, 4))
         inside += interval.low <= 1.0 <= interval.high
     assert wilson(inside, 2000, 0.9999).low < 0.95 < wilson(inside, 2000, 0.9999).high
+
+
+@pytest.mark.parametrize("count", [6, 17, 40, 201])
+def test_the_median_is_covered_as_conover_has_it(count: int) -> None:
+    """Of the values 1 to N the ends name their ranks; what is left out at both ends is a fair coin's tail."""
+    ours = median(np.random.default_rng(count).permutation(np.arange(1.0, count + 1)))
+    beyond = int(ours.low)
+    assert ours.value == (count + 1) / 2
+    assert ours.high == count + 1 - beyond
+    assert 2 * stats.binom.cdf(beyond - 1, count, 0.5) <= 0.05 < 2 * stats.binom.cdf(beyond, count, 0.5)
+
+
+def test_the_median_of_few_values_has_no_interval_and_far_ones_do_not_move_it() -> None:
+    few = median([1.0, 2.0, 3.0, 4.0, 5.0])  # 2 / 32 > 0.05: not even all of them are wide enough
+    assert (few.value, few.count) == (3.0, 5)
+    assert math.isnan(few.low)
+    assert math.isnan(median([]).value)
+    assert median([1.0, 2.0, 3.0, math.nan, 1e9, 1e9]).value == 3.0
 
 
 def test_mean_of_one_value_has_no_interval() -> None:

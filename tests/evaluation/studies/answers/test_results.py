@@ -18,6 +18,7 @@ from evaluation.studies.answers.results import (
     difference,
     power_lines,
 )
+from evaluation.studies.answers.tables import rates_table
 from tests.evaluation.studies.answers.conftest import scenes_of
 
 ONE, TWO = Arm("one", "map"), Arm("two", "all")
@@ -70,6 +71,26 @@ def test_an_early_request_avoids_nothing(results: Results) -> None:
     changed = Results(results.scenes, {**results.runs, ONE: (early, *results.runs[ONE][1:])})
     assert changed.estimate(ONE, "avoided") == wilson(31, 40)
     assert changed.estimate(ONE, "early") == wilson(1, 40)
+
+
+def test_a_run_that_never_met_its_target_has_no_impact_speed(results: Results) -> None:
+    early = dataclasses.replace(results.runs[ONE][0], false_activation=True)
+    changed = Results(results.scenes, {**results.runs, ONE: (early, *results.runs[ONE][1:])})
+    impact = changed.estimate(ONE, "impact")
+    assert impact.count == 39
+    assert impact.value == pytest.approx(8 * 20.0 / 39)
+
+
+def test_what_only_some_runs_have_is_told_by_its_median_and_their_number(results: Results) -> None:
+    """One request at a speed that hardly shrinks the distance: a mean would be 1000 s."""
+    far = dataclasses.replace(results.runs[ONE][0], flag_ttc_s=40_000.0)
+    none = dataclasses.replace(results.runs[ONE][1], flag_ttc_s=None)
+    changed = Results(results.scenes, {ONE: (far, none, *results.runs[ONE][2:])})
+    ours = changed.estimate(ONE, "flag_ttc")
+    assert (ours.value, ours.low, ours.high, ours.count) == (1.5, 1.5, 1.5, 39)
+    table = rates_table(changed, [ONE])
+    column = table.header.index("TTC at the request (s, median)")
+    assert table.rows[0][column] == "1.50 [1.50, 1.50], n = 39"
 
 
 def test_p_values_are_corrected_for_all_questions(results: Results) -> None:

@@ -46,4 +46,9 @@ def test_the_error_that_costs_most_is_named(make) -> None:
     assert "benefit -30.0 [" in answer.sentences[0]
     assert answer.sentences[1].startswith("Alone, misses cost most: collisions avoided -20.0 [")
     assert answer.sentences[2].startswith("Among all others, misses cost most")
+    # misses: 10 of 50, p = 2 / 2^10 in two of twelve questions; latency: 5, p = 2 / 2^5
+    assert answer.sentences[-1] == (
+        "Decided, corrected for 12 questions: misses alone against no error, collisions avoided; "
+        "all errors against all but misses, collisions avoided."
+    )
     assert answer.files["sensor.csv"].decode().splitlines()[1].startswith("misses,-0.2")

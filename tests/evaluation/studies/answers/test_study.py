@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
+from evaluation.errors import ArgumentError
 from evaluation.studies.answers.break_even import BreakEven, Sweep
 from evaluation.studies.answers.command import ask
+from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.study import Sample
+from smartmot.errors import PluginError
 
 TINY = BreakEven(Sample(count=1), ("svg",), sweeps=(Sweep("margin_m", (1.0,)),), named=())
 
@@ -42,6 +47,30 @@ def test_a_question_gives_the_same_bytes_for_any_number_of_workers_and_goes_on(
     monkeypatch.setattr("evaluation.studies.answers.study.drawn_scenes", fail)
     ask(TINY, first, workers=1, quiet=True)
     assert contents(first / "break-even") == written
+
+
+def test_mistakes_in_what_is_the_users_own_come_before_the_scenes_are_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "class Area:\n    def __init__(self, view, preset):\n        self.name = 'area'\n\n"
+        "    def at(self, ego):\n        raise RuntimeError('not today')\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    for own, message in (("mine:Area", "not today"), ("mine:Gone", "no 'Gone'"), ("gone:Area", "no module")):
+        with pytest.raises(PluginError, match=message):
+            ask(Gain(Sample(count=1), own=(own,)), tmp_path / "out", quiet=True)
+    with pytest.raises(PluginError, match="no 'Gone'"):
+        ask(Gain(Sample(count=1), rules=("mine:Gone",)), tmp_path / "out", quiet=True)
+    assert not (tmp_path / "out").exists()
+    sys.modules.pop("mine", None)
+
+
+def test_a_setting_out_of_range_comes_before_the_scenes_are_drawn(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match="margin_m"):
+        ask(dataclasses.replace(TINY, sweeps=(Sweep("margin_m", (-1.0,)),)), tmp_path / "out", quiet=True)
+    assert not (tmp_path / "out").exists()
 
 
 def test_scenes_are_drawn_again_where_one_is_missing(tmp_path: Path) -> None:

@@ -19,6 +19,20 @@ def test_every_rule_has_values_around_that_of_its_source() -> None:
     assert set(SENSITIVITIES) == set(TRIGGERS.values())
 
 
+def test_published_rules_are_tested_against_the_first(make) -> None:
+    """Scenes that only one side avoids: 10 of 50, so p = 2 / 2^10, twice corrected for two questions."""
+    study = Trigger(rules=("paper", "rss"))
+    ((rss, paper),) = study.pairs
+    assert (rss.rule, paper.rule, study.questions) == ("rss", "paper", 2)
+    assert dict(rss.settings)["rss_response_s"] == study.usual("rss")
+    answer = study.answer(make(study.arms, 50, lambda arm: (0.8 if arm.rule == "rss" else 0.6, 0.2)))
+    line = answer.files["differences.csv"].decode().splitlines()[1].split(",")
+    assert float(line[-2]) == 2 / 2**10
+    assert float(line[-1]) == 4 / 2**10
+    assert "Each as its source has it, against paper" in answer.tables
+    assert not Trigger(rules=("paper",)).pairs
+
+
 def test_the_answer_names_the_best_rule_first_with_its_best_value(make) -> None:
     study = Trigger(rules=("paper", "rss"))
     best = study.curve("rss")[-1][1]
