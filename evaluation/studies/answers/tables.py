@@ -29,8 +29,9 @@ def rates_table(results: Results, arms: Sequence[Arm]) -> Table:
         f"{counts['brake']} scenes in which the ego must brake, {counts['nothing']} in which nothing should "
         "happen; 95 % intervals over the scenes (rates: Wilson, means: Student, medians: order statistics). "
         "Early activations: of the scenes whose target stands at first and sets off. Speed lost and peak "
-        "deceleration: where nothing should happen. TTC: only of the n runs with a request, or warning, that was not early: who asks in "
-        "fewer scenes may ask earlier in these. Runs that were cut off are in no number."
+        "deceleration: where nothing should happen. TTC: only of the n runs with a request, or warning, that "
+        "was not early: who asks in fewer scenes may ask earlier in these. Runs that were cut off are in no "
+        "number."
     )
     return Table(tuple(header), tuple(rows), (), caption)
 
