@@ -29,7 +29,8 @@ class Cascade:
 
     A target is whose centre is in the ego's lane, of which the examples assume 3.6 m where they see no lines
     (helperFindMIOTrack): along the path here. The nearest decides. A pedestrian who crosses sets it off on
-    entering that lane, not before.
+    entering that lane, not before. Their tracks are points, such as of a radar; of a long vehicle that
+    crosses, it is enough that a part is in the width that the ego sweeps.
 
     Args:
         partial1_mps2, partial2_mps2, full_mps2: decelerations of the stages (3.8, 5.3, 9.8).
@@ -64,7 +65,8 @@ class Cascade:
         """One decision; see `smartmot.decision.rules.BrakeRule`."""
         chosen = now.counts
         if np.count_nonzero(chosen):
-            chosen = chosen & in_front(now) & (np.abs(now.path_offset_m) <= self.lane_width_m / 2)
+            in_lane = np.abs(now.path_offset_m) <= self.lane_width_m / 2
+            chosen = chosen & in_front(now) & (in_lane | (now.path_aside_m <= 0.0))
         stage, warned = 0, False
         if np.count_nonzero(chosen):
             nearest = int(np.argmin(np.where(chosen, now.path_gap_m, np.inf)))

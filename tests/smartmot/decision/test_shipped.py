@@ -231,6 +231,20 @@ def test_the_cascade_takes_the_nearest_object_of_its_lane() -> None:
     assert not Cascade().decide(None, scene(10.0, [near, {**far, "counts": False}]))[1].emergency
 
 
+@pytest.mark.parametrize(("from_m", "braked"), [(0.89, True), (0.91, False)])
+def test_the_cascade_takes_a_vehicle_that_crosses_once_its_front_is_in_the_swept_width(
+    from_m: float, braked: bool
+) -> None:
+    """4.5 m long: its centre is 2.25 m farther, outside of the lane."""
+    crossing_car = {
+        "gap_m": 5.0,
+        "size_m": (1.8, 4.5),
+        "offset_m": from_m + 2.25,
+        "velocity_mps": (0.0, -5.0),
+    }
+    assert Cascade().decide(None, scene(10.0, [crossing_car]))[1].emergency is braked
+
+
 def test_autoware_waits_until_the_narrower_published_width_is_entered() -> None:
     aside = (-0.9 - 0.25 + 0.2) + 0.01
     now = [
