@@ -23,8 +23,10 @@ from smartmot.maps.lane_map import (
     Side,
 )
 from smartmot.maps.route import Route, route_from_lanes
+from smartmot.maps.strips import lane_strip
 from smartmot.maps.walks import SIDEWALK_TYPES
-from smartmot.types import FloatArray
+from smartmot.path import PlannedPath
+from smartmot.types import FloatArray, IntArray
 
 SIDEWALKS, LANES, TYPES = ("there", "missing"), ("there", "missing"), ("right", "strips_drive", "no_sidewalk")
 _STRIPS = frozenset({"parking", "shoulder", "biking"})
@@ -214,9 +216,33 @@ class FaultyMap:
         return placed
 
     def nearest_lane(self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",)) -> NearestLanes:
-        """See `LaneMap`; by the types of the map without errors."""
+        """See `LaneMap`; among the lanes that are shown, by the types that they are shown with."""
         points = self._displaced(np.asarray(xy_m, dtype=np.float64), -1.0)
-        return self._exact.nearest_lane(points, lane_types)
+        wanted = np.isin(self.lanes.lane_type[: len(self._hidden)], list(lane_types)) & ~self._hidden
+        exact_types = np.asarray(self._exact.lanes.lane_type)
+        types = set(exact_types[wanted].tolist())
+        if np.array_equal(np.isin(exact_types, list(types)), wanted):
+            return self._exact.nearest_lane(points, tuple(types))
+        return self._nearest_of(np.flatnonzero(wanted), points)
+
+    def _nearest_of(self, lanes: IntArray, points_m: FloatArray) -> NearestLanes:
+        """The nearest of some lanes for each of (N, 2) points of the map without errors."""
+        distance, aside = np.full(len(points_m), np.inf), np.full(len(points_m), np.inf)
+        nearest, s_m = np.zeros(len(points_m), dtype=np.int64), np.zeros(len(points_m))
+        for lane in lanes.tolist():
+            strip = lane_strip(self._exact, lane, 0.0)
+            station, offset = PlannedPath(strip.center_m, strip.station_m).place(points_m)
+            beyond = station - np.clip(station, 0.0, strip.length_m)  # a lane ends, a path goes on
+            half = np.interp(station, strip.station_m, strip.half_width_m)
+            off = np.hypot(beyond, np.maximum(np.abs(offset) - half, 0.0))
+            # of several lanes that contain a point it is the one whose middle is nearest
+            nearer = (off < distance) | ((off == distance) & (np.abs(offset) < aside))
+            distance[nearer], aside[nearer], nearest[nearer] = off[nearer], np.abs(offset[nearer]), lane
+            s_m[nearer] = np.interp(station[nearer], strip.station_m, strip.s_m)
+        made: NearestLanes = SimpleNamespace(
+            found=np.isfinite(distance), lane=nearest, s_m=s_m, distance_m=distance
+        )
+        return made
 
     def signals_of(self, road_id: str) -> Sequence[MapSignal]:
         """See `LaneMap`."""

@@ -76,6 +76,26 @@ def test_lanes_that_are_missing_are_neither_neighbours_nor_under_a_point() -> No
     assert {str(made.lanes.lane_type[k]) for k in area(MapErrors(lanes="missing")).route.lanes} == {"driving"}
 
 
+def test_the_nearest_lane_is_one_that_the_map_shows_by_the_type_that_it_shows() -> None:
+    """The street's own lanes are 3.5 m wide, the oncoming one from y = 0 to 3.5 m, the sidewalk beyond it."""
+    points = np.array([[100.0, 1.75], [100.0, -1.0], [100.0, 4.0]])
+
+    def nearest(errors: MapErrors, *types: str) -> tuple[list[str], list[float]]:
+        made = area(errors).network
+        near = made.nearest_lane(points, types)
+        return [str(made.lanes.lane_type[k]) for k in near.lane[near.found]], near.distance_m[
+            near.found
+        ].tolist()
+
+    assert nearest(MapErrors(), "driving")[1] == pytest.approx([0.0, 0.0, 0.5])
+    assert nearest(MapErrors(lanes="missing"), "driving")[1] == pytest.approx([1.75, 0.0, 4.0])
+    assert nearest(MapErrors(lanes="missing", lane_m=0.5), "driving")[1] == pytest.approx([1.25, 0.0, 3.5])
+    assert nearest(MapErrors(sidewalk="missing"), "sidewalk") == ([], [])
+    assert nearest(MapErrors(types="no_sidewalk"), "sidewalk") == ([], [])
+    kinds, distances = nearest(MapErrors(types="no_sidewalk"), "shoulder")
+    assert (kinds, distances[2]) == (["shoulder"] * 3, 0.0)
+
+
 def test_sidewalks_given_as_shoulders_are_crossed_like_them() -> None:
     exact = right_reach_m(area(MapErrors()))
     assert right_reach_m(area(MapErrors(types="no_sidewalk"))) == pytest.approx(3.5 + MARGIN_M, abs=1e-4)
