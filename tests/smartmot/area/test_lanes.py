@@ -5,12 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from opendrive import RoadNetwork, load_map
 from smartmot.area import (
     MapArea,
     MapAreaConfig,
     MonitoredLanes,
+    PathArea,
+    with_way,
 )
 from smartmot.errors import ConfigError
 from smartmot.maps.follow import route_along
@@ -350,3 +354,50 @@ def test_the_lane_changed_into_is_a_neighbour_before_the_change() -> None:
     assert roles == {("current", False), ("current", True), ("left", False), ("left", True)}
     roles = {(lane.role, lane.front) for lane in area.at(_ego(300.0, 10.0)).lanes}
     assert roles == {("current", False), ("current", True), ("right", False), ("right", True)}
+
+
+# --- against the planned path -------------------------------------------------------------------------
+
+
+@cache
+def _turning(margin_m: float) -> MapArea:
+    """To the left at the shipped intersection, from the west."""
+    network = _network("urban_intersection")
+    lanes = [network.lane_index_of((road, 0, -1)) for road in ("1", "14", "4")]
+    return MapArea(network, route_from_lanes(network, lanes), MapAreaConfig(vru_margin_m=margin_m))
+
+
+MARGINS_M = (0.0, 0.5, 1.8, 5.0, 8.0, 30.0)
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.floats(0.0, 20.0), st.sampled_from(["street", "turn"])
+)
+def test_the_map_is_the_planned_path_without_what_its_lanes_and_margins_leave_out(
+    seed: int, share: float, speed: float, where: str
+) -> None:
+    """With path and factors alike: a wider margin only adds people; who is left is as the path has it."""
+    areas = [_street(vru_margin_m=m) if where == "street" else _turning(m) for m in MARGINS_M]
+    route = areas[0].route
+    x, y, yaw = route.pose(share * route.length_m)
+    ego, rng = EgoState(0.0, x, y, yaw, speed), np.random.default_rng(seed)
+    boxes = Boxes(
+        np.array([x, y]) + rng.uniform(-50.0, 50.0, (60, 2)),
+        rng.uniform(0.4, 5.0, (60, 2)),
+        rng.uniform(-3, 3, 60),
+    )
+    category = rng.choice(["car", "pedestrian", "cyclist"], 60)
+    of_path = PathArea().at(ego, route).relevance(boxes, category)
+    kept = [area.at(ego).kept(boxes, category) for area in areas]
+    for area, mask, wider in zip(areas, kept, [*kept[1:], np.ones(60, dtype=bool)], strict=True):
+        assert not (mask & ~wider).any()
+        assert (mask == kept[0])[category == "car"].all()
+        relevance = with_way(area.at(ego), ego, route, "path", "path").relevance(boxes, category)
+        for name in ("in_route", "on_way", "within_reach"):
+            assert getattr(relevance, name)[mask].tolist() == getattr(of_path, name)[mask].tolist()
+
+
+def test_a_margin_is_cut_by_nothing_beside_the_road() -> None:
+    """With 8 m people count beyond the far border of the sidewalk, 8 m from the kerb at y = -3.5 m."""
+    area = _street(vru_margin_m=8.0).at(_ego(100.0, 10.0))
+    assert _kept(area, "pedestrian", (120.0, -11.49), (120.0, -11.51)) == [True, False]
