@@ -5,53 +5,48 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from statistics import NormalDist
 
 import numpy as np
 
 from scenarios.errors import ScenarioError
 from smartmot.filters.motion_models import PerCategory, Setting, table
-from smartmot.types import CATEGORIES, FloatArray
+from smartmot.types import CATEGORIES
 
 OCCLUSION_SHARES = (0.85, 0.5)
 """Visible shares from which an object counts as fully visible and as partly hidden; under the last it is
 largely hidden. Levels 0, 1 and 2 of KITTI's labels, which name no shares: assumed."""
 
-MISS_INTERVAL_S = 0.1
-"""Distance in time of the two frames that `BoxErrors.miss_persistence` compares; KITTI's frames."""
+PERSISTENCE_INTERVAL_S = 0.1
+"""Distance in time of the two frames that a persistence compares; KITTI's frames."""
 
 GHOST_AHEAD_M = 1.75
 """Half a lane of 3.5 m on either side of the line ahead: where a false positive is in the ego's way."""
 
 NO_GHOSTS = PerCategory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-_GREATEST = 6.0
-_STEP = 1.0 / 32.0
-NORMALS = np.arange(-_GREATEST, _GREATEST + _STEP / 2, _STEP)
-"""Normal deviates at which quantiles of a mixture are kept."""
-
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """Mixture of two centred Gaussians: the core, and a wider one.
+    """Mixture of two centred Gaussians: the core, and a wider one. Which of them it is, is a Markov chain.
 
     Args:
         share: of the errors that the wider one makes.
         ratio: its standard deviation over the core's.
+        persistence: P(wider, if wider 0.1 s ago) - P(wider, if core 0.1 s ago): gross errors last.
 
     Raises:
-        ScenarioError: the share is outside [0, 1), or the ratio under 1.
+        ScenarioError: share or persistence are outside [0, 1), or the ratio under 1.
     """
 
     share: float = 0.0
     ratio: float = 1.0
+    persistence: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.share < 1.0 and 1.0 <= self.ratio < math.inf):
+        if not (0.0 <= self.share < 1.0 and 1.0 <= self.ratio < math.inf and 0.0 <= self.persistence < 1.0):
             raise ScenarioError(
-                "sensor errors: the share of a tail must lie in [0, 1) and its ratio be 1 or more; "
-                f"got {self.share:g} and {self.ratio:g}"
+                "sensor errors: share and persistence of a tail must lie in [0, 1) and its ratio be 1 or "
+                f"more; got {self.share:g}, {self.persistence:g} and {self.ratio:g}"
             )
 
     @property
@@ -59,35 +54,8 @@ class Tail:
         """Standard deviation of the core, where that of the mixture is 1."""
         return 1.0 / math.sqrt(1.0 - self.share + self.share * self.ratio**2)
 
-    def quantiles(self) -> FloatArray:
-        """(M,) values of the mixture of standard deviation 1, as far out as the deviates of `NORMALS`.
-
-        A deviate z goes to the value that as many errors are below: an error keeps its distribution whatever
-        process z comes from.
-        """
-        return _quantiles(self)
-
 
 GAUSSIAN = Tail()
-
-
-@lru_cache(maxsize=64)
-def _quantiles(tail: Tail) -> FloatArray:
-    if tail.share == 0.0 or tail.ratio == 1.0:
-        return NORMALS
-    core, wide = tail.core_sigma, tail.core_sigma * tail.ratio
-    # The lower half, in which probabilities keep their digits; the upper half mirrors it. So many standard
-    # deviations of the wider part reach beyond the mixture's quantile of the same deviate.
-    below = -_GREATEST * wide * np.linspace(1.0, 0.0, 800) ** 2
-    share = [(1.0 - tail.share) * _lower(x / core) + tail.share * _lower(x / wide) for x in below.tolist()]
-    deviates = np.array([NormalDist().inv_cdf(max(p, 1e-300)) for p in share])
-    lower = np.interp(NORMALS[NORMALS <= 0.0], deviates, below)
-    return np.concatenate((lower, -lower[-2::-1]))
-
-
-def _lower(deviate: float) -> float:
-    """Share of a normal distribution below a deviate."""
-    return 0.5 * math.erfc(-deviate / math.sqrt(2.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +136,7 @@ class SensorErrors:
     """What is wrong with the detections of a sensor, besides the white noise of `SensorConfig`.
 
     Correlations are times: two errors t apart have the correlation exp(-t / time), whatever the rate; 0:
-    none. Tails lessen that of positions and headings a little.
+    none. Where a tail comes and goes, it lessens that of positions and headings.
 
     Args:
         rows: errors of boxes. Of the rows of its category an object has the first that reaches as far. Beyond
