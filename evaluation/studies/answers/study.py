@@ -14,7 +14,7 @@ from evaluation.results.files import SCHEMA, json_bytes, write_bytes, write_file
 from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import versions
 from evaluation.runs.execution import FrameTime
-from evaluation.runs.fingerprint import digest_of, file_digest, version
+from evaluation.runs.fingerprint import digest_of, file_digest, library_versions, version
 from evaluation.studies.answers.arms import Arm, ArmRun, arm_runs
 from evaluation.studies.answers.measures import Decision, decide
 from evaluation.studies.answers.results import Results, power_lines
@@ -63,6 +63,7 @@ class Sample:
         listed, key = target / LIST, self._key()
         known = _read_list(listed, key)
         if known is None:
+            listed.unlink(missing_ok=True)  # it must not stand beside the files of an unfinished draw
             known = drawn_scenes(self.split, self.count, self.seed, target, self.maps)
             scenes = [dataclasses.asdict(scene) | {"file": Path(scene.file).name} for scene in known]
             write_bytes(listed, json_bytes({"key": key, "scenes": scenes}, indent=1))
@@ -73,8 +74,10 @@ class Sample:
         files = sorted(
             path for path in Path(drawn.__path__[0]).rglob("*") if path.suffix in (".py", ".toml", ".xodr")
         )
-        files += sorted(self.maps.glob("*.xodr")) if self.maps else []
-        return digest_of([version(), self.split, self.count, self.seed, *map(file_digest, files)])
+        own = sorted(self.maps.glob("*.xodr")) if self.maps else []
+        known = [[path.name, file_digest(path)] for path in (*files, *own)]
+        code = [version(), library_versions()]
+        return digest_of([code, self.split, self.count, self.seed, self.maps is None, known])
 
 
 def _read_list(path: Path, key: str) -> tuple[SceneRun, ...] | None:

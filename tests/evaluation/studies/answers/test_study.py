@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -15,9 +17,13 @@ from evaluation.studies.answers.break_even import BreakEven, Sweep
 from evaluation.studies.answers.command import ask
 from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.study import Sample
+from scenarios.errors import ScenarioError
 from smartmot.errors import PluginError
 
 TINY = BreakEven(Sample(count=1), ("svg",), sweeps=(Sweep("margin_m", (1.0,)),), named=())
+
+
+FOUR = dataclasses.replace(TINY, sample=Sample(count=2))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -80,3 +86,52 @@ def test_scenes_are_drawn_again_where_one_is_missing(tmp_path: Path) -> None:
     Path(scenes[0].file).unlink()
     assert sample.draw(tmp_path) == scenes
     assert Path(scenes[0].file).is_file()
+
+
+def test_a_draw_that_was_killed_leaves_no_list_beside_the_files_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its files have the names of those that were there."""
+    sample = Sample(count=1, seed=3)
+    scenes = sample.draw(tmp_path / "out")
+    written = Path(scenes[0].file).read_bytes()
+
+    def killed(*_: object) -> None:
+        Path(scenes[0].file).write_bytes(b"another scene")
+        raise KeyboardInterrupt
+
+    (tmp_path / "maps").mkdir()
+    others = dataclasses.replace(sample, maps=tmp_path / "maps")
+    with pytest.raises(ScenarioError, match="no OpenDRIVE file"):
+        others.draw(tmp_path / "out")
+    assert sample.draw(tmp_path / "out") == scenes
+    with monkeypatch.context() as patch:
+        patch.setattr("evaluation.studies.answers.study.drawn_scenes", killed)
+        with pytest.raises(KeyboardInterrupt):
+            others.draw(tmp_path / "out")
+    assert sample.draw(tmp_path / "out") == scenes
+    assert Path(scenes[0].file).read_bytes() == written
+
+
+def test_a_killed_question_goes_on_with_the_same_bytes(tmp_path: Path) -> None:
+    """Killed after a few runs with two workers, finished with one: as if it had never been stopped."""
+    whole, resumed = tmp_path / "whole", tmp_path / "resumed"
+    code = (
+        "import sys; from pathlib import Path; from evaluation.studies.answers.command import ask; "
+        "from tests.evaluation.studies.answers.test_study import FOUR; "
+        "ask(FOUR, Path(sys.argv[1]), 2, True) if __name__ == '__main__' else None"
+    )
+    ask(FOUR, whole, workers=1, quiet=True)
+    process = subprocess.Popen([sys.executable, "-c", code, str(resumed)], cwd=Path(__file__).parents[4])
+    journal = resumed / "study_runs.jsonl"
+    try:
+        while process.poll() is None and not (journal.is_file() and journal.read_bytes().count(b"\n") >= 3):
+            time.sleep(0.02)
+    finally:
+        process.kill()
+        process.wait()
+    kept = journal.read_bytes().count(b"\n")
+    assert 3 <= kept <= 12
+    ask(FOUR, resumed, workers=1, quiet=True)
+    assert contents(resumed / "break-even") == contents(whole / "break-even")
+    assert len(journal.read_bytes().splitlines()) == 3 * 4
