@@ -285,6 +285,9 @@ def _tracker_sigma_of(preset: Preset) -> Setting:
 def _put_tracker_sigma(preset: Preset, value: Setting) -> Preset:
     if value != OF_SENSOR and not 0.0 < float(value) < math.inf:
         raise ConfigError(f"tracker_sigma_m must be positive and finite, got {value}")
+    tracker = preset.pipeline.tracker
+    if value != OF_SENSOR and isinstance(tracker, Plugin):
+        raise ConfigError(f"tracker_sigma_m is a parameter of the shipped trackers, not of {tracker.name}")
     return replace(preset, tracker_sigma_m=None if value == OF_SENSOR else float(value))
 
 

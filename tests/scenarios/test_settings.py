@@ -215,6 +215,10 @@ def test_a_tracker_of_ones_own_is_given_the_sensor_if_it_asks_for_it(
         sensor = getattr(make(), "sensor", None)
         assert (None if sensor is None else sensor.position_sigma_m) == expected
         assert PARAMETERS["tracker"].of(preset) == f"own_trackers:{name}"
+    with pytest.raises(
+        ConfigError, match=r"tracker_sigma_m is .* shipped trackers, not of own_trackers:plain"
+    ):
+        preset_with(PHYSICAL, (("tracker_sigma_m", 0.5), ("tracker", "own_trackers:plain")))
 
 
 def test_names_and_numbers_of_one_parameter() -> None:
