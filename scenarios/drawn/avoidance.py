@@ -15,6 +15,8 @@ from smartmot.geometry import signed_gap
 from smartmot.types import Boxes
 
 STEP_S = 0.02
+WAITS_S = 6.0
+"""So long the ego stands: who drives into it then could not be avoided by braking (assumed)."""
 _SIGHT_S = 0.05
 
 
@@ -62,10 +64,10 @@ def _in_sight_s(stage: Stage, actors: list[Actor], contact_s: float) -> float:
 
 
 def _stops_in_time(stage: Stage, target: Actor, from_s: float) -> bool:
-    """Whether the ego touches the target nowhere if it brakes fully from an instant on."""
+    """Whether ego and target never touch if the ego brakes fully from an instant on, and stands."""
     brakes, speed = PHYSICAL.brakes, stage.speed_mps
     stop_s = brakes.delay_s + brakes.build_up_s + speed / brakes.max_decel_mps2
-    since_s = np.arange(0.0, stop_s + STEP_S, STEP_S)
+    since_s = np.arange(0.0, stop_s + WAITS_S, STEP_S)
     way_m = np.array([brakes.travel(speed, 0.0, float(t))[0] for t in since_s])
     ego, ego_yaw = stage.route.poses(stage.start_m + speed * from_s + way_m)
     center, yaw = target.poses(from_s + since_s)

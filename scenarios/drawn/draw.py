@@ -134,7 +134,13 @@ def _draw_scene(
             except RejectedDraw as reason:
                 rejected[(situation.name, str(reason))] += 1
         rejected[(situation.name, GIVEN_UP)] += 1
-    raise ScenarioError(f"{name}: no situation can be placed on {', '.join(g.name for g in grounds)}")
+    reasons: Counter[str] = Counter()
+    for (_, reason), times in rejected.items():
+        reasons[reason] += times
+    raise ScenarioError(
+        f"{name}: no situation can be placed on {', '.join(g.name for g in grounds)}; "
+        f"most often: {reasons.most_common(1)[0][0]}"
+    )
 
 
 def _try_scene(

@@ -170,17 +170,19 @@ def car_crosses_at_a_junction(stage: Stage, draw: Draw) -> Made:
 
 
 def walks_along_the_lane(stage: Stage, draw: Draw) -> Made:
-    """A pedestrian walks in the ego's lane, the ego's way, where the road has no sidewalk."""
+    """A pedestrian walks in the ego's lane, the ego's way, where the road has no sidewalk.
+
+    One who came the other way would walk into an ego that has stopped.
+    """
     side = stage.side(stage.line_m, stage.near)
     if any(strip.kind in SIDEWALK_TYPES for strip in side.strips):
         raise RejectedDraw("the road has a sidewalk")
     outline, speed = draw.text("pedestrian"), draw.number("walking_speed_mps")
     share = draw.number("share_percent")
     left = stage.near * EGO_HALF_M * (1.0 - share / 50.0)
-    direction = draw.sign()
     hit_s = stage.hit_s
-    start_m = stage.line_m + OUTLINES[outline].length_m / 2 - direction * speed * hit_s
-    to_m = start_m + direction * (speed * (stage.lead_s + 8.0) + 5.0)
+    start_m = stage.line_m + OUTLINES[outline].length_m / 2 - speed * hit_s
+    to_m = start_m + speed * (stage.lead_s + 8.0) + 5.0
     if hit_s < EARLIEST_S or not math.isfinite(start_m):
         raise RejectedDraw("it would have to set off before the start")
     points = stage.beside(start_m, to_m, left)

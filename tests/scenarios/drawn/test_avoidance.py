@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from scenarios.drawn.actors import standing
+from scenarios.drawn.actors import Motion, standing, straight
 from scenarios.drawn.avoidance import avoidance
 from scenarios.drawn.map_set import MAPS
 from scenarios.drawn.situations.motions import crossing
@@ -53,3 +53,13 @@ def test_who_stands_behind_a_parked_car_is_noticed_when_it_comes_out() -> None:
     aside_m = 1.5 * hidden.notice_s
     assert aside_m / ahead_m == pytest.approx(2.09 / (ahead_m - 5.2), rel=0.3)
     assert math.isfinite(aside_m)
+
+
+def test_who_walks_into_a_standing_ego_cannot_be_avoided_by_braking() -> None:
+    """Noticed 16 m before the line, the ego stops 6.3 m before it, its front 4.1 m."""
+    stage = stage_at(10.0)
+    motion = Motion(1.5, sets_off_s=3.4)
+    towards = straight("Target", "adult", stage.pose(stage.line_m, 0.0, math.pi), motion)
+    away = straight("Target", "adult", stage.pose(stage.line_m), motion)
+    assert not avoidance(stage, [towards], LEAD - 0.25).avoidable
+    assert avoidance(stage, [away], LEAD - 0.25).avoidable

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from opendrive.xml.writer import map_bytes
+from scenarios.catalogue.reference_line import Piece
 from scenarios.drawn.draw import drawn_scenes
+from scenarios.drawn.map_set import STREET, street
 from scenarios.drawn.proof import unbraked
 from scenarios.drawn.values import data
 from scenarios.errors import ScenarioError
@@ -98,3 +101,13 @@ def test_all_maps_that_cannot_be_read_are_named_at_once(tmp_path: Path) -> None:
         (tmp_path / f"{name}.xodr").write_text("<OpenDRIVE>")
     with pytest.raises(ScenarioError, match=r"(?s)2 of 2 maps cannot be read: .*a\.xodr.*; .*b\.xodr"):
         drawn_scenes("test", 1, 0, tmp_path, tmp_path)
+
+
+def test_a_map_too_small_for_any_scene_says_why(tmp_path: Path) -> None:
+    """At 10 km/h and 3.5 s the ego needs 10 m before the line, and 12 m of its lane behind it."""
+    short = street("short", STREET, [Piece(20.0)])
+    (tmp_path / "short.xodr").write_bytes(map_bytes(short))
+    with pytest.raises(
+        ScenarioError, match=r"placed on short; most often: the ego's lane (begins|ends) too near"
+    ):
+        drawn_scenes("test", 1, 0, tmp_path / "out", tmp_path)
