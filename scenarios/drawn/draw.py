@@ -135,8 +135,8 @@ def _draw_scene(
                 rejected[(situation.name, str(reason))] += 1
         rejected[(situation.name, GIVEN_UP)] += 1
     reasons: Counter[str] = Counter()
-    for (_, reason), times in rejected.items():
-        reasons[reason] += times
+    for (_, why), times in rejected.items():
+        reasons[why] += times
     raise ScenarioError(
         f"{name}: no situation can be placed on {', '.join(g.name for g in grounds)}; "
         f"most often: {reasons.most_common(1)[0][0]}"
