@@ -114,6 +114,11 @@ class SideStrips:
         return edge
 
     @property
+    def is_outermost(self) -> bool:
+        """Whether no other driving lane lies to this side."""
+        return self.nearest("driving") is None
+
+    @property
     def sidewalk(self) -> Strip | None:
         """The sidewalk beyond the kerb, if there is one."""
         return next((strip for strip in self.strips if strip.kind in SIDEWALK_TYPES), None)

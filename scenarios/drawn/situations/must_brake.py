@@ -95,7 +95,7 @@ def cyclist_moves_into_the_lane(stage: Stage, draw: Draw) -> Made:
     side = stage.side(stage.line_m, sign)
     strip = side.nearest("biking")
     edge = strip.middle_m if strip else side.half_width_m + draw.number("cyclist_beyond_edge_m")
-    if edge > side.paved_m - 0.25:
+    if edge > side.paved_m - 0.25 or not (strip or side.is_outermost):
         raise RejectedDraw("a cyclist has no room beside the ego's lane")
     speed = draw.number("cyclist_speed_mps")
     if speed > 0.8 * stage.speed_mps:

@@ -121,7 +121,7 @@ def cyclist_beside(stage: Stage, draw: Draw) -> Made:
         beside = strip.middle_m + draw.between(-0.4, 0.4)
     else:
         beside = EGO.width_m / 2 + draw.number("passing_m") + OUTLINES["bicyclist"].width_m / 2
-        if beside > side.paved_m - 0.3:
+        if beside > side.paved_m - 0.3 or not side.is_outermost:
             raise RejectedDraw("no room to pass a cyclist")
     speed = min(draw.number("cyclist_speed_mps"), 0.8 * stage.speed_mps)
     # the fronts are level when the ego is at the line

@@ -38,6 +38,15 @@ def test_sides_of_a_straight_street(stage: Stage) -> None:
     assert oncoming.middle_m == pytest.approx(3.25)
 
 
+def test_the_inner_lane_of_two_is_not_at_the_edge() -> None:
+    """Cyclists ride at the edge, not between two lanes."""
+    ground = Ground(MAPS / "one_way_street.xodr")
+    for lane, outermost in ((-1, False), (-2, True)):
+        route, line = way_over(ground.network, [ground.network.lane_index_of(("1", 0, lane))], LINE_X, 50.0)
+        stage = Stage(ground, route, line, SPEED, LEAD, "straight")
+        assert stage.side(stage.line_m, stage.near).is_outermost == outermost
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("share", [10.0, 50.0, 90.0])
 @pytest.mark.parametrize("from_m", [4.0, None])
