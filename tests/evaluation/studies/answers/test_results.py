@@ -19,8 +19,8 @@ from evaluation.studies.answers.results import (
     difference,
     power_lines,
 )
-from evaluation.studies.answers.tables import rates_table
-from tests.evaluation.studies.answers.conftest import scenes_of
+from evaluation.studies.answers.tables import change_text, rates_table
+from tests.evaluation.studies.answers.conftest import decision, scenes_of
 
 ONE, TWO = Arm("one", "map"), Arm("two", "all")
 RATES = {"one": (0.8, 0.1), "two": (0.6, 0.3)}
@@ -147,3 +147,23 @@ def test_what_the_scenes_decide_is_said_before_the_runs() -> None:
     assert "none if 20 % or fewer" in power_lines(scenes_of(10), 4)[0]
     assert nothing.startswith("100 nothing scenes")
     assert power_lines(scenes, 0) == []
+
+
+def test_of_no_scenes_there_is_neither_a_rate_nor_an_interval() -> None:
+    scenes = tuple(scene for scene in scenes_of(3) if scene.must == "brake")
+    runs = Results(scenes, {arm: tuple(decision("brake", True) for _ in scenes) for arm in (ONE, TWO)})
+    (row,) = rates_table(runs, [ONE]).rows
+    assert row[1:3] == ("100.0 [43.9, 100.0]", "–")  # 3 of 3: 3 / (3 + 3.8415); no nothing scene
+    stops = difference(runs, ONE, TWO, "stops")
+    assert (stops.estimate, stops.p_value) == (NO_SAMPLE, 1.0)
+    assert change_text(stops) == "–"
+    assert benefit_difference(runs, ONE, TWO) == NO_SAMPLE
+    (line,) = power_lines(scenes, 2)
+    assert line.startswith("3 must-brake scenes")
+
+
+def test_unequal_numbers_of_scenes_have_each_their_own_power() -> None:
+    scenes = [*scenes_of(300)[:300], *scenes_of(60)[60:]]
+    brake, nothing = power_lines(scenes, 2)
+    assert f"above {100 * least_difference(300, 0.1, 0.025):.1f} points if 10 %" in brake
+    assert f"above {100 * least_difference(60, 0.2, 0.025):.1f} points if 20 %" in nothing
