@@ -14,6 +14,10 @@ from scenarios.drawn.values import Draw, RejectedDraw
 
 Made = tuple[Stage, list[Actor]]
 
+OVERTAKES_MPS = 10.0 / 3.6
+"""By how much a car is faster that overtakes: substantially (StVO section 5), 10 km/h as courts read it for
+lorries on motorways (OLG Hamm, 2008). A driver who is slower stays behind."""
+
 
 def _end_s(stage: Stage) -> float:
     return stage.lead_s + RUN_OUT_M / stage.speed_mps
@@ -124,6 +128,8 @@ def cyclist_beside(stage: Stage, draw: Draw) -> Made:
         if beside > side.paved_m - 0.3 or not side.is_outermost:
             raise RejectedDraw("no room to pass a cyclist")
     speed = min(draw.number("cyclist_speed_mps"), 0.8 * stage.speed_mps)
+    if strip is None and stage.speed_mps - speed < OVERTAKES_MPS:
+        raise RejectedDraw("the ego is too slow to overtake")
     # the fronts are level when the ego is at the line
     station = stage.line_m - speed * stage.lead_s
     return stage, [along("Target", "bicyclist", stage, station, sign * beside, speed, _end_s(stage), "")]

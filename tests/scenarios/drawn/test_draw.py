@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from opendrive.xml.writer import map_bytes
 from scenarios.catalogue.reference_line import Piece
 from scenarios.drawn.draw import drawn_scenes
-from scenarios.drawn.map_set import STREET, street
+from scenarios.drawn.map_set import MAPS, STREET, street
 from scenarios.drawn.proof import unbraked
-from scenarios.drawn.values import data
+from scenarios.drawn.situations.must_not import cyclist_beside
+from scenarios.drawn.stage import Ground, Stage, way_over
+from scenarios.drawn.values import Draw, RejectedDraw, data
 from scenarios.errors import ScenarioError
 from scenarios.scenes.scenes import SceneRun, all_scenes
 
@@ -111,3 +114,20 @@ def test_a_map_too_small_for_any_scene_says_why(tmp_path: Path) -> None:
         ScenarioError, match=r"placed on short; most often: the ego's lane (begins|ends) too near"
     ):
         drawn_scenes("test", 1, 0, tmp_path / "out", tmp_path)
+
+
+@pytest.mark.parametrize("kmh", [14.0, 40.0])
+def test_cyclists_in_the_lane_are_overtaken_at_10_kmh_more_or_not_at_all(kmh: float) -> None:
+    """The slowest cyclist rides at 9 km/h."""
+    ground = Ground(MAPS / "country_bends.xodr")
+    lane = ground.network.lane_index_of(("1", 0, -1))
+    route, line = way_over(ground.network, [lane], 150.0, kmh / 3.6 * 5.0)
+    stage = Stage(ground, route, line, kmh / 3.6, 5.0, "any")
+    speeds = []
+    for seed in range(40):
+        try:
+            speeds.append(cyclist_beside(stage, Draw(np.random.default_rng(seed)))[1][0].motion.speed_mps)
+        except RejectedDraw:
+            continue
+    assert all(kmh / 3.6 - speed >= 10.0 / 3.6 for speed in speeds)
+    assert bool(speeds) == (kmh > 19.0)
