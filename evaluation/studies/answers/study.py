@@ -113,14 +113,15 @@ class Answer:
     files: Mapping[str, bytes] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def markdown(self, first: Sequence[str] = ()) -> bytes:
+    def markdown(self, first: Sequence[str] = (), form: str = FORMATS[0]) -> bytes:
         """The page: words, figures, tables, notes.
 
         Args:
             first: notes before its own: what the scenes can decide, where the planned path comes from.
+            form: of the figures.
         """
         parts = [f"# {self.title}\n", *(f"- {line}" for line in self.sentences), ""]
-        parts += [f"![{name}]({name}.png)\n" for name in self.figures]
+        parts += [f"![{name}]({name}.{form})\n" for name in self.figures]
         for heading, table in self.tables.items():
             parts += [f"## {heading}\n", markdown_table(table)]
         notes = (*first, *self.notes)
@@ -201,8 +202,9 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
         Raises:
             ResultsError: the folder cannot be written.
         """
+        notes = (*self.power(results.scenes), path_note(self.arms))
         contents = {
-            "answer.md": answer.markdown((*self.power(results.scenes), path_note(self.arms))),
+            "answer.md": answer.markdown(notes, *self.formats[:1]),
             self.table: runs_csv(results),
             "study.json": self._configuration(results.scenes),
             **answer.files,

@@ -38,6 +38,7 @@ def test_a_question_gives_the_same_bytes_for_any_number_of_workers_and_goes_on(
     ask(TINY, second, workers=2, quiet=True)
     written = contents(first / "break-even")
     assert written == contents(second / "break-even")
+    assert b"](break_even.svg)" in written["answer.md"]
     assert {"answer.md", "runs.csv", "study.json", "break_even.csv"} <= set(written)
     assert len(written["runs.csv"].splitlines()) == 1 + 3 * 2
     # every result says where its path comes from
