@@ -66,7 +66,8 @@ def command(
         ),
     ] = "",
     tuned: Annotated[
-        Path | None, typer.Option(help="gain: settings that `study tune` chose, beside the others.")
+        Path | None,
+        typer.Option(help="gain, break-even, trigger: settings that `study tune` chose, beside the others."),
     ] = None,
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
@@ -133,16 +134,18 @@ def _question(
     from evaluation.studies.answers.rivals import MAP, PATH, RIVALS, Rival
     from evaluation.studies.answers.sensor import SensorErrors
     from evaluation.studies.answers.trigger import Trigger
-    from evaluation.studies.answers.tune import Tuning, read_tuned
+    from evaluation.studies.answers.tune import Tuning
+    from evaluation.studies.answers.tuned import read_tuned
 
     if len(presets) > 1 and name != "gain":
         raise ArgumentError(f"--preset: {name} takes one; give gain several")
     if len(rules) > 1 and name in ("break-even", "sensor"):
         raise ArgumentError(f"--rule: {name} takes one")
-    if tuned is not None and name != "gain":
-        raise ArgumentError("--tuned: only gain takes it")
+    if tuned is not None and name in ("sensor", "tune"):
+        raise ArgumentError(f"--tuned: {name} takes none")
     if strategies and name == "break-even":
         raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
+    chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
     shipped = {rival.name: rival for rival in RIVALS}
     if name in ("sensor", "trigger"):
         default = MAP.name if name == "sensor" else PATH.name
@@ -150,11 +153,10 @@ def _question(
         rival = shipped.get(chosen) or Rival(chosen, "of the user's own", chosen)
         if name == "sensor":
             return SensorErrors(sample, formats, rival=rival, rule=rules[0])
-        return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules)
+        return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules, tuned=chosen_settings)
     own = options.parse_names(strategies, (), "--strategies", own=True) if strategies else ()
     if name == "tune":
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
     if name == "break-even":
-        return BreakEven(sample, formats, preset=presets[0], rule=rules[0])
-    chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
+        return BreakEven(sample, formats, preset=presets[0], rule=rules[0], tuned=chosen_settings)
     return Gain(sample, formats, presets=presets, rules=rules, own=own, tuned=chosen_settings)

@@ -50,6 +50,10 @@ class LabelledRun(Generic[Label]):
         return self._key[0]
 
 
+JOURNAL = "journal"
+"""Folder, beside those of the parts of a report, of what can be made again and is not kept."""
+
+
 class Study(Generic[Label, Measures]):
     """A folder of results that can be made again.
 
@@ -67,6 +71,14 @@ class Study(Generic[Label, Measures]):
     kind: type[Measures]
     """What is kept of a run."""
 
+    def given(self, out: Path) -> Study[Label, Measures]:
+        """The study as it is after others whose results are in a folder: one may settle what is run here."""
+        return self
+
+    def place(self, out: Path) -> Path:
+        """Folder for what its runs need, and write, in a folder of several studies."""
+        return out / self.name
+
     def items(self, folder: Path) -> Sequence[LabelledRun[Label]]:
         """The runs; what they write beside the journal goes to the folder."""
         raise NotImplementedError
@@ -79,6 +91,12 @@ class Study(Generic[Label, Measures]):
     def is_quick(self, item: LabelledRun[Label]) -> bool:
         """Whether a check may carry it out again; it should take a second or so."""
         return True
+
+    def some(self, count: int, folder: Path) -> tuple[int, dict[int, LabelledRun[Label]]]:
+        """How many runs there are, and a few of the quick ones by their number, evenly spread."""
+        items = self.items(folder)
+        quick = [k for k, item in enumerate(items) if self.is_quick(item)]
+        return len(items), {k: items[k] for k in (quick[i] for i in evenly(count, len(quick)))}
 
     def is_whole(self, item: LabelledRun[Label]) -> bool:
         """Whether what a finished run has written beside the journal is there."""
@@ -125,6 +143,11 @@ class Study(Generic[Label, Measures]):
         with progress_bar(console) as progress:
             bar = progress.add_task(title, total=len({item.key for item in items}))
             return self.carry_out(items, out, prefix, workers, lambda count: progress.advance(bar, count))
+
+
+def evenly(count: int, of: int) -> list[int]:
+    """Numbers below one, as evenly spread as so many can be."""
+    return sorted({of * (2 * n + 1) // (2 * count) for n in range(count)})
 
 
 def done_line(count: int, before: int, out: Path, names: Sequence[str]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import Results, benefit, difference
-from evaluation.studies.answers.rivals import MAP, PATH, Tuned, tuned_arm
+from evaluation.studies.answers.rivals import MAP, PATH
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import arms_table, points_text
+from evaluation.studies.answers.tuned import Tuned, given_tuned, tuned_arm
 from scenarios.settings import PARAMETERS
 from smartmot.types import FloatArray
 
@@ -130,6 +132,10 @@ class BreakEven(Question):
     tuned: Tuned = ()
     name = "break-even"
 
+    def given(self, out: Path) -> BreakEven:
+        """With what was chosen in the same folder."""
+        return replace(self, tuned=given_tuned(out, self.sample))
+
     @property
     def sides(self) -> list[Pair]:
         """Map filter and planned path without errors: with the paper's margin, and tuned."""
@@ -188,6 +194,11 @@ class BreakEven(Question):
             for side in self.sides
         }
 
+    @staticmethod
+    def parts_figure(side: str) -> str:
+        """Name of the figure of a map filter's two differences."""
+        return f"break_even_{side}".replace(", ", "_")
+
     def answer(self, results: Results) -> Answer:
         """Where the benefit of the map filter is lost."""
         curves, named = self.curves(results), self.points_named(results)
@@ -197,8 +208,7 @@ class BreakEven(Question):
         tables["Who is who"] = arms_table([arm for side in self.sides for arm in side])
         drawn = {"break_even": figures.break_even(curves, where)}
         for side, own in curves.items():
-            name = f"break_even_{side}".replace(", ", "_").replace(" ", "_")
-            drawn[name] = figures.break_even_parts(own, f"{side}, {where}")
+            drawn[self.parts_figure(side)] = figures.break_even_parts(own, f"{side}, {where}")
         files = {"break_even.csv": _csv(curves, named)}
         return Answer(
             "How wrong may localisation and map be before a lane filter hurts?",

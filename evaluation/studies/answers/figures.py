@@ -273,24 +273,24 @@ def operating_curves(points: Sequence[Operating], where: str) -> Figure:
     set_style(axes)
     ends: list[tuple[float, float, str, str]] = []
     for rule, colour in zip(rules, itertools.cycle(RULE_COLOURS), strict=False):
-        own = [point for point in points if point.rule == rule]
+        tuned = [point for point in points if point.rule == rule and point.tuned]
+        own = [point for point in points if point.rule == rule and not point.tuned]
         x, y = [100 * p.stops.value for p in own], [100 * p.avoided.value for p in own]
-        for p, x_k, y_k in zip(own, x, y, strict=True):
-            axes.plot(
-                [100 * p.stops.low, 100 * p.stops.high], [y_k, y_k], color=colour, linewidth=0.6, alpha=0.3
-            )
-            axes.plot(
-                [x_k, x_k],
-                [100 * p.avoided.low, 100 * p.avoided.high],
-                color=colour,
-                linewidth=0.6,
-                alpha=0.3,
-            )
+        for p in (p for p in (*own, *tuned) if p.is_usual or p.tuned):
+            low, high = (100 * e for e in (p.stops.low, p.stops.high))
+            axes.plot([low, high], [100 * p.avoided.value] * 2, color=colour, linewidth=0.7, alpha=0.4)
+            low, high = (100 * e for e in (p.avoided.low, p.avoided.high))
+            axes.plot([100 * p.stops.value] * 2, [low, high], color=colour, linewidth=0.7, alpha=0.4)
         axes.plot(x, y, color=colour, marker="o", markersize=3.5, linewidth=1.3)
         usual = [k for k, p in enumerate(own) if p.is_usual]
         axes.plot(
             [x[k] for k in usual], [y[k] for k in usual], linestyle="none", marker="o", markersize=8.5,
             markerfacecolor="none", markeredgecolor=colour,
+        )  # fmt: skip
+        axes.plot(
+            [100 * p.stops.value for p in tuned], [100 * p.avoided.value for p in tuned], linestyle="none",
+            marker="*", markersize=10.0, markerfacecolor=colour, markeredgecolor="white", markeredgewidth=0.6,
+            zorder=4.0,
         )  # fmt: skip
         # named where it stands out: at its point of most unnecessary stops
         last = max(range(len(own)), key=lambda k: (x[k], y[k]))
@@ -300,9 +300,11 @@ def operating_curves(points: Sequence[Operating], where: str) -> Figure:
     axes.set_ylabel("collisions avoided (% of must-brake scenes)", fontsize=SMALL_PT)
     figure.text(0.01, 0.95, f"Rules along their triggers: {where}", fontsize=FONT_PT)
     counts = f"{points[0].avoided.count} + {points[0].stops.count} scenes per point. " if points else ""
+    starred = " Star: tuned on other scenes." if any(point.tuned for point in points) else ""
     figure.text(
         0.5, 0.02,
-        f"{counts}Ringed: as the rule's source has it. Bars: 95 % intervals. Up and to the left is better.",
+        f"{counts}Ringed: as the rule's source has it.{starred} Bars: their 95 % intervals. "
+        "Up and to the left is better.",
         ha="center", fontsize=SMALL_PT - 1.0, color="#444444",
     )  # fmt: skip
     return figure

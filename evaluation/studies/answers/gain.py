@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from evaluation.errors import ArgumentError
 from evaluation.studies.answers import figures
@@ -15,7 +16,7 @@ from evaluation.studies.answers.results import (
     benefit_difference,
     decisive_differences,
 )
-from evaluation.studies.answers.rivals import BY_TUNING, MAP, PATH, Rival, Tuned, rivals, tuned_arm
+from evaluation.studies.answers.rivals import MAP, PATH, Rival, rivals
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import (
     arms_table,
@@ -26,6 +27,7 @@ from evaluation.studies.answers.tables import (
     rates_table,
     verdict,
 )
+from evaluation.studies.answers.tuned import BY_TUNING, Tuned, given_tuned, tuned_arm
 
 NOTES = (
     "Scenes are drawn independently and are the sample; in each, all sides meet the same sensor noise.",
@@ -65,6 +67,10 @@ class Gain(Question):
         if self.tuned and not any(rule in self.rules for _, rule, _ in self.tuned):
             chosen = ", ".join(dict.fromkeys(rule for _, rule, _ in self.tuned))
             raise ArgumentError(f"--tuned: settings for rule {chosen} alone; give it with --rule")
+
+    def given(self, out: Path) -> Gain:
+        """With what was chosen in the same folder."""
+        return replace(self, tuned=given_tuned(out, self.sample))
 
     @property
     def groups(self) -> dict[tuple[str, str], list[Arm]]:

@@ -60,21 +60,6 @@ RIVALS: tuple[Rival, ...] = (
 that it is a rival only as published."""
 
 
-Tuned = tuple[tuple[str, str, Settings], ...]
-"""Name of a rival, rule, and settings that were chosen for them on other scenes (see `Tuning`)."""
-
-BY_TUNING = ", tuned"
-"""Of the names of rivals with such settings."""
-
-
-def tuned_arm(arm: Arm, tuned: Tuned) -> Arm | None:
-    """A rival with the settings that were chosen for it and its rule; None where none were."""
-    for name, rule, settings in tuned:
-        if (name, rule) == (arm.name, arm.rule):
-            return arm.having(*settings, name=f"{arm.name}{BY_TUNING}")
-    return None
-
-
 def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:
     """The rivals, and those of the user's own (`package.module:name`)."""
     return (*RIVALS, *(Rival(name, "of the user's own", name) for name in own))

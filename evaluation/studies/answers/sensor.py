@@ -131,11 +131,14 @@ class SensorErrors(Question):
         costs = [Cost(*parts) for parts in zip(self.errors, changes[:half], changes[half:], strict=True)]
         return sorted(costs, key=lambda cost: min(cost.alone[2].value, cost.among[2].value))
 
+    def total(self, results: Results) -> tuple[Estimate, Estimate, Estimate]:
+        """What all errors together cost: collisions avoided, stops and the benefit."""
+        return _change(results, self.having(self.errors), self.having([]))
+
     def answer(self, results: Results) -> Answer:
         """Which error costs most."""
         costs = self.costs(results)
         where = f"{self.rival.name}, rule {self.rule}"
-        total = _change(results, self.having(self.errors), self.having([]))
         differences = decisive_differences(results, self.pairs)
         tables = {
             "What each error costs": _table(costs),
@@ -144,7 +147,7 @@ class SensorErrors(Question):
         }
         return Answer(
             "Which error of the sensor costs most?",
-            [*findings(costs, total), decided(differences)],
+            [*findings(costs, self.total(results)), decided(differences)],
             tables,
             {"sensor": figures.tornado(costs, where)},
             {

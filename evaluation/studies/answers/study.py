@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
 import json
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -20,9 +21,9 @@ from evaluation.studies.answers.measures import Decision, decide
 from evaluation.studies.answers.results import Results, power_lines
 from evaluation.studies.answers.tables import path_note
 from evaluation.studies.compare.figures import FORMATS, save
-from evaluation.studies.study import Finished, Study
+from evaluation.studies.study import JOURNAL, Finished, LabelledRun, Study, evenly
 from scenarios import drawn
-from scenarios.drawn.draw import drawn_scenes
+from scenarios.drawn.draw import KINDS, copy_maps, draw_one, drawn_scenes, grounds_of
 from scenarios.scenes.scenes import SceneRun
 
 if TYPE_CHECKING:
@@ -68,6 +69,13 @@ class Sample:
             scenes = [dataclasses.asdict(scene) | {"file": Path(scene.file).name} for scene in known]
             write_bytes(listed, json_bytes({"key": key, "scenes": scenes}, indent=1))
         return known
+
+    def draw_one(self, number: int, folder: Path) -> SceneRun:
+        """The scene that `draw` has in a place, without the others."""
+        kind, number = divmod(number, self.count)
+        grounds = grounds_of(self.split, self.maps)
+        copy_maps(folder, grounds)
+        return draw_one(self.split, self.seed, list(KINDS)[kind], number, folder, grounds).run
 
     def _key(self) -> str:
         """Hash of everything that determines the scenes."""
@@ -137,7 +145,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
     sample: Sample = Sample()
     formats: tuple[str, ...] = FORMATS
     journal = PREFIX
-    table = "runs.csv"
+    table = "runs.csv.gz"
     kind = Decision
 
     @property
@@ -164,6 +172,10 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
             arm.check()
         return arm_runs(self.arms, scenes, self.sample.seed)
 
+    def place(self, out: Path) -> Path:
+        """The scenes are drawn for all questions once, and not kept."""
+        return out / JOURNAL
+
     def items(self, folder: Path) -> list[ArmRun]:
         """The runs over the drawn scenes; what can be said of the arms is said before these are drawn.
 
@@ -181,6 +193,16 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
         own = {arm.plugins: arm for arm in self.arms if arm.plugins}
         for arm in own.values():
             arm.try_out()
+
+    def some(self, count: int, folder: Path) -> tuple[int, dict[int, LabelledRun[tuple[Arm, SceneRun]]]]:
+        """A few runs; only their scenes are drawn."""
+        arms, scenes = self.arms, len(KINDS) * self.sample.count
+        total = len(arms) * scenes
+        chosen = {}
+        for k in evenly(count, total):
+            arm, number = divmod(k, scenes)
+            (chosen[k],) = arm_runs([arms[arm]], [self.sample.draw_one(number, folder)], self.sample.seed)
+        return total, chosen
 
     @staticmethod
     def job(item: ArmRun) -> tuple[Decision, FrameTime]:
@@ -205,7 +227,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
         notes = (*self.power(results.scenes), path_note(self.arms))
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
-            self.table: runs_csv(results),
+            self.table: gzip.compress(runs_csv(results), mtime=0),
             "study.json": self._configuration(results.scenes),
             **answer.files,
         }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 from evaluation.metrics.intervals import Estimate
@@ -22,8 +23,9 @@ from evaluation.studies.answers.tables import (
     interval_text,
     points_text,
 )
+from evaluation.studies.answers.tuned import BY_TUNING, Tuned, given_tuned, tuned_settings
 from scenarios.presets import named_preset
-from scenarios.settings import PARAMETERS, TRIGGERS, preset_with
+from scenarios.settings import PARAMETERS, TRIGGERS, Settings, preset_with, settings_text
 
 FAMILIES: tuple[str, ...] = tuple(
     {trigger: rule for rule, trigger in reversed(list(TRIGGERS.items()))}.values()
@@ -51,12 +53,26 @@ class Trigger(Question):
         rival: what is monitored.
         preset: conditions.
         rules: brake rules; one without a trigger is a point.
+        tuned: settings that were chosen for what is monitored with a rule on other scenes; a point each.
     """
 
     rival: Rival = PATH
     preset: str = "physical"
     rules: tuple[str, ...] = FAMILIES
+    tuned: Tuned = ()
     name = "trigger"
+
+    def given(self, out: Path) -> Trigger:
+        """With what was chosen in the same folder."""
+        return replace(self, tuned=given_tuned(out, self.sample))
+
+    def chosen(self, rule: str) -> tuple[Settings, Arm] | None:
+        """What was chosen with a rule on other scenes; None where nothing was."""
+        settings = tuned_settings(self.rival.name, rule, self.tuned)
+        if settings is None:
+            return None
+        arm = self.rival.arm(self.preset, rule)
+        return settings, arm.having(*settings, name=f"{rule}{BY_TUNING}")
 
     def curve(self, rule: str) -> list[tuple[float, Arm]]:
         """Values of a rule's trigger with their arms, the value of its source among them."""
@@ -77,7 +93,9 @@ class Trigger(Question):
     @property
     def arms(self) -> tuple[Arm, ...]:
         """All rules at all values."""
-        return tuple(dict.fromkeys(arm for rule in self.rules for _, arm in self.curve(rule)))
+        arms = [arm for rule in self.rules for _, arm in self.curve(rule)]
+        arms += [chosen[1] for rule in self.rules if (chosen := self.chosen(rule))]
+        return tuple(dict.fromkeys(arms))
 
     @property
     def pairs(self) -> list[tuple[Arm, Arm]]:
@@ -98,9 +116,12 @@ class Trigger(Question):
         points = []
         for rule in self.rules:
             usual = self.usual(rule)
-            for value, arm in self.curve(rule):
-                avoided, stops, early = (results.estimate(arm, name) for name in (*DECISIVE, "early"))
-                points.append(Operating(rule, value, value == usual, avoided, stops, early))
+            points += [
+                _operating(results, rule, arm, value, value == usual) for value, arm in self.curve(rule)
+            ]
+            if chosen := self.chosen(rule):
+                text = settings_text(chosen[0]) or "as it is"
+                points.append(_operating(results, rule, chosen[1], math.nan, tuned=text))
         return points
 
     def answer(self, results: Results) -> Answer:
@@ -121,12 +142,18 @@ class Trigger(Question):
             (
                 "Each curve is a rule, from its latest trigger to its earliest; ringed: as its source "
                 "has it.",
-                "The best values are the best in these very scenes. To choose one, use `smartmot-eval "
-                "study tune`, "
-                "which looks at other scenes and maps.",
+                "Tuned: chosen by `smartmot-eval study tune` on other scenes and maps. Without it the best "
+                "value is the best in these very scenes.",
                 "Rates: Wilson's interval over the scenes (95 %).",
             ),
         )
+
+
+def _operating(
+    results: Results, rule: str, arm: Arm, value: float, is_usual: bool = False, tuned: str = ""
+) -> Operating:
+    avoided, stops, early = (results.estimate(arm, name) for name in (*DECISIVE, "early"))
+    return Operating(rule, value, is_usual, avoided, stops, early, tuned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +165,7 @@ class Operating:
         value: of its trigger; NaN without one.
         is_usual: whether its source has that value.
         avoided, stops, early: rates.
+        tuned: settings that were chosen on other scenes, with these rates; empty: it is a point of the curve.
     """
 
     rule: str
@@ -146,6 +174,7 @@ class Operating:
     avoided: Estimate
     stops: Estimate
     early: Estimate
+    tuned: str = ""
 
     @property
     def benefit(self) -> Estimate:
@@ -154,28 +183,34 @@ class Operating:
 
 
 def findings(points: Sequence[Operating]) -> list[str]:
-    """The answer in sentences: each rule as published and at its best, the best rule first."""
+    """The answer in sentences: each rule as published, and tuned or else at its best; the best rule first."""
     groups: dict[str, list[Operating]] = {}
     for point in points:
         groups.setdefault(point.rule, []).append(point)
-    best = {rule: max(own, key=lambda p: p.benefit.value) for rule, own in groups.items()}
+    usual = {rule: next((p for p in own if p.is_usual), own[0]) for rule, own in groups.items()}
+    shown = {
+        rule: next((p for p in own if p.tuned), max([usual[rule], *own], key=lambda p: p.benefit.value))
+        for rule, own in groups.items()
+    }
     lines = []
-    for rule in sorted(best, key=lambda rule: -best[rule].benefit.value):
-        key, point = TRIGGERS.get(rule), best[rule]
-        usual = next((p for p in groups[rule] if p.is_usual), point)
-        text = (
-            f"{rule}: as its source has it, {interval_text(usual.avoided, 'avoided')} % of the "
-            "collisions avoided at "
-            f"{interval_text(usual.stops, 'stops')} % unnecessary stops"
-        )
-        if key and point is not usual:
+    for rule in sorted(groups, key=lambda rule: -shown[rule].benefit.value):
+        text = f"{rule}: as its source has it, {_rates(usual[rule], 'of the collisions avoided')}"
+        point, key = shown[rule], TRIGGERS.get(rule)
+        if point.tuned:
+            text += f"; tuned on other scenes ({point.tuned}), {_rates(point)}"
+        elif key and point is not usual[rule]:
             text += (
                 f"; avoided less stopped is greatest with {PARAMETERS[key].text} {point.value:g} "
                 f"{PARAMETERS[key].unit}".rstrip()
-                + f": {interval_text(point.avoided, 'avoided')} % at {interval_text(point.stops, 'stops')} %"
+                + f": {_rates(point)}"
             )
         lines.append(f"{text}.")
     return lines
+
+
+def _rates(point: Operating, of: str = "avoided") -> str:
+    avoided, stops = interval_text(point.avoided, "avoided"), interval_text(point.stops, "stops")
+    return f"{avoided} % {of} at {stops} % unnecessary stops"
 
 
 def _table(points: Sequence[Operating]) -> Table:
@@ -199,5 +234,6 @@ def _table(points: Sequence[Operating]) -> Table:
             interval_text(p.early, "early"),
             interval_text(p.stops, "stops"),
         )
-        rows.append((p.rule, PARAMETERS[key].text if key else "", value, *cells, points_text(p.benefit)))
+        cause = ("tuned", p.tuned) if p.tuned else (PARAMETERS[key].text if key else "", value)
+        rows.append((p.rule, *cause, *cells, points_text(p.benefit)))
     return Table(header, tuple(rows))

@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from evaluation.errors import ArgumentError
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import json_bytes
 from evaluation.results.tables import Table, csv_bytes
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE
 from evaluation.studies.answers.results import Results, benefit
-from evaluation.studies.answers.rivals import FAIR, Rival, rivals
-from evaluation.studies.answers.study import Answer, Question, Sample
+from evaluation.studies.answers.rivals import FAIR, PATH, Rival, rivals
+from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import interval_text, points_text
 from evaluation.studies.answers.trigger import SENSITIVITIES
-from scenarios.reading import read_json
-from scenarios.settings import PARAMETERS, TRIGGERS, Setting, Settings, settings_text
-
-TUNED = "tuned.json"
+from evaluation.studies.answers.tuned import TUNE, TUNED
+from scenarios.settings import PARAMETERS, TRIGGERS, Settings, settings_text
 
 BOX: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -70,7 +66,7 @@ class Tuning(Question):
 
     Args:
         preset: conditions.
-        rules: brake rules.
+        rules: brake rules: the first with every rival, the others with the planned path.
         own: strategies of the user's own; of these the parameters of all strategies are drawn.
         trials: settings of each, with that of the preset.
     """
@@ -79,7 +75,7 @@ class Tuning(Question):
     rules: tuple[str, ...] = ("paper",)
     own: tuple[str, ...] = ()
     trials: int = 12
-    name = "tune"
+    name = TUNE
 
     def drawn(self, rival: Rival, rule: str) -> list[Settings]:
         """The settings that are tried, in their order; the first are none."""
@@ -98,6 +94,13 @@ class Tuning(Question):
         return lines
 
     @property
+    def pairs(self) -> list[tuple[str, Rival]]:
+        """Rules with their rivals."""
+        # those with other settings are the same areas, as published
+        fair = [rival for rival in rivals(self.own) if rival.settings == FAIR]
+        return [(r, rival) for k, r in enumerate(self.rules) for rival in (fair if k == 0 else [PATH])]
+
+    @property
     def tried(self) -> list[tuple[Rival, str, int, Settings, Arm]]:
         """Rival, rule, number, settings and arm of each trial."""
         return [
@@ -108,9 +111,7 @@ class Tuning(Question):
                 settings,
                 rival.arm(self.preset, rule).having(*settings, name=f"{rival.name}, trial {k}"),
             )
-            for rule in self.rules
-            for rival in rivals(self.own)
-            if rival.settings == FAIR  # the others are the same areas, as published
+            for rule, rival in self.pairs
             for k, settings in enumerate(self.drawn(rival, rule))
         ]
 
@@ -124,12 +125,20 @@ class Tuning(Question):
         """None is tested: the choice is tested on other scenes."""
         return 0
 
-    def answer(self, results: Results) -> Answer:
-        """What was chosen for each, and all that was tried."""
-        trials = [
+    def trials_of(self, results: Results) -> list[Trial]:
+        """What was tried, with its rates."""
+        return [
             Trial(rival.name, rule, k, settings, *(results.estimate(arm, name) for name in DECISIVE))
             for rival, rule, k, settings, arm in self.tried
         ]
+
+    def chosen(self, results: Results) -> list[Trial]:
+        """The best of each rival and rule."""
+        return choose(self.trials_of(results))
+
+    def answer(self, results: Results) -> Answer:
+        """What was chosen for each, and all that was tried."""
+        trials = self.trials_of(results)
         chosen = choose(trials)
         files = {TUNED: _json(chosen, self), "tune.csv": _csv(trials)}
         return Answer(
@@ -174,51 +183,6 @@ def choose(trials: Sequence[Trial]) -> list[Trial]:
         max(own, key=lambda t: -math.inf if math.isnan(t.benefit.value) else t.benefit.value)
         for own in groups.values()
     ]
-
-
-def read_tuned(path: Path, sample: Sample) -> tuple[tuple[str, str, Settings], ...]:
-    """Rival, rule and settings of what was chosen.
-
-    Args:
-        path: the file.
-        sample: scenes on which the settings are to be shown.
-
-    Raises:
-        ArgumentError: the file is not one that `smartmot-eval study tune` wrote, or what it has was chosen on
-            these very scenes.
-    """
-    try:
-        content = read_json(path)
-        on = content["sample"]
-        chosen_on = str(on["split"]), int(on["seed"])
-        chosen = tuple(
-            (str(v["rival"]), str(v["rule"]), tuple(map(_setting, v["settings"].items())))
-            for v in content["chosen"]
-        )
-        if len({(rival, rule) for rival, rule, _ in chosen}) < len(chosen):
-            raise ValueError("a rival and rule twice")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        raise ArgumentError(
-            f"--tuned: {path} is not a {TUNED} of `smartmot-eval study tune` ({type(error).__name__}: "
-            f"{error})"
-        ) from None
-    # scenes follow from split, seed and their number: a smaller sample is a part of a greater one
-    if chosen_on == (sample.split, sample.seed):
-        raise ArgumentError(
-            f"--tuned: chosen on these very scenes (split {sample.split}, seed {sample.seed}); show the "
-            "settings on others, by --split or --seed"
-        )
-    return chosen
-
-
-def _setting(pair: tuple[str, object]) -> tuple[str, Setting]:
-    """Name and value of a parameter; whether it admits the value is seen before the first run."""
-    name, value = pair
-    if name not in PARAMETERS:
-        raise ValueError(f"no parameter {name!r}")
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError(f"{name} cannot be {value!r}")
-    return name, value if isinstance(value, str) else float(value)
 
 
 def _json(chosen: Sequence[Trial], study: Tuning) -> bytes:

@@ -6,20 +6,17 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import rich.console
 
 from evaluation.errors import ArgumentError
-from evaluation.progress import progress_bar
 from evaluation.results.files import ResultsError
 from evaluation.studies.reference.kept import read_rows
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.readme import README, render
-from evaluation.studies.study import Study, done_line
-
-JOURNAL = "journal"
-"""Folder of the journals in the folder of the results; what it holds can be made again, and is not kept."""
+from evaluation.studies.study import JOURNAL, Study, done_line
 
 CHECKED_RUNS = 3
 """Runs of each part that a check makes again."""
@@ -57,25 +54,22 @@ def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> 
     """
     console = rich.console.Console(quiet=quiet)
     parts = choose_parts(names)
-    todo = [(part, out / part.name, part.items(out / part.name)) for part in parts]
-    total = len({(part.journal, item.key) for part, _, items in todo for item in items})
     seen: set[tuple[str, str]] = set()
     before = 0
     (out / JOURNAL).mkdir(parents=True, exist_ok=True)
-    with progress_bar(console) as progress:
-        bar = progress.add_task("", total=total)
-        for part, folder, items in todo:
-            folder.mkdir(parents=True, exist_ok=True)
-            progress.update(bar, description=part.name)
-            keys = {(part.journal, item.key) for item in items}
-            shared = len(keys & seen)
-            seen |= keys
-            progress.advance(bar, -shared)
-            finished, old = part.carry_out(
-                items, out / JOURNAL, part.journal, workers, lambda count: progress.advance(bar, count)
-            )
-            before += old - shared
-            part.write(folder, items, finished)
+    for part in (part.given(out) for part in parts):
+        folder = out / part.name
+        folder.mkdir(parents=True, exist_ok=True)
+        items = part.items(part.place(out))
+        keys = {(part.journal, item.key) for item in items}
+        shared = len(keys & seen)
+        seen |= keys
+        finished, old = part.carry_out_behind_bar(
+            items, out / JOURNAL, part.journal, workers, console, part.name
+        )
+        before += old - shared
+        part.write(folder, items, finished)
+    total = len(seen)
     console.print(done_line(total, before, out, [part.name for part in parts]), highlight=False)
     missing = [part.name for part in PARTS if not (out / part.name / part.table).is_file()]
     if missing:
@@ -115,19 +109,19 @@ def drift(part: Study[Any, Any], folder: Path, count: int) -> list[str]:
     Raises:
         ResultsError: the part's table is missing.
     """
-    rows, items = read_rows(folder / part.table), part.items(folder)
-    if len(rows) != len(items):
-        return [f"{part.name}: {len(rows)} runs are kept, {len(items)} belong to it today"]
-    lines = []
-    quick = [k for k, item in enumerate(items) if part.is_quick(item)]
-    for k in (quick[i] for i in sorted({len(quick) * (2 * n + 1) // (2 * count) for n in range(count)})):
-        measured, _ = part.job(items[k])
-        kept = rows[k]
-        lines += [
-            f"{part.name}, run {k + 1}, {name}: {kept[name] or 'nothing'} is kept, {value} comes out"
-            for name, value in dataclasses.asdict(measured).items()
-            if name in kept and not _same(kept[name], value)
-        ]
+    rows, lines = read_rows(folder / part.table), []
+    with TemporaryDirectory() as scratch:
+        total, items = part.given(folder.parent).some(count, Path(scratch))
+        if len(rows) != total:
+            return [f"{part.name}: {len(rows)} runs are kept, {total} belong to it today"]
+        for k, item in items.items():
+            measured, _ = part.job(item)
+            kept = rows[k]
+            lines += [
+                f"{part.name}, run {k + 1}, {name}: {kept[name] or 'nothing'} is kept, {value} comes out"
+                for name, value in dataclasses.asdict(measured).items()
+                if name in kept and not _same(kept[name], value)
+            ]
     return lines
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import gzip
 import math
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,11 +32,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         ResultsError: the file is missing.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with (gzip.open if path.suffix == ".gz" else open)(path, "rt", newline="", encoding="utf-8") as file:
             return list(csv.DictReader(file, strict=True))
     except OSError as error:
         raise ResultsError(f"{path}: {error.strerror}; make it with smartmot-eval reports") from None
-    except (csv.Error, ValueError) as error:
+    except (csv.Error, ValueError, EOFError, zlib.error) as error:
         raise ResultsError(f"{path}: not a table ({error}); make it with smartmot-eval reports") from None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import gzip
 import json
 import subprocess
 import sys
@@ -39,11 +40,11 @@ def test_a_question_gives_the_same_bytes_for_any_number_of_workers_and_goes_on(
     written = contents(first / "break-even")
     assert written == contents(second / "break-even")
     assert b"](break_even.svg)" in written["answer.md"]
-    assert {"answer.md", "runs.csv", "study.json", "break_even.csv"} <= set(written)
-    assert len(written["runs.csv"].splitlines()) == 1 + 3 * 2
+    assert {"answer.md", "runs.csv.gz", "study.json", "break_even.csv"} <= set(written)
+    lines = gzip.decompress(written["runs.csv.gz"]).decode().splitlines()
+    assert len(lines) == 1 + 3 * 2
     # every result says where its path comes from
-    rows = list(csv.DictReader(written["runs.csv"].decode().splitlines()))
-    assert {row["path_from"] for row in rows} == {"planner"}
+    assert {row["path_from"] for row in csv.DictReader(lines)} == {"planner"}
     assert {arm["path_from"] for arm in json.loads(written["study.json"])["arms"]} == {"planner"}
     assert "Planned path: from the planner, exact relative to the ego" in written["answer.md"].decode()
 

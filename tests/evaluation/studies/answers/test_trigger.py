@@ -41,3 +41,14 @@ def test_the_answer_names_the_best_rule_first_with_its_best_value(make) -> None:
     assert answer.sentences[0].startswith("rss: as its source has it, 80.0 [")
     assert f"{study.curve('rss')[-1][0]:g}" in answer.sentences[0]
     assert answer.sentences[1].startswith("paper: ")
+
+
+def test_what_was_chosen_on_other_scenes_is_a_point_of_its_own(make) -> None:
+    chosen = (("path", "rss", (("rss_response_s", 0.3), ("corridor_m", 2.0))),)
+    study = Trigger(rules=("paper", "rss"), tuned=chosen)
+    (tuned,) = (arm for arm in study.arms if arm.name == "rss, tuned")
+    assert dict(tuned.settings)["corridor_m"] == 2.0
+    answer = study.answer(make(study.arms, 50, lambda arm: (0.7, 0.3) if arm == tuned else (0.8, 0.2)))
+    told = next(line for line in answer.sentences if line.startswith("rss: "))
+    assert "80.0 [" in told.partition("; tuned on other scenes (rss_response_s=0.3, corridor_m=2")[0]
+    assert "70.0 [" in told.partition("; tuned on other scenes")[2]

@@ -8,7 +8,8 @@ import pytest
 
 from evaluation.errors import ArgumentError
 from evaluation.studies.answers.study import Sample
-from evaluation.studies.answers.tune import BOX, TUNED, Tuning, read_tuned
+from evaluation.studies.answers.tune import BOX, Tuning
+from evaluation.studies.answers.tuned import TUNED, read_tuned
 
 
 def test_all_have_the_same_number_of_trials_within_the_box() -> None:
@@ -58,7 +59,7 @@ def test_the_best_by_the_objective_is_chosen_and_read_again(make, tmp_path: Path
 def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
     path = tmp_path / TUNED
     path.write_text(content)
-    with pytest.raises(ArgumentError, match="--tuned"):
+    with pytest.raises(ArgumentError, match=r"is not a tuned\.json"):
         read_tuned(path, Sample())
 
 
