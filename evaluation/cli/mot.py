@@ -23,6 +23,8 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot nuscenes/detections.json --config centerpoint --write nuscenes`",
     "`smartmot-eval mot my_csv_folder --gif tracks.gif --sequence 0001`",
     "`smartmot-eval mot my_csv_folder --filter map --map town.xodr`",
+    "`smartmot-eval mot 00_tracks.csv --frame-rate 25 --columns x_m=xCenter,y_m=yCenter,yaw_deg=heading,"
+    "length_m=length,width_m=width,track_id=trackId`",
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
@@ -32,11 +34,15 @@ MOST_LISTED = 6
 
 
 def command(
-    directory: Annotated[Path, typer.Argument(help="Recorded detections, and labels if any.", metavar="DIR")],
+    directory: Annotated[
+        Path, typer.Argument(help="Recorded detections, and labels if any.", metavar="PATH")
+    ],
     form: Annotated[
         str | None,
         typer.Option("--format", help="kitti, nuscenes or csv; default: what the files look like."),
     ] = None,
+    columns: options.ColumnPairs = None,
+    frame_rate: options.FrameRate = None,
     config: Annotated[
         str,
         typer.Option(
@@ -82,7 +88,7 @@ def command(
     forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
     quiet: options.Quiet = False,
 ) -> None:
-    """Track recorded detections (KITTI, nuScenes, CSV); score the tracks where there are labels."""
+    """Track recorded detections (KITTI, nuScenes, CSV, Parquet); score the tracks where there are labels."""
     import rich.console
 
     from evaluation.metrics.matching import SIMILARITIES
@@ -95,6 +101,7 @@ def command(
     form = options.parse_name(form, FORMATS, "--format") if form else None
     config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
     tracker = plugin(config) if is_plugin(config) else tracker_config(config)
+    table_columns = options.table_columns(columns, frame_rate)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
@@ -106,7 +113,7 @@ def command(
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
-        study = run.prepare(directory, tracker, form, sequence, map_file, by_map)
+        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, table_columns)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
         with _progress(console) as progress:

@@ -16,6 +16,7 @@ from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.places import Place
+    from scenarios.recorded.columns import Columns
     from scenarios.settings import Parameter, Setting, Settings
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
@@ -93,6 +94,32 @@ Workers = Annotated[
 Pictures = Annotated[bool, typer.Option(help="Draw the pictures.")]
 PictureFormat = Annotated[str, typer.Option("--format", help="Pictures as png, svg or pdf.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
+
+
+ColumnPairs = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        help="What a table's columns hold: pairs of our name (with unit) and the table's, comma-separated, "
+        "such as x_m=xCenter,yaw_deg=heading; docs/mot.md.",
+        metavar="OURS=THEIRS,...",
+    ),
+]
+FrameRate = Annotated[
+    float | None,
+    typer.Option("--frame-rate", help="Frames per second of a table with frame numbers.", metavar="HZ"),
+]
+
+
+def table_columns(pairs: str | None, frame_rate_hz: float | None) -> Columns | None:
+    """What `--columns` and `--frame-rate` say of a table; None: nothing.
+
+    Raises:
+        DatasetError: A pair is none, or its left side is no name of ours.
+    """
+    from scenarios.recorded.columns import Columns
+
+    return None if pairs is None and frame_rate_hz is None else Columns.parse(pairs, frame_rate_hz)
 
 
 def examples(*paragraphs: str) -> str:

@@ -7,7 +7,8 @@ Files of a folder (docs/mot.md says what each column means)::
     labels.csv       the same with track_id [, ignored]      (optional)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
 
-`classes.csv` says what other names of categories mean (`classes`).
+Parquet files with the same names and columns are read alike. `classes.csv` says what other names of
+categories mean (`classes`), pairs of columns what a table with other columns holds (`columns`).
 
 All positions are in one frame that stands still over a sequence (x and y on the ground, yaw counter-clockwise
 from x), or all of them in the vehicle's own. With `ahead_m` and `left_m` in place of `x_m` and `y_m` boxes
@@ -23,14 +24,16 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, read_classes, require_categories
+from scenarios.recorded.columns import CLASSES, Columns, fill_sizes, read_mapped
 from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished
+from scenarios.recorded.parquet import SUFFIX, read_parquet_table
 from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
 from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_headed_table
 from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
 FRAME_S = 0.1
-"""Time between frames of a file that has frame numbers only."""
+"""Time between frames of a file that has frame numbers only, unless a frame rate is given."""
 
 SAME_FRAME_S = 1e-3
 """Labels so near in time to a frame of detections belong to it: other software rounds stamps."""
@@ -45,6 +48,7 @@ _NUMBERS = frozenset(
         *("track_id", "ignored"),
     )
 )
+_TEXTS = ("sequence", "category")
 DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
 
 TRACK_COLUMNS = (
@@ -53,42 +57,74 @@ TRACK_COLUMNS = (
 )
 
 
-def read_csv(folder: Path) -> Dataset:
+def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
     """Read a folder in the layout above, or a single file of detections.
+
+    Args:
+        folder: The folder or file.
+        columns: What a file with other columns holds. One with identities gives labels as well.
 
     Raises:
         DatasetError: A file is missing or wrong; the message names file, line and field.
     """
-    path = folder if folder.is_file() else folder / DETECTIONS
-    classes = read_classes(path.parent, dict(zip(CATEGORIES, CATEGORIES, strict=True)))
-    tables = {"detections": _table(path, _BOX, classes)}
+    columns = columns or Columns()
+    path = folder if folder.is_file() else stored(folder, DETECTIONS)
+    classes: ClassMap = dict(zip(CATEGORIES, CATEGORIES, strict=True))
+    notes: list[str] = []
+    frame_s = FRAME_S if columns.frame_rate_hz is None else 1.0 / columns.frame_rate_hz
+    if columns.pairs:
+        classes = read_classes(path.parent, {**CLASSES, **classes})
+        table, notes = read_mapped(path, columns)
+        tables = {"detections": _completed(table, classes, frame_s)}
+        if filled := fill_sizes(table):
+            notes.append(f"{filled} boxes without extent: the usual size of their category is taken")
+        if "track_id" in table:
+            tables[LABELS] = table
+            notes.append("the table has identities: its rows are labels as well as detections")
+    else:
+        classes = read_classes(path.parent, classes)
+        tables = {"detections": _table(path, _BOX, classes, frame_s)}
     for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, (*_STILL, "yaw_rad"))):
-        if (path.parent / name).is_file() and path.name != name:
-            tables[name] = _table(path.parent / name, needed, classes)
+        file = stored(path.parent, name)
+        if name not in tables and file.is_file() and file != path:
+            tables[name] = _table(file, needed, classes, frame_s)
     if EGO not in tables and len({_stands_still(table) for table in tables.values()}) > 1:
         raise DatasetError(f"{path.parent}: detections and labels are in different frames; {EGO} is needed")
     names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
     if not names:
         raise DatasetError(f"{path}: no rows; there is nothing to track")
-    sequences = [_sequence(name, tables) for name in names]
-    notes = []
-    if "stamp_s" not in tables["detections"]:
+    sequences = [_sequence(name, tables, frame_s) for name in names]
+    if "stamp_s" not in tables["detections"] and columns.frame_rate_hz is None:
         notes.append(f"no column stamp_s: frames are {FRAME_S:g} s apart")
     return finished("csv", sequences, tuple(notes))
 
 
-def _table(path: Path, needed: Collection[str], classes: ClassMap) -> TextTable:
-    """A file with the columns that it needs, its sequence and classes named, and its time as `time_s`."""
-    table = read_headed_table(path, needed, _NUMBERS)
+def stored(folder: Path, name: str) -> Path:
+    """A file of the layout in a folder: the CSV file, or the Parquet file if there is that one alone."""
+    parquet = (folder / name).with_suffix(SUFFIX)
+    return parquet if parquet.is_file() and not (folder / name).is_file() else folder / name
+
+
+def _table(path: Path, needed: Collection[str], classes: ClassMap, frame_s: float) -> TextTable:
+    """A file with the columns that it needs; see `_completed`."""
+    if path.suffix == SUFFIX:
+        table = read_parquet_table(path, needed, _NUMBERS, _TEXTS)
+    else:
+        table = read_headed_table(path, needed, _NUMBERS)
     if not (_stands_still(table) or all(name in table for name in _VEHICLE)):
         raise DatasetError(f"{path}:1: columns missing: x_m and y_m, or ahead_m and left_m (see docs/mot.md)")
     if "stamp_s" not in table and "frame" not in table:
         raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
+    return _completed(table, classes, frame_s)
+
+
+def _completed(table: TextTable, classes: ClassMap, frame_s: float) -> TextTable:
+    """The table with its sequence and classes named, and its time as `time_s`."""
     time = "stamp_s" if "stamp_s" in table else "frame"
     table.require_finite(time)
     if time == "frame":
         table.require(np.abs(table["frame"]) < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
-    table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * FRAME_S
+    table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * frame_s
     table.columns.setdefault("sequence", np.full(len(table), "0"))
     if "category" in table:
         rule = f"must be one of {', '.join(CATEGORIES)}, or stand in {CLASSES_CSV}"
@@ -102,7 +138,7 @@ def _stands_still(table: TextTable) -> bool:
     return all(name in table for name in _STILL)
 
 
-def _sequence(name: str, tables: dict[str, TextTable]) -> Sequence:
+def _sequence(name: str, tables: dict[str, TextTable], frame_s: float) -> Sequence:
     """One sequence of all files."""
     parts = {key: table.rows(table["sequence"] == name) for key, table in tables.items()}
     detections = parts["detections"]
@@ -112,7 +148,7 @@ def _sequence(name: str, tables: dict[str, TextTable]) -> Sequence:
     if np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
         if len(stamp_s) and "stamp_s" not in detections:
             # numbers that are left out are frames without detections
-            stamp_s = np.arange(detections["frame"][0], detections["frame"][-1] + 1.0) * FRAME_S
+            stamp_s = np.arange(detections["frame"][0], detections["frame"][-1] + 1.0) * frame_s
         if LABELS in parts:
             labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
             stamp_s = np.union1d(stamp_s, labelled_s)
@@ -124,7 +160,7 @@ def _sequence(name: str, tables: dict[str, TextTable]) -> Sequence:
     return Sequence(
         name=name,
         stamp_s=stamp_s,
-        frame_name=_frame_names(stamp_s, detections),
+        frame_name=_frame_names(stamp_s, detections, frame_s),
         detections=_objects(detections, frame, pose),
         labels=labels,
         world_SE3_ego=pose,
@@ -149,10 +185,10 @@ def _snapped(time_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
     return np.where(np.abs(nearest - time_s) <= SAME_FRAME_S, nearest, time_s)
 
 
-def _frame_names(stamp_s: FloatArray, detections: TextTable) -> tuple[str, ...]:
+def _frame_names(stamp_s: FloatArray, detections: TextTable, frame_s: float) -> tuple[str, ...]:
     """F names: frame numbers if the detections go by them, else times."""
-    number = np.rint(stamp_s / FRAME_S)
-    by_time = "stamp_s" in detections or np.any(np.abs(number * FRAME_S - stamp_s) > SAME_FRAME_S)
+    number = np.rint(stamp_s / frame_s)
+    by_time = "stamp_s" in detections or np.any(np.abs(number * frame_s - stamp_s) > SAME_FRAME_S)
     if by_time:
         return tuple(f"{t:.3f} s" for t in stamp_s.tolist())
     return tuple(f"{k:.0f}" for k in number.tolist())

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.csv_files import DETECTIONS, read_csv
+from scenarios.recorded.columns import Columns
+from scenarios.recorded.csv_files import DETECTIONS, read_csv, stored
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
 from scenarios.recorded.nuscenes import read_nuscenes
+from scenarios.recorded.parquet import SUFFIX
 
 READERS: dict[str, Callable[[Path], Dataset]] = {
     "kitti": read_kitti,
@@ -19,24 +21,34 @@ READERS: dict[str, Callable[[Path], Dataset]] = {
 FORMATS = tuple(READERS)
 
 
-def read_dataset(folder: Path, form: str | None = None) -> Dataset:
+def read_dataset(folder: Path, form: str | None = None, columns: Columns | None = None) -> Dataset:
     """Read a folder in a given format, or in the one that its files show.
+
+    Args:
+        folder: The folder, or a single file.
+        form: The format; None: the one that the files show.
+        columns: What the columns of a table mean; None: it has ours.
 
     Raises:
         DatasetError: The format is not recognised, or a file is missing or wrong.
     """
     if not folder.exists():
         raise DatasetError(f"{folder}: no such folder or file")
-    return READERS[form or _recognised(folder)](folder)
+    form = form or ("csv" if columns is not None and columns.pairs else _recognised(folder))
+    if columns is None:
+        return READERS[form](folder)
+    if form != "csv":
+        raise DatasetError(f"{folder}: --columns and --frame-rate are for tables (csv), not for {form}")
+    return read_csv(folder, columns)
 
 
 def _recognised(folder: Path) -> str:
     """Name of the format."""
     if folder.is_file():
-        return "csv" if folder.suffix == ".csv" else "nuscenes"
+        return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
     if (folder / "detections").is_dir():
         return "kitti"
-    if (folder / DETECTIONS).is_file():
+    if stored(folder, DETECTIONS).is_file():
         return "csv"
     if any(folder.glob("*.json")):
         return "nuscenes"

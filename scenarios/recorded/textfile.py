@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,8 +46,8 @@ class TextTable:
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]
 
-    def rows(self, chosen: BoolArray) -> TextTable:
-        """The rows for which an (N,) mask is true."""
+    def rows(self, chosen: BoolArray | IntArray) -> TextTable:
+        """The rows for which an (N,) mask is true, or those with given numbers."""
         columns = {name: values[chosen] for name, values in self.columns.items()}
         return TextTable(self.path, self.line[chosen], columns)
 
@@ -141,17 +141,36 @@ def read_headed_table(path: Path, needed: Collection[str], numbers: Collection[s
             header, or a field is no number; names file, line and field.
     """
     lines = _filled_lines(path)
-    if not lines:
-        raise DatasetError(f"{path}:1: empty; the first line must name the columns (docs/mot.md)")
-    number, header = lines[0]
+    number, header = _header(path, lines)
     names = [name.strip() for name in header.split(",")]
     missing = [name for name in needed if name not in names]
     if missing:
-        raise DatasetError(f"{path}:{number}: columns missing: {', '.join(missing)} (see docs/mot.md)")
+        raise DatasetError(f"{path}:{number}: {missing_columns(missing)}")
     for name in names:
         if names.count(name) > 1:
             raise DatasetError(f"{path}:{number}: column {name!r} is named twice")
     return _table(path, lines[1:], names, [name for name in names if name not in numbers])
+
+
+def header_names(path: Path) -> list[str]:
+    """Names in the first line of a file.
+
+    Raises:
+        DatasetError: It cannot be read, or is empty.
+    """
+    return [name.strip() for name in _header(path, _filled_lines(path))[1].split(",")]
+
+
+def missing_columns(names: Iterable[str]) -> str:
+    """What a message says of columns that are not there."""
+    return f"columns missing: {', '.join(names)} (see docs/mot.md)"
+
+
+def _header(path: Path, lines: list[tuple[int, str]]) -> tuple[int, str]:
+    """Number and text of the line that names the columns."""
+    if not lines:
+        raise DatasetError(f"{path}:1: empty; the first line must name the columns (docs/mot.md)")
+    return lines[0]
 
 
 def _filled_lines(path: Path) -> list[tuple[int, str]]:

@@ -21,6 +21,7 @@ from evaluation.studies.mot.tables import write_forecasts, write_scores, write_t
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from opendrive import RoadNetwork, load_map
 from scenarios.errors import DatasetError
+from scenarios.recorded.columns import Columns
 from scenarios.recorded.dataset import Dataset, log_odds
 from scenarios.recorded.formats import read_dataset
 from smartmot.plugins import Plugin
@@ -89,6 +90,7 @@ def prepare(
     names: str | None = None,
     map_file: Path | None = None,
     by_map: bool = False,
+    columns: Columns | None = None,
 ) -> MotStudy:
     """Read recordings, and choose from them.
 
@@ -99,12 +101,13 @@ def prepare(
         names: Only these sequences, comma-separated; None: all.
         map_file: OpenDRIVE file.
         by_map: Keep only what is on lanes that matter to the vehicle.
+        columns: What the columns of a table mean; None: it has ours.
 
     Raises:
         ArgumentError: There is no map to keep it by.
         DatasetError: A file is wrong, a sequence is missing, or the map does not cover the data.
     """
-    data = chosen(read_dataset(folder, form), names)
+    data = chosen(read_dataset(folder, form, columns), names)
     network = load_map(map_file) if map_file is not None else None
     notes = list(data.notes)
     if by_map:

@@ -234,3 +234,23 @@ print([m for m in ("pandas", "scipy", "matplotlib", "trackeval", "evaluation.mot
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "Examples" in run.stdout
     assert run.stdout.splitlines()[-1] == "[]"
+
+
+@needs_trackeval
+def test_a_table_with_columns_of_another_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"4,{k},{10 + 0.4 * k:.1f},-20,0,1.8,4.4" for k in range(50)]
+    table = tmp_path / "00_tracks.csv"
+    table.write_text("\n".join(["trackId,frame,xCenter,yCenter,heading,width,length", *rows]) + "\n")
+    pairs = "track_id=trackId,x_m=xCenter,y_m=yCenter,yaw_deg=heading,length_m=length"
+    options = (table, "--out", tmp_path / "out", "--columns")
+    assert call(monkeypatch, *options, pairs) == 2
+    asked = capsys.readouterr().err
+    assert "also needed: length_m= and width_m=" in asked
+    assert "--frame-rate HZ" in asked
+    assert asked.count("\n") == 1
+    assert call(monkeypatch, *options, f"{pairs},width_m=width", "--frame-rate", 25) == 0
+    tracks = pd.read_csv(tmp_path / "out" / "tracks.csv")
+    assert tracks["stamp_s"].iloc[-1] == pytest.approx(49 / 25)
+    assert tracks["x_m"].iloc[-1] == pytest.approx(10 + 0.4 * 49, abs=0.05)
