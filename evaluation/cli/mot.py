@@ -39,7 +39,7 @@ def command(
     ],
     form: Annotated[
         str | None,
-        typer.Option("--format", help="kitti, nuscenes or csv; default: what the files look like."),
+        typer.Option("--format", help="kitti, nuscenes, csv, simbev; default: what the files look like."),
     ] = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
@@ -88,12 +88,13 @@ def command(
     forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
     quiet: options.Quiet = False,
 ) -> None:
-    """Track recorded detections (KITTI, nuScenes, CSV, Parquet); score the tracks where there are labels."""
+    """Track recorded detections (KITTI, nuScenes, SimBEV, tables); score them where there are labels."""
     import rich.console
 
     from evaluation.metrics.matching import SIMILARITIES
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.mot import run
+    from evaluation.studies.mot.tables import TRACK_FORMATS
     from scenarios.recorded.formats import FORMATS
     from smartmot.plugins import is_plugin, plugin
     from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
@@ -105,7 +106,7 @@ def command(
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
-    forms = options.parse_names(write, FORMATS, "--write") if write else None
+    forms = options.parse_names(write, TRACK_FORMATS, "--write") if write else None
     span = parse_frames(frames)
     if by_map and map_file is None:
         raise ArgumentError(run.NEEDS_MAP)

@@ -12,11 +12,13 @@ from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
 from scenarios.recorded.nuscenes import read_nuscenes
 from scenarios.recorded.parquet import SUFFIX
+from scenarios.recorded.simbev.reader import is_simbev, read_simbev
 
 READERS: dict[str, Callable[[Path], Dataset]] = {
     "kitti": read_kitti,
     "nuscenes": read_nuscenes,
     "csv": read_csv,
+    "simbev": read_simbev,
 }
 FORMATS = tuple(READERS)
 
@@ -44,6 +46,8 @@ def read_dataset(folder: Path, form: str | None = None, columns: Columns | None 
 
 def _recognised(folder: Path) -> str:
     """Name of the format."""
+    if is_simbev(folder):
+        return "simbev"
     if folder.is_file():
         return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
     if (folder / "detections").is_dir():
@@ -53,5 +57,6 @@ def _recognised(folder: Path) -> str:
     if any(folder.glob("*.json")):
         return "nuscenes"
     raise DatasetError(
-        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv) or *.json (nuscenes) in it; see docs/mot.md"
+        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), infos/simbev_infos_*.json (simbev) or *.json "
+        "(nuscenes) in it; see docs/mot.md"
     )

@@ -17,12 +17,12 @@ from evaluation.studies.mot.forecasts import MODELS, carried_on, motions, score_
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.notes import notes_on
-from evaluation.studies.mot.tables import write_forecasts, write_scores, write_tracks
+from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from opendrive import RoadNetwork, load_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.columns import Columns
-from scenarios.recorded.dataset import Dataset, log_odds
+from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
 from scenarios.recorded.formats import read_dataset
 from smartmot.plugins import Plugin
 from smartmot.tracking.own import ObjectTracker, own
@@ -107,7 +107,7 @@ def prepare(
         ArgumentError: There is no map to keep it by.
         DatasetError: A file is wrong, a sequence is missing, or the map does not cover the data.
     """
-    data = chosen(read_dataset(folder, form, columns), names)
+    data = labels_as_detections(chosen(read_dataset(folder, form, columns), names))
     network = load_map(map_file) if map_file is not None else None
     notes = list(data.notes)
     if by_map:
@@ -169,7 +169,7 @@ def carry_out(
     start_s = time.thread_time()  # without the thread that draws the bar
     tracked = track_dataset(data, study.config, progress.done)
     tracking_s = time.thread_time() - start_s
-    forms = forms or dict.fromkeys((data.kind, "csv"))
+    forms = forms or [form for form in dict.fromkeys((data.kind, "csv")) if form in TRACK_FORMATS]
     written = write_tracks(out, data, tracked, forms, use_map=study.filtered)
     scores: list[MotScore] = []
     forecasts: list[ForecastScore] = []

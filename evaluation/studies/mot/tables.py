@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 METRICS_CSV, FORECAST_CSV, TRACKS_CSV = "metrics.csv", "forecast.csv", "tracks.csv"
 TRACKS_NUSCENES = "tracks_nuscenes.json"
+TRACK_FORMATS = ("kitti", "nuscenes", "csv")
+"""What tracks are written in."""
 
 
 def write_tracks(

@@ -141,7 +141,7 @@ def test_a_detector_that_is_never_sure_is_pointed_out(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--format", "xml"), "--format: unknown 'xml'; use one of: kitti, nuscenes, csv"),
+        (("--format", "xml"), "--format: unknown 'xml'; use one of: kitti, nuscenes, csv, simbev"),
         (("--config", "best"), "--config: unknown 'best'"),
         (("--filter", "map"), "--filter map: needs --map"),
         (("--filter", "lanes"), "--filter: unknown 'lanes'"),

@@ -18,6 +18,8 @@ def test_the_files_show_the_format(tmp_path: Path) -> None:
     (folders["kitti"] / "detections" / "0000.txt").write_text("")
     (folders["csv"] / "detections.csv").write_text(f"{HEADER}0,1,0,4,2,0\n")
     (folders["nuscenes"] / "found.json").write_text('{"results": {"a": []}}')
+    (folders["simbev"] / "infos").mkdir()
+    (folders["simbev"] / "infos" / "simbev_infos_val.json").write_text('{"data": {}}')
     assert {name: read_dataset(folder).kind for name, folder in folders.items()} == {
         name: name for name in FORMATS
     }

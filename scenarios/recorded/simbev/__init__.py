@@ -1,0 +1,1 @@
+"""SimBEV's layout: data sets made with CARLA, read and written."""
