@@ -13,6 +13,7 @@ import typer
 from evaluation.cli import (
     compare,
     cpna,
+    drive,
     list,  # noqa: A004 - named after its command
     map,  # noqa: A004 - named after its command
     mot,
@@ -51,6 +52,7 @@ app.command("report", epilog=views.REPORT_EXAMPLES)(views.report)
 app.command("replay", epilog=views.REPLAY_EXAMPLES)(views.replay)
 app.command("map", epilog=map.EXAMPLES)(map.command)
 app.command("mot", epilog=mot.EXAMPLES)(mot.command)
+app.command("drive", epilog=drive.EXAMPLES)(drive.command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
 app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
 app.command("study", epilog=study.EXAMPLES)(study.command)

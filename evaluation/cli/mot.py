@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +15,7 @@ from evaluation.errors import ArgumentError
 if TYPE_CHECKING:
     import rich.console
 
-    from evaluation.studies.mot.run import MotResult, MotStudy, Progress
+    from evaluation.studies.mot.run import MotResult, MotStudy
 
 EXAMPLES = options.examples(
     "`smartmot-eval mot kitti/training --out results/mot`",
@@ -92,6 +91,7 @@ def command(
     import rich.console
 
     from evaluation.metrics.matching import SIMILARITIES
+    from evaluation.progress import study_progress
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.mot import run
     from evaluation.studies.mot.tables import TRACK_FORMATS
@@ -117,7 +117,7 @@ def command(
         study = run.prepare(directory, tracker, form, sequence, map_file, by_map, table_columns)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
-        with _progress(console) as progress:
+        with study_progress(console) as progress:
             result = run.carry_out(study, out, forms, similarities, best, forecast, progress)
             for path, option in films:
                 film = run.film(study, result.tracked[0], span)
@@ -127,24 +127,6 @@ def command(
         console.print(f"written to {out}: {_listed(result.written)}", highlight=False, soft_wrap=True)
         for path, _ in films:
             console.print(f"film: {path}", highlight=False, soft_wrap=True)
-
-
-@contextmanager
-def _progress(console: rich.console.Console) -> Iterator[Progress]:
-    """A progress bar, as the study sees it."""
-    import rich.progress
-
-    with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as bar:
-        task = bar.add_task("", total=None)
-
-        class Bar:
-            def begin(self, description: str, total: int) -> None:
-                bar.reset(task, total=total, description=description)
-
-            def done(self) -> None:
-                bar.advance(task)
-
-        yield Bar()
 
 
 def _print(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -162,6 +162,11 @@ class Perception:
         if self._pipeline is None or self._state is None:
             return None
         return self._pipeline.score_limits(self._state.tracker)
+
+    def begin_anew(self) -> None:
+        """Let the brake rule forget what it holds, as before its first frame; tracks stay."""
+        if self._state is not None:
+            self._state = replace(self._state, rule=None)
 
     def step(self, frame: Frame) -> FrameResult:
         """Process the next frame; see `Pipeline.step` for what it raises."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.recorded.dataset import Sequence
+from scenarios.recorded.motion import LEAST_STEP_S, center_poses
 from scenarios.sources.frames import Frame, StepResult
 from smartmot.decision.rules import Command
-from smartmot.detection_input import MAX_POSITION_M
 from smartmot.geometry import wrap_angle
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
@@ -19,9 +19,6 @@ from smartmot.types import Detections, EgoState, FloatArray
 
 END_OF_RECORDING = "end_of_recording"
 """Why a recorded source ends."""
-
-LEAST_STEP_S = 1e-3
-"""Differences of poses are taken over no less: stamps that are rounded may be equal."""
 
 PATH_STEP_M = 0.5
 """Points of the recorded path are so far apart: positions of a standing vehicle would give any direction."""
@@ -70,11 +67,7 @@ class RecordedSource:
             raise DatasetError(f"sequence {sequence.name} has no ego poses, which decisions need")
         if hindsight_s is not None and not 0.0 < hindsight_s < math.inf:
             raise ScenarioError(f"recorded source: hindsight_s must be positive, got {hindsight_s}")
-        pose = sequence.ego_xy_yaw()
-        if not (np.abs(pose) <= MAX_POSITION_M).all():
-            raise DatasetError(f"sequence {sequence.name}: ego poses must be within {MAX_POSITION_M:g} m")
-        pose[:, 0] += center_ahead_m * np.cos(pose[:, 2])
-        pose[:, 1] += center_ahead_m * np.sin(pose[:, 2])
+        pose = center_poses(sequence, center_ahead_m)
         self._ego = np.column_stack((pose, *pose_rates(sequence.stamp_s, pose)))
         self._outline = (length_m, width_m)
         self._sequence, self._lane_map = sequence, lane_map

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from evaluation.errors import ArgumentError
 from evaluation.metrics.forecast_quality import ForecastScore
 from evaluation.metrics.matching import compare
 from evaluation.metrics.mot import MotScore, evaluate
+from evaluation.progress import Progress
 from evaluation.studies.mot.film import Film
 from evaluation.studies.mot.forecasts import MODELS, carried_on, motions, score_forecasts
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
@@ -33,16 +33,6 @@ NEEDS_MAP = "--filter map: needs --map FILE.xodr"
 
 OF_VELOCITY = ("cv", "ctrv")
 """Forecasts that need no more than the velocity and turn rate that every tracker tells."""
-
-
-class Progress(Protocol):
-    """What is told how far the study has come."""
-
-    def begin(self, description: str, total: int) -> None:
-        """A part of the study begins, with so many steps."""
-
-    def done(self) -> None:
-        """One of the steps is done."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,150 @@
+"""`smartmot-eval drive`: recorded drives, seen and judged as simulated runs are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from scenarios.recorded.vehicles import Vehicle
+    from scenarios.settings import Settings
+
+EXAMPLES = options.examples(
+    "`smartmot-eval drive kitti/training --out results/drive`",
+    "`smartmot-eval drive kitti/training --sequence 0011 --strategy rectangular,path --rule paper,cascade`",
+    "`smartmot-eval drive my_csv_folder --map town.xodr --strategy map --detections labels`",
+    "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --seed 1`",
+    "Formats: docs/mot.md. Verdicts, exposure and the files written: docs/drives.md.",
+)
+
+
+def command(
+    path: Annotated[Path, typer.Argument(help="Recorded drives with ego poses.", metavar="PATH")],
+    form: Annotated[
+        str | None,
+        typer.Option("--format", help="Format of the data; default: what the files look like."),
+    ] = None,
+    strategy: Annotated[
+        str | None,
+        typer.Option(
+            help="Monitored areas, comma-separated: rectangular, map, all, path, or your own, "
+            "package.module:name. Default: all that the data allow."
+        ),
+    ] = None,
+    rule: Annotated[
+        str,
+        typer.Option(
+            help="Brake rules, comma-separated: paper, cascade, cascade_gentle, required_deceleration, "
+            "last_point_to_brake, rss, autoware, autoware_readme, r157, or your own, package.module:name."
+        ),
+    ] = "paper",
+    preset: Annotated[
+        str,
+        typer.Option(help="paper, physical or real: brakes, areas and tracker; with labels also the sensor."),
+    ] = "real",
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", help="OpenDRIVE file in the frame of the ego poses.", metavar="FILE.xodr"),
+    ] = None,
+    sees: Annotated[
+        str | None,
+        typer.Option(
+            "--detections",
+            help="detections: what was recorded; labels: they stand in, with the sensor's errors. Default: "
+            "detections where there are any.",
+            metavar="labels|detections",
+        ),
+    ] = None,
+    sequence: Annotated[str | None, typer.Option(help="Only these sequences, comma-separated.")] = None,
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            help="Recording vehicle: length, width, and how far its middle is ahead of the recorded point "
+            "(m). Default: that of the data set, else a car of 4.4 m x 1.8 m.",
+            metavar="L,W[,AHEAD]",
+        ),
+    ] = None,
+    seed: options.Seed = 0,
+    out: Annotated[Path, typer.Option(help="Folder for tables and logs.")] = Path("results/drive"),
+    quiet: options.Quiet = False,
+) -> None:
+    """See and judge recorded drives: emergency requests, false activations among them, and exposure."""
+    import rich.console
+
+    from evaluation.progress import study_progress
+    from evaluation.results.tables import rich_table
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.drive.drive import SEES
+    from evaluation.studies.drive.study import Options, drive_all, prepare
+    from scenarios.recorded.formats import FORMATS
+
+    asked = Options(
+        folder=path,
+        form=options.parse_name(form, FORMATS, "--format") if form else None,
+        sequences=sequence,
+        strategies=() if strategy is None else options.parse_strategies(strategy),
+        rules=parse_rules(rule),
+        preset=options.parse_preset(preset),
+        sees=options.parse_name(sees, SEES, "--detections") if sees else None,
+        map_file=map_file,
+        seed=seed,
+        vehicle=None if ego is None else parse_vehicle(ego),
+    )
+    out = writable_folder(out)
+    console = rich.console.Console(quiet=quiet)
+    with locked(out):
+        study = prepare(asked)
+        for note in study.notes:
+            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        with study_progress(console) as progress:
+            result = drive_all(study, out, progress)
+        for note in result.notes:
+            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        console.print(rich_table(result.table, texts=2))
+        faster = study.recorded_s / max(result.spent_s, 1e-9)
+        console.print(
+            f"{faster:.0f} times faster than real time, without reading and writing", highlight=False
+        )
+        console.print(
+            f"written to {out}: {', '.join(p.name for p in result.written if p.parent == out)}, logs/",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def parse_rules(text: str) -> tuple[tuple[str, Settings], ...]:
+    """Brake rules, each with the setting that chooses it.
+
+    Raises:
+        ArgumentError: an unknown name.
+    """
+    from scenarios.settings import PARAMETERS
+
+    names = options.parse_names(text, PARAMETERS["rule"].choices, "--rule", own=True)
+    return tuple((name, options.parse_plugged(rule=name)) for name in names)
+
+
+def parse_vehicle(text: str) -> Vehicle:
+    """`LENGTH,WIDTH` or `LENGTH,WIDTH,AHEAD` in metres.
+
+    Raises:
+        ArgumentError: not of that form, or no road vehicle.
+    """
+    from scenarios.errors import DatasetError
+    from scenarios.recorded.vehicles import Vehicle
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise ArgumentError(f"--ego: expected LENGTH,WIDTH or LENGTH,WIDTH,AHEAD in m, got {text!r}")
+    try:
+        return Vehicle(*numbers)
+    except DatasetError as error:
+        raise ArgumentError(f"--ego: {error}") from None

@@ -1,0 +1,253 @@
+"""One drive: a recorded sequence, seen and judged with one strategy and one brake rule."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.runs.execution import FrameTime, frame_time
+from evaluation.studies.drive.requests import Request, RequestWatch, begun_anew
+from evaluation.studies.drive.verdicts import Verdict, judge
+from scenarios.errors import DatasetError
+from scenarios.presets import Preset, named_preset, pipeline_of, sensors_of
+from scenarios.recorded.dataset import Sequence
+from scenarios.recorded.motion import RecordedMotion, motion_of
+from scenarios.recorded.vehicles import Vehicle
+from scenarios.settings import Settings, preset_with
+from scenarios.simulation.log import RunLog
+from scenarios.sources.frames import Frame, FrameSource
+from scenarios.sources.labelled import LabelledSource, without_detections
+from scenarios.sources.perception import AreaPipelines, Perception, PipelineMaker
+from scenarios.sources.recorded import RecordedSource
+from scenarios.strategies import NamedStrategy
+from smartmot.area import RectangularArea
+from smartmot.maps.lane_map import LaneMap
+from smartmot.maps.route import RouteError
+from smartmot.pipeline import Pipeline
+from smartmot.types import Boxes, EgoState
+
+LABELS, DETECTIONS = "labels", "detections"
+SEES = (LABELS, DETECTIONS)
+"""What perception sees of a recording."""
+
+LEAST_INTERVAL_S = 0.01
+"""Sensors of presets measure at covers_stop multiples of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSpec:
+    """How a sequence is seen and judged.
+
+    Args:
+        strategy: name of the monitored area.
+        rule: name of the brake rule.
+        preset: name of the conditions; brakes, areas and tracker of it apply, and with labels its sensor.
+        settings: parameters that depart from it, the rule among them.
+        sees: one of `SEES`.
+        seed: of the sensor's errors.
+        vehicle: the recording vehicle.
+    """
+
+    strategy: str
+    rule: str = "paper"
+    preset: str = "real"
+    settings: Settings = ()
+    sees: str = DETECTIONS
+    seed: int = 0
+    vehicle: Vehicle = field(default_factory=Vehicle)
+
+    def preset_for(self, sequence: Sequence) -> Preset:
+        """The preset with the recording's rate, which is the sensor's.
+
+        Raises:
+            ScenarioError, ConfigError: unknown preset, or a setting is out of range.
+        """
+        preset = named_preset(self.preset)
+        steps = np.diff(sequence.stamp_s)
+        interval_s = max(round(float(np.median(steps)) if len(steps) else 0.1, 2), LEAST_INTERVAL_S)
+        sensor = replace(preset.sensor, rate_hz=1.0 / interval_s, phase_s=0.0)
+        return preset_with(replace(preset, sensor=sensor), self.settings)
+
+    def log_name(self, sequence: str) -> str:
+        """Name of the log."""
+        return re.sub(r"[^\w.=+-]+", "-", f"{sequence}_{self.strategy}_{self.rule}_seed{self.seed}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """A finished drive.
+
+    Args:
+        spec: how it was seen.
+        sequence: name of the recording.
+        motion: how it went on.
+        frames: how many were decided on.
+        requests: with their verdicts, in the order of time.
+        held_s: time in which a request was held, so that no other could begin.
+        log: as columns, like that of a simulated run.
+        spent: processor time of perception per frame.
+        off_map: how often the way ran on no driving lane, of so many ways.
+    """
+
+    spec: DriveSpec
+    sequence: str
+    motion: RecordedMotion
+    frames: int
+    requests: tuple[tuple[Request, Verdict], ...]
+    held_s: float
+    log: dict[str, NDArray[Any]]
+    spent: FrameTime
+    off_map: tuple[int, int] = (0, 0)
+
+
+def drivable(sequence: Sequence) -> Sequence:
+    """The sequence with times from its first frame on.
+
+    Raises:
+        DatasetError: it has no poses or no frames, or its times do not ascend.
+    """
+    if sequence.world_SE3_ego is None:
+        raise DatasetError(f"sequence {sequence.name} has no ego poses, which decisions need")
+    if len(sequence) < 2:
+        raise DatasetError(f"sequence {sequence.name} has {len(sequence)} frames; a drive needs two or more")
+    stamp_s = sequence.stamp_s
+    if not np.isfinite(stamp_s).all():
+        raise DatasetError(f"sequence {sequence.name}: frame times must be finite")
+    late = np.flatnonzero(np.diff(stamp_s) <= 0.0)
+    if len(late):
+        k = int(late[0]) + 1
+        raise DatasetError(
+            f"sequence {sequence.name}: frame {sequence.frame_name[k]} ({stamp_s[k]:.6g} s) is not later "
+            f"than the one before ({stamp_s[k - 1]:.6g} s); sort the frames by time"
+        )
+    return replace(sequence, stamp_s=stamp_s - stamp_s[0])
+
+
+def carry_out(
+    sequence: Sequence,
+    spec: DriveSpec,
+    lane_map: LaneMap | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> Drive:
+    """See and judge one sequence; see `RecordedSource` and `Pipeline.step` for what it raises.
+
+    Args:
+        sequence: from `drivable`.
+        spec: how.
+        lane_map: the map, in the frame of the poses; None: there is none.
+        done: called after each frame.
+
+    Raises:
+        DatasetError: there are no labels although perception is to see them, or the map does not cover the
+            way.
+        ScenarioError: the strategy needs a map, and there is none.
+    """
+    preset = spec.preset_for(sequence)
+    vehicle = spec.vehicle
+    motion = motion_of(sequence, vehicle.length_m, vehicle.width_m, vehicle.center_ahead_m)
+    pipelines = _Pipelines(
+        AreaPipelines(NamedStrategy(spec.strategy, preset), pipeline_of(preset), preset.path_from), preset
+    )
+    perception = Perception(pipelines)
+    watch, log = RequestWatch(preset.brakes), _TruthLog(motion)
+    result = (source := source_of(sequence, spec, preset, lane_map)).start()
+    anew = False
+    while (frame := result.frame) is not None:
+        decided = perception.step(frame)
+        if anew:
+            decided = begun_anew(decided, frame.stamp_s)
+        log.add(frame)
+        log.run.perception(frame.ego, decided)
+        anew = watch.see(frame, decided)
+        if anew:
+            perception.begin_anew()
+        done()
+        result = source.step(decided.command)
+    if 0 < pipelines.made == pipelines.off_map:
+        raise DatasetError(
+            f"strategy {spec.strategy}, sequence {sequence.name}: the recorded way runs on no driving lane "
+            "of the map; is it in the frame of the poses?"
+        )
+    judged = [
+        (r, judge(motion, r.time_s, r.speed_mps, r.horizon_s, preset.brakes, r.decel_mps2))
+        for r in watch.requests
+    ]
+    return Drive(
+        spec,
+        sequence.name,
+        motion,
+        len(perception.frame_time_ms),
+        tuple(judged),
+        watch.held_s,
+        log.run.table(),
+        frame_time(perception.frame_time_ms),
+        (pipelines.off_map, pipelines.made),
+    )
+
+
+def source_of(sequence: Sequence, spec: DriveSpec, preset: Preset, lane_map: LaneMap | None) -> FrameSource:
+    """Frames of a sequence, with the way that was driven up to the forecast's horizon as the planned path."""
+    labelled = spec.sees == LABELS
+    vehicle = spec.vehicle
+    recorded = RecordedSource(
+        without_detections(sequence) if labelled else sequence,
+        lane_map,
+        hindsight_s=preset.pipeline.forecast.max_horizon_s,
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        center_ahead_m=vehicle.center_ahead_m,
+    )
+    return LabelledSource(sequence, sensors_of(preset, spec.seed), recorded) if labelled else recorded
+
+
+class _Pipelines:
+    """Makes the pipelines of a drive; where the way runs on no driving lane, that of the rectangle."""
+
+    def __init__(self, of_area: PipelineMaker, preset: Preset) -> None:
+        self._of_area, self._preset = of_area, preset
+        self.made = self.off_map = 0
+
+    def __call__(self, frame: Frame) -> Pipeline:
+        self.made += 1
+        try:
+            return self._of_area(frame)
+        except RouteError:
+            self.off_map += 1
+            config = pipeline_of(self._preset)
+            return Pipeline(RectangularArea(self._preset.rectangular, config.braking_distance), config)
+
+
+class _TruthLog:
+    """The log of a drive: the recorded vehicle and the labelled objects at every decision."""
+
+    def __init__(self, motion: RecordedMotion) -> None:
+        labels = motion.labels
+        category = np.zeros(0, dtype=np.str_) if labels is None else labels.category
+        self.run = RunLog(category, np.full(len(category), "other"))
+        self._motion = motion
+        self._speed_mps = np.zeros(0) if labels is None else labels.speed_mps
+
+    def add(self, frame: Frame) -> None:
+        """The truth at a frame."""
+        ego, labels = self._motion.ego, self._motion.labels
+        accel = float(ego.accel_mps2(np.array([frame.stamp_s]))[0])
+        state: EgoState = replace(frame.ego, accel_mps2=0.0 if np.isnan(accel) else accel)
+        none = np.zeros(0, dtype=np.int64)
+        if labels is None:
+            self.run.frame(state, _NO_BOXES, np.zeros(0), none)
+            return
+        after = int(np.searchsorted(ego.time_s, frame.stamp_s - 1e-6))
+        rows = labels.rows[min(after, len(labels.rows) - 1)]
+        index, moving = labels.index[rows], labels.labels
+        # labels are at frames; a decision between two has those of the next, moved back
+        shift = (frame.stamp_s - float(ego.time_s[after])) * labels.velocity_mps[rows]
+        boxes = Boxes(moving.center_m[rows] + shift, moving.size_m[rows], moving.yaw_rad[rows])
+        self.run.frame(state, boxes, self._speed_mps[rows], index)
+
+
+_NO_BOXES = Boxes(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))

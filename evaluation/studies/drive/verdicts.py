@@ -1,0 +1,240 @@
+"""What can be said of a request on a recorded drive, which went on as it was driven.
+
+The vehicle was not braked, so that only the recording's own future can judge. A request is a *false
+activation* where until the horizon's end the driver did not brake hard and no labelled road user entered the
+way that the vehicle was yet to sweep. All else is *undecided*: a collision may have been avoided by who was
+there, and what is not recorded is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from scenarios.brakes import BrakeConfig
+from scenarios.recorded.motion import ObjectMotion, RecordedMotion
+from smartmot.area import is_vulnerable
+from smartmot.decision.rules import STANDING_MPS
+from smartmot.geometry import corners, to_frame
+from smartmot.types import BoolArray, Boxes, FloatArray
+
+FALSE, UNDECIDED, STANDING = "false activation", "undecided", "standing"
+"""Verdicts. Of a vehicle that stands or reverses a request asks nothing."""
+
+HARD_MPS2 = 3.0
+"""Who brakes harder may do so for danger: nine of ten drivers brake with more than 3.4 m/s2 for an unexpected
+object (D. B. Fambro et al., NCHRP report 400, 1997; AASHTO, Geometric Design of Highways and Streets)."""
+
+WALKS_MPS = 1.4
+"""A person whose labels end may go anywhere at this speed: comfortable gait of adults, 1.3 to 1.5 m/s (R. W.
+Bohannon, Age and Ageing 26 (1997) 15)."""
+
+STEP_S = 0.05
+"""Outlines are laid so densely: at 60 m/s a car's still overlap."""
+
+_SAME_S = 1e-6
+
+Polygons = NDArray[np.object_]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the recording says of a request.
+
+    Args:
+        verdict: `FALSE`, `UNDECIDED` or `STANDING`.
+        reason: why it is not the first.
+        object_id: label that entered, or that ends too early; None: none did.
+        category: of it.
+        decel_mps2: hardest braking of the recorded vehicle until the horizon's end; None: too short to say.
+        gap_recorded_m: least distance to a labelled object that is not behind, as driven; None without.
+        gap_braked_m: the same if the vehicle had braked, the others as recorded.
+        gap_behind_m: least distance to those behind if it had braked.
+        stop_s: time that the brakes need to standstill.
+        covers_stop: whether the recording goes on until then.
+    """
+
+    verdict: str
+    reason: str
+    object_id: int | None
+    category: str
+    decel_mps2: float | None
+    gap_recorded_m: float | None
+    gap_braked_m: float | None
+    gap_behind_m: float | None
+    stop_s: float
+    covers_stop: bool
+
+
+def stop_time_s(brakes: BrakeConfig, speed_mps: float, decel_mps2: float | None = None) -> float:
+    """Time from a request to standstill.
+
+    Args:
+        brakes: delay, build-up and full deceleration.
+        speed_mps: at the request.
+        decel_mps2: of a partial brake; None: full.
+    """
+    stage = brakes.requested(decel_mps2)
+    # over the build-up the speed falls by half of what the full deceleration would take
+    lost_mps = 0.5 * stage.to_mps2 * stage.ramp_s
+    if speed_mps <= lost_mps:
+        return stage.start_s + math.sqrt(2.0 * speed_mps * stage.ramp_s / stage.to_mps2)
+    return stage.start_s + stage.ramp_s + (speed_mps - lost_mps) / stage.to_mps2
+
+
+def judge(
+    motion: RecordedMotion,
+    time_s: float,
+    speed_mps: float,
+    horizon_s: float,
+    brakes: BrakeConfig,
+    decel_mps2: float | None = None,
+) -> Verdict:
+    """The verdict on a request.
+
+    Args:
+        motion: the recording.
+        time_s: when the request came.
+        speed_mps: of the vehicle then, negative in reverse.
+        horizon_s: how far ahead the decision looked.
+        brakes: that would have braked.
+        decel_mps2: of a partial brake; None: full.
+    """
+    if speed_mps < STANDING_MPS:
+        return Verdict(STANDING, "the ego stands", None, "", None, None, None, None, 0.0, True)
+    ego, end_s = motion.ego, time_s + horizon_s
+    known_s = min(end_s, ego.end_s)
+    times = _grid(time_s, known_s)
+    braked = ego.accel_mps2(times)
+    hardest = None if np.isnan(braked).all() else max(-float(np.nanmin(braked)), 0.0)
+    stop_s = stop_time_s(brakes, speed_mps, decel_mps2)
+    covers_stop = time_s + stop_s <= ego.end_s + _SAME_S
+    last_s = max(known_s, min(time_s + stop_s, ego.end_s))
+    around = [] if motion.labels is None else motion.labels.between(time_s, last_s)
+    swept = _polygons(ego.boxes(times))
+    entered = next((o for o in around if _enters(o, times, swept)), None)
+    vanished = next((o for o in around if _may_enter(o, times, swept)), None) if entered is None else None
+    who = entered or vanished
+    reason = ""
+    if motion.labels is None:
+        reason = "no labels"
+    elif entered is not None:
+        reason = "entered"
+    elif hardest is not None and hardest >= HARD_MPS2:
+        reason = "driver braked"
+    elif ego.end_s < end_s - _SAME_S:
+        reason = "recording ends"
+    elif vanished is not None:
+        reason = "labels end"
+    at, distance_m = _braked(brakes, time_s, speed_mps, stop_s, ego.end_s, decel_mps2)
+    ahead, behind = _sides(around, ego.boxes(times[:1]), time_s)
+    would_be = _polygons(ego.ahead(time_s, distance_m))
+    return Verdict(
+        UNDECIDED if reason else FALSE,
+        reason,
+        None if who is None else who.object_id,
+        "" if who is None else who.category,
+        hardest,
+        _least_gap(ahead, times, swept),
+        _least_gap(ahead, at, would_be),
+        _least_gap(behind, at, would_be),
+        stop_s,
+        covers_stop,
+    )
+
+
+def _grid(first_s: float, last_s: float) -> FloatArray:
+    """(T,) times of a span, both ends included, at most `STEP_S` apart."""
+    return np.linspace(first_s, last_s, max(math.ceil((last_s - first_s) / STEP_S - _SAME_S), 1) + 1)
+
+
+def _polygons(boxes: Boxes) -> Polygons:
+    """(N,) polygons of boxes."""
+    made: Any = shapely.polygons(corners(boxes.center_m, boxes.size_m, boxes.yaw_rad))
+    polygons: Polygons = made
+    return polygons
+
+
+def _labelled(o: ObjectMotion, times: FloatArray) -> BoolArray:
+    """(T,) times between the first and the last label."""
+    inside: BoolArray = (times >= o.time_s[0] - _SAME_S) & (times <= o.time_s[-1] + _SAME_S)
+    return inside
+
+
+def _enters(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
+    """Whether an object is at some time where the vehicle's outline is then or later."""
+    inside = np.flatnonzero(_labelled(o, times))
+    if not len(inside):
+        return False
+    polygons = _polygons(o.boxes(times[inside]))
+    if not shapely.intersects(polygons, shapely.box(*shapely.total_bounds(swept))).any():
+        return False
+    later = np.arange(len(swept)) >= inside[:, None]
+    return bool((later & shapely.intersects(polygons[:, None], swept[None, :])).any())
+
+
+def _may_enter(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
+    """Whether an object whose labels end may go where the vehicle's outline is later.
+
+    Whoever it is may keep the last velocity; persons may also go anywhere at walking pace.
+    """
+    last_s = float(o.time_s[-1])
+    after = np.flatnonzero(times > last_s + _SAME_S)
+    if not len(after):
+        return False
+    boxes, gone_s = o.boxes(times[after]), times[after] - last_s
+    moved = Boxes(boxes.center_m + gone_s[:, None] * o.velocity_mps, boxes.size_m, boxes.yaw_rad)
+    vulnerable = bool(is_vulnerable(np.array([o.category]))[0])
+    reach_m = WALKS_MPS * gone_s if vulnerable else np.zeros(len(gone_s))
+    later = np.arange(len(swept)) >= after[:, None]
+    distance = shapely.distance(_polygons(moved)[:, None], swept[None, :])
+    if vulnerable:  # or turns round where it was last seen
+        distance = np.minimum(distance, shapely.distance(_polygons(boxes)[:, None], swept[None, :]))
+    return bool((later & (distance <= reach_m[:, None])).any())
+
+
+def _braked(
+    brakes: BrakeConfig,
+    time_s: float,
+    speed_mps: float,
+    stop_s: float,
+    end_s: float,
+    decel_mps2: float | None,
+) -> tuple[FloatArray, FloatArray]:
+    """(T,) times until standstill or the recording's end, and how far the braked vehicle would have come."""
+    times = _grid(time_s, max(min(time_s + stop_s, end_s), time_s))
+    stage = brakes.requested(decel_mps2)
+    distance = [brakes.travel(speed_mps, 0.0, t, stage)[0] for t in (times - time_s).tolist()]
+    return times, np.array(distance)
+
+
+def _sides(
+    around: list[ObjectMotion], ego: Boxes, time_s: float
+) -> tuple[list[ObjectMotion], list[ObjectMotion]]:
+    """Objects that are not behind the vehicle at the request, and those that are."""
+    x, y = ego.center_m[0].tolist()
+    rear = -0.5 * float(ego.size_m[0, 0])
+
+    behind = []
+    for o in around:
+        box = o.boxes(np.array([max(time_s, float(o.time_s[0]))]))
+        ring = corners(box.center_m, box.size_m, box.yaw_rad)[0]
+        behind.append(bool(to_frame(ring, x, y, float(ego.yaw_rad[0]))[:, 0].max() < rear))
+    sides = list(zip(around, behind, strict=True))
+    return [o for o, is_behind in sides if not is_behind], [o for o, is_behind in sides if is_behind]
+
+
+def _least_gap(objects: list[ObjectMotion], times: FloatArray, vehicle: Polygons) -> float | None:
+    """Least distance between the vehicle's outline and objects at the same times; None without any."""
+    least = None
+    for o in objects:
+        inside = _labelled(o, times)
+        if inside.any():
+            gap = float(shapely.distance(_polygons(o.boxes(times[inside])), vehicle[inside]).min())
+            least = gap if least is None else min(least, gap)
+    return least

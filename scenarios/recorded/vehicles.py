@@ -1,0 +1,54 @@
+"""The vehicles that recorded the known data sets: outlines, and where in them the recorded pose is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scenarios.errors import DatasetError
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """A recording vehicle.
+
+    Args:
+        length_m: outline along the heading.
+        width_m: outline across it.
+        center_ahead_m: how far the middle of the outline is ahead of the point whose poses are recorded.
+
+    Raises:
+        DatasetError: a number is not finite, or the outline is not that of a road vehicle.
+    """
+
+    length_m: float = 4.4
+    width_m: float = 1.8
+    center_ahead_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (0.5 <= self.length_m <= 30.0 and 0.3 <= self.width_m <= 5.0):
+            raise DatasetError(
+                "vehicle: length must lie in 0.5..30 m and width in 0.3..5 m, "
+                f"got {self.length_m:g} and {self.width_m:g}"
+            )
+        if not math.isfinite(self.center_ahead_m) or abs(self.center_ahead_m) > self.length_m:
+            raise DatasetError(
+                f"vehicle: the recorded point must be within {self.length_m:g} m of the middle, "
+                f"got {self.center_ahead_m:g}"
+            )
+
+
+VEHICLES = {
+    # VW Passat B6 Variant: 4.77 m x 1.82 m, wheelbase 2.71 m, rear overhang 1.12 m (Volkswagen). Poses are
+    # those of camera 0, 1.03 m ahead of the rear axle (A. Geiger et al., IJRR 32 (2013) 1231, figure 3).
+    "kitti": Vehicle(4.77, 1.82, 0.24),
+    # Renault Zoe: 4.084 m x 1.73 m, wheelbase 2.588 m, rear overhang 0.66 m (Renault). Poses are those of the
+    # middle of the rear axle (nuScenes devkit, schema of ego_pose).
+    "nuscenes": Vehicle(4.084, 1.73, 1.38),
+}
+"""By format; others are taken for a car whose middle is recorded."""
+
+
+def vehicle_of(form: str) -> Vehicle:
+    """The vehicle that recorded data of a format."""
+    return VEHICLES.get(form, Vehicle())
