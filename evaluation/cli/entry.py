@@ -13,7 +13,6 @@ import typer
 from evaluation.cli import (
     compare,
     cpna,
-    drive,
     list,  # noqa: A004 - named after its command
     map,  # noqa: A004 - named after its command
     mot,
@@ -25,6 +24,7 @@ from evaluation.cli import (
     views,
 )
 from evaluation.cli.output import one_line
+from evaluation.cli.recorded import drive
 
 MISTAKE = 2
 """Exit status after a mistake of the user."""

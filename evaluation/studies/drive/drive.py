@@ -36,7 +36,7 @@ SEES = (LABELS, DETECTIONS)
 """What perception sees of a recording."""
 
 LEAST_INTERVAL_S = 0.01
-"""Sensors of presets measure at covers_stop multiples of it."""
+"""Sensors of presets measure at whole multiples of it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -139,8 +139,8 @@ def _events(drive: Drive) -> list[tuple[object, ...]]:
         (
             drive.sequence, spec.strategy, spec.rule, r.kind, r.time_s, r.speed_mps * 3.6, r.track_id,
             r.category, r.ttc_s, r.gap_m, r.decel_mps2, r.horizon_s, v.verdict, v.reason, v.object_id,
-            v.category, v.decel_mps2, v.gap_recorded_m, v.gap_braked_m, v.gap_behind_m, v.stop_s, v.covers_stop,
-            spec.log_name(drive.sequence),
+            v.category, v.decel_mps2, v.gap_recorded_m, v.gap_braked_m, v.gap_behind_m, v.stop_s,
+            v.covers_stop, spec.log_name(drive.sequence),
         )
         for r, v in drive.requests
     ]  # fmt: skip
