@@ -24,6 +24,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot my_csv_folder --filter map --map town.xodr`",
     "`smartmot-eval mot 00_tracks.csv --frame-rate 25 --columns x_m=xCenter,y_m=yCenter,yaw_deg=heading,"
     "length_m=length,width_m=width,track_id=trackId`",
+    "`smartmot-eval mot argoverse2/7fab2350 --filter map`",
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
@@ -38,7 +39,9 @@ def command(
     ],
     form: Annotated[
         str | None,
-        typer.Option("--format", help="kitti, nuscenes, csv, simbev; default: what the files look like."),
+        typer.Option(
+            "--format", help="kitti, nuscenes, csv, simbev, argoverse; default: what the files look like."
+        ),
     ] = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
@@ -54,7 +57,10 @@ def command(
     map_file: Annotated[
         Path | None,
         typer.Option(
-            "--map", help="OpenDRIVE file: for --filter map and forecasts along lanes.", metavar="FILE"
+            "--map",
+            help="OpenDRIVE file, Argoverse 2 map or log: for --filter map and forecasts along lanes. "
+            "Default: the log's own.",
+            metavar="FILE",
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for tracks and tables.")] = Path("results/mot"),
@@ -87,7 +93,7 @@ def command(
     forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
     quiet: options.Quiet = False,
 ) -> None:
-    """Track recorded detections (KITTI, nuScenes, SimBEV, tables); score them where there are labels."""
+    """Track recorded detections, of a data set or a table; score them where there are labels."""
     import rich.console
 
     from evaluation.metrics.matching import SIMILARITIES
@@ -108,8 +114,6 @@ def command(
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
     forms = options.parse_names(write, TRACK_FORMATS, "--write") if write else None
     span = parse_frames(frames)
-    if by_map and map_file is None:
-        raise ArgumentError(run.NEEDS_MAP)
     films = [(path, option) for path, option in ((gif, "--gif"), (video, "--video")) if path is not None]
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -176,6 +177,7 @@ class Sequence:
         labels: The truth, or None.
         world_SE3_ego: (F, 4, 4) poses of the vehicle (x ahead, y left, z up), or None without odometry.
         camera: The camera of KITTI data, or None.
+        map_path: The recording's own map (`scenarios.recorded.maps.drive_map`), in its world frame, or None.
     """
 
     name: str
@@ -185,6 +187,7 @@ class Sequence:
     labels: Objects | None = None
     world_SE3_ego: FloatArray | None = None  # noqa: N815 - dst_SE3_src is the field's notation
     camera: Camera | None = None
+    map_path: Path | None = None
 
     def __len__(self) -> int:
         return len(self.stamp_s)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenarios.errors import DatasetError
+from scenarios.recorded.argoverse.reader import POSES, is_log, read_argoverse
 from scenarios.recorded.columns import Columns
 from scenarios.recorded.csv_files import DETECTIONS, read_csv, stored
 from scenarios.recorded.dataset import Dataset
@@ -19,6 +20,7 @@ READERS: dict[str, Callable[[Path], Dataset]] = {
     "nuscenes": read_nuscenes,
     "csv": read_csv,
     "simbev": read_simbev,
+    "argoverse": read_argoverse,
 }
 FORMATS = tuple(READERS)
 
@@ -49,7 +51,11 @@ def _recognised(folder: Path) -> str:
     if is_simbev(folder):
         return "simbev"
     if folder.is_file():
+        if folder.suffix == ".feather":
+            return "argoverse"
         return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
+    if is_log(folder):
+        return "argoverse"
     if (folder / "detections").is_dir():
         return "kitti"
     if stored(folder, DETECTIONS).is_file():
@@ -57,6 +63,6 @@ def _recognised(folder: Path) -> str:
     if any(folder.glob("*.json")):
         return "nuscenes"
     raise DatasetError(
-        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), infos/simbev_infos_*.json (simbev) or *.json "
-        "(nuscenes) in it; see docs/mot.md"
+        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), {POSES} (argoverse), "
+        "infos/simbev_infos_*.json (simbev) or *.json (nuscenes) in it; see docs/mot.md"
     )

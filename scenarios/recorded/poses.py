@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from smartmot.types import FloatArray
 
@@ -72,3 +73,18 @@ def turned(pose: FloatArray, vector: FloatArray) -> FloatArray:
 def moved(pose: FloatArray, point_m: FloatArray) -> FloatArray:
     """(K, D) points of the vehicle's frame in the world; D = 2 leaves the height out."""
     return turned(pose, point_m) + pose[:, : point_m.shape[1], 3]
+
+
+def interpolated(time_s: FloatArray, rotation: Rotation, place_m: FloatArray, at_s: FloatArray) -> FloatArray:
+    """(F, 4, 4) poses between given ones: rotations turn at constant rate about one axis, places move evenly.
+
+    Args:
+        time_s: (P,) times of the poses, ascending.
+        rotation: P rotations.
+        place_m: (P, 3) places.
+        at_s: (F,) times, none before the first pose or after the last.
+    """
+    if len(time_s) == 1:  # Slerp wants two
+        return rigid(np.tile(rotation.as_matrix(), (len(at_s), 1, 1)), np.tile(place_m, (len(at_s), 1)))
+    place = np.column_stack([np.interp(at_s, time_s, column) for column in place_m.T])
+    return rigid(Slerp(time_s, rotation)(at_s).as_matrix(), place)

@@ -45,6 +45,10 @@ VEHICLES = {
     # Renault Zoe: 4.084 m x 1.73 m, wheelbase 2.588 m, rear overhang 0.66 m (Renault). Poses are those of the
     # middle of the rear axle (nuScenes devkit, schema of ego_pose).
     "nuscenes": Vehicle(4.084, 1.73, 1.38),
+    # Ford Fusion: the box EGO_VEHICLE of the data set's logs. Poses are those of the middle of the rear axle
+    # (Argoverse 2 user guide; sideways and turning speed of two logs say within 0.1 m), taken for half the
+    # wheelbase of 2.85 m (Ford) behind the middle.
+    "argoverse": Vehicle(4.877, 2.0, 1.42),
 }
 """By format; others are taken for a car whose middle is recorded."""
 

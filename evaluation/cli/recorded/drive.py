@@ -49,7 +49,12 @@ def command(
     ] = "real",
     map_file: Annotated[
         Path | None,
-        typer.Option("--map", help="OpenDRIVE file in the frame of the ego poses.", metavar="FILE.xodr"),
+        typer.Option(
+            "--map",
+            help="OpenDRIVE file, Argoverse 2 map or log, in the frame of the ego poses. "
+            "Default: the log's own.",
+            metavar="FILE",
+        ),
     ] = None,
     sees: Annotated[
         str | None,

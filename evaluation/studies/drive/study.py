@@ -23,11 +23,11 @@ from evaluation.studies.drive.tables import (
     summary_table,
 )
 from evaluation.studies.mot.run import chosen
-from opendrive import load_map
 from scenarios.errors import DatasetError
 from scenarios.presets import named_preset
 from scenarios.recorded.dataset import Dataset, Sequence
 from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.maps.drive_map import load_drive_map, map_of
 from scenarios.recorded.vehicles import Vehicle, vehicle_of
 from scenarios.settings import Settings
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
@@ -50,7 +50,7 @@ class Options:
         rules: names of brake rules, and the settings that choose them.
         preset: name of the conditions.
         sees: labels or detections; None: detections where there are any.
-        map_file: OpenDRIVE file in the frame of the poses.
+        map_file: a map in the frame of the poses; None: the recordings' own, if they have one.
         seed: of the errors of labels that stand in for detections.
         vehicle: the recording vehicle; None: that of the format.
     """
@@ -126,13 +126,14 @@ def prepare(options: Options) -> DriveStudy:
         ArgumentError: a strategy needs a map.
         DatasetError: a file is wrong, or a sequence is missing or cannot be driven.
     """
-    if NEEDS_MAP in options.strategies and options.map_file is None:
+    data = read_dataset(options.folder, options.form)
+    recorded, notes = _driven(data, options.sequences)
+    map_path = map_of(recorded, options.map_file)
+    if NEEDS_MAP in options.strategies and map_path is None:
         raise ArgumentError(
             "--strategy map: the data have no map; give --map FILE.xodr in the frame of the ego poses"
         )
-    data = read_dataset(options.folder, options.form)
-    recorded, notes = _driven(data, options.sequences)
-    lane_map = None if options.map_file is None else load_map(options.map_file)
+    lane_map = None if map_path is None else load_drive_map(map_path)
     sees, seen_note = _seen(recorded, options)
     strategies = options.strategies or ("rectangular", *(["map"] if lane_map else []), "all", "path")
     vehicle = options.vehicle or vehicle_of(data.kind)
@@ -220,11 +221,12 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
 
 def _configuration(study: DriveStudy) -> dict[str, object]:
     options = study.options
+    map_path = map_of(study.sequences, options.map_file)
     return {
         "command": "drive",
         "data": str(options.folder),
         "format": study.form,
-        "map": None if options.map_file is None else str(options.map_file),
+        "map": None if map_path is None else str(map_path),
         "specs": study.specs,
         "sequences": [sequence.name for sequence in study.sequences],
         "notes": study.notes,

@@ -15,7 +15,7 @@ from evaluation.views.film import maker
 from evaluation.views.film.tracks import TracksDrawing, film_of
 
 if TYPE_CHECKING:
-    from opendrive import RoadNetwork
+    from scenarios.recorded.maps.drive_map import DriveMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Film:
     tracked: TrackedSequence
     carry: Carry
     frames: range
-    network: RoadNetwork | None = None
+    network: DriveMap | None = None
 
     def write(self, path: Path, option: str, done: Callable[[], None] = lambda: None) -> None:
         """Draw the frames and write them, in a new folder if need be.

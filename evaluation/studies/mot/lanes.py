@@ -6,8 +6,8 @@ import numpy as np
 
 from evaluation.studies.mot.forecasts import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
-from opendrive import RoadNetwork
 from scenarios.errors import DatasetError
+from scenarios.recorded.maps.drive_map import DriveMap
 from smartmot.geometry import wrap_angle
 from smartmot.maps.route import Route, route_ahead
 from smartmot.maps.walks import lane_ends, lane_headings, lane_length_m
@@ -37,7 +37,7 @@ class LaneForecast:
         network: The map, in the frame of the data.
     """
 
-    def __init__(self, network: RoadNetwork) -> None:
+    def __init__(self, network: DriveMap) -> None:
         self._network = network
         self._routes: dict[int, Route] = {}
 
@@ -104,7 +104,7 @@ def _driven(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> Flo
     return np.asarray(speed * moving_s + 0.5 * along * moving_s**2)
 
 
-def require_cover(network: RoadNetwork, points_m: FloatArray, what: str) -> None:
+def require_cover(network: DriveMap, points_m: FloatArray, what: str) -> None:
     """See that a map and data lie in the same place.
 
     Args:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evaluation.studies.mot.lanes import require_cover
-from opendrive import RoadNetwork
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
+from scenarios.recorded.maps.drive_map import DriveMap
 from scenarios.sources.frames import frames
 from scenarios.sources.recorded import RecordedSource
 from smartmot.area import MapArea, MapAreaConfig, MonitoredLanes
@@ -36,7 +36,7 @@ class Filtered:
     off_map: int
 
 
-def filter_by_map(data: Dataset, network: RoadNetwork, config: MapAreaConfig | None = None) -> Filtered:
+def filter_by_map(data: Dataset, network: DriveMap, config: MapAreaConfig | None = None) -> Filtered:
     """Keep what lies on lanes that matter, as the tracker's map strategy does while driving.
 
     The route is not known; it is taken to go straight on from the vehicle's lane, and is looked for again
@@ -73,7 +73,7 @@ def filter_by_map(data: Dataset, network: RoadNetwork, config: MapAreaConfig | N
     return Filtered(replace(data, sequences=tuple(kept)), dropped, off_map)
 
 
-def _areas(sequence: Sequence, network: RoadNetwork, config: MapAreaConfig) -> list[MonitoredLanes | None]:
+def _areas(sequence: Sequence, network: DriveMap, config: MapAreaConfig) -> list[MonitoredLanes | None]:
     """The monitored lanes of each frame; None off the map."""
     egos = [frame.ego for frame in frames(RecordedSource(sequence, network))]
     place = np.array([(ego.x_m, ego.y_m) for ego in egos]).reshape(-1, 2)

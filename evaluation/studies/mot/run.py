@@ -19,17 +19,17 @@ from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.notes import notes_on
 from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
-from opendrive import RoadNetwork, load_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.columns import Columns
 from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
 from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, map_of
 from smartmot.plugins import Plugin
 from smartmot.tracking.own import ObjectTracker, own
 from smartmot.tracking.tracker import Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
-NEEDS_MAP = "--filter map: needs --map FILE.xodr"
+NEEDS_MAP = "--filter map: needs --map FILE (.xodr, or a map of Argoverse 2)"
 
 OF_VELOCITY = ("cv", "ctrv")
 """Forecasts that need no more than the velocity and turn rate that every tracker tells."""
@@ -49,7 +49,7 @@ class MotStudy:
 
     data: Dataset
     config: TrackerConfig | Plugin
-    network: RoadNetwork | None
+    network: DriveMap | None
     filtered: bool
     notes: tuple[str, ...]
 
@@ -89,7 +89,7 @@ def prepare(
         config: Settings of the tracker, or one of the user's own.
         form: Their format; None: what the files look like.
         names: Only these sequences, comma-separated; None: all.
-        map_file: OpenDRIVE file.
+        map_file: OpenDRIVE file, or vector map; None: the recording's own, if it has one.
         by_map: Keep only what is on lanes that matter to the vehicle.
         columns: What the columns of a table mean; None: it has ours.
 
@@ -98,7 +98,8 @@ def prepare(
         DatasetError: A file is wrong, a sequence is missing, or the map does not cover the data.
     """
     data = labels_as_detections(chosen(read_dataset(folder, form, columns), names))
-    network = load_map(map_file) if map_file is not None else None
+    map_path = map_of(data.sequences, map_file)
+    network = None if map_path is None else load_drive_map(map_path)
     notes = list(data.notes)
     if by_map:
         if network is None:

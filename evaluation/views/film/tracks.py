@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import Collection
     from PIL import Image as Pillow
 
-    from opendrive import RoadNetwork
+    from scenarios.recorded.maps.drive_map import DriveMap
 
 C = TypeVar("C", bound="Collection")
 
@@ -98,7 +98,7 @@ class TracksDrawing:
     """
 
     def __init__(
-        self, recording: Recording, tracks: Objects, forecast: Forecast, network: RoadNetwork | None = None
+        self, recording: Recording, tracks: Objects, forecast: Forecast, network: DriveMap | None = None
     ) -> None:
         self.figure = plain_figure(_SIZE_IN, _DPI)
         self._axes = self.figure.add_axes(_AXES)

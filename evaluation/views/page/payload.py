@@ -24,7 +24,7 @@ from evaluation.views.page.codec import (
 from evaluation.views.plots.ground import lane_outlines
 from evaluation.views.plots.log_rows import events_of
 from evaluation.views.plots.temporal import event_text
-from opendrive import RoadNetwork
+from scenarios.recorded.maps.drive_map import DriveMap
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ _UNITS = {
 """Short name, column of the log and unit of what is kept of an object."""
 
 
-def pack_map(network: RoadNetwork, ways_m: Sequence[FloatArray], origin_m: FloatArray) -> str:
+def pack_map(network: DriveMap, ways_m: Sequence[FloatArray], origin_m: FloatArray) -> str:
     """Lanes and crosswalks around the ways of the egos.
 
     Args:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
     from matplotlib.path import Path
 
-    from opendrive import RoadNetwork
+    from scenarios.recorded.maps.drive_map import DriveMap
 
 _NO_AREA_M2 = 1e-3
 """What is smaller is left over from two outlines that meet."""
@@ -63,7 +63,7 @@ LANE_COLOURS = {
 OTHER_LANE_COLOUR, LANE_EDGE_COLOUR = "#f7f7f7", "#bdbdbd"
 
 
-def draw_map(axes: Axes, network: RoadNetwork, pose: Pose, view: Rectangle) -> list[Patch]:
+def draw_map(axes: Axes, network: DriveMap, pose: Pose, view: Rectangle) -> list[Patch]:
     """Lanes and crosswalks within the view, seen from a pose; returns what the legend shows."""
     by_type: dict[str, list[FloatArray]] = {}
     for lane_type, outline in lane_outlines(network):
@@ -139,7 +139,7 @@ def area_paths(areas: Sequence[Area]) -> dict[str, Path]:
 
 
 @functools.lru_cache(maxsize=1)
-def lane_outlines(network: RoadNetwork) -> tuple[tuple[str, FloatArray], ...]:
+def lane_outlines(network: DriveMap) -> tuple[tuple[str, FloatArray], ...]:
     """Type and outline of every lane but those of type none, kept for the next picture of the same map."""
     lanes = network.lanes
     stretches = zip(lanes.lane_type, lanes.s_start_m, lanes.s_end_m, strict=True)

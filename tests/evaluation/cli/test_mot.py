@@ -13,6 +13,7 @@ import pytest
 from evaluation.cli import main
 from evaluation.studies.mot.tables import TRACKS_NUSCENES
 from scenarios.catalogue.maps import shipped_map
+from tests.scenarios.recorded import argoverse_log
 
 needs_trackeval = pytest.mark.skipif(
     importlib.util.find_spec("trackeval") is None, reason="trackeval is not installed (extra mot)"
@@ -78,6 +79,33 @@ def test_map_filter_and_forecasts_along_lanes(
     assert "1 detections outside the monitored lanes left out" in capsys.readouterr().out
     assert set(pd.read_csv(tmp_path / "forecast.csv")["with_map"]) == {False, True}
     assert json.loads((tmp_path / TRACKS_NUSCENES).read_text())["meta"]["use_map"] is True
+
+
+@needs_trackeval
+def test_a_log_of_argoverse_2_has_its_own_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = argoverse_log.box(3, "far", 5.0, 30.0, "REGULAR_VEHICLE")
+    log = argoverse_log.log(tmp_path / "log", [*argoverse_log.boxes(), far])
+    options = ("--filter", "map", "--gif", tmp_path / "a.gif", "--frames", "3..4")
+    assert call(monkeypatch, log, "--out", tmp_path, *options) == 0
+    shown = capsys.readouterr().out
+    assert "labels stand in" in shown
+    assert "1 detections outside the monitored lanes left out" in shown
+    assert "1 sequences, 10 frames, 20 detections" in shown
+    assert set(pd.read_csv(tmp_path / "forecast.csv")["with_map"]) == {False, True}
+    assert (tmp_path / "tracks.csv").is_file()
+    assert (tmp_path / "a.gif").read_bytes()[:3] == b"GIF"
+
+
+@needs_trackeval
+def test_tables_on_a_vector_map(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = argoverse_log.log(tmp_path / "log")
+    for named in (log, log / "map" / "log_map_archive_street.json"):
+        assert call(monkeypatch, drive, "--out", tmp_path / "out", "--filter", "map", "--map", named) == 0
+        assert "detections outside the monitored lanes left out" in capsys.readouterr().out
 
 
 @needs_trackeval

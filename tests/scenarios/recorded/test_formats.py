@@ -6,6 +6,7 @@ import pytest
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.formats import FORMATS, read_dataset
+from tests.scenarios.recorded import argoverse_log
 
 HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad\n"
 
@@ -20,6 +21,7 @@ def test_the_files_show_the_format(tmp_path: Path) -> None:
     (folders["nuscenes"] / "found.json").write_text('{"results": {"a": []}}')
     (folders["simbev"] / "infos").mkdir()
     (folders["simbev"] / "infos" / "simbev_infos_val.json").write_text('{"data": {}}')
+    argoverse_log.log(folders["argoverse"])
     assert {name: read_dataset(folder).kind for name, folder in folders.items()} == {
         name: name for name in FORMATS
     }

@@ -1,0 +1,1 @@
+"""Argoverse 2: logs and vector maps."""

@@ -1,0 +1,65 @@
+"""Tables in Feather files, read with the checks that tables of text have."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios import reading
+from scenarios.errors import DatasetError
+from scenarios.recorded.textfile import TextTable
+
+
+def read_feather(
+    path: Path, numbers: Collection[str], integers: Collection[str] = (), texts: Collection[str] = ()
+) -> TextTable:
+    """Read columns of a Feather file; the lines of the table are its rows, from 1.
+
+    Args:
+        path: The file.
+        numbers: Columns that are read as float64; what is missing in them is NaN.
+        integers: Columns that are read as int64.
+        texts: Columns that hold texts.
+
+    Raises:
+        DatasetError: The file cannot be read, a column is missing, or holds something else.
+    """
+    import pyarrow as pa  # type: ignore[import-untyped]
+    from pyarrow import feather
+
+    if not path.is_file():
+        raise DatasetError(f"{path}: no such file; for the folder's layout see docs/mot.md")
+    kinds = {**dict.fromkeys(numbers, pa.float64()), **dict.fromkeys(integers, pa.int64())}
+    kinds |= dict.fromkeys(texts, pa.string())
+    try:
+        table = feather.read_table(path, memory_map=False)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise DatasetError(
+            f"{path}: not a readable Feather file ({reading.shown(str(error))}); copy it again"
+        ) from None
+    missing = [name for name in kinds if name not in table.column_names]
+    if missing:
+        raise DatasetError(f"{path}: columns missing: {', '.join(missing)} (see docs/mot.md)")
+    for name in kinds:
+        if table.column_names.count(name) > 1:
+            raise DatasetError(f"{path}: column {name!r} is there twice")
+    columns: dict[str, NDArray[Any]] = {}
+    for name, kind in kinds.items():
+        column = table.column(name)
+        try:
+            column = column.cast(kind)
+        except (pa.ArrowException, ValueError) as error:
+            raise DatasetError(
+                f"{path}: column {name!r} must hold {kind} ({reading.shown(str(error))})"
+            ) from None
+        if kind != pa.float64() and column.null_count:
+            row = int(np.argmax(column.is_null().to_numpy())) + 1
+            raise DatasetError(f"{path}:{row}: field {name!r} is missing")
+        columns[name] = column.to_numpy()
+        if kind == pa.string():
+            columns[name] = columns[name].astype(np.str_)
+    return TextTable(path, np.arange(1, table.num_rows + 1, dtype=np.int64), columns)

@@ -1,0 +1,234 @@
+"""Lanes given by their two borders: the surface between them, and what is beside it up to the road's edge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from scenarios.errors import DatasetError
+from smartmot.maps.lane_map import Side
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+MAX_SHOULDER_M = 5.5
+"""Widest strip from a lane to the edge of the drivable area that is taken for a part of the street: stalls at
+right angles are 18 ft deep (ITE, Traffic Engineering Handbook). What is wider is the mouth of a junction."""
+
+SIDEWALK_M = 1.5
+"""Width of the sidewalk beyond the edge, of which these maps say nothing: 5 ft, at which two wheelchairs pass
+(US Access Board, PROWAG R302)."""
+
+_EDGE_STEP_M = 0.5
+"""Spacing at which the edge of the drivable area is looked for: that at which lanes are sampled."""
+_BESIDE_M = 0.3
+"""Lanes that overlap by less only meet."""
+_SLIVER_M = 0.1
+"""Cracks between drivable areas, twice so wide, are none; their coordinates are given in centimetres."""
+ROADWAY = ("driving", "bus")
+"""Types beyond which no edge is looked for."""
+_LEAST_M = 1e-3
+"""Points of a lane's middle are farther apart."""
+
+SIDES: tuple[Side, Side] = ("left", "right")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VectorLane:
+    """A lane as the map gives it.
+
+    Args:
+        id: Its number, unique in the map.
+        kind: OpenDRIVE type name.
+        borders_m: (P, 3) left and (Q, 3) right border in travel direction.
+        in_junction: Whether it is part of a junction.
+        successors, predecessors: Numbers of lanes, which the map need not have.
+        beside: Number of the lane on each side, if there is one.
+        may_leave: Whether the mark on each side lets traffic leave the lane over it.
+    """
+
+    id: int
+    kind: str
+    borders_m: tuple[FloatArray, FloatArray]
+    in_junction: bool
+    successors: tuple[int, ...]
+    predecessors: tuple[int, ...]
+    beside: Mapping[Side, int]
+    may_leave: Mapping[Side, bool]
+
+
+class Ribbon(NamedTuple):
+    """The surface of one lane.
+
+    Attributes:
+        along_m: (P,) way from its entry; of a strip beside a lane, that of the lane.
+        center_m: (P, 3) its middle.
+        width_m: (P,) its width.
+        left_m, right_m: (Q, 2) borders.
+        left_share, right_share: (Q,) shares of the way at their points.
+    """
+
+    along_m: FloatArray
+    center_m: FloatArray
+    width_m: FloatArray
+    left_m: FloatArray
+    right_m: FloatArray
+    left_share: FloatArray
+    right_share: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """Length of the way."""
+        return float(self.along_m[-1])
+
+    def outline(self, low: float = 0.0, high: float = 1.0) -> FloatArray:
+        """(Q, 2) the borders between two shares of the way, as one ring."""
+        left = _between(self.left_m, self.left_share, low, high)
+        return np.concatenate((left, _between(self.right_m, self.right_share, low, high)[::-1]))
+
+
+def opposite(side: Side) -> Side:
+    """The other side."""
+    return "right" if side == "left" else "left"
+
+
+def same_way(lane: VectorLane, other: VectorLane) -> bool:
+    """Whether two lanes beside each other run the same way."""
+    a, b = (sum((border[-1] - border[0])[:2] for border in each.borders_m) for each in (lane, other))
+    return bool(np.dot(a, b) > 0.0)
+
+
+def ribbon_between(lane: VectorLane) -> Ribbon:
+    """The surface between two borders; both are passed at the same share of their lengths."""
+    shares = [_shares(border) for border in lane.borders_m]
+    share = np.union1d(*shares)
+    left, right = (
+        np.column_stack([np.interp(share, at, column) for column in border.T])
+        for at, border in zip(shares, lane.borders_m, strict=True)
+    )
+    center = 0.5 * (left + right)
+    steps = np.hypot(*np.diff(center[:, :2], axis=0).T)
+    along = np.append(0.0, np.cumsum(steps))
+    keep = np.append(True, np.diff(np.floor(along / _LEAST_M)) > 0)
+    keep[-1] = True  # rather the end than the point before it
+    keep[1:-1] &= along[1:-1] < along[-1] - _LEAST_M
+    left, right, center, along = left[keep], right[keep], center[keep], along[keep]
+    if len(along) < 2 or along[-1] < _LEAST_M:
+        raise DatasetError(f"lane {lane.id}: it has no length between its borders")
+    # borders that end askew are nearer to each other than their ends are
+    width = np.abs(((left - right)[:, :2] * _normals(center[:, :2])).sum(axis=1))
+    flat = (border[:, :2] for border in lane.borders_m)
+    return Ribbon(along, center, width, *flat, *shares)
+
+
+def _between(points_m: FloatArray, share: FloatArray, low: float, high: float) -> FloatArray:
+    """(P, 2) the part of a line between two shares of its way."""
+    if (low, high) == (0.0, 1.0):
+        return points_m
+    at = np.concatenate(([low], share[(share > low) & (share < high)], [high]))
+    return np.column_stack([np.interp(at, share, column) for column in points_m.T])
+
+
+def _shares(points_m: FloatArray) -> FloatArray:
+    """(P,) share of a line's length up to each of its points."""
+    travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(points_m[:, :2], axis=0).T)))
+    if travelled[-1] <= 0.0:
+        return np.linspace(0.0, 1.0, len(points_m))
+    shares: FloatArray = travelled / travelled[-1]
+    return shares
+
+
+def _normals(points_m: FloatArray) -> FloatArray:
+    """(P, 2) unit vectors to the left of a line at its points."""
+    step = np.diff(points_m, axis=0)
+    step = step / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-12)[:, None]
+    tangent = np.concatenate((step[:1], step[:-1] + step[1:], step[-1:]))
+    tangent = tangent / np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-12)[:, None]
+    return np.column_stack((-tangent[:, 1], tangent[:, 0]))
+
+
+def surfaces(ribbons: Sequence[Ribbon]) -> list[shapely.Geometry]:
+    """Polygons of lanes; outlines that cross themselves are made valid."""
+    return [shapely.make_valid(shapely.Polygon(ribbon.outline())) for ribbon in ribbons]
+
+
+# --- the edge of the drivable area ----------------------------------------------------------------------
+
+
+def edge_strips(
+    lanes: Sequence[VectorLane], ribbons: Sequence[Ribbon], drivable_m: Sequence[FloatArray]
+) -> list[tuple[int, Side, tuple[Ribbon, Ribbon]]]:
+    """Shoulder and sidewalk beside each lane that has no lane on a side, by row and side."""
+    if not drivable_m:
+        return []
+    areas = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in drivable_m])
+    drivable = areas.buffer(_SLIVER_M, join_style="mitre").buffer(-_SLIVER_M, join_style="mitre")
+    roadway_rows = np.array([k for k, lane in enumerate(lanes) if lane.kind in ROADWAY], dtype=np.int64)
+    roadway = shapely.STRtree(surfaces([ribbons[k] for k in roadway_rows.tolist()]))
+    made: list[tuple[int, Side, tuple[Ribbon, Ribbon]]] = []
+    for row, lane in enumerate(lanes):
+        for side in SIDES:
+            if side in lane.beside:  # also one that the map does not have
+                continue
+            course = _sampled(ribbons[row], side)
+            near = shapely.box(*shapely.total_bounds(shapely.linestrings(course.rays_m)))
+            edge_m = _edge_distance(course, drivable.intersection(near), row, roadway, roadway_rows)
+            if np.isfinite(edge_m).any():
+                made.append((row, side, _strips(course, edge_m, side)))
+    return made
+
+
+class _Course(NamedTuple):
+    """A border of a lane, point by point: way along the lane, place, unit vector outwards, and ray."""
+
+    along_m: FloatArray
+    border_m: FloatArray
+    height_m: FloatArray
+    outward: FloatArray
+    rays_m: FloatArray
+
+
+def _sampled(ribbon: Ribbon, side: Side) -> _Course:
+    along = np.linspace(0.0, ribbon.length_m, max(2, int(np.ceil(ribbon.length_m / _EDGE_STEP_M)) + 1))
+    x, y, z, half = (
+        np.interp(along, ribbon.along_m, values) for values in (*ribbon.center_m.T, 0.5 * ribbon.width_m)
+    )
+    center = np.column_stack((x, y))
+    outward = _normals(center) * (1.0 if side == "left" else -1.0)
+    border = center + outward * half[:, None]
+    rays = np.stack((border, border + outward * MAX_SHOULDER_M), axis=1)
+    return _Course(along, border, z, outward, rays)
+
+
+def _edge_distance(
+    course: _Course, drivable: shapely.Geometry, row: int, roadway: shapely.STRtree, roadway_rows: IntArray
+) -> FloatArray:
+    """(P,) distances from a lane's border to the edge; NaN where there is none, or a lane before it."""
+    outside = shapely.difference(shapely.linestrings(course.rays_m), drivable)
+    distance = np.asarray(shapely.distance(shapely.points(course.border_m), outside))  # NaN of nothing
+    ends = np.flatnonzero(np.isfinite(distance))
+    if not len(ends):
+        return distance
+    beyond = course.border_m[ends] + course.outward[ends] * np.minimum(_BESIDE_M, distance[ends])[:, None]
+    edge = course.border_m[ends] + course.outward[ends] * distance[ends, None]
+    ray, lane = roadway.query(shapely.linestrings(np.stack((beyond, edge), axis=1)), predicate="intersects")
+    distance[ends[ray[roadway_rows[lane] != row]]] = np.nan
+    return distance
+
+
+def _strips(course: _Course, edge_m: FloatArray, side: Side) -> tuple[Ribbon, Ribbon]:
+    """Shoulder and sidewalk; without width where there is no edge."""
+    there: BoolArray = np.isfinite(edge_m)
+    inner = np.zeros(len(edge_m))
+    share = course.along_m / course.along_m[-1]
+    ribbons = []
+    for width in (np.where(there, edge_m, 0.0), np.where(there, SIDEWALK_M, 0.0)):
+        outer = inner + width
+        lines = [course.border_m + course.outward * at[:, None] for at in (inner, outer)]
+        left, right = lines[::-1] if side == "left" else lines
+        center = np.column_stack((0.5 * (left + right), course.height_m))
+        ribbons.append(Ribbon(course.along_m, center, width, left, right, share, share))
+        inner = outer
+    return ribbons[0], ribbons[1]
