@@ -24,7 +24,7 @@ from evaluation.cli import (
     views,
 )
 from evaluation.cli.output import one_line
-from evaluation.cli.recorded import drive
+from evaluation.cli.recorded import drive, export
 
 MISTAKE = 2
 """Exit status after a mistake of the user."""
@@ -52,6 +52,7 @@ app.command("report", epilog=views.REPORT_EXAMPLES)(views.report)
 app.command("replay", epilog=views.REPLAY_EXAMPLES)(views.replay)
 app.command("map", epilog=map.EXAMPLES)(map.command)
 app.command("mot", epilog=mot.EXAMPLES)(mot.command)
+app.command("export", epilog=export.EXAMPLES)(export.command)
 app.command("drive", epilog=drive.EXAMPLES)(drive.command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
 app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)

@@ -60,7 +60,7 @@ def _recognised(folder: Path) -> str:
         return "kitti"
     if stored(folder, DETECTIONS).is_file():
         return "csv"
-    if any(folder.glob("*.json")):
+    if any(folder.glob("*.json")) or any(folder.glob("v1.0-*/sample.json")):
         return "nuscenes"
     raise DatasetError(
         f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), {POSES} (argoverse), "

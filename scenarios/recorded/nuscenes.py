@@ -5,7 +5,7 @@ says when and in which scene each sample was taken: nuScenes' own tables `sample
 the folder, or in a folder `v1.0-*` in it), or a small file `frames.csv` with the columns sample_token, scene
 and stamp_s. Without either the samples are one recording at 2 Hz, in the file's order. With the tables
 sample_annotation, instance and category there are labels; with sample_data, ego_pose, calibrated_sensor and
-sensor there are ego poses (those of LIDAR_TOP's key frames).
+sensor there are ego poses (those of LIDAR_TOP's key frames). Tables with labels need no file of detections.
 
 Boxes are in the global frame: translation is the centre, size is width, length, height, rotation a quaternion
 w, x, y, z. Source: nuscenes-devkit, eval/detection and eval/tracking README, docs/schema_nuscenes.md.
@@ -67,13 +67,19 @@ TRACKING_CLASSES = ("bicycle", "bus", "car", "motorcycle", "pedestrian", "traile
 _UNTRACKED = frozenset(CATEGORY_OF_CLASS) - {*TRACKING_CLASSES, *CATEGORIES}
 """Names of nuScenes that its tracking challenge does not know."""
 
-_CLASS_OF_CATEGORY = {
+CATEGORY_OF_LABEL_CLASS = {kind: name for name, kind in reversed(_CLASS_OF_LABEL.items())} | {
+    "bus": "vehicle.bus.rigid"
+}
+"""The commonest annotated category of each detection class."""
+
+CLASS_OF_CATEGORY = {
     "car": "car",
     "truck": "truck",
     "pedestrian": "pedestrian",
     "motorcycle": "motorcycle",
     "cyclist": "bicycle",
 }
+"""Detection classes for the tracker's categories."""
 
 MAX_BOXES_PER_SAMPLE = 500
 """The tracking challenge refuses more."""
@@ -151,7 +157,7 @@ _FIELDS = {
 
 _LABEL_TABLES = ("sample_annotation", "instance", "category")
 _POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
-_OTHER_TABLES = ("attribute", "visibility", "log", "map")
+_OTHER_TABLES = ("attribute", "visibility", "log", "map", "splits")
 
 
 def _require(record: object, rules: dict[str, _Rule], path: Path, noun: str, name: object) -> None:
@@ -184,21 +190,21 @@ def read_nuscenes(folder: Path) -> Dataset:
     Raises:
         DatasetError: A file is missing or wrong; the message names file, sample and field.
     """
-    path = folder if folder.is_file() else _results_file(folder)
-    content = read_json(path)
-    results = content.get("results") if isinstance(content, dict) else None
-    if not isinstance(results, dict):
-        raise DatasetError(f"{path}: no object 'results' with boxes by sample token")
-    tables = _table_folder(path.parent)
+    place = folder.parent if folder.is_file() else folder
+    tables = _table_folder(place)
+    path = folder if folder.is_file() else _results_file(folder, tables)
+    results = {} if path is None else _results(path)
+    # without a file of detections the tables alone say which scenes there are
+    labels_only, path = path is None, path or place
     notes: list[str] = []
     scenes = _scenes(path, results, tables, notes)
-    classes = read_classes(path.parent, CATEGORY_OF_CLASS)
+    classes = read_classes(place, CATEGORY_OF_CLASS)
     annotations = _annotations(tables) if tables else {}
     poses = _ego_poses(tables) if tables else {}
     sequences, absent = [], 0
     for scene, samples in scenes.items():
         tokens = [token for token, _ in samples]
-        missing = sum(token not in results for token in tokens)
+        missing = 0 if labels_only else sum(token not in results for token in tokens)
         if missing == len(tokens):
             continue
         absent += missing
@@ -243,10 +249,21 @@ def _scenes(path: Path, results: dict[str, Any], tables: Path | None, notes: lis
     return scenes
 
 
-def _results_file(folder: Path) -> Path:
-    """The one JSON file of a folder that is no table of nuScenes."""
+def _results(path: Path) -> dict[str, Any]:
+    """Boxes by sample token."""
+    content = read_json(path)
+    results = content.get("results") if isinstance(content, dict) else None
+    if not isinstance(results, dict):
+        raise DatasetError(f"{path}: no object 'results' with boxes by sample token")
+    return results
+
+
+def _results_file(folder: Path, table_folder: Path | None) -> Path | None:
+    """The one JSON file of a folder that is no table of nuScenes; None where labels do without."""
     tables = {f"{name}.json" for name in (*_FIELDS, *_OTHER_TABLES)}
     paths = sorted(path for path in folder.glob("*.json") if path.name not in tables)
+    if not paths and table_folder and _has_tables(table_folder, _LABEL_TABLES):
+        return None
     if len(paths) != 1:
         listed = ", ".join(path.name for path in paths) or "none"
         raise DatasetError(
@@ -261,6 +278,10 @@ def _table_folder(folder: Path) -> Path | None:
         if (place / "sample.json").is_file():
             return place
     return None
+
+
+def _has_tables(folder: Path, names: Iterable[str]) -> bool:
+    return all((folder / f"{name}.json").is_file() for name in names)
 
 
 def _scenes_of_tables(folder: Path) -> Scenes:
@@ -346,7 +367,7 @@ def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.nda
 
 def _annotations(folder: Path) -> Annotations:
     """Annotated road users by sample; empty without the tables."""
-    if not all((folder / f"{name}.json").is_file() for name in _LABEL_TABLES):
+    if not _has_tables(folder, _LABEL_TABLES):
         return {}
     names = {row["token"]: row["name"] for row in _records(folder, "category")}
     instances = {
@@ -378,7 +399,7 @@ def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> O
 
 def _ego_poses(folder: Path) -> dict[str, FloatArray]:
     """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
-    if not all((folder / f"{name}.json").is_file() for name in _POSE_TABLES):
+    if not _has_tables(folder, _POSE_TABLES):
         return {}
     lidars = {row["token"] for row in _records(folder, "sensor") if row["channel"] == "LIDAR_TOP"}
     mounts = {row["token"] for row in _records(folder, "calibrated_sensor") if row["sensor_token"] in lidars}
@@ -455,4 +476,4 @@ def submission_text(
 def _tracking_name(kind: str, category: str) -> str | None:
     if kind in TRACKING_CLASSES:
         return kind
-    return None if kind in _UNTRACKED else _CLASS_OF_CATEGORY.get(category)
+    return None if kind in _UNTRACKED else CLASS_OF_CATEGORY.get(category)

@@ -7,23 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.errors import ArgumentError
-from evaluation.results.files import LOGS_FOLDER, RUNS_CSV
+from evaluation.results.files import RUNS_CSV
 from evaluation.runs.folder import read_folder, read_shown_log
+from evaluation.runs.recordings import split_run
 from evaluation.views.account.explain import explain
 from evaluation.views.film.maker import write
 from evaluation.views.film.run import RunDrawing, film_of, film_times
 from evaluation.views.frames import frames_of
 from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.strategies import strategy_colour
-
-_SUFFIX = ".parquet"
-
-
-def split_run(run: Path) -> tuple[Path, str]:
-    """Folder of results and name of the log, from `DIR/NAME` or `DIR/logs/NAME.parquet`."""
-    name = run.name.removesuffix(_SUFFIX)
-    folder = run.parent
-    return (folder.parent if folder.name == LOGS_FOLDER else folder), name
+from scenarios.recorded.parquet import SUFFIX
 
 
 def replay(
@@ -55,7 +48,7 @@ def replay(
         ArgumentError: the folder has no such run, or a file cannot be written.
     """
     directory, name = split_run(run)
-    if run.suffix == _SUFFIX and run.is_file() and not (directory / RUNS_CSV).exists():
+    if run.suffix == SUFFIX and run.is_file() and not (directory / RUNS_CSV).exists():
         drawing, notes = _log_alone(run)
     else:
         drawing, notes = _run_of_folder(directory, name, allow_plugins)

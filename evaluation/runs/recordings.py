@@ -1,0 +1,129 @@
+"""The truth of a logged run as a recording: where the ego and all others were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evaluation.results.files import LOGS_FOLDER, RUNS_JSON, ResultsError, log_path
+from evaluation.runs.configuration import changed_file, read_configuration
+from evaluation.runs.folder import read_shown_log
+from scenarios.openscenario.model import EntityDefinition
+from scenarios.recorded.dataset import Objects, Sequence
+from scenarios.recorded.poses import rigid, turned_about
+from scenarios.simulation.motion_actions import ego_of
+from scenarios.spec import definition_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUFFIX = ".parquet"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunRecording:
+    """A run as it was.
+
+    Args:
+        sequence: the frames of its log, with the others as labels and poses of the middle of the ego's box.
+        ego_size_m: length and width of the ego.
+        target: identity of the target in the labels; None: there is none.
+        map_path: the scenario's road network; None: it has none, or is not known.
+        others: the scenario's entities but the ego, by identity; empty where they are not known.
+        notes: what is not known, one line each.
+    """
+
+    sequence: Sequence
+    ego_size_m: tuple[float, float]
+    target: int | None
+    map_path: Path | None = None
+    others: tuple[EntityDefinition, ...] = field(default=())
+    notes: tuple[str, ...] = field(default=())
+
+
+def is_run(path: Path) -> bool:
+    """Whether a path names a run of a folder of results, `DIR/NAME`, or a log."""
+    folder, name = split_run(path)
+    return log_path(folder, name).is_file()
+
+
+def split_run(run: Path) -> tuple[Path, str]:
+    """Folder of results and name of the log, from `DIR/NAME` or `DIR/logs/NAME.parquet`."""
+    name = run.name.removesuffix(SUFFIX)
+    folder = run.parent
+    return (folder.parent if folder.name == LOGS_FOLDER else folder), name
+
+
+def recording_of_run(run: Path) -> RunRecording:
+    """The run of a log, with its scenario's map and names where its folder still has them.
+
+    Args:
+        run: `DIR/NAME` with a name from column `log` of `runs.csv`, or the path of a log.
+
+    Raises:
+        ResultsError: the log cannot be read.
+    """
+    folder, name = split_run(run)
+    log = read_shown_log(run if run.is_file() else log_path(folder, name))
+    if not (folder / RUNS_JSON).is_file():
+        note = "Only the log is known: neither the scenario's map nor its names are."
+        return recording_of_log(log, name, notes=(note,))
+    try:
+        stored = next((each for each in read_configuration(folder).runs if each.spec.log == name), None)
+        if stored is None:
+            raise ResultsError(f"{folder / RUNS_JSON} does not have the run {name}")
+        if (changed := changed_file(stored)) is not None:
+            raise ResultsError(changed)
+        definition = definition_of(stored.spec)
+    except (ValueError, OSError) as error:  # all errors of files and scenarios are ValueErrors
+        return recording_of_log(log, name, notes=(f"Map and names are not known: {error}",))
+    ego = ego_of(definition)
+    others = tuple(entity for entity in definition.entities if entity.name != ego.name)
+    return recording_of_log(log, name, definition.map_path, others)
+
+
+def recording_of_log(
+    log: pd.DataFrame,
+    name: str,
+    map_path: Path | None = None,
+    others: tuple[EntityDefinition, ...] = (),
+    notes: tuple[str, ...] = (),
+) -> RunRecording:
+    """The rows of ego and actors in a log, as a recording; see `RunRecording`."""
+    ego = log[log["kind"] == "ego"].sort_values("time_s").drop_duplicates("time_s", keep="last")
+    stamp_s = ego["time_s"].to_numpy(np.float64)
+    actors = log[log["kind"] == "actor"].drop_duplicates(["time_s", "id"], keep="last")
+    actors = actors[actors["time_s"].isin(stamp_s)]
+    identity = actors["id"].to_numpy(np.int64)
+    yaw, speed = (actors[name].to_numpy(np.float64) for name in ("yaw_rad", "speed_mps"))
+    columns = {"height_m": np.array([others[i].height_m for i in identity.tolist()])} if others else {}
+    labels = Objects.of(
+        np.searchsorted(stamp_s, actors["time_s"].to_numpy(np.float64)),
+        actors[["x_m", "y_m"]].to_numpy(np.float64),
+        object_id=identity,
+        category=actors["category"].to_numpy(np.str_),
+        size_m=actors[["length_m", "width_m"]].to_numpy(np.float64),
+        yaw_rad=yaw,
+        velocity_mps=speed[:, None] * np.column_stack((np.cos(yaw), np.sin(yaw))),
+        **columns,
+    )
+    place = np.column_stack((ego[["x_m", "y_m"]].to_numpy(np.float64), np.zeros(len(ego))))
+    targets = actors.loc[actors["label"] == "target", "id"]
+    return RunRecording(
+        Sequence(
+            name=name,
+            stamp_s=stamp_s,
+            frame_name=tuple(f"{t:.3f} s" for t in stamp_s.tolist()),
+            detections=Objects.empty(),
+            labels=labels,
+            world_SE3_ego=rigid(turned_about(2, ego["yaw_rad"].to_numpy(np.float64)), place),
+        ),
+        (float(ego["length_m"].iloc[0]), float(ego["width_m"].iloc[0])),
+        None if targets.empty else int(targets.iloc[0]),
+        map_path,
+        others,
+        notes,
+    )

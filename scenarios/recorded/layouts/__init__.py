@@ -1,0 +1,1 @@
+"""Recordings written as data sets in the layouts of others, whose tools then read them."""
