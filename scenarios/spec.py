@@ -13,6 +13,7 @@ from opendrive import RoadNetwork, load_map
 from scenarios.catalogue.bystanders import with_bystanders
 from scenarios.catalogue.library import scenario_path
 from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
+from scenarios.errors import ScenarioError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     EnvironmentAction,
@@ -116,7 +117,7 @@ def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str 
     The test tracks of Euro NCAP's pedestrian scenarios are one wide lane without marks, on which a map tells
     nothing. Unless another map is asked for, a street is laid over them, in whose lane the ego drives.
     """
-    if map_name is not None:
+    if map_name is not None or definition.map_path is None:
         return map_name
     network = load_named_map(str(definition.map_path))
     lanes = network.lanes
@@ -193,6 +194,10 @@ def definition_of(spec: RunSpec) -> ScenarioDefinition:
     """
     definition = load(scenario_path(spec.file), dict(spec.parameters))
     if spec.adversaries == "static":
+        if definition.map_path is None:
+            raise ScenarioError(
+                f"{definition.path}: static adversaries stand beside a road, and there is none"
+            )
         return with_bystanders(definition, load_named_map(str(definition.map_path)))
     return definition
 

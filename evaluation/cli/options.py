@@ -16,7 +16,7 @@ from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.places import Place
-    from scenarios.recorded.columns import Columns
+    from scenarios.recorded.tables.columns import Columns
     from scenarios.settings import Parameter, Setting, Settings
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
@@ -117,7 +117,7 @@ def table_columns(pairs: str | None, frame_rate_hz: float | None) -> Columns | N
     Raises:
         DatasetError: A pair is none, or its left side is no name of ours.
     """
-    from scenarios.recorded.columns import Columns
+    from scenarios.recorded.tables.columns import Columns
 
     return None if pairs is None and frame_rate_hz is None else Columns.parse(pairs, frame_rate_hz)
 

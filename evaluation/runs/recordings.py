@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evaluation.results.files import LOGS_FOLDER, RUNS_JSON, ResultsError, log_path
+from evaluation.results.logs import LOG_COLUMNS
 from evaluation.runs.configuration import changed_file, read_configuration
 from evaluation.runs.folder import read_shown_log
 from scenarios.openscenario.model import EntityDefinition
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.poses import rigid, turned_about
+from scenarios.recorded.tables.parquet import SUFFIX, column_names
 from scenarios.simulation.motion_actions import ego_of
 from scenarios.spec import definition_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-SUFFIX = ".parquet"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +46,9 @@ class RunRecording:
 
 def is_run(path: Path) -> bool:
     """Whether a path names a run of a folder of results, `DIR/NAME`, or a log."""
-    folder, name = split_run(path)
-    return log_path(folder, name).is_file()
+    if path.is_file():
+        return path.suffix == SUFFIX and set(LOG_COLUMNS) <= set(column_names(path))
+    return log_path(*split_run(path)).is_file()
 
 
 def split_run(run: Path) -> tuple[Path, str]:

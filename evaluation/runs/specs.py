@@ -149,8 +149,9 @@ def perception_notes(specs: Sequence[RunSpec]) -> list[str]:
         used = perception_map(definition, spec.map_name)
         if used is not None:
             tracks = lines.setdefault(f"perception uses the map {used}", [])
-            if spec.map_name is None and definition.map_path.name not in tracks:
-                tracks.append(definition.map_path.name)
+            track = definition.map_path
+            if spec.map_name is None and track is not None and track.name not in tracks:
+                tracks.append(track.name)
         if is_night(definition):
             lines.setdefault(named_light(spec.night).source, [])
         for line in environment_notes(spec, definition):

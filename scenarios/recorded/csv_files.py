@@ -24,10 +24,10 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, read_classes, require_categories
-from scenarios.recorded.columns import CLASSES, Columns, fill_sizes, read_mapped
 from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished
-from scenarios.recorded.parquet import SUFFIX, read_parquet_table
 from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
+from scenarios.recorded.tables.columns import CLASSES, Columns, fill_sizes, read_mapped
+from scenarios.recorded.tables.parquet import SUFFIX, read_parquet_table
 from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_headed_table
 from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray

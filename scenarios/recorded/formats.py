@@ -7,13 +7,13 @@ from pathlib import Path
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.argoverse.reader import POSES, is_log, read_argoverse
-from scenarios.recorded.columns import Columns
 from scenarios.recorded.csv_files import DETECTIONS, read_csv, stored
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
 from scenarios.recorded.nuscenes import read_nuscenes
-from scenarios.recorded.parquet import SUFFIX
 from scenarios.recorded.simbev.reader import is_simbev, read_simbev
+from scenarios.recorded.tables.columns import Columns
+from scenarios.recorded.tables.parquet import SUFFIX
 
 READERS: dict[str, Callable[[Path], Dataset]] = {
     "kitti": read_kitti,

@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.openscenario.running.engine import Engine
 from scenarios.openscenario.running.results import Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
-from scenarios.sensors.world import MapSurface, World
+from scenarios.sensors.world import FlatGround, MapSurface, RoadSurface, World
 from scenarios.simulation.drive import Asked, EgoDrive
 from scenarios.simulation.motion_actions import is_motion, is_to_set_off
 from smartmot.area import ego_extent
@@ -49,7 +49,8 @@ class Truth:
         self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.actors]
         self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.actors]
         self._object_id: IntArray = np.arange(len(self.actors))
-        self._surface = MapSurface(engine.world.locator.roads.network)
+        network = engine.world.locator.roads.network
+        self._surface: RoadSurface = MapSurface(network) if network.roads else FlatGround()
         self._odometry: EgoState | None = None
         self._events: dict[str, list[EventElement]] = {}
 

@@ -29,6 +29,8 @@ def command(
         str | None,
         typer.Option("--format", help="Format of the data; default: what the files look like."),
     ] = None,
+    columns: options.ColumnPairs = None,
+    frame_rate: options.FrameRate = None,
     strategy: Annotated[
         str | None,
         typer.Option(
@@ -99,6 +101,7 @@ def command(
         map_file=map_file,
         seed=seed,
         vehicle=None if ego is None else parse_vehicle(ego),
+        columns=options.table_columns(columns, frame_rate),
     )
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)

@@ -28,6 +28,7 @@ from scenarios.presets import named_preset
 from scenarios.recorded.dataset import Dataset, Sequence
 from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.maps.drive_map import load_drive_map, map_of
+from scenarios.recorded.tables.columns import Columns
 from scenarios.recorded.vehicles import Vehicle, vehicle_of
 from scenarios.settings import Settings
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
@@ -53,6 +54,7 @@ class Options:
         map_file: a map in the frame of the poses; None: the recordings' own, if they have one.
         seed: of the errors of labels that stand in for detections.
         vehicle: the recording vehicle; None: that of the format.
+        columns: what the columns of a table mean; None: it has ours.
     """
 
     folder: Path
@@ -65,6 +67,7 @@ class Options:
     map_file: Path | None = None
     seed: int = 0
     vehicle: Vehicle | None = None
+    columns: Columns | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +129,7 @@ def prepare(options: Options) -> DriveStudy:
         ArgumentError: a strategy needs a map.
         DatasetError: a file is wrong, or a sequence is missing or cannot be driven.
     """
-    data = read_dataset(options.folder, options.form)
+    data = read_dataset(options.folder, options.form, options.columns)
     recorded, notes = _driven(data, options.sequences)
     map_path = map_of(recorded, options.map_file)
     if NEEDS_MAP in options.strategies and map_path is None:

@@ -12,11 +12,11 @@ from evaluation.results.files import RUNS_CSV, write_bytes
 from evaluation.results.rows import read_runs
 from evaluation.runs.recordings import is_run, recording_of_run
 from evaluation.studies.mot.run import chosen
-from scenarios.recorded.columns import Columns
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
 from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.layouts.nuscenes import VERSION, nuscenes_files, without_category
 from scenarios.recorded.layouts.simbev import frame_grid, simbev_files, without_class
+from scenarios.recorded.tables.columns import Columns
 from scenarios.recorded.vehicles import vehicle_of
 
 Files = Callable[[Many[Sequence], int], Iterator[tuple[str, bytes]]]

@@ -20,10 +20,10 @@ from evaluation.studies.mot.notes import notes_on
 from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from scenarios.errors import DatasetError
-from scenarios.recorded.columns import Columns
 from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
 from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, map_of
+from scenarios.recorded.tables.columns import Columns
 from smartmot.plugins import Plugin
 from smartmot.tracking.own import ObjectTracker, own
 from smartmot.tracking.tracker import Tracker, TrackerConfig

@@ -16,7 +16,7 @@ from evaluation.views.film.run import RunDrawing, film_of, film_times
 from evaluation.views.frames import frames_of
 from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.strategies import strategy_colour
-from scenarios.recorded.parquet import SUFFIX
+from scenarios.recorded.tables.parquet import SUFFIX
 
 
 def replay(

@@ -144,6 +144,13 @@ class EnvironmentAction(Element):
     environment: Environment
 
 
+class AddEntityAction(Element):
+    """Put an entity into the scenario that is not in it: from the start, or since it was deleted."""
+
+    entity: str
+    position: Position
+
+
 class DeleteEntityAction(Element):
     """Take an entity out of the scenario."""
 
@@ -175,5 +182,7 @@ PrivateAction: TypeAlias = (
     | AssignRouteAction
     | LightStateAction
 )
-GlobalAction: TypeAlias = EnvironmentAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction
+GlobalAction: TypeAlias = (
+    EnvironmentAction | AddEntityAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction
+)
 Action: TypeAlias = PrivateAction | GlobalAction

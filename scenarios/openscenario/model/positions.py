@@ -141,9 +141,14 @@ class Vertex(Element, first="time_s"):
 
 
 class Polyline(Element, children="Vertex"):
-    """Straight pieces between vertices."""
+    """Straight pieces between vertices.
+
+    `headed`: it is followed by time, and every vertex is a WorldPosition with a heading, which holds there;
+    between vertices the heading changes linearly, and an entity stands between vertices at the same place.
+    """
 
     vertices: tuple[Vertex, ...]
+    headed: bool = False
 
 
 class ClothoidSegment(

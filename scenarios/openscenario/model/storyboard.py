@@ -70,7 +70,7 @@ class ScenarioDefinition(Element):
         description: from its header.
         parameters: final values by name.
         variables: start values by name.
-        map_path: the OpenDRIVE file.
+        map_path: the OpenDRIVE file; None: a plane without roads.
         entities: in the order of the file.
         init: actions before the start, with the entity that carries them out (None: global).
         stories: the storyboard.
@@ -82,7 +82,7 @@ class ScenarioDefinition(Element):
     description: str
     parameters: Mapping[str, Value]
     variables: Mapping[str, Value]
-    map_path: Path
+    map_path: Path | None
     entities: tuple[EntityDefinition, ...]
     init: tuple[tuple[str | None, Action], ...]
     stories: tuple[Story, ...]

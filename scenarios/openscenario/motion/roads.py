@@ -12,6 +12,7 @@ import numpy as np
 
 from opendrive import RoadNetwork, load_map
 from opendrive.errors import OpenDriveError
+from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, joined, straight
@@ -66,12 +67,20 @@ class Roads(Immutable):
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network
 
+    def _require_roads(self) -> None:
+        if not self.network.roads:
+            raise RunError(
+                "a position by road or lane, but there is no road: RoadNetwork has no LogicFile, "
+                "which makes it a plane; use WorldPosition"
+            )
+
     def lane(self, road_id: str, lane_id: int, s_m: float) -> int:
         """Index of a lane of a road at s.
 
         Raises:
             RunError: no such road or lane, or s is off the road.
         """
+        self._require_roads()
         lanes = self.network.lanes
         road = self.network.roads.get(road_id)
         if road is None:
@@ -97,6 +106,7 @@ class Roads(Immutable):
         Raises:
             RunError: no such road, or s is off the road.
         """
+        self._require_roads()
         try:
             points = self.network.road_point(road_id, s_m, t_m)
         except OpenDriveError as error:
@@ -225,12 +235,14 @@ class Roads(Immutable):
         )
 
 
-def load_roads(path: FilePath) -> Roads:
-    """The network of an OpenDRIVE file; an unchanged file is loaded once.
+def load_roads(path: FilePath | None) -> Roads:
+    """The network of an OpenDRIVE file; an unchanged file is loaded once. None: a plane without roads.
 
     Raises:
         RunError: the file cannot be read.
     """
+    if path is None:
+        return _plane()
     try:
         stat = path.stat()
         return _load(path.resolve(), stat.st_mtime_ns, stat.st_size)
@@ -243,3 +255,18 @@ def load_roads(path: FilePath) -> Roads:
 @lru_cache(maxsize=16)
 def _load(path: FilePath, _mtime_ns: int, _size: int) -> Roads:
     return Roads(load_map(path))
+
+
+@lru_cache(maxsize=1)
+def _plane() -> Roads:
+    """Flat ground without roads."""
+    header = Header(
+        *(1, 8, "plane", "", "", ""),
+        north_m=None,
+        south_m=None,
+        east_m=None,
+        west_m=None,
+        geo_reference="",
+        offset=None,
+    )
+    return Roads(RoadNetwork(MapModel(header, {}, {}, Deferred.of(()))))

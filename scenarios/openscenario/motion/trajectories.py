@@ -11,10 +11,13 @@ from opendrive.geometry.curves import clothoid
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import ClothoidSpline, Nurbs, Polyline, Position, Shape, Trajectory
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 MAX_POINTS = 200_000
 """A trajectory that needs more points is refused."""
+
+SAME_PLACE_M = 1e-6
+"""Vertices in a row that are nearer are at the same place."""
 
 MAX_TURN_RAD = 1000.0
 """A piece that turns further is refused."""
@@ -45,15 +48,46 @@ def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], entity_po
 def _build(shape: Shape, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
     match shape:
         case Polyline():
+            if shape.headed:
+                return _headed(shape)
             poses = [pose_of(vertex.position) for vertex in shape.vertices]
             x, y = [pose.x_m for pose in poses], [pose.y_m for pose in poses]
-            if min(math.dist(a, b) for a, b in zip(zip(x, y), zip(x[1:], y[1:]))) < 1e-6:  # noqa: B905
+            if min(math.dist(a, b) for a, b in zip(zip(x, y), zip(x[1:], y[1:]))) < SAME_PLACE_M:  # noqa: B905
                 raise RunError("two vertices in a row are at the same place")
             return Path(x, y)
         case ClothoidSpline():
             return _spline(shape, pose_of, entity_pose)
         case Nurbs():
             return _nurbs(shape, pose_of)
+
+
+def vertex_stations(shape: Polyline, path: Path) -> list[float]:
+    """Arc length at every vertex of a polyline on its path."""
+    if not shape.headed:
+        return path.station_of_vertices()
+    stations = path.station_of_vertices()
+    return [stations[place] for place in _places(shape)[1].tolist()]
+
+
+def _places(shape: Polyline) -> tuple[FloatArray, IntArray]:
+    """(K, 3) x, y and heading of the places of a headed polyline, and (V,) the place of each vertex.
+
+    Where an entity stands, its last heading there counts.
+    """
+    rows = np.array(
+        [(v.position.x_m, v.position.y_m, v.position.heading_rad) for v in shape.vertices]  # type: ignore[union-attr]
+    )
+    moves = np.hypot(*np.diff(rows[:, :2], axis=0).T) >= SAME_PLACE_M
+    place = np.concatenate(([0], np.cumsum(moves)))
+    last = np.flatnonzero(np.append(moves, True))
+    return np.column_stack((rows[last, :2], np.unwrap(rows[:, 2])[last])), place
+
+
+def _headed(shape: Polyline) -> Path:
+    places, _ = _places(shape)
+    if len(places) < 2:
+        raise RunError("all its vertices are at the same place")
+    return Path(places[:, 0], places[:, 1], places[:, 2])
 
 
 def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:

@@ -7,6 +7,7 @@ from typing import cast
 from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
 from scenarios.openscenario.model import (
     Action,
+    AddEntityAction,
     AssignRouteAction,
     DeleteEntityAction,
     Dimension,
@@ -46,7 +47,7 @@ def global_action(node: Node, context: Context) -> Action:
     child = node.one_of("EnvironmentAction EntityAction VariableAction")
     if child.tag == "EnvironmentAction":
         return EnvironmentAction(environment(referenced(child, "Environment", context)))
-    return _delete_entity(child, context) if child.tag == "EntityAction" else _variable(child, context)
+    return _entity(child, context) if child.tag == "EntityAction" else _variable(child, context)
 
 
 @reads(SpeedAction)
@@ -133,11 +134,12 @@ def _follow_trajectory(node: Node, context: Context) -> FollowTrajectoryAction:
     reference = node.get("TrajectoryRef")
     if reference is None:  # 1.0: the trajectory or its catalog reference stands in the action itself
         reference = node.without("TimeReference TrajectoryFollowingMode")
-    curve = trajectory(reference, context)
+    times = node.get("TimeReference")
+    curve = trajectory(reference, context, timed=times is not None and times.get("Timing") is not None)
     initial_distance_m = node.positive("initialDistanceOffset", 0.0)
     timing = node.need("TimeReference").one_of("None Timing")
-    times = None if timing.tag == "None" else read(TimeReference, timing, context)
-    return FollowTrajectoryAction(curve, initial_distance_m, times, steers)
+    by_time = None if timing.tag == "None" else read(TimeReference, timing, context)
+    return FollowTrajectoryAction(curve, initial_distance_m, by_time, steers)
 
 
 @reads(AssignRouteAction)
@@ -192,10 +194,13 @@ def environment(node: Node) -> Environment:
     return Environment(node.text("name"), **values)  # type: ignore[arg-type]
 
 
-def _delete_entity(node: Node, context: Context) -> DeleteEntityAction:
-    node.allow("entityRef", "DeleteEntityAction")
-    node.need("DeleteEntityAction").allow()
-    return DeleteEntityAction(context.entity(node))
+def _entity(node: Node, context: Context) -> AddEntityAction | DeleteEntityAction:
+    child = node.one_of("AddEntityAction DeleteEntityAction", "entityRef")
+    if child.tag == "DeleteEntityAction":
+        child.allow()
+        return DeleteEntityAction(context.entity(node))
+    child.allow(children="Position")
+    return AddEntityAction(context.entity(node), position(child.need("Position"), context))
 
 
 def _variable(node: Node, context: Context) -> SetVariableAction | ModifyVariableAction:

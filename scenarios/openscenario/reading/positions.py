@@ -87,14 +87,22 @@ def route(parent: Node, context: Context) -> Route:
 
 
 @reads(Trajectory)
-def trajectory(parent: Node, context: Context) -> Trajectory:
-    """Trajectory from TrajectoryRef (or, as in 1.0, from the action itself)."""
+def trajectory(parent: Node, context: Context, timed: bool = False) -> Trajectory:
+    """Trajectory from TrajectoryRef (or, as in 1.0, from the action itself); by time or not."""
     node = referenced(parent, "Trajectory", context)
     allow(Trajectory, node)
     _refuse_closed(node, "trajectory")
     shape = node.need("Shape").one_of("Polyline ClothoidSpline Clothoid Nurbs")
     kind = {"Polyline": Polyline, "Nurbs": Nurbs}.get(shape.tag, ClothoidSpline)
-    return Trajectory(node.text("name"), cast(Shape, read(kind, shape, context)))
+    curve = cast(Shape, read(kind, shape, context))
+    if timed and isinstance(curve, Polyline) and all(map(_gives_heading, shape)):
+        curve = Polyline(curve.vertices, headed=True)
+    return Trajectory(node.text("name"), curve)
+
+
+def _gives_heading(vertex: Node) -> bool:
+    place = vertex.need("Position").get("WorldPosition")
+    return place is not None and place.has("h")
 
 
 @reads(Polyline)

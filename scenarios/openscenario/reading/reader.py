@@ -118,13 +118,16 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
         init=tuple(_init(storyboard.need("Init"), context)),
         stories=stories,
         stop=stop,
-        files=(file, *catalogs.files, map_path),
+        files=(file, *catalogs.files, *(() if map_path is None else (map_path,))),
     )
 
 
-def _map_path(node: Node) -> Path:
+def _map_path(node: Node) -> Path | None:
+    """The road network; None: the scenario takes place on a plane."""
     node.allow(children="LogicFile SceneGraphFile TrafficSignals UsedArea")
-    file = node.need("LogicFile")
+    file = node.get("LogicFile")
+    if file is None:
+        return None
     file.allow("filepath")
     path = file.path("filepath")
     if not path.is_file():

@@ -116,9 +116,17 @@ class Engine:
                 for name in sorted(referred(action)):
                     self._pose_now(name)  # refuses a place that is not known
             self.storyboard.execute(instant, action, () if entity is None else (entity,))
+        added = {
+            named.action.entity
+            for event in self.definition.events()
+            for named in event.actions
+            if isinstance(named.action, model.AddEntityAction)
+        }
         for actor in self._actors.values():
             if not actor.placed:
-                raise RunError(f"entity '{actor.name}' is never given a position in Init")
+                if actor.name not in added or actor is self.ego:
+                    raise RunError(f"entity '{actor.name}' is never given a position in Init")
+                actor.exists = False
         self.ego.controller = controller
         self.ego.heed(0.0)
         self._check_places()
@@ -140,7 +148,7 @@ class Engine:
                         for position in (action.target, action.master_target):
                             if not referred(position):
                                 locator.pose(position)
-                    case model.TeleportAction() if not referred(action.position):
+                    case model.TeleportAction() | model.AddEntityAction() if not referred(action.position):
                         locator.pose(action.position)
                     case model.FollowTrajectoryAction(trajectory=curve):
                         if not starts_at_entity(curve) and not referred(curve):

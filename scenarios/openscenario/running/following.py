@@ -10,6 +10,7 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
 from scenarios.openscenario.motion.roads import Leg, Roads
+from scenarios.openscenario.motion.trajectories import vertex_stations
 from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import Instant, World
@@ -138,7 +139,7 @@ def timed_profile(
     assert timing is not None
     if isinstance(shape, model.Polyline):
         times = [vertex.time_s for vertex in shape.vertices]
-        stations = path.station_of_vertices()
+        stations = vertex_stations(shape, path)
     elif isinstance(shape, model.ClothoidSpline):
         times, stations = [0.0, shape.time_end_s], [0.0, path.length_m]
     else:
@@ -200,3 +201,18 @@ class Teleport(RunningAction[model.TeleportAction]):
         self.who.route = None
         path = self.world.locator.roads.way(pose)
         self.who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
+
+
+class AddEntity(RunningAction[model.AddEntityAction]):
+    """AddEntityAction: it stands there until it is moved. One that exists already stays where it is."""
+
+    def start(self, time_s: float) -> None:
+        """Be there."""
+        who = self.world.actors[self.action.entity]
+        if who.exists:
+            return
+        pose = self.world.locator.pose(self.action.position)
+        path = self.world.locator.roads.way(pose)
+        who.exists, who.route, who.on_trajectory = True, None, False
+        who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
+        who.drive(time_s, SpeedProfile(time_s, 0.0))

@@ -40,6 +40,8 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
                 return following.Teleport(world, actor, action)
             case model.SynchronizeAction():
                 return Synchronize(world, actor, action)
+    if isinstance(action, model.AddEntityAction):
+        return following.AddEntity(world, None, action)
     return Switch(world, actor, action)
 
 

@@ -79,6 +79,43 @@ def test_times(play):
         other(play, follow(polyline((0, 0), (1, 0)), timing.format("absolute", 1, 0)))
 
 
+def headed(*rows):
+    """A polyline with times, and headings where they are given."""
+    text = "".join(
+        f'<Vertex time="{t}"><Position><WorldPosition x="{x}" y="{y}"'
+        + ("" if h is None else f' h="{h}"')
+        + "/></Position></Vertex>"
+        for t, x, y, h in rows
+    )
+    return f"<Polyline>{text}</Polyline>"
+
+
+BY_TIME = '<TimeReference><Timing domainAbsoluteRelative="absolute" scale="1" offset="0"/></TimeReference>'
+WAITS = ((0, 0, 20, 0.2), (2, 20, 20, 0.4), (5, 20, 20, 0.5), (6, 20, 24, 1.0))
+
+
+def test_headings_of_vertices_hold_if_all_have_one_and_times_are_kept(play):
+    """10 m/s sideways for 2 s, 3 s of standstill, then 4 m to the left within a second."""
+    run = other(play, follow(headed(*WAITS), BY_TIME))
+    assert at(run, "Other", 1.0) == pytest.approx(
+        (10, 20, 0.35, 10)
+    )  # towards the heading that it stands with
+    assert at(run, "Other", 3.5) == pytest.approx((20, 20, 0.5, 0))
+    assert at(run, "Other", 5.5) == pytest.approx((20, 22, 0.75, 4))
+
+
+def test_headings_do_not_hold_otherwise(play):
+    some = (*WAITS[:2], (6, 20, 24, None))
+    run = other(play, follow(headed(*some), BY_TIME))
+    assert at(run, "Other", 1.0)[2] == 0.0
+    run = other(play, follow(headed(*WAITS[:2])), speed(5))
+    assert at(run, "Other", 1.0) == pytest.approx((5, 20, 0, 5))
+    with pytest.raises(RunError, match="two vertices in a row are at the same place"):
+        other(play, follow(headed(*WAITS)))
+    with pytest.raises(RunError, match="all its vertices are at the same place"):
+        other(play, follow(headed(*WAITS[1:3]), BY_TIME))
+
+
 def piece(length, start, end, position=""):
     inner = f"<PositionStart>{position}</PositionStart>" if position else ""
     return (

@@ -247,6 +247,58 @@ def test_a_deleted_entity_is_not_hit(play):
     assert play(act(maneuver(event("gone", delete))))[1].contact_entity is None
 
 
+def added(x, heading=0.0):
+    place = f'<Position><WorldPosition x="{x}" y="-1.75" h="{heading}"/></Position>'
+    action = f"<AddEntityAction>{place}</AddEntityAction>"
+    return f'<GlobalAction><EntityAction entityRef="Other">{action}</EntityAction></GlobalAction>'
+
+
+def test_an_entity_is_added(play, write):
+    """At 2 s at x = 45 m, its rear at 44.5 m; the ego's front, at 13.5 m + 10 m/s t, is there at 3.1 s."""
+    comes = act(maneuver(event("comes", added(45), later(2))))
+    engine = Engine(load(write(comes, init=EGO_AT_START)))
+    engine.advance(1.9)
+    assert engine.entities.exists.tolist() == [True, False]
+    assert engine.entities.seen.tolist() == [True, False]
+    engine.advance(0.2)
+    assert engine.entities.exists.tolist() == [True, True]
+    assert engine.entities.reference_m[1] == pytest.approx([45.0, -1.75])
+    assert engine.run().contact_time_s == pytest.approx(3.1, abs=1e-6)
+    # where the ego was before, nobody is hit
+    behind = act(maneuver(event("comes", added(20, 0.5), later(2))))
+    engine, run = play(behind, init=EGO_AT_START)
+    assert run.contact_time_s is None
+    assert engine.entities.boxes.yaw_rad[1] == pytest.approx(0.5)
+
+
+def test_an_entity_that_exists_is_not_added_again(play):
+    engine, _ = play(act(maneuver(event("comes", added(200), later(2)))))
+    assert engine.entities.reference_m[1] == pytest.approx([60.0, -1.75])
+
+
+def test_a_deleted_entity_comes_back_standing(play):
+    gone = '<GlobalAction><EntityAction entityRef="Other"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    events = (
+        event("sets off", speed(8)),
+        event("goes", gone, later(1)),
+        event("comes", added(200), later(2)),
+    )
+    engine, run = play(act(maneuver(*events)))
+    assert at(run, "Other", 5.0)[:2] == pytest.approx((200, -1.75))
+    assert at(run, "Other", 5.0)[3] == 0.0
+    assert engine.entities.exists.tolist() == [True, True]
+
+
+def test_who_is_never_added_needs_a_place(play):
+    with pytest.raises(RunError, match="entity 'Other' is never given a position in Init"):
+        play(init=EGO_AT_START)
+    with pytest.raises(RunError, match="entity 'Ego' is never given a position in Init"):
+        play(
+            act(maneuver(event("comes", added(9).replace("Other", "Ego")))),
+            init=OTHER_AHEAD,
+        )
+
+
 def test_variables(play):
     multiply = add_to_variable("n", 3).replace("AddValue", "MultiplyByValue")
     engine, _ = play(

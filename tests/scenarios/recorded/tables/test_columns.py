@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.columns import Columns
 from scenarios.recorded.csv_files import read_csv
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.tables.columns import Columns
 
 IND = (
     "recordingId,trackId,frame,trackLifetime,xCenter,yCenter,heading,width,length,xVelocity,yVelocity\n"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.parquet import SUFFIX, column_names, read_parquet_table
+from scenarios.recorded.tables.parquet import SUFFIX, column_names, read_parquet_table
 from scenarios.recorded.textfile import TextTable, header_names, read_headed_table
 from smartmot.geometry import wrap_angle
 from smartmot.types import FloatArray

@@ -1,0 +1,1 @@
+"""Tables with columns of others, and as Parquet files."""
