@@ -1,4 +1,4 @@
-"""`smartmot-eval export`: recorded drives and simulated runs in the layouts of other tools, and as scenarios."""
+"""`smartmot-eval export`: drives and simulated runs in the layouts of other tools, and as scenarios."""
 
 from __future__ import annotations
 
