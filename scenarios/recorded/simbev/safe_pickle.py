@@ -146,9 +146,14 @@ def _refuse(what: str) -> NoReturn:
     raise ReadError(f"{what}: {_ONLY}")
 
 
-_CONSTANTS: dict[bytes, object] = {pickle.NONE: None, pickle.NEWTRUE: True, pickle.NEWFALSE: False}
+_STOP, _MEMOIZE = pickle.STOP[0], pickle.MEMOIZE[0]
+_CONSTANTS: dict[int, object] = {
+    pickle.NONE[0]: None,
+    pickle.NEWTRUE[0]: True,
+    pickle.NEWFALSE[0]: False,
+}
 _NUMBERS = {
-    code: struct.Struct(form)
+    code[0]: struct.Struct(form)
     for code, form in (
         (pickle.BININT, "<i"),
         (pickle.BININT1, "<B"),
@@ -156,26 +161,26 @@ _NUMBERS = {
         (pickle.BINFLOAT, ">d"),
     )
 }
-_LENGTHS = {1: struct.Struct("<B"), 4: struct.Struct("<I"), 8: struct.Struct("<Q")}
-_COUNTED: dict[bytes, tuple[int, Callable[[bytes], object]]] = {
-    pickle.SHORT_BINUNICODE: (1, bytes.decode),
-    pickle.BINUNICODE: (4, bytes.decode),
-    pickle.BINUNICODE8: (8, bytes.decode),
-    pickle.SHORT_BINBYTES: (1, bytes),
-    pickle.BINBYTES: (4, bytes),
-    pickle.BINBYTES8: (8, bytes),
-    pickle.BYTEARRAY8: (8, bytes),
-    pickle.LONG1: (1, pickle.decode_long),
-    pickle.LONG4: (4, pickle.decode_long),
+_LENGTHS = {4: struct.Struct("<I"), 8: struct.Struct("<Q")}
+_COUNTED: dict[int, tuple[int, Callable[[bytes], object]]] = {
+    pickle.SHORT_BINUNICODE[0]: (1, bytes.decode),
+    pickle.BINUNICODE[0]: (4, bytes.decode),
+    pickle.BINUNICODE8[0]: (8, bytes.decode),
+    pickle.SHORT_BINBYTES[0]: (1, bytes),
+    pickle.BINBYTES[0]: (4, bytes),
+    pickle.BINBYTES8[0]: (8, bytes),
+    pickle.BYTEARRAY8[0]: (8, bytes),
+    pickle.LONG1[0]: (1, pickle.decode_long),
+    pickle.LONG4[0]: (4, pickle.decode_long),
 }
 """Values that follow their length: its bytes, and how they become a value."""
 
-_TUPLES = {pickle.EMPTY_TUPLE: 0, pickle.TUPLE1: 1, pickle.TUPLE2: 2, pickle.TUPLE3: 3}
-_PUT = {pickle.BINPUT: 1, pickle.LONG_BINPUT: 4}
-_GET = {pickle.BINGET: 1, pickle.LONG_BINGET: 4}
+_TUPLES = {pickle.EMPTY_TUPLE[0]: 0, pickle.TUPLE1[0]: 1, pickle.TUPLE2[0]: 2, pickle.TUPLE3[0]: 3}
+_PUT = {pickle.BINPUT[0]: 1, pickle.LONG_BINPUT[0]: 4}
+_GET = {pickle.BINGET[0]: 1, pickle.LONG_BINGET[0]: 4}
 
 _NAME_OF_OPCODE = {
-    getattr(pickle, name): name
+    getattr(pickle, name)[0]: name
     for name in pickle.__all__
     if name.isupper() and isinstance(getattr(pickle, name), bytes)
 }
@@ -189,48 +194,56 @@ class _Machine:
     """
 
     def __init__(self, content: bytes) -> None:
-        self._content, self._at = content, 0
+        self._content, self._at, self._end = content, 0, len(content)
         self._stack: list[Any] = []
         self._marks: list[int] = []
         self._memo: dict[int, Any] = {}
 
     def run(self) -> Any:
         """The value at the end."""
-        stack = self._stack
-        while (code := self._take(1)) != pickle.STOP:
+        stack, memo = self._stack, self._memo
+        while (code := self._byte()) != _STOP:
             if code in _GET:
-                stack.append(self._memo[self._length(_GET[code])])
+                stack.append(memo[self._length(_GET[code])])
             elif code in _COUNTED:
                 size, made_of = _COUNTED[code]
                 stack.append(made_of(self._take(self._length(size))))
-            elif code == pickle.MEMOIZE:
-                self._memo[len(self._memo)] = stack[-1]
-            elif code in _PUT:
-                self._memo[self._length(_PUT[code])] = stack[-1]
+            elif code == _MEMOIZE:
+                memo[len(memo)] = stack[-1]
+            elif code in _TUPLES:
+                self._push_tuple(len(stack) - _TUPLES[code])
+            elif code in _STEPS:
+                _STEPS[code](self)
+            elif code in _CONSTANTS:
+                stack.append(_CONSTANTS[code])
             elif code in _NUMBERS:
                 form = _NUMBERS[code]
                 stack.append(form.unpack(self._take(form.size))[0])
-            elif code in _CONSTANTS:
-                stack.append(_CONSTANTS[code])
-            elif code in _TUPLES:
-                self._push_tuple(len(stack) - _TUPLES[code])
+            elif code in _PUT:
+                memo[self._length(_PUT[code])] = stack[-1]
             else:
-                step = _STEPS.get(code)
-                if step is None:
-                    _refuse(f"opcode {_NAME_OF_OPCODE.get(code, code)}")
-                step(self)
+                _refuse(f"opcode {_NAME_OF_OPCODE.get(code, code)}")
         return stack.pop()
+
+    def _byte(self) -> int:
+        at = self._at
+        if at >= self._end:
+            raise ReadError("cut off")
+        self._at = at + 1
+        return self._content[at]
 
     def _take(self, count: int) -> bytes:
         """The next bytes; a copy is made only of what is there."""
         end = self._at + count
-        if end > len(self._content):
+        if end > self._end:
             raise ReadError("cut off")
         taken = self._content[self._at : end]
         self._at = end
         return taken
 
     def _length(self, size: int) -> int:
+        if size == 1:
+            return self._byte()
         length: int = _LENGTHS[size].unpack(self._take(size))[0]
         return length
 
@@ -323,21 +336,21 @@ class _Machine:
         value.build(state)
 
 
-_STEPS: dict[bytes, Callable[[_Machine], None]] = {
-    pickle.MARK: _Machine.mark,
-    pickle.PROTO: _Machine.skip_protocol,
-    pickle.FRAME: _Machine.skip_frame,
-    pickle.EMPTY_LIST: _Machine.push_list,
-    pickle.EMPTY_DICT: _Machine.push_dict,
-    pickle.TUPLE: _Machine.push_marked_tuple,
-    pickle.APPEND: _Machine.append,
-    pickle.APPENDS: _Machine.appends,
-    pickle.SETITEM: _Machine.set_item,
-    pickle.SETITEMS: _Machine.set_items,
-    pickle.GLOBAL: _Machine.push_global,
-    pickle.STACK_GLOBAL: _Machine.push_stacked_global,
-    pickle.REDUCE: _Machine.reduce,
-    pickle.BUILD: _Machine.build,
+_STEPS: dict[int, Callable[[_Machine], None]] = {
+    pickle.MARK[0]: _Machine.mark,
+    pickle.PROTO[0]: _Machine.skip_protocol,
+    pickle.FRAME[0]: _Machine.skip_frame,
+    pickle.EMPTY_LIST[0]: _Machine.push_list,
+    pickle.EMPTY_DICT[0]: _Machine.push_dict,
+    pickle.TUPLE[0]: _Machine.push_marked_tuple,
+    pickle.APPEND[0]: _Machine.append,
+    pickle.APPENDS[0]: _Machine.appends,
+    pickle.SETITEM[0]: _Machine.set_item,
+    pickle.SETITEMS[0]: _Machine.set_items,
+    pickle.GLOBAL[0]: _Machine.push_global,
+    pickle.STACK_GLOBAL[0]: _Machine.push_stacked_global,
+    pickle.REDUCE[0]: _Machine.reduce,
+    pickle.BUILD[0]: _Machine.build,
 }
 
 
