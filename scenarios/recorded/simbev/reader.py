@@ -90,6 +90,9 @@ MAX_LABEL_BYTES = 64_000_000
 EGO_ITSELF_M = 0.5
 """No other vehicle's centre is so near to the ego's: a box there is the ego's own."""
 
+_LONGEST_NAME = 200
+"""Bytes of a file's name; file systems have 255."""
+
 _CORNERS, _VECTOR = (8, 3), (3,)
 
 
@@ -226,7 +229,7 @@ def file_of(root: Path, folder: str, info: dict[str, Any], field_name: str, wher
     """
     recorded = info.get(field_name)
     name = re.split(r"[/\\]", recorded)[-1] if isinstance(recorded, str) else ""
-    if not name or name in (".", ".."):
+    if not name or name in (".", "..") or len(name.encode()) > _LONGEST_NAME or not name.isprintable():
         raise DatasetError(f"{where}: field {field_name!r} must be a path, got {shown(recorded)}")
     return root / folder / name
 
@@ -302,11 +305,8 @@ def _labels(path: Path) -> list[Any]:
         return read_npy_list(path.read_bytes())
     except ReadError as error:
         raise DatasetError(f"{path}: {error}") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, DatasetError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise DatasetError(f"{path}: {reason}; for the folder's layout see docs/mot.md") from None
+    except OSError as error:
+        raise DatasetError(f"{path}: {error.strerror}; for the folder's layout see docs/mot.md") from None
 
 
 def _add(
