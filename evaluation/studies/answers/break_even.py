@@ -14,10 +14,10 @@ from evaluation.results.tables import EMPTY, Table, csv_bytes, fixed
 from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
-from evaluation.studies.answers.results import Results, benefit, difference
+from evaluation.studies.answers.results import Results, benefit, decisive_differences, difference
 from evaluation.studies.answers.rivals import MAP, PATH
 from evaluation.studies.answers.study import Answer, Question
-from evaluation.studies.answers.tables import arms_table, points_text
+from evaluation.studies.answers.tables import arms_table, differences_csv, p_text, points_text
 from evaluation.studies.answers.tuned import Tuned, given_tuned, tuned_arm
 from scenarios.settings import PARAMETERS
 from smartmot.types import FloatArray
@@ -151,10 +151,14 @@ class BreakEven(Question):
 
     def pairs_of(self, side: Pair) -> list[Pair]:
         """Both at every error, first at none."""
-        grown = [
-            self.having(side, s.parameter, value, bool(s.side)) for s in self.sweeps for value in s.values
+        return [side, *(self.having(side, *error) for error in self._errors())]
+
+    def _errors(self) -> list[tuple[str, float | str, bool]]:
+        """Parameter, value and whether it has a side, of every error as the tables list them."""
+        return [
+            *((s.parameter, v, bool(s.side)) for s in self.sweeps for v in s.values),
+            *((key, value, False) for key, value in self.named),
         ]
-        return [side, *grown, *(self.having(side, *setting) for setting in self.named)]
 
     @property
     def arms(self) -> tuple[Arm, ...]:
@@ -204,12 +208,19 @@ class BreakEven(Question):
         curves, named = self.curves(results), self.points_named(results)
         where = f"preset {self.preset}, rule {self.rule}"
         tables = {"Where the benefit is lost": _crossings(curves)}
-        tables |= {f"By error: {side}": _table(curves[side], named[side]) for side in curves}
+        differences = decisive_differences(results, [p for side in self.sides for p in self.pairs_of(side)])
+        seen = {(d.arm, d.measure): d.adjusted for d in differences}
+        for pair in self.sides:
+            first = pair[0].name
+            points = _lines(curves[first], named[first])
+            errors = [arm for arm, _ in self.pairs_of(pair)[1:]]
+            p_values = [[seen[arm, measure] for measure in DECISIVE] for arm in errors]
+            tables[f"By error: {first}"] = _table(points, p_values, self.questions)
         tables["Who is who"] = arms_table([arm for side in self.sides for arm in side])
         drawn = {"break_even": figures.break_even(curves, where)}
         for side, own in curves.items():
             drawn[self.parts_figure(side)] = figures.break_even_parts(own, f"{side}, {where}")
-        files = {"break_even.csv": _csv(curves, named)}
+        files = {"break_even.csv": _csv(curves, named), "differences.csv": differences_csv(differences)}
         return Answer(
             "How wrong may localisation and map be before a lane filter hurts?",
             [line for side in curves for line in findings(side, curves[side], named[side])],
@@ -297,6 +308,11 @@ def findings(side: str, curves: Sequence[Curve], named: Sequence[tuple[str, Poin
         if start.benefit.value <= 0.0:
             lines.append(f"{side}: there is no benefit that an error could take.")
         else:
+            if start.benefit.low <= 0.0:
+                lines.append(
+                    f"{side}: these scenes do not decide whether there is a benefit without errors; where "
+                    "it is lost is no more certain."
+                )
             lines += [f"{side}: {crossing_sentence(curve)}" for curve in curves]
     lines += [
         f"{side}: {PARAMETERS[key].text} {point.value}: collisions avoided {points_text(point.avoided)}, "
@@ -326,21 +342,24 @@ def _lines(curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> list[
     return [(curve.sweep.parameter, point) for curve in curves for point in curve.points] + list(named)
 
 
-def _table(curves: Sequence[Curve], named: Sequence[tuple[str, Point]]) -> Table:
-    header = (
-        "error",
-        "size",
-        "collisions avoided (points)",
-        "unnecessary stops (points)",
-        "benefit (points)",
-    )
+def _table(points: Sequence[tuple[str, Point]], p_values: Sequence[Sequence[float]], questions: int) -> Table:
+    header = ["error", "size", "benefit (points)"]
+    for name in DECISIVE:
+        header += [f"{MEASURES[name].text} (points)", "p (Holm)"]
     rows = []
-    for key, point in _lines(curves, named):
+    errors = iter(p_values)
+    for key, point in points:
         parameter = PARAMETERS[key]
         size = point.value if isinstance(point.value, str) else f"{point.value:g} {parameter.unit}".strip()
-        parts = (point.avoided, point.stops, point.benefit)
-        rows.append((parameter.text, size, *map(points_text, parts)))
-    return Table(header, tuple(rows), (), "Map filter less planned path in the same scenes; 95 % intervals.")
+        adjusted = ("", "") if point.value == 0.0 else tuple(map(p_text, next(errors)))
+        parts = (point.avoided, adjusted[0]), (point.stops, adjusted[1])
+        cells = [cell for part, p_value in parts for cell in (points_text(part), p_value)]
+        rows.append((parameter.text, size, points_text(point.benefit), *cells))
+    caption = (
+        "Map filter less planned path in the same scenes, 95 % intervals; p-values of McNemar's exact test, "
+        f"corrected for all {questions} questions of this study."
+    )
+    return Table(tuple(header), tuple(rows), (), caption)
 
 
 def _crossings(curves: Mapping[str, Sequence[Curve]]) -> Table:

@@ -7,6 +7,12 @@ from typing import Any
 
 from evaluation.runs.cpna import CpnaSuite
 from evaluation.runs.specs import Conditions
+from evaluation.studies.answers.break_even import BreakEven
+from evaluation.studies.answers.gain import Gain
+from evaluation.studies.answers.sensor import SensorErrors
+from evaluation.studies.answers.study import Question, Sample
+from evaluation.studies.answers.trigger import FAMILIES, Trigger
+from evaluation.studies.answers.tune import Tuning
 from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.growth import GrowthStudy
 from evaluation.studies.reference.cpna import CpnaStudy
@@ -43,7 +49,16 @@ def _cpna(
     return CpnaStudy(name, CpnaSuite(speeds_kmh, conditions), beside)
 
 
+TUNING = Tuning(Sample("train", 60), _PNG, rules=FAMILIES)
+GAIN = Gain(Sample(count=300), _PNG, presets=("physical", "real"), rules=("paper", "cascade"))
+BREAK_EVEN = BreakEven(Sample(count=100), _PNG)
+SENSOR = SensorErrors(Sample(count=100), _PNG)
+TRIGGER = Trigger(Sample(count=100), _PNG)
+QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER)
+"""The first settles what is run in others. The scenes of fewer are among those of more."""
+
 PARTS: tuple[Study[Any, Any], ...] = (
+    *QUESTIONS,
     _cpna("paper", TEN_TO[80], "paper"),
     _cpna("static", URBAN, "paper", adversaries="static", beside="paper"),
     MechanismStudy("mechanisms", 5),

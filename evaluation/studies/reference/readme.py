@@ -14,12 +14,14 @@ from evaluation.results.tables import Table, markdown_table
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun, growth_table
+from evaluation.studies.reference import answer_findings as answers
 from evaluation.studies.reference import cpna_findings as cpna
 from evaluation.studies.reference import growth_findings as crowds
 from evaluation.studies.reference import scene_findings as scenes
 from evaluation.studies.reference import seed_findings as seeds
 from evaluation.studies.reference.kept import read_json, read_records
 from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
+from evaluation.studies.reference.parts import BREAK_EVEN, GAIN, QUESTIONS, SENSOR, TRIGGER, TUNING
 from evaluation.studies.reference.words import listed
 
 README = "README.md"
@@ -28,6 +30,7 @@ VERSIONED = (
     "mechanisms/mechanisms.json", "frontier_physical/compare.json", "frontier_paper/compare.json",
     "seeds/compare.json", "ablation/compare.json", "growth/growth.json",
     *(f"{name}/runs.json" for name in ("paper", "static", "physical", "weather")),
+    *(f"{question.name}/study.json" for question in QUESTIONS),
 )  # fmt: skip
 """Files that tell the version that made them, with a digest of the code."""
 
@@ -63,10 +66,17 @@ def _values(reports: Path) -> dict[str, Any]:
         name: read_records(reports / name / "runs.csv", RunMeasures)
         for name in ("frontier_physical", "frontier_paper", "seeds", "ablation")
     }
+    gain = answers.read(GAIN, reports)
     growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
     spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
     return {
         "versions": sorted({_made_by(read_json(reports / path)) for path in VERSIONED}),
+        "answers": answers,
+        "gain": gain,
+        "break_even": answers.read(BREAK_EVEN, reports),
+        "sensor": answers.read(SENSOR, reports),
+        "trigger": answers.read(TRIGGER, reports),
+        "tuning": answers.read(TUNING, reports),
         "cpna": cpna,
         "scenes": scenes,
         "crowds": crowds,
@@ -81,6 +91,7 @@ def _values(reports: Path) -> dict[str, Any]:
         "spent": spent,
         "growth_table": growth_table(growth, spent),
         "contradictions": [
+            *answers.contradictions(gain),
             *cpna.contradictions(rows["paper"], rows["static"], mechanisms, rows["physical"]),
             *scenes.contradictions(measures["frontier_paper"]),
             *crowds.contradictions(growth, spent),
