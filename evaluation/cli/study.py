@@ -53,7 +53,8 @@ def command(
         str | None,
         typer.Option(
             help="Brake rule, shipped or package.module:name; gain, trigger and tune take several. "
-            "Default: paper; of gain: paper,cascade; of trigger: all.",
+            "Default: paper; of gain: paper,cascade; of trigger: all. tune takes the first with every "
+            "area, the others with the planned path.",
             metavar="NAMES",
         ),
     ] = None,
@@ -69,6 +70,13 @@ def command(
         Path | None,
         typer.Option(help="gain, break-even, trigger: settings that `study tune` chose, beside the others."),
     ] = None,
+    path_from: Annotated[
+        str,
+        typer.Option(
+            help="break-even: planner: the planned path is exact relative to the ego; map: it is as wrong as "
+            "localisation and map, for both sides alike."
+        ),
+    ] = "planner",
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
@@ -87,6 +95,7 @@ def command(
     from evaluation.studies.answers.command import ask
     from evaluation.studies.answers.study import Sample
     from scenarios.presets import PRESETS
+    from scenarios.settings import PARAMETERS
 
     question = options.parse_name(question, QUESTIONS, "QUESTION")
     if maps is not None and not maps.is_dir():
@@ -98,7 +107,11 @@ def command(
     usual = "physical,real" if question == "gain" else "physical"
     presets = options.parse_names(preset or usual, tuple(PRESETS), "--preset")
     formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
-    asked = _question(question, sample, formats, presets, _rules(question, rule), strategies, tuned, trials)
+    path_from = options.parse_name(path_from, PARAMETERS["path_from"].choices, "--path-from")
+    if path_from != "planner" and question != "break-even":
+        raise ArgumentError(f"--path-from: {question} takes none; give it to break-even")
+    rules = _rules(question, rule)
+    asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     with locked(writable_folder(out)):
         ask(asked, out, workers or available_cores(), quiet)
 
@@ -122,6 +135,7 @@ def _question(
     strategies: str,
     tuned: Path | None,
     trials: int,
+    path_from: str,
 ) -> Question:
     """The question as it was typed.
 
@@ -158,5 +172,7 @@ def _question(
     if name == "tune":
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
     if name == "break-even":
-        return BreakEven(sample, formats, preset=presets[0], rule=rules[0], tuned=chosen_settings)
+        return BreakEven(
+            sample, formats, preset=presets[0], rule=rules[0], tuned=chosen_settings, path_from=path_from
+        )
     return Gain(sample, formats, presets=presets, rules=rules, own=own, tuned=chosen_settings)

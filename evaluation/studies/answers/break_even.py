@@ -123,6 +123,8 @@ class BreakEven(Question):
         sweeps: errors that grow.
         named: errors that are there or not.
         tuned: settings of both that were chosen on other scenes; with them both are also compared.
+        path_from: planner: the path is exact relative to the ego; map: it is as wrong as localisation and
+            map, for both alike.
     """
 
     preset: str = "physical"
@@ -130,6 +132,7 @@ class BreakEven(Question):
     sweeps: tuple[Sweep, ...] = SWEEPS
     named: tuple[tuple[str, str], ...] = NAMED
     tuned: Tuned = ()
+    path_from: str = "planner"
     name = "break-even"
 
     def given(self, out: Path) -> BreakEven:
@@ -139,7 +142,9 @@ class BreakEven(Question):
     @property
     def sides(self) -> list[Pair]:
         """Map filter and planned path without errors: with the paper's margin, and tuned."""
-        first = (MAP.arm(self.preset, self.rule), PATH.arm(self.preset, self.rule))
+        where = () if self.path_from == "planner" else (("path_from", self.path_from),)
+        arms = [rival.arm(self.preset, self.rule).having(*where) for rival in (MAP, PATH)]
+        first = arms[0], arms[1]
         second = tuple(tuned_arm(arm, self.tuned) or arm for arm in first)
         return list(dict.fromkeys([first, (second[0], second[1])]))
 
@@ -206,7 +211,7 @@ class BreakEven(Question):
     def answer(self, results: Results) -> Answer:
         """Where the benefit of the map filter is lost."""
         curves, named = self.curves(results), self.points_named(results)
-        where = f"preset {self.preset}, rule {self.rule}"
+        where = f"preset {self.preset}, rule {self.rule}, path from the {self.path_from}"
         tables = {"Where the benefit is lost": _crossings(curves)}
         differences = decisive_differences(results, [p for side in self.sides for p in self.pairs_of(side)])
         seen = {(d.arm, d.measure): d.adjusted for d in differences}

@@ -29,6 +29,8 @@ def call(*arguments: str) -> int:
         (("sensor", "--preset", "physical,real"), "--preset: sensor takes one"),
         (("sensor", "--rule", "paper,rss"), "--rule: sensor takes one"),
         (("gain", "--rule", "none"), "--rule: unknown 'none'"),
+        (("gain", "--path-from", "map"), "--path-from: gain takes none"),
+        (("break-even", "--path-from", "sky"), "--path-from: unknown 'sky'"),
         (("sensor", "--tuned", "x.json"), "--tuned: sensor takes none"),
         (("gain", "--tuned", "x.json"), "x.json is not a tuned.json"),
         (("gain", "--split", "all"), "--split: unknown 'all'"),
@@ -55,11 +57,12 @@ def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("evaluation.studies.answers.command.ask", lambda question, *_: asked.append(question))
     out = ("--out", str(tmp_path))
     assert call("gain", "--preset", "physical,real", "--rule", "paper,rss", "--count", "7", *out) == 0
-    assert call("break-even", "--preset", "real", *out) == 0
+    assert call("break-even", "--preset", "real", "--path-from", "map", *out) == 0
     assert call("tune", "--trials", "3", *out) == 0
     assert call("trigger", "--strategies", "map", *out) == 0
     gain, break_even, tune, trigger = asked
     assert {arm.preset for arm in break_even.arms} == {"real"}
+    assert {dict(arm.settings)["path_from"] for arm in break_even.arms} == {"map"}
     assert {(arm.preset, arm.rule) for arm in gain.arms} == {
         (preset, rule) for preset in ("physical", "real") for rule in ("paper", "rss")
     }
