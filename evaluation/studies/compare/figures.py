@@ -50,7 +50,7 @@ _NAMES = {
     "all": "no area (control)",
     "path": "planned path",
     "ego_forecast=ctrv": "ego expected to keep its turn rate",
-    "ego_forecast=route": "ego expected along its route",
+    "ego_forecast=path": "ego expected along its path",
 }
 
 _PANELS = (

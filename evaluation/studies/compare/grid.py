@@ -20,16 +20,16 @@ PHASE_STEP_S = 0.01
 FRONTIER: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (0.0, 0.5, 1.8, 4.0),
     "half_width_m": (0.9, 2.6, 4.0),
-    "map:ego_forecast": ("ctrv", "route"),
+    "map:ego_forecast": ("ctrv", "path"),
 }
 """What is varied unless the user says otherwise: the width of each strategy's area (1.8 m is the paper's
-margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the map tells where the ego will go;
-`route` is the old name of `path`, under which the reference results are kept."""
+margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the ego of the map is
+forecast along its planned path."""
 
 ABLATION: Mapping[str, tuple[Setting, ...]] = {
     "filter": ("none", "detections", "tracks", "both"),
     "motion": ("cv", "ctrv"),
-    "map:ego_forecast": ("ctrv", "route"),
+    "map:ego_forecast": ("ctrv", "path"),
     "margin_m": (0.0, 1.0, 1.8, 3.0),
     "iou_threshold": (0.001, 0.01, 0.1),
     "horizon_s": (2.0, 3.0, 5.0),

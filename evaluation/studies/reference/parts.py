@@ -30,7 +30,7 @@ URBAN = (30.0, 40.0, 50.0)
 THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (1.8,),
     "half_width_m": (2.6,),
-    "map:ego_forecast": ("ctrv", "route"),
+    "map:ego_forecast": ("ctrv", "path"),
 }
 """The paper's widths, with both forecasts of the ego: runs that the curves share."""
 

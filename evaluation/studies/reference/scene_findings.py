@@ -18,12 +18,12 @@ from evaluation.studies.reference.words import counted, listed
 
 RECTANGLE = Point("rectangular", (("half_width_m", 2.6),))
 MAP = Point("map", (("margin_m", 1.8), ("ego_forecast", "ctrv")))
-MAP_ROUTE = Point("map", (("margin_m", 1.8), ("ego_forecast", "route")))
+MAP_PATH = Point("map", (("margin_m", 1.8), ("ego_forecast", "path")))
 ALL = Point("all")
 SHOWN = {
     "the rectangle": RECTANGLE,
     "the map": MAP,
-    "the map that knows its way": MAP_ROUTE,
+    "the map that knows its way": MAP_PATH,
     "everything": ALL,
 }
 """What the page compares: the paper's rectangle and its map, the map that also tells where the ego will go,
@@ -266,7 +266,7 @@ def told_in_short(runs: Sequence[RunMeasures]) -> list[str]:
     cured = stops_avoided(runs, "the map that knows its way", "the map")
     lost = contacts_avoided(runs, "the map", "the map that knows its way")
     lines.append(
-        f"Forecasting the ego along its route cures {_text(cured, 'stop')} and costs "
+        f"Forecasting the ego along its planned path cures {_text(cured, 'stop')} and costs "
         f"{_text(lost, 'contact')}."
     )
     missed = contacts_avoided(runs, "everything", "the map")

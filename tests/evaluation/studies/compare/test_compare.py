@@ -46,7 +46,7 @@ def make(out: Path, **changes: object) -> list[Summary]:
 
 def test_the_forecast_along_the_route_cures_the_false_stop_in_the_60_m_bend() -> None:
     name = "people at the kerb, 60 m bend left, near side, 0.4 m, 50 km/h"
-    turn, route = one(name, Point("map")), one(name, Point("map", (("ego_forecast", "route"),)))
+    turn, route = one(name, Point("map")), one(name, Point("map", (("ego_forecast", "path"),)))
     assert turn.false_activation
     assert turn.needless_stop
     assert turn.speed_loss_kmh == pytest.approx(50.0)

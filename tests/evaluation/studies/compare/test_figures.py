@@ -34,7 +34,7 @@ POINTS = (
     *(Point("rectangular", (("half_width_m", w),)) for w in (0.9, 2.6, 4.0)),
     *(
         Point("map", (("margin_m", m), ("ego_forecast", e)))
-        for e in ("ctrv", "route")
+        for e in ("ctrv", "path")
         for m in (0.0, 0.5, 1.8, 4.0)
     ),
     Point("all"),

@@ -46,7 +46,7 @@ def test_ablation(count: int, choices: int) -> None:
     for name in STRATEGIES[:count]:
         rows.append(summary(Point(name), 0.5, 0.2))
         for k in range(choices):
-            settings = (("ego_forecast", "route"), ("horizon_s", float(k)))[k % 2 :]
+            settings = (("ego_forecast", "path"), ("horizon_s", float(k)))[k % 2 :]
             rows.append(summary(Point(name, settings), 0.5 + k / 50, 0.1))
     assert text_faults(ablation(rows, PRESET)) == []
 
