@@ -311,7 +311,8 @@ def findings(side: str, curves: Sequence[Curve], named: Sequence[tuple[str, Poin
             f"{points_text(start.benefit)} points."
         )
         if start.benefit.value <= 0.0:
-            lines.append(f"{side}: there is no benefit that an error could take.")
+            lines.append(f"{side}: there is no benefit that an error could take; what errors cost besides:")
+            lines += [f"{side}: {_fall(curve)}" for curve in curves]
         else:
             if start.benefit.low <= 0.0:
                 lines.append(
@@ -337,6 +338,13 @@ def crossing_sentence(curve: Curve) -> str:
         most = f"{curve.sweep.values[-1]:g} {unit}"
         return f"{text}: the benefit is not lost up to {most} (interval of the crossing {reach})."
     return f"{text}: the benefit is lost at {_size(curve.crossing)} {unit} {reach}."
+
+
+def _fall(curve: Curve) -> str:
+    """How far a benefit falls, for one error."""
+    first, last = curve.points[0].benefit, curve.points[-1].benefit
+    most = f"{curve.values[-1]:g} {curve.sweep.unit}"
+    return f"{curve.sweep.text}: {points_text(first)} points without, {points_text(last)} at {most}."
 
 
 def _size(value: float) -> str:

@@ -49,11 +49,11 @@ def _cpna(
     return CpnaStudy(name, CpnaSuite(speeds_kmh, conditions), beside)
 
 
-TUNING = Tuning(Sample("train", 60), _PNG, rules=FAMILIES)
-GAIN = Gain(Sample(count=300), _PNG, presets=("physical", "real"), rules=("paper", "cascade"))
-BREAK_EVEN = BreakEven(Sample(count=100), _PNG)
-SENSOR = SensorErrors(Sample(count=100), _PNG)
-TRIGGER = Trigger(Sample(count=100), _PNG)
+TUNING = Tuning(Sample("train", 60), _PNG, rules=FAMILIES, trials=6)
+GAIN = Gain(Sample(count=300), _PNG, presets=("physical", "real"))
+BREAK_EVEN = BreakEven(Sample(count=60), _PNG)
+SENSOR = SensorErrors(Sample(count=50), _PNG)
+TRIGGER = Trigger(Sample(count=50), _PNG)
 QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER)
 """The first settles what is run in others. The scenes of fewer are among those of more."""
 
