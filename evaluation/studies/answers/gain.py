@@ -35,6 +35,8 @@ NOTES = (
     "A difference is called decided if McNemar's exact test sees it at 5 %, corrected for all questions "
     "of the "
     "study by Holm's method. Where it is not, the interval says how large it may be.",
+    "How often scenes of either kind happen on the road is not known here: what a stop weighs against a "
+    "collision is left to you.",
     "Sources of the methods: docs/answers.md.",
 )
 
@@ -146,25 +148,23 @@ def findings(results: Results, differences: Sequence[Difference]) -> list[str]:
     for arm, against in ranked:
         gained = points_text(benefit_difference(results, arm, against))
         where = f"Preset {arm.preset}, rule {arm.rule}"
-        lines.append(f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.")
-        if arm.name.startswith(MAP.name) and (rate := exchange(groups[arm, against])):
-            lines.append(rate)
+        price = exchange(groups[arm, against]) if arm.name.startswith(MAP.name) else ""
+        lines.append(f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.{price}")
     return lines
 
 
 def exchange(differences: Sequence[Difference]) -> str:
-    """From which weight of an unnecessary stop on a side pays that gives collisions for stops.
+    """From which weight of an unnecessary stop on a side pays that gives collisions for stops; else nothing.
 
     Args:
         differences: in collisions avoided and in unnecessary stops, of one arm against another.
     """
     avoided, stops = differences
     lost, saved = -avoided.estimate.value, -stops.estimate.value
-    first = f"{avoided.arm.name} against {avoided.against.name}"
     if not lost > 0 or not saved > 0:
         return ""
     return (
-        f"{first} gives {100 * lost:.1f} points of collisions avoided for {100 * saved:.1f} points of stops: "
-        f"it pays if a stop in a nothing scene weighs more than {lost / saved:.1f} collisions in a "
-        "must-brake scene. How often each kind of scene happens on the road is not known here."
+        f" It gives {100 * lost:.1f} points of collisions avoided for {100 * saved:.1f} points of stops, which "
+        f"pays if a stop in a nothing scene weighs more than {lost / saved:.1f} collisions in a must-brake "
+        "scene."
     )

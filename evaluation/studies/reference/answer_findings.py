@@ -97,9 +97,8 @@ def told_lanes(kept: Kept[Gain]) -> list[str]:
             if not own:
                 continue
             gained = points_text(benefit_difference(kept.results, own[0].arm, own[0].against))
-            lines.append(f"{CONDITIONS.get(preset, preset)}: {verdict(own)} Avoided less stopped: {gained}.")
-            if rate := exchange(own):
-                lines.append(f"{rate[0].upper()}{rate[1:]}")
+            told = f"{CONDITIONS.get(preset, preset)}: {verdict(own)}"
+            lines.append(f"{told} Avoided less stopped: {gained} points.{exchange(own)}")
     return lines
 
 

@@ -52,8 +52,8 @@ def _cpna(
 TUNING = Tuning(Sample("train", 60), _PNG, rules=FAMILIES, trials=6)
 GAIN = Gain(Sample(count=300), _PNG, presets=("physical", "real"))
 BREAK_EVEN = BreakEven(Sample(count=75), _PNG)
-SENSOR = SensorErrors(Sample(count=50), _PNG)
-TRIGGER = Trigger(Sample(count=50), _PNG)
+SENSOR = SensorErrors(Sample(count=40), _PNG)
+TRIGGER = Trigger(Sample(count=40), _PNG)
 QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER)
 """The first settles what is run in others. The scenes of fewer are among those of more."""
 
