@@ -139,7 +139,9 @@ def break_even(curves: Mapping[str, Sequence[Curve]], where: str) -> Figure:
     colours = dict(zip(curves, itertools.cycle(SIDE_COLOURS), strict=False))
     entries = [Line2D([], [], color=colour, marker="o", label=side) for side, colour in colours.items()]
     every = list(curves.values())
-    page = _error_page(every[0], "Avoided less stopped: map filter less planned path", where, entries, _LOST)
+    lost = any(0.0 < curve.crossing < math.inf for own in every for curve in own)
+    title = "Avoided less stopped: map filter less planned path"
+    page = _error_page(every[0], title, where, entries, _LOST if lost else "")
     for k, axes in enumerate(page.axes[: len(every[0])]):
         for side, own in curves.items():
             _curve(axes, own[k], "benefit", colours[side])

@@ -149,7 +149,9 @@ def findings(results: Results, differences: Sequence[Difference]) -> list[str]:
         gained = points_text(benefit_difference(results, arm, against))
         where = f"Preset {arm.preset}, rule {arm.rule}"
         price = exchange(groups[arm, against]) if arm.name.startswith(MAP.name) else ""
-        lines.append(f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.{price}")
+        lines.append(
+            f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.{price}"
+        )
     return lines
 
 
@@ -164,7 +166,7 @@ def exchange(differences: Sequence[Difference]) -> str:
     if not lost > 0 or not saved > 0:
         return ""
     return (
-        f" It gives {100 * lost:.1f} points of collisions avoided for {100 * saved:.1f} points of stops, which "
-        f"pays if a stop in a nothing scene weighs more than {lost / saved:.1f} collisions in a must-brake "
-        "scene."
+        f" It gives {100 * lost:.1f} points of collisions avoided for {100 * saved:.1f} points of stops, "
+        f"which pays if a stop in a nothing scene weighs more than {lost / saved:.1f} collisions in a "
+        "must-brake scene."
     )
