@@ -13,6 +13,9 @@ from scenarios import reading
 from scenarios.errors import DatasetError
 from scenarios.recorded.textfile import TextTable
 
+LONGEST_TEXT = 200
+"""Characters of a name; every row of a column takes as much memory as its longest."""
+
 
 def read_feather(
     path: Path, numbers: Collection[str], integers: Collection[str] = (), texts: Collection[str] = ()
@@ -37,7 +40,8 @@ def read_feather(
     kinds |= dict.fromkeys(texts, pa.string())
     try:
         table = feather.read_table(path, memory_map=False)
-    except (OSError, ValueError, pa.ArrowException) as error:
+        table.validate(full=True)  # damaged offsets lead out of the file
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
         raise DatasetError(
             f"{path}: not a readable Feather file ({reading.shown(str(error))}); copy it again"
         ) from None
@@ -61,5 +65,12 @@ def read_feather(
             raise DatasetError(f"{path}:{row}: field {name!r} is missing")
         columns[name] = column.to_numpy()
         if kind == pa.string():
+            _require_short(path, name, columns[name])
             columns[name] = columns[name].astype(np.str_)
     return TextTable(path, np.arange(1, table.num_rows + 1, dtype=np.int64), columns)
+
+
+def _require_short(path: Path, name: str, texts: NDArray[Any]) -> None:
+    long = [k for k, text in enumerate(texts.tolist(), 1) if len(text) > LONGEST_TEXT]
+    if long:
+        raise DatasetError(f"{path}:{long[0]}: field {name!r} must have {LONGEST_TEXT} characters or fewer")

@@ -29,6 +29,8 @@ _SLIVER_M = 0.1
 """Cracks between drivable areas, twice so wide, are none; their coordinates are given in centimetres."""
 ROADWAY = ("driving", "bus")
 """Types beyond which no edge is looked for."""
+MAX_LANE_M = 10_000.0
+"""Longest lane; maps of drives are cut out around them, and lanes of a log are under 200 m."""
 _LEAST_M = 1e-3
 """Points of a lane's middle are farther apart."""
 
@@ -117,6 +119,10 @@ def ribbon_between(lane: VectorLane) -> Ribbon:
     left, right, center, along = left[keep], right[keep], center[keep], along[keep]
     if len(along) < 2 or along[-1] < _LEAST_M:
         raise DatasetError(f"lane {lane.id}: it has no length between its borders")
+    if along[-1] > MAX_LANE_M:
+        raise DatasetError(
+            f"lane {lane.id}: it is {along[-1]:.0f} m long, {MAX_LANE_M:.0f} m at most expected"
+        )
     # borders that end askew are nearer to each other than their ends are
     width = np.abs(((left - right)[:, :2] * _normals(center[:, :2])).sum(axis=1))
     flat = (border[:, :2] for border in lane.borders_m)

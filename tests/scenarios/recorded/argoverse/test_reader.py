@@ -348,6 +348,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "box not unit": (_boxes(qw=2.0), r"annotations.feather:4: field '\|q\|' must be 1, got 2"),
     "box of no time": (_boxes(timestamp_ns=None), r"annotations.feather:4: field 'timestamp_ns' is missing"),
+    "a long name": (_boxes(track_uuid="a" * 201), r"annotations.feather:4: field 'track_uuid' must have 200"),
     "box of no class": (_boxes(category=None), r"annotations.feather:4: field 'category' is missing"),
     "box of another class": (
         _boxes(category="HOVERCRAFT"),

@@ -397,6 +397,10 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "point without y": (_first(left_lane_boundary=[{"x": 1}, {"x": 2}]), "'left_lane_boundary' must be 2 or"),
     "point far away": (_first(left_lane_boundary=FAR), "'left_lane_boundary' must be 2 or more points"),
     "no length": (_first(left_lane_boundary=POINT, right_lane_boundary=POINT), "lane 10: it has no length"),
+    "too long": (
+        _first(left_lane_boundary=made.points((0, 0), (3e4, 0))),
+        "lane 10: it is 15030 m long, 10000 m at most expected",
+    ),
     "neighbours in a circle": (_circle, "lane 10: its neighbours go round in a circle"),
     "area of two points": (
         lambda m: m["drivable_areas"]["1"].update(area_boundary=POINT),

@@ -1,0 +1,59 @@
+"""Drives over logs that bring their own map."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from evaluation.errors import ArgumentError
+from evaluation.studies.drive.study import Options, drive_all, prepare
+from scenarios.errors import DatasetError
+from scenarios.recorded.maps.vector_map import VectorMap
+from tests.scenarios.recorded import argoverse_log
+
+SHARED = Path(__file__).parents[4].parent / "shared" / "argoverse2" / "logs"
+
+
+class NoProgress:
+    def begin(self, description: str, total: int) -> None:
+        pass
+
+    def done(self) -> None:
+        pass
+
+
+def test_the_map_of_a_log(tmp_path: Path) -> None:
+    study = prepare(Options(argoverse_log.log(tmp_path / "log"), preset="physical"))
+    assert isinstance(study.lane_map, VectorMap)
+    assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
+    # the EGO_VEHICLE box of the data set, poses at the rear axle
+    assert (study.specs[0].vehicle.length_m, study.specs[0].vehicle.center_ahead_m) == (4.877, 1.42)
+    result = drive_all(study, tmp_path / "out", NoProgress())
+    assert all(drive.off_map == (0, 1) for drive in result.drives if drive.spec.strategy == "map")
+    written = json.loads((tmp_path / "out" / "drives.json").read_text())
+    assert written["configuration"]["map"].endswith("log_map_archive_street.json")
+
+
+def test_a_log_without_a_map(tmp_path: Path) -> None:
+    log = argoverse_log.log(tmp_path / "log")
+    (archive,) = (log / "map").iterdir()
+    archive.write_text("{")
+    with pytest.raises(DatasetError, match=r"log_map_archive_street\.json: line 1: not JSON"):
+        prepare(Options(log))
+    archive.unlink()
+    assert [spec.strategy for spec in prepare(Options(log)).specs] == ["rectangular", "all", "path"]
+    with pytest.raises(ArgumentError, match="--strategy map: the data have no map"):
+        prepare(Options(log, strategies=("map",)))
+
+
+@pytest.mark.parametrize(
+    "name", ["3b3570b4-7b0b-3268-a571-b0889dbf40b6", "7fab2350-7eaf-3b7e-a39d-6937a4c1bede"]
+)
+def test_real_logs(name: str, tmp_path: Path) -> None:
+    if not SHARED.is_dir():
+        pytest.skip("logs of Argoverse 2 are not in ../shared/argoverse2")
+    study = prepare(Options(SHARED / name, strategies=("map",)))
+    result = drive_all(study, tmp_path, NoProgress())
+    assert [drive.off_map[0] for drive in result.drives] == [0]
+    # what the last label shows arrives after the recording has ended
+    assert result.drives[0].frames == len(study.sequences[0]) - 1
