@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import _smartmot
 from evaluation.results.files import RUNS_CSV, RUNS_JSON, ResultsError, log_path
@@ -24,6 +24,7 @@ from evaluation.runs.configuration import (
 from opendrive import OpenDriveError, RoadNetwork
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import ScenarioDefinition
+from scenarios.openscenario.motion.roads import load_roads
 from scenarios.places import MapView
 from scenarios.presets import Preset
 from scenarios.simulation.simulation import Simulation
@@ -272,6 +273,8 @@ def _setup(
     if run.files is not None and added:
         raise ResultsError(f"{min(added)} was not there when the run took place")
     preset = in_light_of_run(run, definition)
+    if definition.map_path is None and spec.map_name is None:  # a plane
+        return RunSetup(preset=preset, strategy=_mapless_area(spec.strategy, preset), must=spec.must), ""
     # map and route do not depend on what perceives there
     place = (spec.file, spec.parameters, spec.map_name, spec.adversaries)
     view = views.get(place)
@@ -289,6 +292,14 @@ def _map_view(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> 
     name = perception_map(definition, spec.map_name)
     network = load_named_map(name) if name else None
     return Simulation(definition, replace(preset, detector=None), None, network=network).map_view()
+
+
+def _mapless_area(name: str, preset: Preset) -> MonitoredAreaStrategy | None:
+    """What made the monitored area of a run without map; None if it is not known by name."""
+    if name not in STRATEGIES or name == MapArea.name:
+        return None
+    plane = MapView(load_roads(None).network, cast(Route, None))  # of which these areas ask nothing
+    return make_strategy(name, preset, plane)
 
 
 def _strategy(

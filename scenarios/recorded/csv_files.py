@@ -72,12 +72,14 @@ def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
     classes: ClassMap = dict(zip(CATEGORIES, CATEGORIES, strict=True))
     notes: list[str] = []
     frame_s = FRAME_S if columns.frame_rate_hz is None else 1.0 / columns.frame_rate_hz
-    if columns.pairs:
+    if columns.pairs or columns.ego_track is not None:
         classes = read_classes(path.parent, {**CLASSES, **classes})
-        table, notes = read_mapped(path, columns)
+        table, ego, notes = read_mapped(path, columns)
         tables = {"detections": _completed(table, classes, frame_s)}
         if filled := fill_sizes(table):
             notes.append(f"{filled} boxes without extent: the usual size of their category is taken")
+        if ego is not None:
+            tables[EGO] = _completed(ego, classes, frame_s)
         if "track_id" in table:
             tables[LABELS] = table
             notes.append("the table has identities: its rows are labels as well as detections")
@@ -93,7 +95,8 @@ def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
     names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))
     if not names:
         raise DatasetError(f"{path}: no rows; there is nothing to track")
-    sequences = [_sequence(name, tables, frame_s) for name in names]
+    of_ego = columns.ego_track is not None
+    sequences = [_sequence(name, tables, frame_s, of_ego) for name in names]
     if "stamp_s" not in tables["detections"] and columns.frame_rate_hz is None:
         notes.append(f"no column stamp_s: frames are {FRAME_S:g} s apart")
     return finished("csv", sequences, tuple(notes))
@@ -138,8 +141,15 @@ def _stands_still(table: TextTable) -> bool:
     return all(name in table for name in _STILL)
 
 
-def _sequence(name: str, tables: dict[str, TextTable], frame_s: float) -> Sequence:
-    """One sequence of all files."""
+def _sequence(name: str, tables: dict[str, TextTable], frame_s: float, of_ego: bool) -> Sequence:
+    """One sequence of all files.
+
+    Args:
+        name: Of the sequence.
+        tables: The files.
+        frame_s: Time between frames that have numbers.
+        of_ego: Whether each row of the ego is a frame.
+    """
     parts = {key: table.rows(table["sequence"] == name) for key, table in tables.items()}
     detections = parts["detections"]
     detected_s = detections["time_s"]
@@ -149,6 +159,8 @@ def _sequence(name: str, tables: dict[str, TextTable], frame_s: float) -> Sequen
         if len(stamp_s) and "stamp_s" not in detections:
             # numbers that are left out are frames without detections
             stamp_s = np.arange(detections["frame"][0], detections["frame"][-1] + 1.0) * frame_s
+        if of_ego:
+            stamp_s = np.union1d(stamp_s, _snapped(parts[EGO]["time_s"], stamp_s))
         if LABELS in parts:
             labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
             stamp_s = np.union1d(stamp_s, labelled_s)

@@ -38,7 +38,8 @@ def read_dataset(folder: Path, form: str | None = None, columns: Columns | None 
     """
     if not folder.exists():
         raise DatasetError(f"{folder}: no such folder or file")
-    form = form or ("csv" if columns is not None and columns.pairs else _recognised(folder))
+    named = columns is not None and (columns.pairs or columns.ego_track is not None)
+    form = form or ("csv" if named else _recognised(folder))
     if columns is None:
         return READERS[form](folder)
     if form != "csv":

@@ -219,14 +219,14 @@ def _file(name: str, map_file: str | None, ego: Recorded, others: list[Recorded]
     for user in others:
         if user.time_s[0] == 0.0:
             _teleport(_add(init, "Private", entityRef=user.name), user.pose[0])
-    act = _add(_add(storyboard, "Story", name="recorded"), "Act", name="recorded")
-    end_s = float(ego.time_s[-1])
+    story, end_s = _add(storyboard, "Story", name="recorded"), float(ego.time_s[-1])
+    act = _add(story, "Act", name="recorded")
     for user in others:
         _group(act, user, end_s)
-    if not others:
-        storyboard.remove(storyboard.find("Story"))  # type: ignore[arg-type]
-    else:
+    if len(act):
         _at(_add(act, "StartTrigger"), "begin", 0.0)
+    else:
+        storyboard.remove(story)
     _stop(_add(storyboard, "StopTrigger"), ego)
     etree.indent(root)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8")) + b"\n"

@@ -49,8 +49,9 @@ class Truth:
         self.category: StrArray = np.array([e.category for e in entities], dtype=np.str_)[self.actors]
         self._height_m: FloatArray = np.array([e.height_m for e in entities], dtype=np.float64)[self.actors]
         self._object_id: IntArray = np.arange(len(self.actors))
+        plane = engine.definition.map_path is None
         network = engine.world.locator.roads.network
-        self._surface: RoadSurface = MapSurface(network) if network.roads else FlatGround()
+        self._surface: RoadSurface = FlatGround() if plane else MapSurface(network)
         self._odometry: EgoState | None = None
         self._events: dict[str, list[EventElement]] = {}
 

@@ -229,6 +229,7 @@ def _configuration(study: DriveStudy) -> dict[str, object]:
         "command": "drive",
         "data": str(options.folder),
         "format": study.form,
+        "columns": options.columns,
         "map": None if map_path is None else str(map_path),
         "specs": study.specs,
         "sequences": [sequence.name for sequence in study.sequences],

@@ -10,6 +10,7 @@ from evaluation.results.rows import read_runs
 from evaluation.runs.recordings import is_run, recording_of_run
 from evaluation.studies.mot.run import chosen
 from evaluation.studies.mot.tracking import track_sequence
+from opendrive import load_map
 from scenarios.errors import DatasetError
 from scenarios.recorded.formats import read_dataset
 from scenarios.recorded.tables.columns import Columns
@@ -44,11 +45,12 @@ def write_scenario(
         ArgumentError: the source has several runs or sequences, or a file is none.
         DatasetError: a drive cannot be read, or has no poses.
         ResultsError: a log cannot be read, or the file cannot be written.
+        opendrive.OpenDriveError: the map cannot be read.
     """
     if out.suffix != ".xosc":
         raise ArgumentError(f"--out: expected a file FILE.xosc, got {out}")
-    if map_file is not None and not map_file.is_file():
-        raise ArgumentError(f"--map: no file {map_file}")
+    if map_file is not None:
+        load_map(map_file)  # one that is none is refused before anything is written
     if (source / RUNS_CSV).is_file():
         source = _only_run(source)
     if is_run(source):

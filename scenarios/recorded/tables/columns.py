@@ -20,7 +20,7 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.tables.parquet import SUFFIX, column_names, read_parquet_table
 from scenarios.recorded.textfile import TextTable, header_names, read_headed_table
 from smartmot.geometry import wrap_angle
-from smartmot.types import FloatArray
+from smartmot.types import BoolArray, FloatArray
 
 _HALF_TURN_DEG = 180.0
 _KMH = 1.0 / 3.6
@@ -48,6 +48,9 @@ OURS: dict[str, tuple[str, float, float]] = {
 _SAME = {"ahead_m": "x", "corner_x_m": "x", "x_m": "x", "left_m": "y", "corner_y_m": "y", "y_m": "y"}
 _SAME |= {"frame": "time", "stamp_s": "time"}
 """Columns that say the same thing in several ways."""
+
+EGO_TRACK = "ego_track"
+"""On the left: which track is the vehicle."""
 
 _TEXTS = ("sequence", "category", "track_id")
 
@@ -110,11 +113,13 @@ class Columns:
         pairs: Our name and theirs, each of ours once.
         frame_rate_hz: Frames per second of a table with frame numbers; None: not known.
         short: Names without unit among those typed.
+        ego_track: Identity of the track that is the vehicle; None: the vehicle is no track of the table.
     """
 
     pairs: tuple[tuple[str, str], ...] = ()
     frame_rate_hz: float | None = None
     short: tuple[str, ...] = ()
+    ego_track: str | None = None
 
     def __post_init__(self) -> None:
         rate = self.frame_rate_hz
@@ -130,12 +135,16 @@ class Columns:
         """
         pairs: dict[str, str] = {}
         short: list[str] = []
+        ego_track: str | None = None
         for part in (text or "").split(","):
             if not part.strip():
                 continue
             ours, equals, theirs = (side.strip() for side in part.partition("="))
             if not (ours and equals and theirs):
                 raise DatasetError(f"--columns: expected pairs ours=theirs such as x_m=xCenter, got {part!r}")
+            if ours == EGO_TRACK:
+                ego_track = theirs
+                continue
             name = _SHORT.get(ours, ours)
             if name not in OURS:
                 raise DatasetError(f"--columns: {_unknown(ours, theirs)}")
@@ -144,18 +153,22 @@ class Columns:
             if name in pairs:
                 raise DatasetError(f"--columns: {name} is there twice")
             pairs[name] = theirs
-        if text is not None and not pairs:
+        if text is not None and not pairs and ego_track is None:
             raise DatasetError("--columns: expected pairs ours=theirs such as x_m=xCenter, got none")
         seen: dict[str, str] = {}
         for name in pairs:
             other = seen.setdefault(_quantity(name), name)
             if other != name and {other, name} != {"frame", "stamp_s"}:
                 raise DatasetError(f"--columns: {other} and {name} say the same; give one")
-        return cls(tuple(pairs.items()), frame_rate_hz, tuple(short))
+        return cls(tuple(pairs.items()), frame_rate_hz, tuple(short), ego_track)
 
 
-def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, list[str]]:
-    """A table under our names, in our units, axes and order of time; notes on what was assumed.
+def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, TextTable | None, list[str]]:
+    """A table under our names, in our units, axes and order of time.
+
+    Returns:
+        The table; the rows of the vehicle, if it is one of the tracks, without which the table then is and to
+        whose time it is limited; notes on what was assumed.
 
     Raises:
         DatasetError: A column is missing or holds no numbers, or something that is needed is not named.
@@ -181,6 +194,7 @@ def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, list[str]]:
     for ours, values in read.items():
         name, factor, offset = OURS[ours]
         mapped.columns[name] = values if ours in _TEXTS else values * factor + offset
+    is_ego = _rows_of_ego(mapped, columns.ego_track)
     if "track_id" in mapped:
         mapped.columns["track_id"] = _numbered(mapped["track_id"])
     notes = []
@@ -198,7 +212,29 @@ def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, list[str]]:
         mapped.columns["x_m"], mapped.columns["y_m"] = _centres(mapped)
     time = "stamp_s" if "stamp_s" in mapped else "frame"
     mapped.require_finite(time)
-    return mapped.rows(np.argsort(mapped[time], kind="stable")), notes
+    order = np.argsort(mapped[time], kind="stable")
+    if is_ego is None:
+        return mapped.rows(order), None, notes
+    ego = mapped.rows(order[is_ego[order]])
+    meanwhile = (mapped[time] >= ego[time][0]) & (mapped[time] <= ego[time][-1]) & ~is_ego
+    if "sequence" in mapped:
+        meanwhile &= mapped["sequence"] == ego["sequence"][0]
+    return mapped.rows(order[meanwhile[order]]), ego, notes
+
+
+def _rows_of_ego(table: TextTable, ego_track: str | None) -> BoolArray | None:
+    """(N,) rows of the track that is the vehicle, in one sequence; None: it is none of the tracks."""
+    if ego_track is None:
+        return None
+    if "track_id" not in table:
+        raise DatasetError(f"--columns: {EGO_TRACK}={ego_track} needs track_id=")
+    is_ego: BoolArray = table["track_id"] == ego_track
+    if not is_ego.any():
+        some = ", ".join(dict.fromkeys(table["track_id"].tolist()[:20]))
+        raise DatasetError(f"{table.path}: no track {ego_track!r} for {EGO_TRACK}; there are: {some} ...")
+    if "sequence" in table and len(names := np.unique(table["sequence"][is_ego])) > 1:
+        raise DatasetError(f"{table.path}: track {ego_track!r} is in several sequences: {', '.join(names)}")
+    return is_ego
 
 
 def fill_sizes(table: TextTable) -> int:

@@ -133,7 +133,7 @@ def test_a_drive_without_labels_has_tracks(
     [
         (("nowhere", "--out", "a.xosc"), "nowhere: no such folder or file"),
         (("nowhere", "--out", "a.xml"), "--out: expected a file FILE.xosc"),
-        (("nowhere", "--out", "a.xosc", "--map", "gone.xodr"), "--map: no file gone.xodr"),
+        (("nowhere", "--out", "a.xosc", "--map", "gone.xodr"), "gone.xodr"),
         (("nowhere", "--out", "a.xosc", "--format", "opendrive"), "--format"),
         (("two", "--out", "a.xosc"), "--sequence: two has 2 recordings; name one of: a, b"),
         (("two", "--out", "a.xosc", "--sequence", "a"), "sequence a has no ego poses"),

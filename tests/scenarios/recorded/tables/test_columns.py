@@ -159,6 +159,25 @@ def test_who_stands_keeps_the_heading_of_its_track(tmp_path: Path) -> None:
     assert sequence.labels.yaw_rad == pytest.approx([math.pi / 2, math.pi / 2, 0.0, math.pi / 2, 0.0])
 
 
+def test_a_track_can_be_the_vehicle(tmp_path: Path) -> None:
+    """The pedestrian is there in frames 1 and 2, so that the truck's frame 0 is left out."""
+    data = ind(tmp_path, f"{IND_PAIRS},ego_track=3")
+    [sequence] = data.sequences
+    assert sequence.stamp_s == pytest.approx([0.04, 0.08])
+    assert sequence.ego_xy_yaw() == pytest.approx(np.array([[15, -25, -math.pi], [14.96, -25, -math.pi]]))
+    assert sequence.labels is not None
+    assert sequence.labels.object_id.tolist() == [0, 0]
+    assert sequence.detections.center_m.tolist() == [[10.0, -19.8], [10.0, -19.6]]
+    alone = "7,9,1,0,0,0,0,2,4,0,0\n7,9,3,0,1,0,0,2,4,0,0\n7,9,5,0,2,0,0,2,4,0,0\n"
+    [sequence] = ind(tmp_path, f"{IND_PAIRS.rpartition(',category')[0]},ego_track=9", IND + alone).sequences
+    assert sequence.stamp_s == pytest.approx([0.04, 0.08, 0.12, 0.2])  # 2 is a frame of the others
+    assert [len(frame) for frame in sequence.frames()] == [1, 1, 0, 0]  # no category, no extent
+    with pytest.raises(DatasetError, match="no track '5' for ego_track; there are: 0, 3"):
+        ind(tmp_path, f"{IND_PAIRS},ego_track=5")
+    with pytest.raises(DatasetError, match="ego_track=3 needs track_id="):
+        ind(tmp_path, IND_PAIRS.replace("track_id=trackId,", "").rpartition(",category")[0] + ",ego_track=3")
+
+
 def test_parquet_as_csv(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
