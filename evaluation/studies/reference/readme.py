@@ -9,6 +9,7 @@ from typing import Any
 
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import comparison_table
+from evaluation.results.files import ResultsError
 from evaluation.results.rows import RunRow, read_runs
 from evaluation.results.tables import Table, markdown_table
 from evaluation.runs.execution import FrameTime
@@ -52,7 +53,10 @@ def render(reports: Path) -> str:
     )
     environment.filters |= {"listed": listed, "points": _points, "table": _table}
     template = environment.from_string(files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8"))
-    return template.render(_values(reports))
+    try:
+        return template.render(_values(reports))
+    except ValueError as error:  # a table without the runs that the page tells of
+        raise ResultsError(f"{reports}: not the tables of this version ({error}); make them again") from None
 
 
 def _values(reports: Path) -> dict[str, Any]:
