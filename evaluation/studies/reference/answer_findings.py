@@ -87,6 +87,28 @@ def _differences(kept: Kept[Gain]) -> list[Difference]:
 # ---- what lanes gain ---------------------------------------------------------------------------------------
 
 
+def told_verdict(kept: Kept[Gain]) -> str:
+    """Whether the lane filter gains anything over the planned path, and in which conditions."""
+    better, worse, undecided = [], [], []
+    for preset in kept.question.presets:
+        for arm, against in kept.question.pairs:
+            if arm.preset == preset and arm.rule == "paper" and arm.name in (MAP.name, MAP.name + BY_TUNING):
+                gained = benefit_difference(kept.results, arm, against)
+                where = f"{arm.name}, preset {preset}"
+                (better if gained.low > 0 else worse if gained.high < 0 else undecided).append(where)
+    parts = [
+        f"{text} with {'; '.join(names)}."
+        for text, names in (
+            ("More is gained in collisions avoided and stops saved than lost", better),
+            ("More is lost in collisions than gained in stops", worse),
+            ("Neither is decided", undecided),
+        )
+        if names
+    ]
+    start = "A lane filter gains" if better else "A lane filter gains nothing"
+    return f"**{start} over a planned path alone in these scenes.** {' '.join(parts)}"
+
+
 def told_lanes(kept: Kept[Gain]) -> list[str]:
     """The lane filter against the planned path, with the paper's margin and tuned, in each preset."""
     lines = []
@@ -149,11 +171,19 @@ def told_break_even(kept: Kept[BreakEven]) -> list[str]:
 
 
 def told_break_even_in_short(kept: Kept[BreakEven]) -> list[str]:
-    """The first error of the list, which is the bias of the localisation, and what has none to lose."""
+    """Where the first error of the list, which is the bias of the localisation, takes the benefit."""
     lines = []
     for side, curves in kept.question.curves(kept.results).items():
-        told = break_even.findings(side, curves[:1], ())
-        lines += [f"How wrong may the localisation be? {line}" for line in told[1:]]
+        curve = curves[0]
+        first, last = curve.points[0].benefit, curve.points[-1].benefit
+        reach = f"{curve.values[-1]:g} {curve.sweep.unit}"
+        told = (
+            f"there is no benefit that an error could take: avoided less stopped {points_text(first)} points "
+            f"without errors, {points_text(last)} with {curve.sweep.text} by {reach}."
+            if first.value <= 0.0
+            else break_even.crossing_sentence(curve)
+        )
+        lines.append(f"**How wrong may the localisation be?** {side}: {told}")
     return lines
 
 
