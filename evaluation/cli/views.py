@@ -35,9 +35,16 @@ def plot(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
-    from evaluation.studies.suite import draw_again
+    from evaluation.studies.drive.folder import is_drive_folder
 
-    written, notes = draw_again(directory, run, options.parse_format(form), allow_plugins)
+    if is_drive_folder(directory):
+        from evaluation.studies.drive.views import draw_drive
+
+        written, notes = draw_drive(directory, run, options.parse_format(form))
+    else:
+        from evaluation.studies.suite import draw_again
+
+        written, notes = draw_again(directory, run, options.parse_format(form), allow_plugins)
     print_written(written, notes, quiet)
 
 
@@ -51,10 +58,15 @@ def report(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a folder of results as one HTML page: findings, scores, diagrams, a replay of every run."""
+    from evaluation.studies.drive.folder import is_drive_folder
+    from evaluation.studies.drive.page import write_drive_page
     from evaluation.views.page.page import write_page
 
     with counting("reading runs", quiet) as done:
-        page, notes = write_page(directory, out, done, allow_plugins)
+        if is_drive_folder(directory):
+            page, notes = write_drive_page(directory, out, done)
+        else:
+            page, notes = write_page(directory, out, done, allow_plugins)
     print_written([page], notes, quiet)
 
 
@@ -74,8 +86,16 @@ def replay(
     quiet: options.Quiet = False,
 ) -> None:
     """Film a run from above, with what happens in words."""
+    from evaluation.runs.recordings import split_run
+    from evaluation.studies.drive.folder import is_drive_folder
+    from evaluation.studies.drive.views import replay_drive
     from evaluation.views.film import replay as film
 
+    directory, name = split_run(run)
     with counting("drawing", quiet) as done:
-        written, notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
+        if is_drive_folder(directory):
+            files = film.asked_files(gif, mp4)
+            written, notes = replay_drive(directory, name, files, fps, speed, done)
+        else:
+            written, notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
     print_written(written, notes, quiet)

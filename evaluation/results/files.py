@@ -16,6 +16,8 @@ RUNS_JSON = "runs.json"
 SCHEMA = 2
 """Version of the format of `runs.json`; version 0.1.0 of the program wrote none."""
 TABLE_MD = "table.md"
+DRIVES_CSV = "drives.csv"
+"""In place of `RUNS_CSV` in a folder of recorded drives."""
 LOGS_FOLDER = "logs"
 
 
@@ -100,7 +102,7 @@ def discard_tables(folder: Path) -> None:
     Raises:
         ResultsError: one cannot be removed.
     """
-    for name in (RUNS_CSV, RUNS_JSON, TABLE_MD):
+    for name in (RUNS_CSV, RUNS_JSON, DRIVES_CSV, TABLE_MD):
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:

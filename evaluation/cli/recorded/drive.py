@@ -8,17 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import counting
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.recorded.vehicles import Vehicle
     from scenarios.settings import Settings
 
+MOST_ON_PAGE = 40
+"""Drives of which a page is written without being asked: each frame adds about 1 kB to it."""
+FILM_FPS = 10.0
+"""Of films: the rate of most recordings."""
+
 EXAMPLES = options.examples(
     "`smartmot-eval drive kitti/training --out results/drive`",
     "`smartmot-eval drive kitti/training --sequence 0011 --strategy rectangular,path --rule paper,cascade`",
     "`smartmot-eval drive my_csv_folder --map town.xodr --strategy map --detections labels`",
-    "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --seed 1`",
+    "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --gif drive.gif`",
     "Formats: docs/mot.md. Verdicts, exposure and the files written: docs/drives.md.",
 )
 
@@ -77,6 +83,17 @@ def command(
         ),
     ] = None,
     seed: options.Seed = 0,
+    gif: Annotated[
+        Path | None,
+        typer.Option(help="Film of the first sequence, strategy and rule, as GIF.", metavar="FILE.gif"),
+    ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(help="The same as MP4; needs ffmpeg.", metavar="FILE.mp4"),
+    ] = None,
+    page: Annotated[
+        bool, typer.Option(help=f"Write report.html, unless there are over {MOST_ON_PAGE} drives.")
+    ] = True,
     out: Annotated[Path, typer.Option(help="Folder for tables and logs.")] = Path("results/drive"),
     quiet: options.Quiet = False,
 ) -> None:
@@ -87,7 +104,10 @@ def command(
     from evaluation.results.tables import rich_table
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.drive.drive import SEES
+    from evaluation.studies.drive.page import write_drive_page
     from evaluation.studies.drive.study import Options, drive_all, prepare
+    from evaluation.studies.drive.views import replay_drive
+    from evaluation.views.page.page import PAGE_NAME
     from scenarios.recorded.formats import FORMATS
 
     asked = Options(
@@ -123,6 +143,18 @@ def command(
             highlight=False,
             soft_wrap=True,
         )
+        files = [(file, option) for file, option in ((gif, "--gif"), (film, "--film")) if file is not None]
+        if files:
+            with counting("drawing", quiet) as drawn:
+                replay_drive(out, str(result.rows[0].log), files, fps=FILM_FPS, progress=drawn)
+        for file, _ in files:
+            console.print(f"film: {file}", highlight=False, soft_wrap=True)
+        if page and len(result.drives) <= MOST_ON_PAGE:
+            with counting("writing the page", quiet) as read:
+                write_drive_page(out, progress=read)
+            console.print(f"page: {out / PAGE_NAME}", highlight=False, soft_wrap=True)
+        elif page:
+            console.print(f"no page of {len(result.drives)} drives; smartmot-eval report {out} writes it")
 
 
 def parse_rules(text: str) -> tuple[tuple[str, Settings], ...]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Callable
+from collections.abc import Sequence as Many
 from dataclasses import dataclass, field, replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -20,14 +23,15 @@ from scenarios.recorded.motion import RecordedMotion, motion_of
 from scenarios.recorded.vehicles import Vehicle
 from scenarios.settings import Settings, preset_with
 from scenarios.simulation.log import RunLog
-from scenarios.sources.frames import Frame, FrameSource
+from scenarios.sources.frames import Frame, FrameSource, frames
 from scenarios.sources.labelled import LabelledSource, without_detections
 from scenarios.sources.perception import AreaPipelines, Perception, PipelineMaker
 from scenarios.sources.recorded import RecordedSource
 from scenarios.strategies import NamedStrategy
-from smartmot.area import RectangularArea
+from smartmot.area import MonitoredArea, MonitoredAreaStrategy, RectangularArea, uses_path
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import RouteError
+from smartmot.path import PlannedPath
 from smartmot.pipeline import Pipeline
 from smartmot.types import Boxes, EgoState
 
@@ -150,9 +154,7 @@ def carry_out(
     preset = spec.preset_for(sequence)
     vehicle = spec.vehicle
     motion = motion_of(sequence, vehicle.length_m, vehicle.width_m, vehicle.center_ahead_m)
-    pipelines = _Pipelines(
-        AreaPipelines(NamedStrategy(spec.strategy, preset), pipeline_of(preset), preset.path_from), preset
-    )
+    pipelines = _Pipelines.of(spec, preset)
     perception = Perception(pipelines)
     watch, log = RequestWatch(preset.brakes), _TruthLog(motion)
     result = (source := source_of(sequence, spec, preset, lane_map)).start()
@@ -205,12 +207,52 @@ def source_of(sequence: Sequence, spec: DriveSpec, preset: Preset, lane_map: Lan
     return LabelledSource(sequence, sensors_of(preset, spec.seed), recorded) if labelled else recorded
 
 
+class DrivenArea:
+    """The monitored area of a drive, whose map view and path change on the way.
+
+    Args:
+        name: of the strategy.
+        parts: from when on which strategy watches, and the path that it is given.
+    """
+
+    def __init__(
+        self, name: str, parts: Many[tuple[float, MonitoredAreaStrategy, PlannedPath | None]]
+    ) -> None:
+        self.name, self._parts = name, tuple(parts)
+        self._from_s = [time_s for time_s, *_ in self._parts]
+
+    def at(self, ego: EgoState) -> MonitoredArea:
+        """The monitored area around `ego`, by its time."""
+        part = self._parts[max(bisect_right(self._from_s, ego.stamp_s + 1e-6) - 1, 0)]
+        _, strategy, path = part
+        along = {"path": path} if uses_path(strategy) and "path" in signature(strategy.at).parameters else {}
+        return strategy.at(ego, **along)
+
+
+def driven_area(sequence: Sequence, spec: DriveSpec, lane_map: LaneMap | None) -> DrivenArea:
+    """The monitored area of a drive, without driving it; see `carry_out` for what it raises."""
+    preset = spec.preset_for(sequence)
+    pipelines = _Pipelines.of(spec, preset)
+    parts: list[tuple[float, MonitoredAreaStrategy, PlannedPath | None]] = []
+    of_vehicle = replace(spec, sees=DETECTIONS)
+    for frame in frames(source_of(without_detections(sequence), of_vehicle, preset, lane_map)):
+        if not parts or frame.path is not parts[-1][2]:
+            parts.append((frame.stamp_s, pipelines(frame).strategy, frame.path))
+    return DrivenArea(spec.strategy, parts)
+
+
 class _Pipelines:
     """Makes the pipelines of a drive; where the way runs on no driving lane, that of the rectangle."""
 
     def __init__(self, of_area: PipelineMaker, preset: Preset) -> None:
         self._of_area, self._preset = of_area, preset
         self.made = self.off_map = 0
+
+    @classmethod
+    def of(cls, spec: DriveSpec, preset: Preset) -> _Pipelines:
+        """Those of a strategy."""
+        strategy = NamedStrategy(spec.strategy, preset)
+        return cls(AreaPipelines(strategy, pipeline_of(preset), preset.path_from), preset)
 
     def __call__(self, frame: Frame) -> Pipeline:
         self.made += 1

@@ -9,6 +9,7 @@ import numpy as np
 from evaluation.studies.drive.verdicts import stop_time_s
 from scenarios.brakes import BrakeConfig
 from scenarios.sources.frames import Frame
+from smartmot.area import ego_extent
 from smartmot.decision.aeb import Event
 from smartmot.decision.rules import STANDING_MPS
 from smartmot.pipeline import FrameResult
@@ -25,7 +26,8 @@ class Request:
         time_s: when it came.
         speed_mps: of the ego then.
         horizon_s: how far ahead the decision looked then.
-        track_id: nearest track on a collision course, else what the speed would be adapted to; None: none.
+        track_id: nearest track on a collision course, else the one whose forecast comes nearest to the ego's;
+            None: nothing is tracked.
         category: of it.
         ttc_s: time until the forecasts meet; None where they do not.
         gap_m: free distance ahead of the ego to it; None without a track.
@@ -112,8 +114,14 @@ def _horizon_s(result: FrameResult) -> float:
     return float(result.ego_forecast.time_s[-1])
 
 
+def _nearest(result: FrameResult) -> int:
+    """The track whose forecast comes nearest to the ego's at the same time."""
+    apart = result.forecast.center_m - result.ego_forecast.center_m
+    return int(np.argmin(np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)))
+
+
 def _request(kind: str, frame: Frame, result: FrameResult) -> Request:
-    threats, lead, tracks = result.threats, result.lead, result.tracks
+    threats, tracks = result.threats, result.tracks
     track_id = ttc_s = gap_m = None
     if len(threats.track_id):
         track_id, ttc_s, gap_m = (
@@ -121,8 +129,11 @@ def _request(kind: str, frame: Frame, result: FrameResult) -> Request:
             float(threats.time_to_collision_s[0]),
             float(threats.gap_m[0]),
         )
-    elif lead is not None:
-        track_id, gap_m = lead.track_id, lead.gap_m
+    elif len(tracks):
+        # a rule may look at something else than predicted collisions: then the nearest to the ego's way
+        nearest = _nearest(result)
+        track_id = int(tracks.track_id[nearest])
+        gap_m = max(float(ego_extent(tracks.boxes[[nearest]], frame.ego)[0][0]) - frame.ego.length_m / 2, 0.0)
     named = tracks.category[tracks.track_id == track_id] if track_id is not None else []
     return Request(
         kind,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
@@ -9,12 +10,19 @@ from pathlib import Path
 
 from evaluation.errors import ArgumentError
 from evaluation.progress import Progress
-from evaluation.results.files import configuration_json, log_path, write_files
+from evaluation.results.files import (
+    DRIVES_CSV,
+    TABLE_MD,
+    configuration_json,
+    discard_tables,
+    log_path,
+    write_files,
+)
 from evaluation.results.logs import write_log
 from evaluation.results.tables import Table, markdown_table
 from evaluation.studies.drive.drive import DETECTIONS, LABELS, Drive, DriveSpec, carry_out, drivable
 from evaluation.studies.drive.tables import (
-    DRIVES_CSV,
+    DRIVES_JSON,
     EVENTS_CSV,
     DriveRow,
     drive_rows,
@@ -34,7 +42,6 @@ from scenarios.settings import Settings
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
 from smartmot.maps.lane_map import LaneMap
 
-DRIVES_JSON, TABLE_MD = "drives.json", "table.md"
 NEEDS_MAP = "map"
 """Strategy that is nothing without a map."""
 
@@ -195,6 +202,7 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
         ResultsError: a file cannot be written.
         DatasetError, ScenarioError: see `drive.carry_out`.
     """
+    discard_tables(out)
     progress.begin("driving", study.frame_count)
     drives, written, spent_s = [], [], 0.0
     for spec in study.specs:
@@ -213,7 +221,7 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
     files = {
         DRIVES_CSV: drives_csv(rows),
         EVENTS_CSV: events_csv(drives),
-        DRIVES_JSON: configuration_json(_configuration(study)),
+        DRIVES_JSON: configuration_json(_configuration(study, out)),
         TABLE_MD: markdown_table(table).encode(),
     }
     paths = write_files(out, files)
@@ -222,19 +230,24 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
     )
 
 
-def _configuration(study: DriveStudy) -> dict[str, object]:
+def _configuration(study: DriveStudy, out: Path) -> dict[str, object]:
     options = study.options
     map_path = map_of(study.sequences, options.map_file)
     return {
         "command": "drive",
-        "data": str(options.folder),
+        "data": _name_of(options.folder, out),
         "format": study.form,
         "columns": options.columns,
-        "map": None if map_path is None else str(map_path),
+        "map": None if map_path is None else _name_of(map_path, out),
         "specs": study.specs,
         "sequences": [sequence.name for sequence in study.sequences],
         "notes": study.notes,
     }
+
+
+def _name_of(path: Path, out: Path) -> str:
+    """A file relative to the folder of results, so that both can be moved together."""
+    return Path(os.path.relpath(path.resolve(), out.resolve())).as_posix()
 
 
 def _off_map_notes(drives: Many[Drive]) -> list[str]:

@@ -13,7 +13,7 @@ from evaluation.studies.drive.exposure import Exposure, exposure_of, total
 from evaluation.studies.drive.requests import EMERGENCY, WARNING
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED
 
-DRIVES_CSV, EVENTS_CSV = "drives.csv", "events.csv"
+EVENTS_CSV, DRIVES_JSON = "events.csv", "drives.json"
 ALL = "all"
 """Stands for all sequences together."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,11 +52,26 @@ def replay(
         drawing, notes = _log_alone(run)
     else:
         drawing, notes = _run_of_folder(directory, name, allow_plugins)
+    # without a file name a GIF in the folder of results
+    files = asked_files(gif, mp4) or [(directory / f"{name}.gif", "--gif")]
+    return write_films(drawing, files, fps, speed, progress), notes
+
+
+def asked_files(gif: Path | None, mp4: Path | None) -> list[tuple[Path, str]]:
+    """The films that are asked for, each with its option."""
+    return [(path, option) for path, option in ((gif, "--gif"), (mp4, "--mp4")) if path is not None]
+
+
+def write_films(
+    drawing: RunDrawing,
+    files: Sequence[tuple[Path, str]],
+    fps: float,
+    speed: float,
+    progress: Callable[[int, int], None],
+) -> list[Path]:
+    """Write a run as films; see `replay`."""
     times = film_times(drawing.frames, fps, speed)
     film = film_of(drawing, times)
-    # without a file name a GIF in the folder of results
-    files = [(path, option) for path, option in ((gif, "--gif"), (mp4, "--mp4")) if path is not None]
-    files = files or [(directory / f"{name}.gif", "--gif")]
     done, total = 0, len(files) * len(times.frame)
 
     def drawn() -> None:
@@ -67,7 +82,7 @@ def replay(
     for path, option in files:
         with told_of_writing(option, path):
             write(path, film, option, drawn)
-    return [path for path, _ in files], notes
+    return [path for path, _ in files]
 
 
 def _log_alone(path: Path) -> tuple[RunDrawing, tuple[str, ...]]:

@@ -30,7 +30,7 @@ from evaluation.views.plots.log_rows import boxes_of
 from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
 from evaluation.views.plots.polygons import draw_polygons
 from evaluation.views.plots.style import BLACK, GREY, SMALL_PT, plain_figure
-from opendrive import RoadNetwork
+from scenarios.recorded.maps.drive_map import DriveMap
 from smartmot.geometry import corners
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class RunDrawing:
 
     frames: LogFrames
     account: Account
-    network: RoadNetwork | None
+    network: DriveMap | None
     title: str
     colour: str = ""
     _figure: Figure = field(init=False)

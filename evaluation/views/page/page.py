@@ -39,7 +39,7 @@ PAGE_NAME = "report.html"
 _FEW = 3
 """Names that a heading holds, and scenarios that get diagrams of their own."""
 
-_PALETTE = {
+PALETTE = {
     "lanes": LANE_COLOURS, "other": OTHER_LANE_COLOUR, "areas": AREA_COLOURS, "tracks": TRACK_COLOURS,
     "detections": DETECTION_COLOURS, "ego": EGO_COLOUR,
 }  # fmt: skip
@@ -69,7 +69,7 @@ class RunView:
 
 @dataclass(frozen=True, slots=True)
 class PageContent:
-    """Everything that the template shows; `colours` by strategy."""
+    """Everything that the template shows; `colours` by strategy, `recorded` of recorded drives."""
 
     title: str
     facts: dict[str, str]
@@ -84,6 +84,7 @@ class PageContent:
     legend: list[tuple[str, str, bool]]
     packed_maps: list[str]
     palette: dict[str, Any]
+    recorded: bool = False
 
 
 def write_page(
@@ -165,7 +166,7 @@ def page_content(
         panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
         packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
-        palette=_PALETTE,
+        palette=PALETTE,
     )
 
 

@@ -259,6 +259,11 @@ def _cell(runs: pd.DataFrame, accounts: Mapping[str, Account]) -> Cell | None:
     return Cell(worst, text, outcome, MARKS[kind], colour)
 
 
+def outcome_colour(kind: str) -> str:
+    """Fill of an outcome where there are no points; of one that decides nothing grey."""
+    return _tint(_SHARES[kind]) if kind in _SHARES else _UNDECIDED
+
+
 def _tint(share: float) -> str:
     """Colour of a share of points, 0 to 1."""
     low, high, part = (_WORST, _MIDDLE, 2 * share) if share < 0.5 else (_MIDDLE, _BEST, 2 * share - 1)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
 
     from opendrive import RoadNetwork
+    from scenarios.recorded.maps.drive_map import DriveMap
 
 _LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN = 0.62, 0.15, 0.28, 0.5
 _TALLEST_IN = 5.0
@@ -35,7 +36,7 @@ _AROUND_EGO = (-10.0, -13.75, 40.0, 13.75)
 
 
 def birdseye(
-    network: RoadNetwork,
+    network: DriveMap,
     log: pd.DataFrame,
     time_s: float,
     areas: Sequence[Area],

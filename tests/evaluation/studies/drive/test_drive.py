@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluation.cli.entry import main
 from evaluation.progress import Progress
 from evaluation.results.logs import read_log, write_log
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out, drivable
@@ -29,17 +28,7 @@ from scenarios.recorded.dataset import Sequence
 from scenarios.recorded.vehicles import VEHICLES, Vehicle, vehicle_of
 
 MAPS = Path(__file__).parents[4] / "scenarios" / "maps"
-HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,category,score"
 SPEED_MPS = 10.0
-
-
-@dataclass(frozen=True)
-class Done:
-    """A finished command."""
-
-    status: int
-    out: str
-    err: str
 
 
 class NoProgress:
@@ -53,34 +42,10 @@ class NoProgress:
 SILENT: Progress = NoProgress()
 
 
-def write(
-    folder: Path,
-    persons: list[tuple[float, float]],
-    seconds: float = 20.0,
-    labelled: bool = True,
-    detected: bool = True,
-    y_m: float = 0.0,
-) -> Path:
-    """CSV files of an ego at 10 m/s along x, 100 m from the map's origin on, and of persons who stand."""
-    folder.mkdir(exist_ok=True)
-    times = [k / 10 for k in range(round(seconds * 10) + 1)]
-    rows = [f"{t:.1f},{x + 100},{y + y_m},0.6,0.6,0,pedestrian,0.9" for t in times for x, y in persons]
-    if detected:
-        (folder / "detections.csv").write_text("\n".join([HEADER, *rows]) + "\n")
-    else:
-        (folder / "detections.csv").write_text(HEADER + "\n")
-    ego = [f"{t:.1f},{100 + SPEED_MPS * t:.3f},{y_m},0" for t in times]
-    (folder / "ego.csv").write_text("\n".join(["stamp_s,x_m,y_m,yaw_rad", *ego]) + "\n")
-    if labelled:
-        numbered = [f"{row},{k % max(len(persons), 1)}" for k, row in enumerate(rows)]
-        (folder / "labels.csv").write_text("\n".join([f"{HEADER},track_id", *numbered]) + "\n")
-    return folder
-
-
 @pytest.fixture
-def sequence_of(tmp_path: Path) -> Callable[..., Sequence]:
+def sequence_of(write: Callable[..., Path]) -> Callable[..., Sequence]:
     def make(persons: list[tuple[float, float]], **rest: object) -> Sequence:
-        [sequence] = read_csv(write(tmp_path / "data", persons, **rest)).sequences  # type: ignore[arg-type]
+        [sequence] = read_csv(write(persons, **rest)).sequences
         return drivable(sequence)
 
     return make
@@ -152,16 +117,18 @@ def test_the_log_is_one_that_the_other_commands_read(
 # --- the map ------------------------------------------------------------------------------------------------
 
 
-def test_with_a_map_its_lanes_are_monitored_and_off_it_the_rectangle(tmp_path: Path) -> None:
+def test_with_a_map_its_lanes_are_monitored_and_off_it_the_rectangle(
+    write: Callable[..., Path], tmp_path: Path
+) -> None:
     # lane -1 of the shipped street runs along y = -1.75 m
-    data = write(tmp_path / "data", [(60.0, 0.0)], seconds=8.0, y_m=-1.75)
+    data = write([(60.0, 0.0)], seconds=8.0, y_m=-1.75)
     options = Options(data, map_file=MAPS / "urban_street.xodr")
     study = prepare(options)
     assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
     result = drive_all(study, tmp_path / "out", SILENT)
     by_strategy = {drive.spec.strategy: emergencies(drive) for drive in result.drives}
     assert by_strategy["map"] == [(UNDECIDED, "entered")]
-    beside = write(tmp_path / "beside", [(60.0, 0.0)], seconds=8.0, y_m=400.0)
+    beside = write([(60.0, 0.0)], seconds=8.0, y_m=400.0, name="beside")
     with pytest.raises(DatasetError, match="runs on no driving lane of the map"):
         drive_all(prepare(Options(beside, strategies=("map",), map_file=options.map_file)), tmp_path, SILENT)
 
@@ -188,29 +155,17 @@ def test_exposures_add_up() -> None:
 # --- the command --------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
-    """Runs the command as the console script does."""
-
-    def call(*arguments: object) -> Done:
-        monkeypatch.setattr(sys, "argv", ["smartmot-eval", "drive", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        printed = capsys.readouterr()
-        return Done(int(stop.value.code or 0), printed.out, printed.err)
-
-    return call
-
-
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 
 
-def test_command_writes_tables_and_logs(run: Callable[..., Done], tmp_path: Path) -> None:
-    data, out = write(tmp_path / "data", [(60.0, 0.0)], seconds=8.0), tmp_path / "out"
-    chosen = ("--strategy", "all,path", "--rule", "paper,cascade", "--preset", "physical")
-    done = run(data, "--out", out, *chosen)
+def test_command_writes_tables_and_logs(
+    run: Callable[..., Any], write: Callable[..., Path], tmp_path: Path
+) -> None:
+    data, out = write([(60.0, 0.0)], seconds=8.0), tmp_path / "out"
+    chosen = ("--no-page", "--strategy", "all,path", "--rule", "paper,cascade", "--preset", "physical")
+    done = run("drive", data, "--out", out, *chosen)
     assert done.status == 0, done.err
     assert "which no planner knows" in " ".join(done.out.split())
     rows = rows_of(out / "drives.csv")
@@ -241,16 +196,16 @@ def test_command_writes_tables_and_logs(run: Callable[..., Done], tmp_path: Path
     ],
 )
 def test_command_refuses_in_one_line(
-    run: Callable[..., Done], tmp_path: Path, arguments: list[str], message: str
+    run: Callable[..., Any], write: Callable[..., Path], tmp_path: Path, arguments: list[str], message: str
 ) -> None:
-    done = run(write(tmp_path / "data", [(60.0, 0.0)], seconds=2.0), "--out", tmp_path / "out", *arguments)
+    done = run("drive", write([(60.0, 0.0)], seconds=2.0), "--out", tmp_path / "out", *arguments)
     assert done.status == 2
     assert done.err.startswith(f"smartmot-eval: {message}")
     assert done.err.count("\n") == 1
 
 
-def test_what_cannot_be_driven_is_named(tmp_path: Path) -> None:
-    data = write(tmp_path / "data", [(60.0, 0.0)], seconds=2.0, labelled=False)
+def test_what_cannot_be_driven_is_named(write: Callable[..., Path]) -> None:
+    data = write([(60.0, 0.0)], seconds=2.0, labelled=False)
     with pytest.raises(DatasetError, match=r"--detections labels: sequence .* has no labels"):
         prepare(Options(data, sees="labels"))
     (data / "ego.csv").unlink()
