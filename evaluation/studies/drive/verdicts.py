@@ -116,10 +116,10 @@ def judge(
     covers_stop = time_s + stop_s <= ego.end_s + _SAME_S
     last_s = max(known_s, min(time_s + stop_s, ego.end_s))
     around = [] if motion.labels is None else motion.labels.between(time_s, last_s)
-    swept = _polygons(ego.boxes(times))
+    driven = ego.boxes(times)
+    swept = _polygons(driven)
     entered = next((o for o in around if _enters(o, times, swept)), None)
     vanished = next((o for o in around if _may_enter(o, times, swept)), None) if entered is None else None
-    who = entered or vanished
     reason = ""
     if motion.labels is None:
         reason = "no labels"
@@ -132,15 +132,16 @@ def judge(
     elif vanished is not None:
         reason = "labels end"
     at, distance_m = _braked(brakes, time_s, speed_mps, stop_s, ego.end_s, decel_mps2)
-    ahead, behind = _sides(around, ego.boxes(times[:1]), time_s)
-    would_be = _polygons(ego.ahead(time_s, distance_m))
+    ahead, behind = _sides(around, driven, time_s)
+    would_be = ego.ahead(time_s, distance_m)
+    who = {"entered": entered, "labels end": vanished}.get(reason)
     return Verdict(
         UNDECIDED if reason else FALSE,
         reason,
         None if who is None else who.object_id,
         "" if who is None else who.category,
         hardest,
-        _least_gap(ahead, times, swept),
+        _least_gap(ahead, times, driven),
         _least_gap(ahead, at, would_be),
         _least_gap(behind, at, would_be),
         stop_s,
@@ -171,11 +172,18 @@ def _enters(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
     inside = np.flatnonzero(_labelled(o, times))
     if not len(inside):
         return False
-    polygons = _polygons(o.boxes(times[inside]))
-    if not shapely.intersects(polygons, shapely.box(*shapely.total_bounds(swept))).any():
+    boxes = o.boxes(times[inside])
+    if not _comes_near(boxes, swept, 0.0):
         return False
     later = np.arange(len(swept)) >= inside[:, None]
-    return bool((later & shapely.intersects(polygons[:, None], swept[None, :])).any())
+    return bool((later & shapely.intersects(_polygons(boxes)[:, None], swept[None, :])).any())
+
+
+def _comes_near(boxes: Boxes, swept: Polygons, reach_m: float) -> bool:
+    """Whether one of the boxes may be as near to one of the polygons: a quick test that misses none."""
+    left, low, right, high = shapely.total_bounds(swept)
+    out = np.maximum(np.array([left, low]) - boxes.center_m, boxes.center_m - np.array([right, high]))
+    return bool((out.max(axis=1) <= reach_m + 0.5 * np.hypot(*boxes.size_m.T)).any())
 
 
 def _may_enter(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
@@ -192,10 +200,12 @@ def _may_enter(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
     vulnerable = bool(is_vulnerable(np.array([o.category]))[0])
     reach_m = WALKS_MPS * gone_s if vulnerable else np.zeros(len(gone_s))
     later = np.arange(len(swept)) >= after[:, None]
-    distance = shapely.distance(_polygons(moved)[:, None], swept[None, :])
-    if vulnerable:  # or turns round where it was last seen
-        distance = np.minimum(distance, shapely.distance(_polygons(boxes)[:, None], swept[None, :]))
-    return bool((later & (distance <= reach_m[:, None])).any())
+    # a person may also turn round where they were last seen
+    return any(
+        _comes_near(places, swept, float(reach_m[-1]))
+        and (later & (shapely.distance(_polygons(places)[:, None], swept[None, :]) <= reach_m[:, None])).any()
+        for places in ((moved, boxes) if vulnerable else (moved,))
+    )
 
 
 def _braked(
@@ -219,7 +229,6 @@ def _sides(
     """Objects that are not behind the vehicle at the request, and those that are."""
     x, y = ego.center_m[0].tolist()
     rear = -0.5 * float(ego.size_m[0, 0])
-
     behind = []
     for o in around:
         box = o.boxes(np.array([max(time_s, float(o.time_s[0]))]))
@@ -229,12 +238,21 @@ def _sides(
     return [o for o, is_behind in sides if not is_behind], [o for o, is_behind in sides if is_behind]
 
 
-def _least_gap(objects: list[ObjectMotion], times: FloatArray, vehicle: Polygons) -> float | None:
+def _least_gap(objects: list[ObjectMotion], times: FloatArray, vehicle: Boxes) -> float | None:
     """Least distance between the vehicle's outline and objects at the same times; None without any."""
-    least = None
+    outlines = _polygons(vehicle)
+    candidates: list[tuple[float, Boxes, Polygons]] = []
     for o in objects:
         inside = _labelled(o, times)
         if inside.any():
-            gap = float(shapely.distance(_polygons(o.boxes(times[inside])), vehicle[inside]).min())
-            least = gap if least is None else min(least, gap)
+            boxes = o.boxes(times[inside])
+            apart = np.hypot(*(boxes.center_m - vehicle.center_m[inside]).T)
+            radii = 0.5 * (np.hypot(*boxes.size_m.T) + np.hypot(*vehicle.size_m[inside].T))
+            candidates.append((float((apart - radii).min()), boxes, outlines[inside]))
+    least = None
+    for bound_m, boxes, at_once in sorted(candidates, key=lambda candidate: candidate[0]):
+        if least is not None and bound_m >= least:
+            break  # their circles are farther apart already
+        gap = float(shapely.distance(_polygons(boxes), at_once).min())
+        least = gap if least is None else min(least, gap)
     return least
