@@ -89,7 +89,9 @@ def _differences(kept: Kept[Gain]) -> list[Difference]:
 
 def told_verdict(kept: Kept[Gain]) -> str:
     """Whether the lane filter gains anything over the planned path, and in which conditions."""
-    better, worse, undecided = [], [], []
+    better: list[str] = []
+    worse: list[str] = []
+    undecided: list[str] = []
     for preset in kept.question.presets:
         for arm, against in kept.question.pairs:
             if arm.preset == preset and arm.rule == "paper" and arm.name in (MAP.name, MAP.name + BY_TUNING):
@@ -119,8 +121,8 @@ def told_lanes(kept: Kept[Gain]) -> list[str]:
             if not own:
                 continue
             gained = points_text(benefit_difference(kept.results, own[0].arm, own[0].against))
-            told = f"{CONDITIONS.get(preset, preset)}: {verdict(own)}"
-            lines.append(f"{told} Avoided less stopped: {gained} points.{exchange(own)}")
+            text = f"{CONDITIONS.get(preset, preset)}: {verdict(own)}"
+            lines.append(f"{text} Avoided less stopped: {gained} points.{exchange(own)}")
     return lines
 
 
@@ -177,13 +179,13 @@ def told_break_even_in_short(kept: Kept[BreakEven]) -> list[str]:
         curve = curves[0]
         first, last = curve.points[0].benefit, curve.points[-1].benefit
         reach = f"{curve.values[-1]:g} {curve.sweep.unit}"
-        told = (
+        text = (
             f"there is no benefit that an error could take: avoided less stopped {points_text(first)} points "
             f"without errors, {points_text(last)} with {curve.sweep.text} by {reach}."
             if first.value <= 0.0
             else break_even.crossing_sentence(curve)
         )
-        lines.append(f"**How wrong may the localisation be?** {side}: {told}")
+        lines.append(f"**How wrong may the localisation be?** {side}: {text}")
     return lines
 
 

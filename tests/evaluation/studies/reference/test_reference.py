@@ -96,7 +96,7 @@ def test_drift_is_told(tiny: Path) -> None:
 
 
 def test_mistakes_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match="--only: no part 'all'; there are: paper, static"):
+    with pytest.raises(ArgumentError, match="--only: no part 'all'; there are: tune, gain"):
         command.choose_parts(["all"])
     with pytest.raises(ResultsError, match="make it with smartmot-eval reports"):
         command.check_reports(tmp_path, ["paper"])
