@@ -22,7 +22,7 @@ import numpy as np
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.layouts.scenes import SPLITS, quaternion_of, split_of_scenes, truth_of
 from scenarios.recorded.nuscenes import CATEGORY_OF_LABEL_CLASS, CLASS_OF_CATEGORY
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 VERSION = "v1.0-mini"
 """Of the tables; the devkit's default."""
@@ -125,7 +125,7 @@ def _add_scene(tables: Tables, name: str, sequence: Sequence) -> None:
     labels, center_pose = truth_of(sequence)
     count = len(sequence)
     samples = [token_of("sample", name, k) for k in range(count)]
-    stamps = np.rint(sequence.stamp_s * 1e6).astype(np.int64).tolist()
+    stamps = _after(tables["sample"], np.rint(sequence.stamp_s * 1e6).astype(np.int64)).tolist()
     tables["map"][0]["log_tokens"].append(token_of("log", name))
     tables["log"].append(
         {
@@ -185,6 +185,21 @@ def _add_scene(tables: Tables, name: str, sequence: Sequence) -> None:
             }
         )
     _add_annotations(tables, name, labels, samples)
+
+
+def _after(samples: list[dict[str, Any]], stamp_us: IntArray) -> IntArray:
+    """(F,) times of a scene, later as a whole where it would not begin after the samples before it.
+
+    Runs all begin at 0; the devkit lists scenes by their times and fails at equal ones.
+    """
+    if not samples or not len(stamp_us):
+        return stamp_us
+    shift: int = samples[-1]["timestamp"] + _BETWEEN_US - int(stamp_us[0])
+    return stamp_us + max(shift, 0)
+
+
+_BETWEEN_US = 1_000_000
+"""From the last sample of a scene to the first of the next, where their own times overlap; assumed."""
 
 
 def _neighbours(tokens: list[str], k: int) -> tuple[str, str]:

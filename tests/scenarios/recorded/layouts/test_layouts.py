@@ -183,6 +183,17 @@ def test_nuscenes_links_and_attributes(tmp_path: Path) -> None:
     assert {row["num_lidar_pts"] for row in first} == {-1}
 
 
+def test_nuscenes_scenes_follow_one_another_in_time(tmp_path: Path) -> None:
+    """The devkit lists scenes by their times, and fails at equal ones; within a scene nothing moves."""
+    later = replace(recording("later", 3), stamp_s=np.array([100.0, 100.1, 100.2]))
+    folder = write(tmp_path, nuscenes_files([recording("one", 4), recording("two", 3), later]))
+    samples = json.loads((folder / "v1.0-mini/sample.json").read_text())
+    stamps = [np.array([s["timestamp"] for s in samples][a:b]) for a, b in ((0, 4), (4, 7), (7, 10))]
+    assert stamps[1][0] > stamps[0][-1]
+    assert stamps[2].tolist() == [100_000_000, 100_100_000, 100_200_000]  # its own times rise anyway
+    assert np.diff(stamps[1]) == pytest.approx(np.diff(recording("two", 3).stamp_s) * 1e6, abs=1.0)
+
+
 def test_splits_are_by_scene_and_seeded(tmp_path: Path) -> None:
     assert split_of_scenes(1, 0) == ["train"]
     assert sorted(split_of_scenes(8, 0)) == 2 * ["test"] + 4 * ["train"] + 2 * ["val"]
