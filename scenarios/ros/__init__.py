@@ -1,0 +1,1 @@
+"""ROS messages and bags: what perception takes from them, read without ROS."""

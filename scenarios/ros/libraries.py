@@ -1,0 +1,22 @@
+"""The libraries of the extra `ros`, imported only where they are used."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from scenarios.errors import DatasetError
+
+
+def require_libraries() -> None:
+    """Demand that the extra `ros` is installed.
+
+    Raises:
+        DatasetError: it is not; the message says how to install it.
+    """
+    for name in ("rosbags.typesys", "mcap.records", "zstandard", "lz4.frame"):
+        try:
+            import_module(name)
+        except ImportError as error:
+            raise DatasetError(
+                f"ROS bags need the extra ros ({error}); install it with: pip install 'smartmot[ros]'"
+            ) from None
