@@ -105,7 +105,7 @@ GrowthItem = LabelledRun[int]
 
 
 @dataclass(frozen=True, slots=True)
-class GrowthStudy(Study[int, GrowthRun]):
+class GrowthStudy(Study[GrowthItem, GrowthRun]):
     """Every strategy among every number of others.
 
     Args:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from evaluation.progress import progress_bar
 from evaluation.runs.execution import FrameTime
@@ -20,7 +20,17 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
     from rich.console import Console
 
+
+class Keyed(Protocol):
+    """An item of a study: what it is known by in the journal."""
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines what comes out."""
+
+
 Label = TypeVar("Label")
+Item = TypeVar("Item", bound=Keyed)
 Measures = TypeVar("Measures", bound="DataclassInstance")
 
 Finished = Mapping[str, tuple[Measures, FrameTime]]
@@ -54,7 +64,7 @@ JOURNAL = "journal"
 """Folder, beside those of the parts of a report, of what can be made again and is not kept."""
 
 
-class Study(Generic[Label, Measures]):
+class Study(Generic[Item, Measures]):
     """A folder of results that can be made again.
 
     Subclasses are frozen values; their jobs run in other processes.
@@ -71,7 +81,7 @@ class Study(Generic[Label, Measures]):
     kind: type[Measures]
     """What is kept of a run."""
 
-    def given(self, out: Path) -> Study[Label, Measures]:
+    def given(self, out: Path) -> Study[Item, Measures]:
         """The study as it is after others whose results are in a folder: one may settle what is run here."""
         return self
 
@@ -79,7 +89,7 @@ class Study(Generic[Label, Measures]):
         """Folder for what its runs need, and write, in a folder of several studies."""
         return out / self.name
 
-    def items(self, folder: Path) -> Sequence[LabelledRun[Label]]:
+    def items(self, folder: Path) -> Sequence[Item]:
         """The runs; what they write beside the journal goes to the folder."""
         raise NotImplementedError
 
@@ -88,29 +98,27 @@ class Study(Generic[Label, Measures]):
         """Carry out one of them."""
         raise NotImplementedError
 
-    def is_quick(self, item: LabelledRun[Label]) -> bool:
+    def is_quick(self, item: Item) -> bool:
         """Whether a check may carry it out again; it should take a second or so."""
         return True
 
-    def some(self, count: int, folder: Path) -> tuple[int, dict[int, LabelledRun[Label]]]:
+    def some(self, count: int, folder: Path) -> tuple[int, dict[int, Item]]:
         """How many runs there are, and a few of the quick ones by their number, evenly spread."""
         items = self.items(folder)
         quick = [k for k, item in enumerate(items) if self.is_quick(item)]
         return len(items), {k: items[k] for k in (quick[i] for i in evenly(count, len(quick)))}
 
-    def is_whole(self, item: LabelledRun[Label]) -> bool:
+    def is_whole(self, item: Item) -> bool:
         """Whether what a finished run has written beside the journal is there."""
         return True
 
-    def write(
-        self, folder: Path, items: Sequence[LabelledRun[Label]], finished: Finished[Measures]
-    ) -> list[Path]:
+    def write(self, folder: Path, items: Sequence[Item], finished: Finished[Measures]) -> list[Path]:
         """Write tables and figures of the finished runs."""
         raise NotImplementedError
 
     def carry_out(
         self,
-        items: Sequence[LabelledRun[Label]],
+        items: Sequence[Item],
         folder: Path,
         prefix: str,
         workers: int,
@@ -132,7 +140,7 @@ class Study(Generic[Label, Measures]):
 
     def carry_out_behind_bar(
         self,
-        items: Sequence[LabelledRun[Label]],
+        items: Sequence[Item],
         out: Path,
         prefix: str,
         workers: int,

@@ -47,8 +47,20 @@ def read_dataset(folder: Path, form: str | None = None, columns: Columns | None 
     return read_csv(folder, columns)
 
 
+def recognised(folder: Path) -> str | None:
+    """The format that a folder or file shows; None: none."""
+    try:
+        return _recognised(folder)
+    except DatasetError:
+        return None
+
+
 def _recognised(folder: Path) -> str:
-    """Name of the format."""
+    """Name of the format.
+
+    Raises:
+        DatasetError: it is not recognised.
+    """
     if is_simbev(folder):
         return "simbev"
     if folder.is_file():

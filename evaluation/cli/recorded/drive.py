@@ -13,7 +13,7 @@ from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.recorded.vehicles import Vehicle
-    from scenarios.settings import Settings
+    from scenarios.settings import Setting
 
 MOST_ON_PAGE = 40
 """Drives of which a page is written without being asked: each frame adds about 1 kB to it."""
@@ -24,13 +24,20 @@ EXAMPLES = options.examples(
     "`smartmot-eval drive kitti/training --out results/drive`",
     "`smartmot-eval drive kitti/training --sequence 0011 --strategy rectangular,path --rule paper,cascade`",
     "`smartmot-eval drive my_csv_folder --map town.xodr --strategy map --detections labels`",
+    "`smartmot-eval drive argoverse_logs --strategy map,path --vary margin_m=0,1.8`",
+    "`smartmot-eval drive kitti/training --vary ego_forecast=ctrv --vary way=area --vary standing=area`",
     "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --gif drive.gif`",
     "Formats: docs/mot.md. Verdicts, exposure and the files written: docs/drives.md.",
 )
 
 
 def command(
-    path: Annotated[Path, typer.Argument(help="Recorded drives with ego poses.", metavar="PATH")],
+    path: Annotated[
+        Path,
+        typer.Argument(
+            help="Recorded drives with ego poses: a data set or a folder of them.", metavar="PATH"
+        ),
+    ],
     form: Annotated[
         str | None,
         typer.Option("--format", help="Format of the data; default: what the files look like."),
@@ -45,12 +52,21 @@ def command(
         ),
     ] = None,
     rule: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Brake rules, comma-separated: paper, cascade, cascade_gentle, required_deceleration, "
-            "last_point_to_brake, rss, autoware, autoware_readme, r157, or your own, package.module:name."
+            "last_point_to_brake, rss, autoware, autoware_readme, r157, or your own, package.module:name. "
+            "Default: paper."
         ),
-    ] = "paper",
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Values of a parameter; may be repeated. Unless varied, all strategies have "
+            "ego_forecast=path, way=path and standing=path.",
+            metavar="NAME=VALUES",
+        ),
+    ] = None,
     preset: Annotated[
         str,
         typer.Option(help="paper, physical or real: brakes, areas and tracker; with labels also the sensor."),
@@ -105,23 +121,29 @@ def command(
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.drive.drive import SEES
     from evaluation.studies.drive.page import write_drive_page
+    from evaluation.studies.drive.recordings import Source
     from evaluation.studies.drive.study import Options, drive_all, prepare
     from evaluation.studies.drive.views import replay_drive
     from evaluation.views.page.page import PAGE_NAME
     from scenarios.recorded.formats import FORMATS
 
-    asked = Options(
+    varied = options.parse_vary(vary or [])
+    source = Source(
         folder=path,
         form=options.parse_name(form, FORMATS, "--format") if form else None,
         sequences=sequence,
-        strategies=() if strategy is None else options.parse_strategies(strategy),
-        rules=parse_rules(rule),
-        preset=options.parse_preset(preset),
         sees=options.parse_name(sees, SEES, "--detections") if sees else None,
         map_file=map_file,
-        seed=seed,
         vehicle=None if ego is None else parse_vehicle(ego),
         columns=options.table_columns(columns, frame_rate),
+    )
+    asked = Options(
+        source,
+        strategies=() if strategy is None else options.parse_strategies(strategy),
+        rules=parse_rules(rule, varied),
+        preset=options.parse_preset(preset),
+        seed=seed,
+        vary=varied,
     )
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
@@ -157,16 +179,20 @@ def command(
             console.print(f"no page of {len(result.drives)} drives; smartmot-eval report {out} writes it")
 
 
-def parse_rules(text: str) -> tuple[tuple[str, Settings], ...]:
-    """Brake rules, each with the setting that chooses it.
+def parse_rules(text: str | None, varied: dict[str, tuple[Setting, ...]]) -> tuple[str, ...]:
+    """Brake rules, from `--rule` or from `--vary rule=`, which is taken out of what is varied.
 
     Raises:
-        ArgumentError: an unknown name.
+        ArgumentError: an unknown name, or both options.
     """
     from scenarios.settings import PARAMETERS
 
-    names = options.parse_names(text, PARAMETERS["rule"].choices, "--rule", own=True)
-    return tuple((name, options.parse_plugged(rule=name)) for name in names)
+    named = varied.pop("rule", None)
+    if named is None:
+        return options.parse_names(text or "paper", PARAMETERS["rule"].choices, "--rule", own=True)
+    if text is not None:
+        raise ArgumentError("--rule and --vary rule say the same; give one of them")
+    return tuple(map(str, named))
 
 
 def parse_vehicle(text: str) -> Vehicle:

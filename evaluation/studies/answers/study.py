@@ -21,7 +21,7 @@ from evaluation.studies.answers.measures import Decision, decide
 from evaluation.studies.answers.results import Results, power_lines
 from evaluation.studies.answers.tables import path_note
 from evaluation.studies.compare.figures import FORMATS, save
-from evaluation.studies.study import JOURNAL, Finished, LabelledRun, Study, evenly
+from evaluation.studies.study import JOURNAL, Finished, Study, evenly
 from scenarios import drawn
 from scenarios.drawn.draw import KINDS, copy_maps, draw_one, drawn_scenes, grounds_of
 from scenarios.scenes.scenes import SceneRun
@@ -139,7 +139,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Question(Study[tuple[Arm, SceneRun], Decision]):
+class Question(Study[ArmRun, Decision]):
     """A question over drawn scenes; subclasses say which arms it takes, and what the runs answer."""
 
     sample: Sample = Sample()
@@ -194,7 +194,7 @@ class Question(Study[tuple[Arm, SceneRun], Decision]):
         for arm in own.values():
             arm.try_out()
 
-    def some(self, count: int, folder: Path) -> tuple[int, dict[int, LabelledRun[tuple[Arm, SceneRun]]]]:
+    def some(self, count: int, folder: Path) -> tuple[int, dict[int, ArmRun]]:
         """A few runs; only their scenes are drawn."""
         arms, scenes = self.arms, len(KINDS) * self.sample.count
         total = len(arms) * scenes

@@ -55,7 +55,7 @@ from smartmot.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
-class SceneStudy(Study[SceneRun, RunMeasures]):
+class SceneStudy(Study[SceneItem, RunMeasures]):
     """Strategies and settings over scenes; the help of `smartmot-eval compare` explains each option."""
 
     strategies: tuple[str, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from bisect import bisect_right
 from collections.abc import Callable
@@ -17,18 +18,20 @@ from evaluation.runs.execution import FrameTime, frame_time
 from evaluation.studies.drive.requests import Request, RequestWatch, begun_anew
 from evaluation.studies.drive.verdicts import Verdict, judge
 from scenarios.errors import DatasetError
-from scenarios.presets import Preset, named_preset, pipeline_of, sensors_of
+from scenarios.presets import Preset, named_preset, pipeline_of, pose_errors_of, sensors_of
 from scenarios.recorded.dataset import Sequence
 from scenarios.recorded.motion import RecordedMotion, motion_of
 from scenarios.recorded.vehicles import Vehicle
-from scenarios.settings import Settings, preset_with
+from scenarios.settings import Settings, preset_with, setting_text, settings_text
 from scenarios.simulation.log import RunLog
 from scenarios.sources.frames import Frame, FrameSource, frames
 from scenarios.sources.labelled import LabelledSource, without_detections
-from scenarios.sources.perception import AreaPipelines, Perception, PipelineMaker
+from scenarios.sources.perception import AreaPipelines, Perception, PipelineMaker, faulty_map
+from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
 from scenarios.sources.recorded import RecordedSource
 from scenarios.strategies import NamedStrategy
 from smartmot.area import MonitoredArea, MonitoredAreaStrategy, RectangularArea, uses_path
+from smartmot.maps.faulty import NO_MAP_ERRORS
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import RouteError
 from smartmot.path import PlannedPath
@@ -41,6 +44,12 @@ SEES = (LABELS, DETECTIONS)
 
 LEAST_INTERVAL_S = 0.01
 """Sensors of presets measure at whole multiples of it."""
+
+RULE = "rule"
+"""Parameter that chooses the brake rule."""
+
+LONGEST_NAME = 180
+"""Characters of a log's name: file systems take 255 bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +75,10 @@ class DriveSpec:
     vehicle: Vehicle = field(default_factory=Vehicle)
 
     def preset_for(self, sequence: Sequence) -> Preset:
-        """The preset with the recording's rate, which is the sensor's.
+        """The preset with the recording's rate, which is the sensor's, and the settings.
+
+        Its errors of localisation are left out, since the recording has its own; those of the settings are
+        put on top.
 
         Raises:
             ScenarioError, ConfigError: unknown preset, or a setting is out of range.
@@ -75,11 +87,28 @@ class DriveSpec:
         steps = np.diff(sequence.stamp_s)
         interval_s = max(round(float(np.median(steps)) if len(steps) else 0.1, 2), LEAST_INTERVAL_S)
         sensor = replace(preset.sensor, rate_hz=1.0 / interval_s, phase_s=0.0)
-        return preset_with(replace(preset, sensor=sensor), self.settings)
+        exact = replace(preset, sensor=sensor, localisation=NO_LOCALISATION_ERRORS)
+        return preset_with(exact, self.settings)
 
-    def log_name(self, sequence: str) -> str:
-        """Name of the log."""
-        return re.sub(r"[^\w.=+-]+", "-", f"{sequence}_{self.strategy}_{self.rule}_seed{self.seed}")
+    @property
+    def text(self) -> str:
+        """The settings as they are typed, the brake rule apart."""
+        return settings_text(tuple(setting for setting in self.settings if setting[0] != RULE))
+
+    def log_name(self, sequence: str, usual: Settings = ()) -> str:
+        """Name of the log.
+
+        Args:
+            sequence: name of the recording.
+            usual: settings that need not stand in it.
+        """
+        own = [setting_text(*s) for s in self.settings if s not in usual and s[0] != RULE]
+        parts = (sequence, self.strategy, self.rule, *own, f"seed{self.seed}")
+        name = re.sub(r"[^\w.=+-]+", "-", "_".join(parts))
+        if len(name) <= LONGEST_NAME:
+            return name
+        digest = hashlib.sha256(name.encode()).hexdigest()[:8]
+        return f"{name[: LONGEST_NAME - 9]}-{digest}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,16 +185,19 @@ def carry_out(
     motion = motion_of(sequence, vehicle.length_m, vehicle.width_m, vehicle.center_ahead_m)
     pipelines = _Pipelines.of(spec, preset)
     perception = Perception(pipelines)
-    watch, log = RequestWatch(preset.brakes), _TruthLog(motion)
+    watch, log, errors = RequestWatch(preset.brakes), _TruthLog(motion), FrameErrors(preset, spec.seed)
     result = (source := source_of(sequence, spec, preset, lane_map)).start()
     anew = False
     while (frame := result.frame) is not None:
-        decided = perception.step(frame)
+        perceived = errors.put_into(frame)
+        decided = perception.step(perceived)
         if anew:
             decided = begun_anew(decided, frame.stamp_s)
         log.add(frame)
-        log.run.perception(frame.ego, decided)
-        anew = watch.see(frame, decided)
+        log.run.perception(perceived.ego, decided)
+        # tracks lie to the ego as it perceives itself; how fast it was is a matter of fact
+        ego = replace(perceived.ego, speed_mps=frame.ego.speed_mps)
+        anew = watch.see(replace(perceived, ego=ego), decided)
         if anew:
             perception.begin_anew()
         done()
@@ -207,6 +239,34 @@ def source_of(sequence: Sequence, spec: DriveSpec, preset: Preset, lane_map: Lan
     return LabelledSource(sequence, sensors_of(preset, spec.seed), recorded) if labelled else recorded
 
 
+class FrameErrors:
+    """Errors of map, localisation and odometry that were asked for, put into the frames of a drive.
+
+    Args:
+        preset: with the errors.
+        seed: of what is drawn.
+    """
+
+    def __init__(self, preset: Preset, seed: int) -> None:
+        self._map_errors, self._pose_errors = preset.map_errors, pose_errors_of(preset, seed)
+        self._path: PlannedPath | None = None
+        self._faulty: LaneMap | None = None
+
+    def put_into(self, frame: Frame) -> Frame:
+        """A frame as the ego perceives it; frames come in the order of time."""
+        frame = self.with_faulty_map(frame)
+        return frame if self._pose_errors is None else self._pose_errors.perceived(frame)
+
+    def with_faulty_map(self, frame: Frame) -> Frame:
+        """A frame with the map as perception has it."""
+        if self._map_errors == NO_MAP_ERRORS or frame.lane_map is None or frame.path is None:
+            return frame
+        if frame.path is not self._path:
+            self._path = frame.path
+            self._faulty = faulty_map(frame.lane_map, frame.path, self._map_errors)
+        return replace(frame, lane_map=self._faulty)
+
+
 class DrivenArea:
     """The monitored area of a drive, whose map view and path change on the way.
 
@@ -230,14 +290,18 @@ class DrivenArea:
 
 
 def driven_area(sequence: Sequence, spec: DriveSpec, lane_map: LaneMap | None) -> DrivenArea:
-    """The monitored area of a drive, without driving it; see `carry_out` for what it raises."""
+    """The monitored area of a drive, without driving it; see `carry_out` for what it raises.
+
+    It lies on the map as perception has it, and where it would be without errors of the localisation.
+    """
     preset = spec.preset_for(sequence)
-    pipelines = _Pipelines.of(spec, preset)
+    pipelines, errors = _Pipelines.of(spec, preset), FrameErrors(preset, spec.seed)
     parts: list[tuple[float, MonitoredAreaStrategy, PlannedPath | None]] = []
     of_vehicle = replace(spec, sees=DETECTIONS)
     for frame in frames(source_of(without_detections(sequence), of_vehicle, preset, lane_map)):
         if not parts or frame.path is not parts[-1][2]:
-            parts.append((frame.stamp_s, pipelines(frame).strategy, frame.path))
+            strategy = pipelines(errors.with_faulty_map(frame)).strategy
+            parts.append((frame.stamp_s, strategy, frame.path))
     return DrivenArea(spec.strategy, parts)
 
 

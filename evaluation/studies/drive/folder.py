@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,12 +15,15 @@ from evaluation.runs.decoding import decode, list_of, object_of
 from evaluation.runs.folder import read_shown_log
 from evaluation.studies.drive.account import explain_drive
 from evaluation.studies.drive.drive import DrivenArea, DriveSpec, drivable, driven_area
+from evaluation.studies.drive.measures import ALL
+from evaluation.studies.drive.study import VEHICLE
 from evaluation.studies.drive.tables import (
-    ALL,
     DRIVE_COLUMNS,
     DRIVES_JSON,
     EVENT_COLUMNS,
     EVENTS_CSV,
+    common_settings,
+    side_name,
 )
 from evaluation.views.account.account import Account
 from evaluation.views.frames import LogFrames, frames_of
@@ -30,6 +34,8 @@ from scenarios.recorded.dataset import Sequence
 from scenarios.recorded.formats import READERS, read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map
 from scenarios.recorded.tables.columns import Columns
+from scenarios.recorded.vehicles import Vehicle
+from scenarios.settings import TRIGGERS
 from smartmot.errors import SmartMotError
 from smartmot.plugins import is_plugin
 
@@ -65,6 +71,21 @@ class DriveView:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StoredRecording:
+    """A recording of a folder of drives, read again.
+
+    Args:
+        sequence: the recording.
+        vehicle: that recorded it.
+        network: its map; None: there is none.
+    """
+
+    sequence: Sequence
+    vehicle: Vehicle
+    network: DriveMap | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DriveFolder:
     """A folder that `drive` wrote.
 
@@ -72,25 +93,43 @@ class DriveFolder:
         path: the folder.
         rows: of `drives.csv`.
         events: rows of `events.csv`.
-        sequences: the recordings by name; empty where they cannot be read again.
-        specs: how they were seen, by strategy.
-        network: the map.
+        recordings: sequences, vehicles and maps by name; empty where they cannot be read again.
+        specs: how they were seen, by strategy and settings.
         notes: what the reader has to know about what is missing, one line each.
     """
 
     path: Path
     rows: tuple[Row, ...]
     events: tuple[Row, ...]
-    sequences: Mapping[str, Sequence]
-    specs: Mapping[str, DriveSpec]
-    network: DriveMap | None
+    recordings: Mapping[str, StoredRecording]
+    specs: Mapping[tuple[str, str], DriveSpec]
     notes: tuple[str, ...]
-    _areas: dict[tuple[str, str], DrivenArea] = field(default_factory=dict, repr=False)
+    _areas: dict[tuple[str, ...], DrivenArea] = field(default_factory=dict, repr=False)
 
     @property
     def drives(self) -> list[Row]:
         """Rows of single drives."""
         return [row for row in self.rows if row["sequence"] != ALL]
+
+    @property
+    def settings(self) -> str:
+        """What all drives have beyond the preset."""
+        return common_settings(row["settings"] for row in self.rows)[0]
+
+    @property
+    def networks(self) -> list[DriveMap]:
+        """The maps, each once."""
+        return list({id(r.network): r.network for r in self.recordings.values() if r.network}.values())
+
+    def label(self, row: Row) -> str:
+        """Strategy, settings that not all have, and rule."""
+        own = common_settings(row["settings"] for row in self.rows)[1]
+        return side_name(row["strategy"], own[row["settings"]], row["rule"])
+
+    def network(self, row: Row) -> DriveMap | None:
+        """The map of a drive; None: there is none, or it is not known."""
+        recording = self.recordings.get(row["sequence"])
+        return None if recording is None else recording.network
 
     def view(self, log: str) -> DriveView:
         """A drive by the name of its log.
@@ -105,18 +144,20 @@ class DriveFolder:
             raise ResultsError(f"{self.path}: no drive {log!r}; it has: {', '.join(known[:3])}{more}")
         frames = frames_of(read_shown_log(log_path(self.path, log)), self._area(row))
         events = [event for event in self.events if event["log"] == log]
-        title = ", ".join((row["strategy"], row["rule"], row["sequence"]))
-        return DriveView(row, frames, explain_drive(frames, events), self.network, title)
+        title = f"{self.label(row)}, {row['sequence']}"
+        return DriveView(row, frames, explain_drive(frames, events), self.network(row), title)
 
     def _area(self, row: Row) -> DrivenArea | None:
         """The monitored area of a drive, the same for all rules; None where it is not known."""
-        strategy, name = row["strategy"], row["sequence"]
-        if strategy not in self.specs or name not in self.sequences:
+        name, side = row["sequence"], (row["strategy"], row["settings"])
+        if side not in self.specs or name not in self.recordings:
             return None
-        if (name, strategy) not in self._areas:
-            spec = self.specs[strategy]
-            self._areas[name, strategy] = driven_area(self.sequences[name], spec, self.network)
-        return self._areas[name, strategy]
+        key = (name, *side)
+        if key not in self._areas:
+            recording = self.recordings[name]
+            spec = replace(self.specs[side], vehicle=recording.vehicle)
+            self._areas[key] = driven_area(recording.sequence, spec, recording.network)
+        return self._areas[key]
 
 
 def is_drive_folder(path: Path) -> bool:
@@ -138,13 +179,15 @@ def read_drive_folder(path: Path) -> DriveFolder:
         if row["sequence"] != ALL and ("/" in row["log"] or "\\" in row["log"] or not row["log"].strip(".")):
             raise ResultsError(f"{path / DRIVES_CSV}: column 'log': no name of a log: {shown(row['log'])}")
     try:
-        sequences, specs, network = _recordings(path)
+        recordings, specs = _stored(path)
         own = dict.fromkeys(row["strategy"] for row in rows if is_plugin(row["strategy"]))
-        notes = tuple(f"The monitored area of {name} is not drawn: it is code of your own." for name in own)
-        return DriveFolder(path, rows, events, sequences, specs, network, notes)
+        notes = [f"The monitored area of {name} is not drawn: it is code of your own." for name in own]
+        if any(name in row["settings"] for row in rows for name in ("localisation_", "odometry_")):
+            notes.append("Monitored areas are drawn without errors of localisation and odometry.")
+        return DriveFolder(path, rows, events, recordings, specs, tuple(notes))
     except (ReadError, OpenDriveError, ScenarioError, DatasetError, SmartMotError, OSError) as error:
         note = f"Lanes and monitored areas are not drawn: {' '.join(str(error).split())}"
-        return DriveFolder(path, rows, events, {}, {}, None, (note,))
+        return DriveFolder(path, rows, events, {}, {}, (note,))
 
 
 def _rows(path: Path, columns: tuple[str, ...]) -> tuple[Row, ...]:
@@ -180,26 +223,53 @@ def _is_number(text: str, optional: bool) -> bool:
         return False
 
 
-def _recordings(
-    path: Path,
-) -> tuple[dict[str, Sequence], dict[str, DriveSpec], DriveMap | None]:
-    """The recordings of a folder, read again."""
-    content = object_of(read_json(path / DRIVES_JSON), "the file")
+_OF_DECISIONS = ("rule", "tracker", "tracker_sigma_m", "near_m", *TRIGGERS.values())
+"""Settings that change no area; rule and tracker may be code of the user's own."""
+
+
+def _stored(path: Path) -> tuple[dict[str, StoredRecording], dict[tuple[str, str], DriveSpec]]:
+    """The recordings of a folder, read again, and how they were seen."""
+    file = path / DRIVES_JSON
+    content = object_of(read_json(file), "the file")
     stored = object_of(content.get("configuration"), "configuration")
-    listed = list_of(stored.get("specs"), "specs")
-    specs = [decode(DriveSpec, values, f"specs[{k}]") for k, values in enumerate(listed)]
-    data, form, map_file = (stored.get(name) for name in ("data", "format", "map"))
-    if not (isinstance(data, str) and isinstance(form, str) and isinstance(map_file, str | None)):
-        raise ReadError(f"{path / DRIVES_JSON}: data, format and map must be texts")
-    if form not in READERS:
-        raise ReadError(f"{path / DRIVES_JSON}: unknown format {shown(form)}")
     columns = stored.get("columns")
-    dataset = read_dataset(
-        path / data, form, None if columns is None else decode(Columns, columns, "columns")
-    )
-    names = list_of(stored.get("sequences"), "sequences")
-    chosen = {s.name: drivable(s) for s in dataset.sequences if s.name in names}
-    network = None if map_file is None else load_drive_map(path / map_file)
-    # a rule, which may be code of the user's own, changes no area
-    by_strategy = {spec.strategy: replace(spec, rule="", settings=()) for spec in specs}
-    return chosen, {key: spec for key, spec in by_strategy.items() if not is_plugin(key)}, network
+    own_columns = None if columns is None else decode(Columns, columns, "columns")
+    recordings: dict[str, StoredRecording] = {}
+    data_sets: dict[tuple[str, str], dict[str, Sequence]] = {}
+    maps: dict[str, DriveMap] = {}
+    for k, listed in enumerate(list_of(stored.get("recordings"), "recordings")):
+        entry = object_of(listed, f"recordings[{k}]")
+        name, data, sequence, form, map_file = (
+            entry.get(key) for key in ("name", "data", "sequence", "format", "map")
+        )
+        if not (
+            isinstance(name, str)
+            and isinstance(data, str)
+            and isinstance(sequence, str)
+            and isinstance(form, str)
+            and isinstance(map_file, str | None)
+        ):
+            raise ReadError(f"{file}: recordings[{k}]: name, data, sequence, format and map must be texts")
+        if form not in READERS:
+            raise ReadError(f"{file}: unknown format {shown(form)}")
+        if (data, form) not in data_sets:
+            dataset = read_dataset(path / data, form, own_columns)
+            data_sets[data, form] = {s.name: s for s in dataset.sequences}
+        if map_file is not None and map_file not in maps:
+            maps[map_file] = load_drive_map(path / map_file)
+        if sequence in data_sets[data, form]:
+            vehicle = decode(Vehicle, entry.get(VEHICLE), f"recordings[{k}].{VEHICLE}")
+            network = None if map_file is None else maps[map_file]
+            driven = drivable(data_sets[data, form][sequence])
+            recordings[name] = StoredRecording(replace(driven, name=name), vehicle, network)
+    return recordings, dict(_specs_of(stored))
+
+
+def _specs_of(stored: Mapping[str, object]) -> Iterator[tuple[tuple[str, str], DriveSpec]]:
+    """How drives were seen, by strategy and settings; those of the user's own strategies are left out."""
+    for k, listed in enumerate(list_of(stored.get("specs"), "specs")):
+        values = {**object_of(listed, f"specs[{k}]"), VEHICLE: dataclasses.asdict(Vehicle())}
+        spec = decode(DriveSpec, values, f"specs[{k}]")
+        if not is_plugin(spec.strategy):
+            of_area = tuple((name, value) for name, value in spec.settings if name not in _OF_DECISIONS)
+            yield (spec.strategy, spec.text), replace(spec, rule="", settings=of_area)

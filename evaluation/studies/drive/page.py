@@ -11,8 +11,8 @@ import numpy as np
 from evaluation.results.files import write_whole
 from evaluation.results.tables import EMPTY, Table
 from evaluation.runs.folder import Run
-from evaluation.studies.drive.folder import DriveFolder, DriveView, Row, read_drive_folder
-from evaluation.studies.drive.tables import HINDSIGHT
+from evaluation.studies.drive.folder import DriveFolder, Row, read_drive_folder
+from evaluation.studies.drive.tables import HINDSIGHT, common_settings
 from evaluation.views.account.explain import KINDS
 from evaluation.views.page import charts
 from evaluation.views.page.page import PAGE_NAME, PALETTE, PageContent, RunView, render
@@ -50,45 +50,40 @@ def drive_content(
     """
     drives = folder.drives
     views: list[RunView] = []
-    ways: list[FloatArray] = []
-    origin: FloatArray | None = None
+    networks = folder.networks
+    ways: list[list[FloatArray]] = [[] for _ in networks]
     for row in drives:
         view = folder.view(row["log"])
         way = view.frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
-        origin = np.rint(way[0]) if origin is None else origin
-        ways.append(way)
+        map_index, origin = -1, np.rint(way[0])
+        if view.network is not None:
+            map_index = networks.index(view.network)
+            ways[map_index].append(way)
+            origin = np.rint(ways[map_index][0][0])
         diagram = charts.temporal_spec(view.frames, NO_RUN)
         packed = pack_run(view.frames, view.account, origin, diagram)
-        views.append(_run_view(view, packed))
+        views.append(RunView(row["log"], folder.label(row), view.title, view.account, packed, map_index))
         progress(len(views), len(drives))
-    assert origin is not None  # a folder has drives
     names = [row["strategy"] for row in drives]
+    packed_maps = [
+        pack_map(network, way, np.rint(way[0][0])) for network, way in zip(networks, ways, strict=True)
+    ]
     return PageContent(
         title=f"Recorded drives, {_counted(len({row['sequence'] for row in drives}), 'sequence')}",
         facts=_facts(folder),
         notes=(HINDSIGHT, *folder.notes),
         verdicts=_verdicts(folder, views),
-        matrix=_matrix(drives, views),
-        table=_table(folder.rows),
+        matrix=_matrix(folder, views),
+        table=_table(folder),
         runs=views,
         first=min(range(len(views)), key=lambda k: KINDS.index(views[k].account.kind)),
         colours={name: colour for name, (colour, _) in strategy_looks(names).items()},
         panels=[],
         legend=[],
-        packed_maps=[] if folder.network is None else [pack_map(folder.network, ways, origin)],
+        packed_maps=packed_maps,
         palette=PALETTE,
         recorded=True,
     )
-
-
-def _run_view(view: DriveView, packed: str) -> RunView:
-    row = view.row
-    map_index = -1 if view.network is None else 0
-    return RunView(row["log"], _label(row), view.title, view.account, packed, map_index)
-
-
-def _label(row: Row) -> str:
-    return f"{row['strategy']}, {row['rule']}"
 
 
 def _counted(number: int, what: str) -> str:
@@ -103,16 +98,18 @@ def _facts(folder: DriveFolder) -> dict[str, str]:
         "Preset": ", ".join(dict.fromkeys(row["preset"] for row in drives)),
         "Seen": ", ".join(dict.fromkeys(row["sees"] for row in drives)),
     }
-    if folder.network is not None and folder.network.name:
-        facts["Map"] = folder.network.name
+    if folder.settings:
+        facts["Settings"] = folder.settings
+    if names := [network.name for network in folder.networks if network.name]:
+        facts["Map"] = ", ".join(names)
     return facts
 
 
 def _verdicts(folder: DriveFolder, views: Sequence[RunView]) -> list[Verdict]:
-    """One per strategy and rule."""
+    """One per strategy, settings and rule."""
     by_log = {view.log: view for view in views}
     verdicts = []
-    for label, group in groupby(folder.rows, _label):
+    for label, group in groupby(folder.rows, folder.label):
         rows = list(group)
         members = [by_log[row["log"]] for row in rows if row["log"]]
         false = [view for view in members if view.account.kind == "false"]
@@ -141,10 +138,11 @@ def _headline(row: Row) -> str:
     )
 
 
-def _matrix(drives: Sequence[Row], views: Sequence[RunView]) -> Matrix:
-    """Sequences by strategy and rule."""
-    columns = list(dict.fromkeys(map(_label, drives)))
-    by_place = {(row["sequence"], _label(row)): view for row, view in zip(drives, views, strict=True)}
+def _matrix(folder: DriveFolder, views: Sequence[RunView]) -> Matrix:
+    """Sequences by strategy, settings and rule."""
+    drives = folder.drives
+    columns = list(dict.fromkeys(map(folder.label, drives)))
+    by_place = {(row["sequence"], folder.label(row)): view for row, view in zip(drives, views, strict=True)}
     lines = []
     for sequence in dict.fromkeys(row["sequence"] for row in drives):
         cells: list[Cell | None] = []
@@ -160,20 +158,24 @@ def _cell(view: RunView) -> Cell:
     return Cell(view.log, "", view.account.outcome, MARKS[kind], outcome_colour(kind))
 
 
-def _table(rows: Sequence[Row]) -> Table:
+def _table(folder: DriveFolder) -> Table:
     """Counts beside exposure, a line per row of `drives.csv`."""
+    own = common_settings(row["settings"] for row in folder.rows)[1]
     header = (
-        "sequence", "strategy", "rule", "km", "h", "pedestrians met", "requests", "false activations",
-        "undecided", "at most per km", "warnings", "false warnings",
+        "sequence", "strategy", "settings", "rule", "km", "h", "pedestrians met", "requests",
+        "false activations", "undecided", "at most per km", "warnings", "false warnings",
     )  # fmt: skip
     lines = tuple(
         (
-            row["sequence"], row["strategy"], row["rule"], f"{float(row['km']):.3f}",
+            row["sequence"], row["strategy"], own[row["settings"]], row["rule"], f"{float(row['km']):.3f}",
             f"{float(row['hours']):.4f}", row["pedestrians"] or EMPTY, row["requests"],
             row["false_activations"], row["undecided"],
             f"{float(row['at_most_per_km']):.3g}" if row["at_most_per_km"] else EMPTY,
             row["warnings"], row["false_warnings"],
         )
-        for row in rows
+        for row in folder.rows
     )  # fmt: skip
-    return Table(header, lines)
+    if any(own.values()):
+        return Table(header, lines)
+    k = header.index("settings")
+    return Table(header[:k] + header[k + 1 :], tuple(line[:k] + line[k + 1 :] for line in lines))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
+from collections.abc import Mapping
 from collections.abc import Sequence as Many
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
@@ -20,30 +22,32 @@ from evaluation.results.files import (
 )
 from evaluation.results.logs import write_log
 from evaluation.results.tables import Table, markdown_table
-from evaluation.studies.drive.drive import DETECTIONS, LABELS, Drive, DriveSpec, carry_out, drivable
+from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out
+from evaluation.studies.drive.measures import DriveRow, events_of, row_of
+from evaluation.studies.drive.parameters import FAIR, Vary, check_vary, settings_of, with_rules
+from evaluation.studies.drive.recordings import Recording, Recordings, Source, read_recordings
 from evaluation.studies.drive.tables import (
     DRIVES_JSON,
     EVENTS_CSV,
-    DriveRow,
-    drive_rows,
     drives_csv,
     events_csv,
     summary_table,
+    with_totals,
 )
-from evaluation.studies.mot.run import chosen
-from scenarios.errors import DatasetError
+from scenarios.errors import ScenarioError
 from scenarios.presets import named_preset
-from scenarios.recorded.dataset import Dataset, Sequence
-from scenarios.recorded.formats import read_dataset
-from scenarios.recorded.maps.drive_map import load_drive_map, map_of
-from scenarios.recorded.tables.columns import Columns
-from scenarios.recorded.vehicles import Vehicle, vehicle_of
-from scenarios.settings import Settings
+from scenarios.recorded.maps.drive_map import load_drive_map
+from scenarios.settings import Setting, setting_text
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
+from scenarios.strategies import STRATEGIES
+from smartmot.errors import ConfigError
 from smartmot.maps.lane_map import LaneMap
 
 NEEDS_MAP = "map"
 """Strategy that is nothing without a map."""
+
+VEHICLE = "vehicle"
+"""Field of a spec that each recording has its own value of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,30 +55,20 @@ class Options:
     """What the user asks for.
 
     Args:
-        folder: the data set.
-        form: its format; None: what the files look like.
-        sequences: only these, comma-separated; None: all.
+        source: the recordings.
         strategies: names of monitored areas; empty: all shipped ones that can be had.
-        rules: names of brake rules, and the settings that choose them.
+        rules: names of brake rules.
         preset: name of the conditions.
-        sees: labels or detections; None: detections where there are any.
-        map_file: a map in the frame of the poses; None: the recordings' own, if they have one.
         seed: of the errors of labels that stand in for detections.
-        vehicle: the recording vehicle; None: that of the format.
-        columns: what the columns of a table mean; None: it has ours.
+        vary: values of further parameters; see `evaluation.studies.drive.parameters`.
     """
 
-    folder: Path
-    form: str | None = None
-    sequences: str | None = None
+    source: Source
     strategies: tuple[str, ...] = ()
-    rules: tuple[tuple[str, Settings], ...] = (("paper", ()),)
+    rules: tuple[str, ...] = ("paper",)
     preset: str = "real"
-    sees: str | None = None
-    map_file: Path | None = None
     seed: int = 0
-    vehicle: Vehicle | None = None
-    columns: Columns | None = None
+    vary: Mapping[str, tuple[Setting, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,29 +77,27 @@ class DriveStudy:
 
     Args:
         options: what was asked for.
-        form: format of the data.
-        sequences: the recordings.
-        specs: how each is seen and judged.
-        lane_map: the map; None: there is none.
+        recordings: the drives.
+        maps: by their paths.
+        specs: how each is seen and judged; the vehicle is that of the recording.
         notes: what a user should know, a line each.
     """
 
     options: Options
-    form: str
-    sequences: tuple[Sequence, ...]
+    recordings: tuple[Recording, ...]
+    maps: Mapping[Path | None, LaneMap]
     specs: tuple[DriveSpec, ...]
-    lane_map: LaneMap | None
     notes: tuple[str, ...]
 
     @property
     def frame_count(self) -> int:
         """Frames of all drives."""
-        return len(self.specs) * sum(map(len, self.sequences))
+        return len(self.specs) * sum(len(recording.sequence) for recording in self.recordings)
 
     @property
     def recorded_s(self) -> float:
         """Recorded time of all drives."""
-        return len(self.specs) * sum(float(sequence.stamp_s[-1]) for sequence in self.sequences)
+        return len(self.specs) * sum(float(r.sequence.stamp_s[-1]) for r in self.recordings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +105,7 @@ class DriveResult:
     """What a study came to.
 
     Args:
-        drives: by strategy and rule, then in the order of the sequences.
+        drives: by strategy, settings and rule, then in the order of the sequences.
         rows: of `drives.csv`.
         table: the summary.
         written: the files.
@@ -133,65 +125,67 @@ def prepare(options: Options) -> DriveStudy:
     """Read the recordings, and see that what is asked of them is possible.
 
     Raises:
-        ArgumentError: a strategy needs a map.
+        ArgumentError: a strategy needs a map, or a parameter means nothing or is out of range.
         DatasetError: a file is wrong, or a sequence is missing or cannot be driven.
+        opendrive.OpenDriveError: a map cannot be read.
     """
-    data = read_dataset(options.folder, options.form, options.columns)
-    recorded, notes = _driven(data, options.sequences)
-    map_path = map_of(recorded, options.map_file)
-    if NEEDS_MAP in options.strategies and map_path is None:
-        raise ArgumentError(
-            "--strategy map: the data have no map; give --map FILE.xodr in the frame of the ego poses"
-        )
-    lane_map = None if map_path is None else load_drive_map(map_path)
-    sees, seen_note = _seen(recorded, options)
-    strategies = options.strategies or ("rectangular", *(["map"] if lane_map else []), "all", "path")
-    vehicle = options.vehicle or vehicle_of(data.kind)
-    specs = tuple(
-        DriveSpec(strategy, rule, options.preset, settings, sees, options.seed, vehicle)
-        for strategy in strategies
-        for rule, settings in options.rules
-    )
-    for spec in specs:
-        spec.preset_for(recorded[0])  # settings out of range are refused before the first drive
+    recordings = read_recordings(options.source)
+    specs = specs_of(options, recordings)
+    notes = list(recordings.notes)
     if named_preset(options.preset).localisation != NO_LOCALISATION_ERRORS:
         notes.append(
             f"errors of localisation of preset {options.preset} are left out: the recording has its own"
         )
-    return DriveStudy(options, data.kind, recorded, specs, lane_map, (*data.notes, *notes, seen_note))
+    maps = maps_of(recordings.items)
+    return DriveStudy(options, recordings.items, maps, specs, tuple(notes))
 
 
-def _driven(data: Dataset, names: str | None) -> tuple[tuple[Sequence, ...], list[str]]:
-    """The sequences that are asked for, ready to be driven; without being asked for: those with poses."""
-    if names is not None:
-        return tuple(map(drivable, chosen(data, names).sequences)), []
-    driven = [s for s in data.sequences if s.world_SE3_ego is not None] or list(data.sequences)
-    left_out = len(data.sequences) - len(driven)
-    notes = [f"{left_out} sequences without ego poses are left out"] if left_out else []
-    if not driven:
-        raise DatasetError("no sequence to drive")
-    return tuple(map(drivable, driven)), notes
+def specs_of(options: Options, recordings: Recordings) -> tuple[DriveSpec, ...]:
+    """How each recording is to be seen and judged: by strategy, settings and rule; see `prepare`."""
+    without_map = recordings.without_map
+    if NEEDS_MAP in options.strategies and without_map:
+        whose = "the data have" if len(recordings.items) == len(without_map) else f"{without_map[0]} has"
+        raise ArgumentError(
+            f"--strategy map: {whose} no map; give --map FILE.xodr in the frame of the ego poses"
+        )
+    strategies = options.strategies or tuple(s for s in STRATEGIES if s != NEEDS_MAP or not without_map)
+    check_vary(options.vary, strategies, recordings.sees, without_map)
+    specs = tuple(
+        DriveSpec(strategy, rule, options.preset, settings, recordings.sees, options.seed)
+        for strategy, rule, settings in with_rules(settings_of(strategies, options.vary), options.rules)
+    )
+    for spec in specs:  # settings out of range are refused before the first drive
+        _check(spec, recordings.items, options.vary)
+    names = Counter(log_name(spec, r) for spec in specs for r in recordings.items)
+    name, count = names.most_common(1)[0]
+    if count > 1:
+        raise ArgumentError(f"{count} drives would be called {name}: two values of a parameter look alike")
+    return specs
 
 
-def _seen(sequences: Many[Sequence], options: Options) -> tuple[str, str]:
-    """What perception sees, and a line that says so."""
-    labelled = all(sequence.labels is not None for sequence in sequences)
-    detected = any(len(sequence.detections) for sequence in sequences)
-    sees = options.sees or (DETECTIONS if detected or not labelled else LABELS)
-    if sees == LABELS and not labelled:
-        missing = next(s.name for s in sequences if s.labels is None)
-        raise DatasetError(f"--detections labels: sequence {missing} has no labels")
-    if sees == DETECTIONS and not detected:
-        hint = "; use --detections labels" if labelled else ""
-        raise DatasetError(f"--detections detections: no sequence has any{hint}")
-    if sees == LABELS:
-        return sees, f"labels stand in for detections, with the sensor's errors of preset {options.preset}"
-    verdicts = "" if labelled else "; without labels every request of a moving ego stays undecided"
-    return sees, f"the recorded detections are seen{verdicts}"
+def _check(spec: DriveSpec, recordings: Many[Recording], vary: Vary) -> None:
+    """See that the settings of a spec are possible.
+
+    Raises:
+        ArgumentError: they are not.
+    """
+    try:
+        for recording in recordings:
+            spec.preset_for(recording.sequence)
+    except (ConfigError, ScenarioError) as error:
+        varied = ", ".join(setting_text(name, value) for name, value in spec.settings if name in vary)
+        if not varied:
+            raise
+        raise ArgumentError(f"--vary {varied}, rule {spec.rule}: {error}") from None
+
+
+def log_name(spec: DriveSpec, recording: Recording) -> str:
+    """Name of a drive's log."""
+    return spec.log_name(recording.name, FAIR)
 
 
 def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
-    """Drive every sequence with every strategy and rule, and write what came of it.
+    """Drive all of it, and write logs, tables and settings.
 
     Args:
         study: from `prepare`.
@@ -204,23 +198,27 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
     """
     discard_tables(out)
     progress.begin("driving", study.frame_count)
-    drives, written, spent_s = [], [], 0.0
+    drives, rows, events, written, spent_s = [], [], [], [], 0.0
     for spec in study.specs:
-        for sequence in study.sequences:
+        for recording in study.recordings:
             start_s = time.thread_time()
-            drive = carry_out(sequence, spec, study.lane_map, progress.done)
+            seen = replace(spec, vehicle=recording.vehicle)
+            drive = carry_out(recording.sequence, seen, study.maps.get(recording.map_path), progress.done)
             spent_s += time.thread_time() - start_s
-            path = log_path(out, spec.log_name(sequence.name))
+            log = log_name(spec, recording)
+            path = log_path(out, log)
             write_log(path, drive.log)
+            start_s = time.thread_time()
+            rows.append(row_of(drive, log))
+            events += events_of(drive, log)
+            spent_s += time.thread_time() - start_s
             drives.append(drive)
             written.append(path)
-    start_s = time.thread_time()
-    rows = drive_rows(drives)
+    rows = with_totals(rows)
     table = summary_table(rows)
-    spent_s += time.thread_time() - start_s
     files = {
         DRIVES_CSV: drives_csv(rows),
-        EVENTS_CSV: events_csv(drives),
+        EVENTS_CSV: events_csv(events),
         DRIVES_JSON: configuration_json(_configuration(study, out)),
         TABLE_MD: markdown_table(table).encode(),
     }
@@ -230,19 +228,36 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
     )
 
 
+def maps_of(recordings: Many[Recording]) -> dict[Path | None, LaneMap]:
+    """The maps by their paths, each loaded once."""
+    paths = dict.fromkeys(recording.map_path for recording in recordings)
+    return {path: load_drive_map(path) for path in paths if path is not None}
+
+
 def _configuration(study: DriveStudy, out: Path) -> dict[str, object]:
     options = study.options
-    map_path = map_of(study.sequences, options.map_file)
     return {
         "command": "drive",
-        "data": _name_of(options.folder, out),
-        "format": study.form,
-        "columns": options.columns,
-        "map": None if map_path is None else _name_of(map_path, out),
-        "specs": study.specs,
-        "sequences": [sequence.name for sequence in study.sequences],
+        "recordings": [
+            {
+                "name": recording.name,
+                "data": _name_of(recording.data, out),
+                "sequence": recording.stored_name,
+                "format": recording.form,
+                "map": None if recording.map_path is None else _name_of(recording.map_path, out),
+                "vehicle": recording.vehicle,
+            }
+            for recording in study.recordings
+        ],
+        "columns": options.source.columns,
+        "specs": [_spec_values(spec) for spec in study.specs],
         "notes": study.notes,
     }
+
+
+def _spec_values(spec: DriveSpec) -> dict[str, object]:
+    """A spec without the vehicle, which belongs to the recording."""
+    return {entry.name: getattr(spec, entry.name) for entry in fields(spec) if entry.name != VEHICLE}
 
 
 def _name_of(path: Path, out: Path) -> str:

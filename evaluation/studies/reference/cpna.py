@@ -26,7 +26,7 @@ def log_of(item: CpnaItem) -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class CpnaStudy(Study[Path, RunRow]):
+class CpnaStudy(Study[CpnaItem, RunRow]):
     """A comparison in the paper's test.
 
     Args:

@@ -84,7 +84,7 @@ MechanismItem = LabelledRun[Condition]
 
 
 @dataclass(frozen=True, slots=True)
-class MechanismStudy(Study[Condition, MechanismRun]):
+class MechanismStudy(Study[MechanismItem, MechanismRun]):
     """The paper's test under the conditions, over frame phases and noise seeds.
 
     Args:

@@ -16,9 +16,11 @@ from evaluation.progress import Progress
 from evaluation.results.logs import read_log, write_log
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out, drivable
 from evaluation.studies.drive.exposure import Exposure, exposure_of, total
+from evaluation.studies.drive.measures import ALL
+from evaluation.studies.drive.recordings import Source
 from evaluation.studies.drive.requests import EMERGENCY
 from evaluation.studies.drive.study import Options, drive_all, prepare
-from evaluation.studies.drive.tables import ALL, DRIVE_COLUMNS, EVENT_COLUMNS
+from evaluation.studies.drive.tables import DRIVE_COLUMNS, EVENT_COLUMNS
 from evaluation.studies.drive.verdicts import FALSE, UNDECIDED
 from evaluation.views.account.explain import explain
 from evaluation.views.frames import frames_of
@@ -122,15 +124,16 @@ def test_with_a_map_its_lanes_are_monitored_and_off_it_the_rectangle(
 ) -> None:
     # lane -1 of the shipped street runs along y = -1.75 m
     data = write([(60.0, 0.0)], seconds=8.0, y_m=-1.75)
-    options = Options(data, map_file=MAPS / "urban_street.xodr")
+    options = Options(Source(data, map_file=MAPS / "urban_street.xodr"))
     study = prepare(options)
     assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
     result = drive_all(study, tmp_path / "out", SILENT)
     by_strategy = {drive.spec.strategy: emergencies(drive) for drive in result.drives}
     assert by_strategy["map"] == [(UNDECIDED, "entered")]
     beside = write([(60.0, 0.0)], seconds=8.0, y_m=400.0, name="beside")
+    off_map = prepare(Options(Source(beside, map_file=options.source.map_file), strategies=("map",)))
     with pytest.raises(DatasetError, match="runs on no driving lane of the map"):
-        drive_all(prepare(Options(beside, strategies=("map",), map_file=options.map_file)), tmp_path, SILENT)
+        drive_all(off_map, tmp_path, SILENT)
 
 
 # --- exposure -----------------------------------------------------------------------------------------------
@@ -183,9 +186,129 @@ def test_command_writes_tables_and_logs(
     assert json.loads((out / "drives.json").read_text())["configuration"]["command"] == "drive"
 
 
+def test_strategies_are_alike_but_for_their_areas(
+    run: Callable[..., Any], write: Callable[..., Path], tmp_path: Path
+) -> None:
+    data, out = write([(60.0, 0.0)], seconds=2.0), tmp_path / "out"
+    assert run("drive", data, "--out", out, "--no-page", "--strategy", "path,rectangular").status == 0
+    fair = "ego_forecast=path, way=path, standing=path"
+    assert [row["settings"] for row in rows_of(out / "drives.csv")] == [fair, fair]
+    assert f"Settings of all: {fair}." in (out / "table.md").read_text()
+    published = ("--vary", "ego_forecast=ctrv", "--vary", "way=area", "--vary", "standing=area")
+    assert run("drive", data, "--out", out, "--no-page", "--strategy", "path", *published).status == 0
+    [row] = rows_of(out / "drives.csv")
+    assert row["settings"] == "ego_forecast=ctrv, way=area, standing=area"
+    assert row["log"].endswith("_path_paper_ego_forecast=ctrv_way=area_standing=area_seed0")
+
+
+def test_settings_are_rows_of_their_own_in_every_file(
+    run: Callable[..., Any], write: Callable[..., Path], tmp_path: Path
+) -> None:
+    data, out = write([(60.0, 1.3)], seconds=8.0), tmp_path / "out"
+    vary = ("--vary", "half_width_m=0.5,2.6", "--vary", "rule=paper,cascade", "--preset", "physical")
+    done = run("drive", data, "--out", out, "--strategy", "rectangular,path", *vary)
+    assert done.status == 0, done.err
+    rows = rows_of(out / "drives.csv")
+    sides = [(row["strategy"], row["rule"], row["settings"].partition(", ")[0]) for row in rows]
+    assert sides == [
+        ("rectangular", "paper", "half_width_m=0.5"), ("rectangular", "cascade", "half_width_m=0.5"),
+        ("rectangular", "paper", "half_width_m=2.6"), ("rectangular", "cascade", "half_width_m=2.6"),
+        ("path", "paper", "ego_forecast=path"), ("path", "cascade", "ego_forecast=path"),
+    ]  # fmt: skip
+    assert len({row["log"] for row in rows}) == 6
+    assert {event["settings"] for event in rows_of(out / "events.csv")} <= {row["settings"] for row in rows}
+    assert "rectangular, half_width_m=0.5, paper" in (out / "report.html").read_text()
+    assert "| rectangular | half_width_m=0.5 | paper |" in (out / "table.md").read_text()
+
+
+def test_errors_of_map_and_localisation_can_be_asked_for(write: Callable[..., Path], tmp_path: Path) -> None:
+    # 7 m to the left lies the opposite sidewalk of the shipped street
+    data = write([(60.0, 8.0)], seconds=8.0, y_m=-1.75)
+    source = Source(data, map_file=MAPS / "urban_street.xodr")
+
+    def kept(**vary: float) -> int:
+        values = {name: (value,) for name, value in vary.items()}
+        study = prepare(Options(source, strategies=("map",), preset="physical", vary=values))
+        [drive] = drive_all(study, tmp_path / "out", SILENT).drives
+        return int((drive.log["kind"] == "track").sum())
+
+    exact = kept()
+    assert kept(localisation_lateral_m=0.0) == kept(map_lane_m=0.0) == exact
+    assert kept(localisation_lateral_m=-7.0) != exact
+    assert kept(map_lane_m=7.0) != exact
+
+
+def test_odometry_errors_change_no_speed_that_is_written(sequence_of: Callable[..., Sequence]) -> None:
+    sequence = sequence_of([(60.0, 0.0)])
+    biased = DriveSpec("path", preset="physical", settings=(("odometry_speed", 0.1),))
+    drive = carry_out(sequence, biased)
+    assert [r.speed_mps for r, _ in drive.requests] == [pytest.approx(SPEED_MPS)]
+    ego = drive.log["kind"] == "ego"
+    assert drive.log["speed_mps"][ego] == pytest.approx(SPEED_MPS)
+    exact = carry_out(sequence, replace(biased, settings=()))
+    # who takes itself for faster brakes earlier
+    assert drive.requests[0][0].time_s < exact.requests[0][0].time_s
+
+
+def test_data_sets_of_a_folder_are_driven_together(
+    run: Callable[..., Any], write: Callable[..., Path], tmp_path: Path
+) -> None:
+    logs, out = tmp_path / "logs", tmp_path / "out"
+    (logs / "notes").mkdir(parents=True)
+    (logs / "readme.txt").write_text("two drives")
+    for name, ahead_m in (("first", 60.0), ("second", 30.0)):
+        write([(ahead_m, 0.0)], seconds=6.0, name=f"logs/{name}")
+    done = run("drive", logs, "--out", out, "--strategy", "path", "--preset", "physical")
+    assert done.status == 0, done.err
+    assert "note: no recordings in notes" in done.out
+    rows = rows_of(out / "drives.csv")
+    assert [row["sequence"] for row in rows] == ["first/0", "second/0", ALL]
+    alone = run(
+        "drive", logs / "second", "--out", tmp_path / "alone", "--strategy", "path", "--preset", "physical"
+    )
+    assert alone.status == 0
+    [single] = rows_of(tmp_path / "alone" / "drives.csv")
+    other = ("sequence", "log")
+    assert {k: v for k, v in single.items() if k not in other} == {
+        k: v for k, v in rows[1].items() if k not in other
+    }
+    only = run("drive", logs, "--out", out, "--strategy", "path", "--sequence", "second/0", "--no-page")
+    assert only.status == 0
+    assert [row["sequence"] for row in rows_of(out / "drives.csv")] == ["second/0"]
+    refused = run("drive", logs, "--out", out, "--sequence", "0")
+    assert refused.err.startswith("smartmot-eval: --sequence: no '0'; there are: first/0, second/0")
+
+
+def test_detections_of_some_and_labels_of_others_are_not_counted_together(
+    write: Callable[..., Path], tmp_path: Path
+) -> None:
+    (tmp_path / "logs").mkdir()
+    write([(60.0, 0.0)], seconds=1.0, name="logs/a")
+    write([(60.0, 0.0)], seconds=1.0, name="logs/b", detected=False)
+    with pytest.raises(DatasetError, match="a has detections and b has labels alone"):
+        prepare(Options(Source(tmp_path / "logs")))
+    both = prepare(Options(Source(tmp_path / "logs", sees="labels")))
+    assert {spec.sees for spec in both.specs} == {"labels"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--vary", "rate_hz=5"], "--vary rate_hz: means nothing on recorded drives"),
+        (["--vary", "range_m=40"], "--vary range_m: means nothing for recorded detections"),
+        (["--vary", "miss_rate=0.1"], "--vary miss_rate: means nothing for recorded detections"),
+        (["--vary", "map_kerb_m=1"], "--vary map_kerb_m: means nothing without a map, and 0 has none"),
+        (["--vary", "localisation_lateral_m=1"], "--vary localisation_lateral_m: means nothing without"),
+        (["--vary", "path_from=map"], "--vary path_from: means nothing without a map"),
+        (["--vary", "margin_m=1"], "--vary margin_m: means nothing for rectangular, all, path; it is a "),
+        (["--vary", "speed=1"], "--vary: expected NAME=VALUES with one of"),
+        (["--vary", "half_width_m=-1"], "--vary half_width_m=-1, rule paper: "),
+        (["--vary", "r157_ttc_s=2"], "--vary r157_ttc_s=2, rule paper: r157_ttc_s is a parameter of rule="),
+        (["--vary", "rule=paper", "--rule", "paper"], "--rule and --vary rule say the same"),
+        (
+            ["--vary", "horizon_s=2,2.0000001"],
+            "2 drives would be called 0_rectangular_paper_horizon_s=2_seed0",
+        ),
         (["--strategy", "map"], "--strategy map: the data have no map; give --map FILE.xodr"),
         (["--detections", "guesses"], "--detections: unknown 'guesses'; use one of: labels, detections"),
         (["--rule", "none"], "--rule: unknown 'none'"),
@@ -207,10 +330,10 @@ def test_command_refuses_in_one_line(
 def test_what_cannot_be_driven_is_named(write: Callable[..., Path]) -> None:
     data = write([(60.0, 0.0)], seconds=2.0, labelled=False)
     with pytest.raises(DatasetError, match=r"--detections labels: sequence .* has no labels"):
-        prepare(Options(data, sees="labels"))
+        prepare(Options(Source(data, sees="labels")))
     (data / "ego.csv").unlink()
     with pytest.raises(DatasetError, match="has no ego poses, which decisions need"):
-        prepare(Options(data))
+        prepare(Options(Source(data)))
 
 
 def test_times_must_ascend(sequence_of: Callable[..., Sequence]) -> None:
@@ -234,7 +357,7 @@ def test_vehicles_of_the_data_sets() -> None:
 
 
 def test_a_kitti_sequence_end_to_end(kitti: Path, tmp_path: Path) -> None:
-    study = prepare(Options(kitti, sequences="0014", strategies=("rectangular", "all", "path")))
+    study = prepare(Options(Source(kitti, sequences="0014"), strategies=("rectangular", "all", "path")))
     result = drive_all(study, tmp_path, SILENT)
     assert {drive.frames for drive in result.drives} == {106}
     exposure = exposure_of(result.drives[0].motion)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import shutil
 from collections.abc import Callable
@@ -18,9 +20,11 @@ from evaluation.studies.drive.page import drive_content
 
 def with_first(text: str, column: str, value: str) -> str:
     """A table with another value in its first row."""
-    header, first, *others = (line.split(",") for line in text.splitlines())
+    header, first, *others = csv.reader(io.StringIO(text))
     first[header.index(column)] = value
-    return "\n".join(map(",".join, (header, first, *others))) + "\n"
+    changed = io.StringIO()
+    csv.writer(changed, lineterminator="\n").writerows((header, first, *others))
+    return changed.getvalue()
 
 
 @pytest.fixture
@@ -123,15 +127,21 @@ def test_broken_tables_are_one_line(
     [
         {"specs": "all"},
         {"specs": [{"strategy": "path"}]},
+        {"recordings": [7]},
         {"format": "paper"},
         {"data": 7},
+        {"vehicle": None},
         {"map": "nowhere.xodr"},
     ],
 )
 def test_a_broken_configuration_leaves_the_logs(folder: Path, change: dict[str, object]) -> None:
     path = folder / "drives.json"
     content = json.loads(path.read_text())
-    content["configuration"] |= change
+    stored = content["configuration"]
+    if change.keys() <= stored.keys():
+        stored |= change
+    else:
+        stored["recordings"][0] |= change
     path.write_text(json.dumps(content))
     read = read_drive_folder(folder)
     assert len(read.notes) == 1

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.errors import ArgumentError
+from evaluation.studies.drive.recordings import Source
 from evaluation.studies.drive.study import Options, drive_all, prepare
 from scenarios.errors import DatasetError
 from scenarios.recorded.maps.vector_map import VectorMap
@@ -23,15 +24,16 @@ class NoProgress:
 
 
 def test_the_map_of_a_log(tmp_path: Path) -> None:
-    study = prepare(Options(argoverse_log.log(tmp_path / "log"), preset="physical"))
-    assert isinstance(study.lane_map, VectorMap)
+    study = prepare(Options(Source(argoverse_log.log(tmp_path / "log")), preset="physical"))
+    [recording] = study.recordings
+    assert isinstance(study.maps[recording.map_path], VectorMap)
     assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
     # the EGO_VEHICLE box of the data set, poses at the rear axle
-    assert (study.specs[0].vehicle.length_m, study.specs[0].vehicle.center_ahead_m) == (4.877, 1.42)
+    assert (recording.vehicle.length_m, recording.vehicle.center_ahead_m) == (4.877, 1.42)
     result = drive_all(study, tmp_path / "out", NoProgress())
     assert all(drive.off_map == (0, 1) for drive in result.drives if drive.spec.strategy == "map")
     written = json.loads((tmp_path / "out" / "drives.json").read_text())
-    assert written["configuration"]["map"].endswith("log_map_archive_street.json")
+    assert written["configuration"]["recordings"][0]["map"].endswith("log_map_archive_street.json")
 
 
 def test_a_log_without_a_map(tmp_path: Path) -> None:
@@ -39,11 +41,11 @@ def test_a_log_without_a_map(tmp_path: Path) -> None:
     (archive,) = (log / "map").iterdir()
     archive.write_text("{")
     with pytest.raises(DatasetError, match=r"log_map_archive_street\.json: line 1: not JSON"):
-        prepare(Options(log))
+        prepare(Options(Source(log)))
     archive.unlink()
-    assert [spec.strategy for spec in prepare(Options(log)).specs] == ["rectangular", "all", "path"]
+    assert [spec.strategy for spec in prepare(Options(Source(log))).specs] == ["rectangular", "all", "path"]
     with pytest.raises(ArgumentError, match="--strategy map: the data have no map"):
-        prepare(Options(log, strategies=("map",)))
+        prepare(Options(Source(log), strategies=("map",)))
 
 
 @pytest.mark.parametrize(
@@ -52,8 +54,8 @@ def test_a_log_without_a_map(tmp_path: Path) -> None:
 def test_real_logs(name: str, tmp_path: Path) -> None:
     if not SHARED.is_dir():
         pytest.skip("logs of Argoverse 2 are not in ../shared/argoverse2")
-    study = prepare(Options(SHARED / name, strategies=("map",)))
+    study = prepare(Options(Source(SHARED / name), strategies=("map",)))
     result = drive_all(study, tmp_path, NoProgress())
     assert [drive.off_map[0] for drive in result.drives] == [0]
     # what the last label shows arrives after the recording has ended
-    assert result.drives[0].frames == len(study.sequences[0]) - 1
+    assert result.drives[0].frames == len(study.recordings[0].sequence) - 1
