@@ -202,6 +202,50 @@ def _station_near(strip: LaneStrip, point_m: FloatArray) -> float:
     return float(strip.station_m[np.argmin(np.hypot(*(strip.center_m - point_m).T))])
 
 
+class RouteFollower:
+    """The route of a vehicle from pose to pose, without looking at those that follow.
+
+    Where the vehicle is going to go is not known: the route is taken to go straight on from its lane, and is
+    looked for again where the vehicle leaves it or comes too near to its end. Poses share a route as long as
+    it holds.
+
+    Args:
+        network: the map.
+        vru_margin_m: VRU margin kept with the strips.
+    """
+
+    def __init__(self, network: LaneMap, vru_margin_m: float = 0.0) -> None:
+        self._network, self._margin_m = network, vru_margin_m
+        self._route: Route | None = None
+
+    def at(self, x_m: float, y_m: float, least_ahead_m: float, ahead_m: float) -> Route | None:
+        """The route at the next pose.
+
+        Args:
+            x_m: place of the vehicle, map frame.
+            y_m: place of the vehicle, map frame.
+            least_ahead_m: length that the route must have left in front, where the map goes on.
+            ahead_m: length of a new one in front.
+
+        Returns:
+            The route; None where the vehicle is more than `MAX_FROM_LANE_M` beside every driving lane.
+        """
+        nearest = self._network.nearest_lane(np.array([[x_m, y_m]]))
+        if not (nearest.found[0] and nearest.distance_m[0] <= MAX_FROM_LANE_M):
+            return None
+        return self.on_lane(x_m, y_m, int(nearest.lane[0]), float(nearest.s_m[0]), least_ahead_m, ahead_m)
+
+    def on_lane(
+        self, x_m: float, y_m: float, lane: int, s_m: float, least_ahead_m: float, ahead_m: float
+    ) -> Route:
+        """The route at the next pose, whose nearest lane is known; see `at`."""
+        network, route = self._network, self._route
+        if route is None or lane not in route.lanes or _ends(network, route, x_m, y_m, least_ahead_m):
+            route = route_ahead(network, lane, s_m, ahead_m, _BEHIND_M, vru_margin_m=self._margin_m)
+            self._route = route
+        return route
+
+
 def routes_from_poses(
     network: LaneMap,
     points_m: FloatArray,
@@ -209,11 +253,7 @@ def routes_from_poses(
     ahead_m: FloatArray,
     vru_margin_m: float = 0.0,
 ) -> list[Route | None]:
-    """The route of a vehicle at each of its recorded poses, without looking at those that follow.
-
-    Where the vehicle is going to go is not known: the route is taken to go straight on from its lane, and is
-    looked for again where the vehicle leaves it or comes too near to its end. Frames share a route as long as
-    it holds.
+    """The route of a vehicle at each of its recorded poses; see `RouteFollower`.
 
     Args:
         network: the map.
@@ -227,24 +267,14 @@ def routes_from_poses(
     """
     nearest = network.nearest_lane(points_m)
     on_map: BoolArray = nearest.found & (nearest.distance_m <= MAX_FROM_LANE_M)
-    routes: list[Route | None] = []
-    route: Route | None = None
-    for k, (x, y) in enumerate(points_m.tolist()):
-        if not on_map[k]:
-            routes.append(None)
-            continue
-        lane = int(nearest.lane[k])
-        if route is None or lane not in route.lanes or _ends(network, route, x, y, float(least_ahead_m[k])):
-            route = route_ahead(
-                network,
-                lane,
-                float(nearest.s_m[k]),
-                float(ahead_m[k]),
-                _BEHIND_M,
-                vru_margin_m=vru_margin_m,
-            )
-        routes.append(route)
-    return routes
+    follower = RouteFollower(network, vru_margin_m)
+    rows = zip(
+        *(points_m.T.tolist()), nearest.lane.tolist(), nearest.s_m.tolist(), on_map.tolist(), strict=True
+    )
+    return [
+        follower.on_lane(x, y, int(lane), s, float(least_ahead_m[k]), float(ahead_m[k])) if on else None
+        for k, (x, y, lane, s, on) in enumerate(rows)
+    ]
 
 
 def _ends(network: LaneMap, route: Route, x_m: float, y_m: float, least_m: float) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from evaluation.studies.drive.requests import EMERGENCY, WARNING
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED
 from evaluation.views.account.account import Account
 from evaluation.views.account.story import status_of
 from evaluation.views.frames import LogFrames
+from scenarios.sources.requests import EMERGENCY, WARNING
 
 SHOWN_S = 1.0
 """A warning is shown so long, and a request at least: the tables do not say when they end."""

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.runs.execution import FrameTime, frame_time
-from evaluation.studies.drive.requests import Request, RequestWatch, begun_anew
 from evaluation.studies.drive.verdicts import Verdict, judge
 from scenarios.errors import DatasetError
 from scenarios.presets import Preset, named_preset, pipeline_of, pose_errors_of, sensors_of
@@ -29,6 +28,7 @@ from scenarios.sources.labelled import LabelledSource, without_detections
 from scenarios.sources.perception import AreaPipelines, Perception, PipelineMaker, faulty_map
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
 from scenarios.sources.recorded import RecordedSource
+from scenarios.sources.requests import Request, RequestWatch, begun_anew
 from scenarios.strategies import NamedStrategy
 from smartmot.area import MonitoredArea, MonitoredAreaStrategy, RectangularArea, uses_path
 from smartmot.maps.faulty import NO_MAP_ERRORS

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from evaluation.studies.drive.drive import Drive
 from evaluation.studies.drive.exposure import Exposure, exposure_of, total
-from evaluation.studies.drive.requests import EMERGENCY, WARNING
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED
+from scenarios.sources.requests import EMERGENCY, WARNING
 
 ALL = "all"
 """Stands for all sequences together."""

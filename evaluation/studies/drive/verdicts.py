@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from scenarios.brakes import BrakeConfig
+from scenarios.brakes import BrakeConfig, stop_time_s
 from scenarios.recorded.motion import ObjectMotion, RecordedMotion
 from smartmot.area import is_vulnerable
 from smartmot.decision.rules import STANDING_MPS
@@ -69,22 +69,6 @@ class Verdict:
     gap_behind_m: float | None
     stop_s: float
     covers_stop: bool
-
-
-def stop_time_s(brakes: BrakeConfig, speed_mps: float, decel_mps2: float | None = None) -> float:
-    """Time from a request to standstill.
-
-    Args:
-        brakes: delay, build-up and full deceleration.
-        speed_mps: at the request.
-        decel_mps2: of a partial brake; None: full.
-    """
-    stage = brakes.requested(decel_mps2)
-    # over the build-up the speed falls by half of what the full deceleration would take
-    lost_mps = 0.5 * stage.to_mps2 * stage.ramp_s
-    if speed_mps <= lost_mps:
-        return stage.start_s + math.sqrt(2.0 * speed_mps * stage.ramp_s / stage.to_mps2)
-    return stage.start_s + stage.ramp_s + (speed_mps - lost_mps) / stage.to_mps2
 
 
 def judge(

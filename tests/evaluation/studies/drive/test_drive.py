@@ -18,7 +18,6 @@ from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out, drivable
 from evaluation.studies.drive.exposure import Exposure, exposure_of, total
 from evaluation.studies.drive.measures import ALL
 from evaluation.studies.drive.recordings import Source
-from evaluation.studies.drive.requests import EMERGENCY
 from evaluation.studies.drive.study import Options, drive_all, prepare
 from evaluation.studies.drive.tables import DRIVE_COLUMNS, EVENT_COLUMNS
 from evaluation.studies.drive.verdicts import FALSE, UNDECIDED
@@ -28,6 +27,7 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.csv_files import read_csv
 from scenarios.recorded.dataset import Sequence
 from scenarios.recorded.vehicles import VEHICLES, Vehicle, vehicle_of
+from scenarios.sources.requests import EMERGENCY
 
 MAPS = Path(__file__).parents[4] / "scenarios" / "maps"
 SPEED_MPS = 10.0

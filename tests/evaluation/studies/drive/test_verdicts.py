@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED, Verdict, judge, stop_time_s
-from scenarios.brakes import BrakeConfig
+from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED, Verdict, judge
+from scenarios.brakes import BrakeConfig, stop_time_s
 from scenarios.recorded.dataset import Objects
 from scenarios.recorded.motion import EgoMotion, LabelMotion, RecordedMotion
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evaluation.studies.drive.verdicts import stop_time_s
-from scenarios.brakes import BrakeConfig
+from scenarios.brakes import BrakeConfig, stop_time_s
 from scenarios.sources.frames import Frame
 from smartmot.area import ego_extent
 from smartmot.decision.aeb import Event
