@@ -238,6 +238,13 @@ class Pipeline:
         )
         return PipelineState(tracker_state, rule_state), result
 
+    def area(
+        self, ego: EgoState, path: PlannedPath | None = None, localised: EgoState | None = None
+    ) -> MonitoredArea:
+        """The monitored area of a frame, in the frame of the detections; arguments as for `step`."""
+        on_map = None if localised is None else Alignment(ego, localised)
+        return self._area(ego, self._followed(path, on_map), on_map)
+
     def _followed(self, path: PlannedPath | None, on_map: Alignment | None) -> PlannedPath | None:
         """The planned path in the frame of the detections."""
         if path is not None and not self._follows_map:

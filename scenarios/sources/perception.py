@@ -85,6 +85,11 @@ class _FrameView(MapView):
         )
 
 
+def frame_view(frame: Frame) -> MapView:
+    """Map and route of a frame, looked for when they are asked for; `ScenarioError` where it has none."""
+    return _FrameView(frame)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class AreaPipelines:
     """Makes pipelines around one kind of monitored area.
@@ -115,7 +120,7 @@ class AreaPipelines:
             smartmot.maps.route.RouteError: the area needs a route, and the path runs on no driving lane of
                 the map.
         """
-        view = _FrameView(frame)
+        view = frame_view(frame)
         strategy = self.strategy(view)
         return Pipeline(strategy, self.config, view.route if self.path_from == "map" else None)
 

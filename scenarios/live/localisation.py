@@ -1,0 +1,140 @@
+"""Where vehicle and sensor are at the stamp of a frame, from odometry and transforms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scenarios.live.poses import RATE_WINDOW_S, PoseBuffer, VehiclePose
+from scenarios.live.settings import LiveSettings
+from scenarios.live.transforms import TransformTree
+from scenarios.ros.messages import OdometryMessage, TransformMessage
+from smartmot.types import FloatArray
+
+ODOMETRY, TRANSFORMS = "odometry", "transforms"
+"""Where poses come from."""
+
+ODOM_FRAME = "odom"
+"""Frame of the poses where there is no map (REP 105)."""
+
+_NS = 1e-9
+
+
+class Localisation:
+    """Knows pose and sensor, and says when there is nothing left to wait for.
+
+    Poses come from the odometry if there is any when the first frame has waited, else from the transforms.
+
+    Args:
+        settings: frames, sensor and times.
+
+    Attributes:
+        poses: of the odometry.
+        tree: of the transforms.
+        source: `ODOMETRY`, `TRANSFORMS`, or None as long as there is neither.
+        assumed: names of sensors that were taken to be at the vehicle's origin.
+    """
+
+    def __init__(self, settings: LiveSettings) -> None:
+        self.poses = PoseBuffer(settings.carry_s)
+        self.tree = TransformTree()
+        self.source: str | None = None
+        self.assumed: set[str] = set()
+        self._settings = settings
+        self._fixed = None if settings.sensor_pose is None else _flat(*settings.sensor_pose)
+        self._map_frame = settings.map_frame
+        self._nothing_came = False
+
+    @property
+    def frame_id(self) -> str:
+        """Frame of the poses."""
+        return (self.poses.frame_id if self.source == ODOMETRY else self._map_frame) or self._map_frame
+
+    @property
+    def base_frame(self) -> str:
+        """The vehicle's frame."""
+        return self.poses.child_frame_id or self._settings.base_frame
+
+    def add_odometry(self, message: OdometryMessage) -> None:
+        """Take an odometry."""
+        self.poses.add(message)
+        self._nothing_came = False
+
+    def add_transforms(self, message: TransformMessage, static: bool) -> None:
+        """Take transforms; see `TransformTree.add`."""
+        self.tree.add(message, static)
+        self._nothing_came = False
+
+    def forget_after(self, stamp_ns: int) -> None:
+        """Forget what is newer than a time, after that has gone back."""
+        self.poses.forget_after(stamp_ns)
+        self.tree.forget_after(stamp_ns)
+
+    def complete(self, sensor: str, stamp_ns: int) -> bool:
+        """Whether a frame need not wait: its sensor's place is known, and a pose that is not older."""
+        if not (sensor in self.assumed or self._sensor(sensor, stamp_ns) is not None):
+            return False
+        if self.source is None:
+            newest = self.poses.newest_ns
+            return self._nothing_came if newest is None else newest >= stamp_ns
+        newest = self.poses.newest_ns if self.source == ODOMETRY else self._newest_transform_ns()
+        return newest is not None and newest >= stamp_ns
+
+    def decide(self, sensor: str, stamp_ns: int) -> None:
+        """Settle for what is known now, after a frame has waited."""
+        if self.source is None:
+            if self.poses.newest_ns is not None:
+                self.source = ODOMETRY
+            elif self._newest_transform_ns() is not None:
+                self.source = TRANSFORMS
+            self._nothing_came = self.source is None
+        if self._sensor(sensor, stamp_ns) is None:
+            self.assumed.add(sensor)
+        else:
+            self.assumed.discard(sensor)
+
+    def pose(self, stamp_ns: int) -> VehiclePose | None:
+        """The vehicle's pose at a time; None: it is not known."""
+        if self.source == ODOMETRY:
+            return self.poses.at(stamp_ns)
+        newest = self._newest_transform_ns()
+        if self.source is None or newest is None:
+            return None
+        # two poses tell the rates; beyond the newest transform they are carried on as an odometry is
+        last = min(stamp_ns, newest)
+        found = PoseBuffer(self._settings.carry_s)
+        for time_ns in (last - round(RATE_WINDOW_S / _NS), last):
+            transform = self.tree.at(self._map_frame, self.base_frame, time_ns)
+            if transform is not None:
+                found.insert(time_ns, transform, None)
+        return found.at(stamp_ns)
+
+    def base_SE3_sensor(self, sensor: str, stamp_ns: int) -> FloatArray:  # noqa: N802
+        """(4, 4) pose of a sensor in the vehicle's frame; where nothing tells it, at the origin."""
+        known = self._sensor(sensor, stamp_ns)
+        return np.eye(4) if known is None else known
+
+    def _sensor(self, sensor: str, stamp_ns: int) -> FloatArray | None:
+        if self._fixed is not None:
+            return self._fixed
+        if sensor == self.base_frame:
+            return np.eye(4)
+        return self.tree.at(self.base_frame, sensor, stamp_ns, hold=True)
+
+    def _newest_transform_ns(self) -> int | None:
+        """Up to when the transforms tell the vehicle's pose; in `odom` where there is no map."""
+        newest = self.tree.newest_ns(self._map_frame, self.base_frame)
+        if newest is None and self.source is None:
+            newest = self.tree.newest_ns(ODOM_FRAME, self.base_frame)
+            if newest is not None:
+                self._map_frame = ODOM_FRAME
+        return newest
+
+
+def _flat(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> FloatArray:
+    """(4, 4) pose without roll and pitch."""
+    pose = np.eye(4)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    pose[:2, :2], pose[:3, 3] = ((c, -s), (s, c)), (x_m, y_m, z_m)
+    return pose

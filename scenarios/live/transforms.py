@@ -1,0 +1,167 @@
+"""The tree of transforms between frames, as `/tf` and `/tf_static` tell it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from scenarios.recorded.poses import rotation_matrix
+from scenarios.ros.messages import TransformMessage
+from smartmot.detection_input import MAX_POSITION_M
+from smartmot.types import FloatArray
+
+KEEP = 4096
+"""So many transforms of a frame are remembered at most: 10 s at 200 Hz, twice."""
+
+
+@dataclass(slots=True, eq=False)
+class _Edge:
+    """A frame in its parent's; static ones have one transform that holds at any time."""
+
+    parent: str
+    static: bool
+    stamps: list[int] = field(default_factory=list)
+    parent_SE3_child: list[FloatArray] = field(default_factory=list)  # noqa: N815
+
+    def add(self, stamp_ns: int, transform: FloatArray) -> None:
+        if self.static:
+            self.stamps, self.parent_SE3_child = [stamp_ns], [transform]
+            return
+        k = bisect_left(self.stamps, stamp_ns)
+        if k < len(self.stamps) and self.stamps[k] == stamp_ns:
+            return
+        self.stamps.insert(k, stamp_ns)
+        self.parent_SE3_child.insert(k, transform)
+        if len(self.stamps) > KEEP:
+            del self.stamps[: KEEP // 2], self.parent_SE3_child[: KEEP // 2]
+
+    def at(self, stamp_ns: int, hold: bool) -> FloatArray | None:
+        k = bisect_left(self.stamps, stamp_ns)
+        if self.static or (k < len(self.stamps) and self.stamps[k] == stamp_ns):
+            return self.parent_SE3_child[0 if self.static else k]
+        if 0 < k < len(self.stamps):
+            return between(
+                self.parent_SE3_child[k - 1],
+                self.parent_SE3_child[k],
+                (stamp_ns - self.stamps[k - 1]) / (self.stamps[k] - self.stamps[k - 1]),
+            )
+        return self.parent_SE3_child[0 if k == 0 else -1] if hold else None
+
+
+class TransformTree:
+    """Frames and their parents.
+
+    Attributes:
+        refused: transforms that are not finite, or of a frame to itself.
+    """
+
+    def __init__(self) -> None:
+        self.refused = 0
+        self._edges: dict[str, _Edge] = {}
+
+    def add(self, message: TransformMessage, static: bool) -> None:
+        """Remember the transforms of a message.
+
+        Args:
+            message: of `/tf` or `/tf_static`.
+            static: whether it is of `/tf_static`, whose transforms hold at any time.
+        """
+        rows = np.concatenate((message.position_m, message.quaternion), axis=1)
+        finite = (np.abs(rows) <= MAX_POSITION_M).all(axis=1) & message.quaternion.any(axis=1)
+        possible = finite.tolist()
+        for k, (parent, child) in enumerate(zip(message.frame_id, message.child_frame_id, strict=True)):
+            if not possible[k] or parent == child:
+                self.refused += 1
+                continue
+            edge = self._edges.get(child)
+            if edge is None or edge.parent != parent or edge.static != static:
+                edge = self._edges[child] = _Edge(parent, static)
+            transform = np.eye(4)
+            transform[:3, :3] = rotation_matrix(message.quaternion[k])
+            transform[:3, 3] = message.position_m[k]
+            edge.add(int(message.stamp_ns[k]), transform)
+
+    def forget_after(self, stamp_ns: int) -> None:
+        """Forget transforms newer than a time, after that has gone back; static ones stay."""
+        for child, edge in list(self._edges.items()):
+            if not edge.static:
+                cut = bisect_left(edge.stamps, stamp_ns + 1)
+                del edge.stamps[cut:], edge.parent_SE3_child[cut:]
+                if not edge.stamps:
+                    del self._edges[child]
+
+    def connected(self, dst: str, src: str) -> bool:
+        """Whether there is a way between two frames."""
+        return self._legs(dst, src) is not None
+
+    def newest_ns(self, dst: str, src: str) -> int | None:
+        """Up to when the transform between two frames is known.
+
+        None: there is no way between them, or all on it is static.
+        """
+        up, down = self._legs(dst, src) or ((), ())
+        moving = [self._edges[child] for child in (*up, *down) if not self._edges[child].static]
+        return min((edge.stamps[-1] for edge in moving), default=None)
+
+    def at(self, dst: str, src: str, stamp_ns: int, hold: bool = False) -> FloatArray | None:
+        """(4, 4) `dst_SE3_src` at a time.
+
+        Args:
+            dst: the one frame.
+            src: the other.
+            stamp_ns: when.
+            hold: take the first or the last transform where none is known that early or late.
+
+        Returns:
+            None: there is no way between the frames, or it is not known at that time.
+        """
+        legs = self._legs(dst, src)
+        if legs is None:
+            return None
+        sides = []
+        for leg in legs:
+            total = np.eye(4)
+            for child in leg:
+                transform = self._edges[child].at(stamp_ns, hold)
+                if transform is None:
+                    return None
+                total = transform @ total
+            sides.append(total)
+        return inverse(sides[0]) @ sides[1]
+
+    def _legs(self, dst: str, src: str) -> tuple[list[str], list[str]] | None:
+        """Frames from each of two up to their first common ancestor, without it."""
+        up, down = self._ancestors(dst), self._ancestors(src)
+        common = next((frame for frame in up if frame in down), None)
+        return None if common is None else (up[: up.index(common)], down[: down.index(common)])
+
+    def _ancestors(self, frame: str) -> list[str]:
+        line = [frame]
+        while (edge := self._edges.get(line[-1])) is not None and edge.parent not in line:
+            line.append(edge.parent)
+        return line
+
+
+def between(a: FloatArray, b: FloatArray, share: float) -> FloatArray:
+    """The (4, 4) pose between two: places move evenly, rotations turn about one axis at constant rate."""
+    pose = a + share * (b - a)
+    turn = Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).as_rotvec()
+    pose[:3, :3] = a[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
+    return pose
+
+
+def inverse(pose: FloatArray) -> FloatArray:
+    """The inverse of a rigid (4, 4) transform."""
+    back = np.eye(4)
+    back[:3, :3] = pose[:3, :3].T
+    back[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return back
+
+
+def placed(pose: FloatArray, point_m: FloatArray) -> FloatArray:
+    """(N, 3) points seen from another frame: `dst_SE3_src` applied to them."""
+    points: FloatArray = point_m @ pose[:3, :3].T + pose[:3, 3]
+    return points
