@@ -103,12 +103,12 @@ class Localisation:
             return None
         # two poses tell the rates; beyond the newest transform they are carried on as an odometry is
         last = min(stamp_ns, newest)
-        found = PoseBuffer(self._settings.carry_s)
+        samples = PoseBuffer(self._settings.carry_s)
         for time_ns in (last - round(RATE_WINDOW_S / _NS), last):
             transform = self.tree.at(self._map_frame, self.base_frame, time_ns)
             if transform is not None:
-                found.insert(time_ns, transform, None)
-        return found.at(stamp_ns)
+                samples.insert(time_ns, transform, None)
+        return samples.at(stamp_ns)
 
     def base_SE3_sensor(self, sensor: str, stamp_ns: int) -> FloatArray:  # noqa: N802
         """(4, 4) pose of a sensor in the vehicle's frame; where nothing tells it, at the origin."""

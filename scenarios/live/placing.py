@@ -80,14 +80,14 @@ def place(
 
 def _categories(message: DetectionMessage, classes: ClassMap, counts: Counts) -> tuple[list[str], BoolArray]:
     """Categories of the boxes that are road users, and (N,) which these are."""
-    found = [classes.get(name.lower()) for name in message.class_name.tolist()]
-    for name, category in zip(message.class_name.tolist(), found, strict=True):
+    names = [classes.get(name.lower()) for name in message.class_name.tolist()]
+    for name, category in zip(message.class_name.tolist(), names, strict=True):
         if category is None:
             counts.unknown_classes[name] += 1
         elif category == LEFT_OUT:
             counts.other_classes += 1
-    kept = np.array([bool(category) for category in found], dtype=np.bool_)
-    return [category for category in found if category], kept
+    kept = np.array([bool(category) for category in names], dtype=np.bool_)
+    return [category for category in names if category], kept
 
 
 def box_direction(quaternion: FloatArray) -> FloatArray:
