@@ -146,8 +146,9 @@ class LivePerception:
         self._now_ns = now_ns if self._now_ns is None else max(self._now_ns, now_ns)
         outputs: list[Output] = list(self._answers(self._now_ns))
         if self._now_ns >= self._status_ns:
-            outputs.append(self._status.status(self.counts, self._now_ns))
-            self._status_ns = max(self._status_ns, self._now_ns - _DIAGNOSTICS_NS) + _DIAGNOSTICS_NS
+            due_ns = self._now_ns - (self._now_ns - self._status_ns) % _DIAGNOSTICS_NS
+            outputs.append(self._status.status(self.counts, due_ns))
+            self._status_ns = due_ns + _DIAGNOSTICS_NS
         return outputs
 
     def finish(self) -> list[Output]:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scenarios.recorded.poses import rotation_matrix
 from scenarios.ros.messages import TransformMessage
 from smartmot.detection_input import MAX_POSITION_M
-from smartmot.types import BoolArray, FloatArray
+from smartmot.types import FloatArray
 
 KEEP = 4096
 """So many transforms of a frame are remembered at most: 10 s at 200 Hz, twice."""
@@ -70,9 +70,8 @@ class TransformTree:
             static: whether it is of `/tf_static`, whose transforms hold at any time.
         """
         rows = np.concatenate((message.position_m, message.quaternion), axis=1)
-        finite: BoolArray = (np.abs(rows) <= MAX_POSITION_M).all(axis=1)
-        turned: BoolArray = message.quaternion.any(axis=1)
-        possible = finite & turned
+        possible = np.abs(rows).max(axis=1, initial=0.0) <= MAX_POSITION_M
+        possible &= np.abs(message.quaternion).max(axis=1, initial=0.0) > 0.0
         for k, (parent, child) in enumerate(zip(message.frame_id, message.child_frame_id, strict=True)):
             if not possible[k] or parent == child:
                 self.refused += 1

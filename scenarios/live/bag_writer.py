@@ -1,0 +1,125 @@
+"""Bags of ROS 2 with what perception publishes, written without ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from scenarios.errors import DatasetError
+from scenarios.live.perception import Output
+from scenarios.live.published import PUBLISHED, MessageMaker, published_time_ns, rosbags_make
+from scenarios.ros.definitions import ros2_types
+from scenarios.ros.libraries import require_libraries
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
+
+STORAGES = ("mcap", "sqlite3")
+"""Storage plug-ins of rosbag2."""
+
+
+class BagWriter:
+    """Writes a bag, message by message, into a folder that is only there once it is complete.
+
+    Topics, types and their hashes, definitions, quality of service and numbers of messages stand in the bag
+    and its metadata.yaml. Equal outputs give equal bytes in MCAP.
+
+    How to use it::
+
+        with BagWriter(path) as bag:
+            for output in perception.take(message):
+                bag.write(output)
+
+    Args:
+        path: folder to be made.
+        storage: one of `STORAGES`.
+
+    Raises:
+        DatasetError: the folder is there already or cannot be written, the storage is unknown, or the extra
+            `ros` is not installed.
+
+    Attributes:
+        count: messages written so far.
+    """
+
+    def __init__(self, path: Path, storage: str = "mcap") -> None:
+        require_libraries()
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        if storage not in STORAGES:
+            raise DatasetError(f"storage: unknown {storage!r}; use one of: {', '.join(STORAGES)}")
+        if path.exists():
+            raise DatasetError(f"{path}: is there already; name another folder or remove it")
+        self.path, self.count = path, 0
+        self._types = ros2_types()
+        self._maker = MessageMaker(rosbags_make(self._types))
+        # rosbags names the file after the folder, which is therefore made inside another
+        self._scratch = path.parent / f".{path.name}.unfinished"
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        try:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            self._scratch.mkdir(parents=True)
+            self._writer = Writer(self._scratch / path.name, version=9, storage_plugin=plugin)
+            self._writer.open()
+        except OSError as error:
+            raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
+        self._connections = {
+            topic: self._writer.add_connection(
+                topic.name,
+                topic.type_name,
+                typestore=self._types,
+                offered_qos_profiles=[_quality(topic.depth)],
+            )
+            for topic in PUBLISHED
+        }
+
+    def write(self, output: Output) -> None:
+        """Write what is published of an output, at the time at which its detections were received."""
+        time_ns = published_time_ns(output)
+        for topic, message in self._maker.messages(output):
+            data = self._types.serialize_cdr(message, topic.type_name)
+            self._writer.write(self._connections[topic], time_ns, data)
+            self.count += 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish the bag; after an error nothing of it stays."""
+        try:
+            if kind is None:
+                if not self.count:  # rosbags would write the greatest of all times
+                    self._writer.min_timestamp = 0
+                self._writer.close()
+                (self._scratch / self.path.name).rename(self.path)
+            else:
+                with contextlib.suppress(Exception):  # the first error is the one to tell
+                    self._writer.abort()
+        except OSError as problem:
+            raise DatasetError(f"{self.path}: cannot be written ({problem.strerror or problem})") from None
+        finally:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+
+
+def _quality(depth: int) -> Qos:
+    """Quality of service as the topics have it: reliable, volatile, the last messages kept."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    # as rosbag2 writes unlimited times
+    unlimited = QosTime(9223372036, 854775807)
+    return Qos(
+        QosHistory.KEEP_LAST,
+        depth,
+        QosReliability.RELIABLE,
+        QosDurability.VOLATILE,
+        unlimited,
+        unlimited,
+        QosLiveliness.AUTOMATIC,
+        unlimited,
+        False,
+    )

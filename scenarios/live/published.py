@@ -1,0 +1,216 @@
+"""What perception publishes, as ROS messages: topics, types, and messages of any peer's classes.
+
+Sources: visualization_msgs, vision_msgs 4.x, std_msgs and diagnostic_msgs of ROS 2; topics of the PREMOVE
+document and of the SmartMOT authors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenarios.live.counts import Diagnostics
+from scenarios.live.outputs import FrameOutput, Marker, TrackedBoxes
+from scenarios.live.perception import Output
+from scenarios.ros.definitions import DETECTION_3D_ARRAY
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+NO_OBJECT_M = 50_000.0
+"""Distance of the nearest object on the wire where there is none (SmartMOT authors)."""
+
+DIAGNOSTIC_NAME = "smartmot: perception"
+
+_NS_PER_S = 1_000_000_000
+_MAX_ID = 2**31
+"""Numbers of markers are int32."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedTopic:
+    """A topic that perception publishes on, reliable and volatile.
+
+    Args:
+        name: default name.
+        type_name: of its messages.
+        depth: messages kept for a slow subscriber.
+    """
+
+    name: str
+    type_name: str
+    depth: int
+
+
+MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
+
+MARKERS = PublishedTopic("/tracked_objects", MARKER_ARRAY, 10)
+TRACKS = PublishedTopic("/smartmot/tracks", DETECTION_3D_ARRAY, 10)
+COLLISION = PublishedTopic("/t4ac/perception/monitors/predicted_collision", "std_msgs/msg/Bool", 20)
+NEAREST = PublishedTopic("/t4ac/perception/monitors/nearest_object_distance", "std_msgs/msg/Float64", 20)
+AREA = PublishedTopic("/t4ac/perception/monitors/individual_monitorized_area", MARKER_ARRAY, 20)
+DIAGNOSTICS = PublishedTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10)
+
+PUBLISHED = (MARKERS, TRACKS, COLLISION, NEAREST, AREA, DIAGNOSTICS)
+"""All of them."""
+
+Make = Callable[..., Any]
+"""Makes a message from the name of its type and its fields; those not given have their defaults."""
+
+
+class MessageMaker:
+    """Makes messages of what perception puts out.
+
+    Args:
+        make: makes one message, as `make("std_msgs/msg/Bool", data=True)`.
+        byte: a number as the peer's type for a field of type `byte`.
+    """
+
+    def __init__(self, make: Make, byte: Callable[[int], Any] = int) -> None:
+        self._make, self._byte = make, byte
+
+    def messages(self, output: Output) -> list[tuple[PublishedTopic, Any]]:
+        """Topics and messages of one output; without a decision there is no message of one."""
+        if isinstance(output, Diagnostics):
+            return [(DIAGNOSTICS, self._diagnostics(output))]
+        header = self._header(output.stamp_ns, output.frame_id)
+        made = [
+            (MARKERS, self._markers(output.markers, header)),
+            (TRACKS, self._tracks(output.tracks, header)),
+        ]
+        decision = output.decision
+        if decision is not None:
+            nearest_m = NO_OBJECT_M if decision.nearest_m is None else decision.nearest_m
+            made += [
+                (COLLISION, self._make(COLLISION.type_name, data=bool(decision.predicted_collision))),
+                (NEAREST, self._make(NEAREST.type_name, data=float(nearest_m))),
+                (AREA, self._markers(output.area_markers, header)),
+            ]
+        return made
+
+    def _header(self, stamp_ns: int, frame_id: str) -> Any:
+        sec, nanosec = divmod(stamp_ns, _NS_PER_S)
+        stamp = self._make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+    def _point(self, xyz: tuple[float, ...], name: str = "geometry_msgs/msg/Point") -> Any:
+        x, y, z = xyz
+        return self._make(name, x=x, y=y, z=z)
+
+    def _pose(self, position_m: tuple[float, ...], yaw_rad: float) -> Any:
+        turn = self._make(
+            "geometry_msgs/msg/Quaternion",
+            x=0.0,
+            y=0.0,
+            z=math.sin(0.5 * yaw_rad),
+            w=math.cos(0.5 * yaw_rad),
+        )
+        return self._make("geometry_msgs/msg/Pose", position=self._point(position_m), orientation=turn)
+
+    def _markers(self, markers: tuple[Marker, ...], header: Any) -> Any:
+        return self._make(MARKER_ARRAY, markers=[self._marker(marker, header) for marker in markers])
+
+    def _marker(self, marker: Marker, header: Any) -> Any:
+        red, green, blue, opacity = marker.colour
+        sec = int(marker.lifetime_s)
+        return self._make(
+            "visualization_msgs/msg/Marker",
+            header=header,
+            ns=marker.ns,
+            id=marker.marker_id % _MAX_ID,
+            type=marker.kind,
+            action=marker.action,
+            pose=self._pose(marker.position_m, marker.yaw_rad),
+            scale=self._point(marker.scale_m, "geometry_msgs/msg/Vector3"),
+            color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=opacity),
+            lifetime=self._make(
+                "builtin_interfaces/msg/Duration",
+                sec=sec,
+                nanosec=min(round((marker.lifetime_s - sec) * _NS_PER_S), _NS_PER_S - 1),
+            ),
+            points=[self._point(point) for point in marker.points_m],
+            text=marker.text,
+        )
+
+    def _tracks(self, tracks: TrackedBoxes, header: Any) -> Any:
+        rows = zip(
+            tracks.track_id.tolist(),
+            tracks.category.tolist(),
+            tracks.score.tolist(),
+            tracks.center_m.tolist(),
+            tracks.size_m.tolist(),
+            tracks.yaw_rad.tolist(),
+            strict=True,
+        )
+        detections = []
+        for number, name, score, center, size, yaw in rows:
+            pose = self._pose(center, yaw)
+            result = self._make(
+                "vision_msgs/msg/ObjectHypothesisWithPose",
+                hypothesis=self._make("vision_msgs/msg/ObjectHypothesis", class_id=name, score=score),
+                pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=pose),
+            )
+            box = self._make(
+                "vision_msgs/msg/BoundingBox3D",
+                center=pose,
+                size=self._point(size, "geometry_msgs/msg/Vector3"),
+            )
+            detections.append(
+                self._make(
+                    "vision_msgs/msg/Detection3D", header=header, results=[result], bbox=box, id=str(number)
+                )
+            )
+        return self._make(DETECTION_3D_ARRAY, header=header, detections=detections)
+
+    def _diagnostics(self, status: Diagnostics) -> Any:
+        values = [
+            self._make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in status.values
+        ]
+        made = self._make(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=self._byte(status.level),
+            name=DIAGNOSTIC_NAME,
+            message=status.message,
+            hardware_id="smartmot",
+            values=values,
+        )
+        header = self._header(status.stamp_ns, "")
+        return self._make(DIAGNOSTICS.type_name, header=header, status=[made])
+
+
+def published_time_ns(output: Output) -> int:
+    """When an output counts as published in a bag: when its detections were received."""
+    return output.received_ns if isinstance(output, FrameOutput) else output.stamp_ns
+
+
+def rosbags_make(types: Typestore) -> Make:
+    """Makes messages of a store of rosbags, whose classes know no defaults."""
+
+    @cache
+    def defaults(name: str) -> dict[str, Any]:
+        return {field: default(kind, what) for field, (kind, what) in types.fielddefs[name][1]}
+
+    def default(kind: Any, what: Any) -> Any:
+        if kind.name == "BASE":
+            return _BASE_DEFAULTS.get(what[0], 0)
+        if kind.name == "NAME":
+            return types.types[what](**defaults(what))
+        (inner_kind, inner), length = what
+        count = length if kind.name == "ARRAY" else 0
+        if inner_kind.name == "BASE" and inner[0] != "string":
+            return np.zeros(count, dtype=_DTYPES.get(inner[0], inner[0]))
+        return [default(inner_kind, inner) for _ in range(count)]
+
+    def make(name: str, /, **fields: Any) -> Any:
+        return types.types[name](**{**defaults(name), **fields})
+
+    return make
+
+
+_BASE_DEFAULTS = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_DTYPES = {"byte": "uint8", "octet": "uint8", "char": "uint8"}
