@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Self
 
 from scenarios.errors import DatasetError
 from scenarios.live.perception import Output
-from scenarios.live.published import PUBLISHED, MessageMaker, published_time_ns, rosbags_make
+from scenarios.live.published import MessageMaker, published_time_ns, rosbags_make
+from scenarios.live.topics import PUBLISHED
 from scenarios.ros.definitions import ros2_types
 from scenarios.ros.libraries import require_libraries
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,16 @@ import numpy as np
 from scenarios.live.counts import Diagnostics
 from scenarios.live.outputs import FrameOutput, Marker, TrackedBoxes
 from scenarios.live.perception import Output
+from scenarios.live.topics import (
+    AREA,
+    COLLISION,
+    DIAGNOSTICS,
+    MARKER_ARRAY,
+    MARKERS,
+    NEAREST,
+    TRACKS,
+    PublishedTopic,
+)
 from scenarios.ros.definitions import DETECTION_3D_ARRAY
 
 if TYPE_CHECKING:
@@ -31,33 +40,6 @@ _NS_PER_S = 1_000_000_000
 _MAX_ID = 2**31
 """Numbers of markers are int32."""
 
-
-@dataclass(frozen=True, slots=True)
-class PublishedTopic:
-    """A topic that perception publishes on, reliable and volatile.
-
-    Args:
-        name: default name.
-        type_name: of its messages.
-        depth: messages kept for a slow subscriber.
-    """
-
-    name: str
-    type_name: str
-    depth: int
-
-
-MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
-
-MARKERS = PublishedTopic("/tracked_objects", MARKER_ARRAY, 10)
-TRACKS = PublishedTopic("/smartmot/tracks", DETECTION_3D_ARRAY, 10)
-COLLISION = PublishedTopic("/t4ac/perception/monitors/predicted_collision", "std_msgs/msg/Bool", 20)
-NEAREST = PublishedTopic("/t4ac/perception/monitors/nearest_object_distance", "std_msgs/msg/Float64", 20)
-AREA = PublishedTopic("/t4ac/perception/monitors/individual_monitorized_area", MARKER_ARRAY, 20)
-DIAGNOSTICS = PublishedTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10)
-
-PUBLISHED = (MARKERS, TRACKS, COLLISION, NEAREST, AREA, DIAGNOSTICS)
-"""All of them."""
 
 Make = Callable[..., Any]
 """Makes a message from the name of its type and its fields; those not given have their defaults."""
