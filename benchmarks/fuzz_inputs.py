@@ -1,4 +1,4 @@
-"""Damages folders of runs and recorded detections at random and looks what the commands say of them.
+"""Damages folders of runs and recordings at random and looks what the commands say of them.
 
     python -m benchmarks.fuzz_inputs --cases 10000 --seed 1
 
@@ -41,7 +41,8 @@ from evaluation.results.logs import LOG_COLUMNS, read_log, write_log
 from evaluation.results.rows import write_runs
 from evaluation.runs.configuration import configuration_of, read_configuration
 
-FIELD = Path(__file__).parents[1] / "tests" / "data" / "field" / "runs" / "good"
+DATA = Path(__file__).parents[1] / "tests" / "data"
+FIELD = DATA / "field" / "runs" / "good"
 LOG = "cpna_paper_map_dry_none_50kmh_seed0"
 INPUTS = "inputs"
 """Folder in the folder of a base that has what is damaged."""
@@ -168,6 +169,60 @@ def _csv(folder: Path) -> None:
     (folder / "ego.csv").write_text("\n".join(["sequence,stamp_s,x_m,y_m,yaw_rad", *poses, ""]))
 
 
+def _parquet(folder: Path) -> None:
+    """The same tables as Parquet files."""
+    _csv(folder)
+    for path in sorted(folder.glob("*.csv")):
+        pd.read_csv(path).to_parquet(path.with_suffix(".parquet"))
+        path.unlink()
+
+
+def _argoverse(folder: Path) -> None:
+    """A log with labels, detections, poses and a map of one lane."""
+    stamps = [10**15 + 100_000_000 * k for k in range(_FRAMES)]
+    turn = {"qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
+    boxes = [
+        {"timestamp_ns": t, "category": kind, "length_m": 4.2, "width_m": 1.8, "height_m": 1.5}
+        | turn
+        | {"tx_m": x, "ty_m": 1.0, "tz_m": 0.8}
+        for t in stamps
+        for kind, x in (("REGULAR_VEHICLE", 20.0), ("PEDESTRIAN", 30.0), ("BOLLARD", 5.0))
+    ]
+    labels = [
+        box | {"track_uuid": box["category"].lower(), "num_interior_pts": k % 3}
+        for k, box in enumerate(boxes)
+    ]
+    poses = [
+        {"timestamp_ns": t} | turn | {"tx_m": 1.0 * k, "ty_m": 0.0, "tz_m": 0.0} for k, t in enumerate(stamps)
+    ]
+    for name, rows in (
+        ("annotations", labels),
+        ("detections", [box | {"score": 0.8} for box in boxes]),
+        ("city_SE3_egovehicle", poses),
+    ):
+        pd.DataFrame(rows).to_feather(folder / f"{name}.feather")
+    left, right = ([{"x": x, "y": y, "z": 0.0} for x in (-50.0, 80.0)] for y in (1.75, -1.75))
+    lane = {
+        "id": 1, "is_intersection": False, "lane_type": "VEHICLE", "left_lane_boundary": left,
+        "right_lane_boundary": right, "left_lane_mark_type": "DASHED_WHITE",
+        "right_lane_mark_type": "SOLID_WHITE", "successors": [2], "predecessors": [],
+        "left_neighbor_id": None, "right_neighbor_id": None,
+    }  # fmt: skip
+    street = [{"x": x, "y": y, "z": 0.0} for x, y in ((-50.0, -3.0), (80.0, -3.0), (80.0, 3.0), (-50.0, 3.0))]
+    content = {
+        "lane_segments": {"1": lane},
+        "drivable_areas": {"1": {"area_boundary": street, "id": 1}},
+        "pedestrian_crossings": {"5": {"edge1": street[:2], "edge2": street[2:], "id": 5}},
+    }
+    (folder / "map").mkdir()
+    (folder / "map" / "log_map_archive_here.json").write_text(json.dumps(content))
+
+
+def _simbev(folder: Path) -> None:
+    """Two scenes, their labels in both forms."""
+    shutil.copytree(DATA / "simbev", folder, dirs_exist_ok=True)
+
+
 def _kitti(folder: Path) -> None:
     """AB3DMOT's detections, KITTI's labels, calibration, poses and times."""
     size = "1.5,1.8,4.2"
@@ -195,15 +250,31 @@ _OF_RUNS = (
     ("plot", "DIR"),
 )
 _MOT = ("mot", "DIR", "--out", "OUT")
+_DRIVE = ("drive", "DIR", "--out", "OUT", "--no-page", "--strategy", "all")
 
+
+def _recorded(form: str, *drives: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Commands on recordings of a format."""
+    return (
+        (*_MOT, "--format", form),
+        *((*_DRIVE, "--format", form, *further) for further in drives or ((),)),
+    )
+
+
+_LABELS = ("--detections", "labels")
 BASES = (
     Base("run folder", _runs, _OF_RUNS, (90, 6, 4)),
     Base("run folder of 0.1.0", _first_runs, _OF_RUNS, (90, 6, 4)),
     Base("nuScenes", _nuscenes, ((*_MOT, "--format", "nuscenes"),), (1,)),
-    Base("nuScenes tables", _nuscenes_tables, ((*_MOT, "--format", "nuscenes"),), (1,)),
-    Base("CSV", _csv, ((*_MOT, "--format", "csv"),), (1,)),
-    Base("KITTI", _kitti, ((*_MOT, "--format", "kitti"),), (1,)),
+    Base("nuScenes tables", _nuscenes_tables, _recorded("nuscenes", _LABELS), (1, 1)),
+    Base("CSV", _csv, _recorded("csv"), (1, 1)),
+    Base("Parquet", _parquet, _recorded("csv", _LABELS), (1, 1)),
+    Base("KITTI", _kitti, _recorded("kitti"), (1, 1)),
+    Base("Argoverse 2", _argoverse, _recorded("argoverse", (), ("--strategy", "map", *_LABELS)), (1, 1, 1)),
+    Base("SimBEV", _simbev, _recorded("simbev"), (1, 1)),
 )
+SHARES = (5, 2, 1, 1, 1, 1, 1, 1, 1)
+"""How often each of them is drawn: run folders in half of the cases."""
 
 
 # ---- damage ------------------------------------------------------------------------------------------------
@@ -255,8 +326,8 @@ def damage_structure(path: Path, rng: random.Random) -> None:
     """Change what a file says, so that it can still be parsed."""
     if path.suffix == ".json":
         path.write_text(_damaged_json(path.read_text(), rng))
-    elif path.suffix == ".parquet":
-        _damage_log(path, rng)
+    elif path.suffix in (".parquet", ".feather"):
+        _damage_columns(path, rng)
     else:
         path.write_text(
             _damaged_table(path.read_text(), rng, "," if path.suffix == ".csv" else None), newline=""
@@ -338,42 +409,47 @@ def _damaged_table(text: str, rng: random.Random, separator: str | None) -> str:
     return "\n".join((separator or " ").join(row) for row in rows) + "\n"
 
 
-def _damage_log(path: Path, rng: random.Random) -> None:
-    """Columns of another kind, values that cannot be, rows that are missing; without a checksum."""
-    log = pd.read_parquet(path)
+_NAMES = ("kind", "category", "label", "track_uuid", "sequence")
+"""Columns that hold texts."""
+
+
+def _damage_columns(path: Path, rng: random.Random) -> None:
+    """Columns of another kind, values that cannot be, rows that are missing; of a log without a checksum."""
+    feather = path.suffix == ".feather"
+    table = pd.read_feather(path) if feather else pd.read_parquet(path)
     for _ in range(rng.randint(1, 3)):
-        name = rng.choice(list(log.columns))
+        name = rng.choice(list(table.columns))
         match rng.randrange(8):
             case 0:
-                log = log.drop(columns=name) if len(log.columns) > 1 else log
+                table = table.drop(columns=name) if len(table.columns) > 1 else table
             case 1:
-                log = log.rename(columns={name: rng.choice(_TEXTS)})
+                table = table.rename(columns={name: rng.choice(_TEXTS)})
             case 2:
-                log[name] = log[name].astype(str)
+                table[name] = table[name].astype(str)
             case 3:
-                log[name] = rng.choice(
+                table[name] = rng.choice(
                     (0, 1.0, True, "x", None, 1e308, -1e308, float("nan"), float("inf"), 2**62)
                 )
-            case 4 | 5 if len(log):
-                column = log[name].astype(object).tolist()
-                number = name not in ("kind", "category", "label")
+            case 4 | 5 if len(table):
+                column = table[name].astype(object).tolist()
                 value = (
-                    rng.choice((0.0, -1.0, 1e308, -1e308, float("nan"), float("inf"), 1e-320))
-                    if number
-                    else rng.choice(("", "ego", "x", "event", "track", "\0", None, "x" * 300))
+                    rng.choice(("", "ego", "x", "event", "track", "\0", None, "x" * 300))
+                    if name in _NAMES
+                    else rng.choice((0.0, -1.0, 1e308, -1e308, float("nan"), float("inf"), 1e-320))
                 )
                 column[rng.randrange(len(column))] = value
-                log[name] = column
-            case 6:
-                log = (
-                    log[log["kind"] != rng.choice(("ego", "actor", "event", "track"))]
-                    if "kind" in log
-                    else log
-                )
+                table[name] = column
+            case 6 if "kind" in table:
+                table = table[table["kind"] != rng.choice(("ego", "actor", "event", "track"))]
             case _:
-                log = log.iloc[: rng.randrange(len(log) + 1)] if rng.random() < 0.5 else log.iloc[::-1]
+                table = (
+                    table.iloc[: rng.randrange(len(table) + 1)] if rng.random() < 0.5 else table.iloc[::-1]
+                )
     with contextlib.suppress(Exception):  # what cannot be written is no case
-        log.to_parquet(path)
+        if feather:
+            table.reset_index(drop=True).to_feather(path)
+        else:
+            table.to_parquet(path)
 
 
 # ---- cases -------------------------------------------------------------------------------------------------
@@ -421,14 +497,13 @@ def carry_out(case: int, seed: int, bases: list[Path], folder: Path) -> Result:
         folder: empty; for the copy and what the command writes.
     """
     rng = random.Random(f"{seed} {case}")
-    # half of the cases are run folders
-    number = rng.choices(range(len(BASES)), (3, 1, 1, 1, 1, 1))[0]
+    number = rng.choices(range(len(BASES)), SHARES)[0]
     base = BASES[number]
     damaged = folder / INPUTS
     shutil.copytree(bases[number], damaged)
     files = sorted(path for path in damaged.rglob("*") if path.is_file())
     if case % 2:
-        files = [path for path in files if path.suffix in (".json", ".csv", ".txt", ".parquet")]
+        files = [path for path in files if path.suffix != ".bin"]
         damage_structure(rng.choice(files), rng)
     else:
         damage_bytes(rng.choice(files), rng)

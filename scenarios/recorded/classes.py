@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.recorded.dataset import LEFT_OUT
-from scenarios.recorded.textfile import TextTable, read_headed_table
+from scenarios.recorded.textfile import TextTable, is_given, read_headed_table
 from smartmot.types import CATEGORIES, StrArray
 
 CLASSES_CSV = "classes.csv"
@@ -37,7 +37,7 @@ def read_classes(folder: Path, own: ClassMap) -> ClassMap:
         DatasetError: The file is wrong; the message names file, line and field.
     """
     path = folder / CLASSES_CSV
-    if not path.is_file():
+    if not is_given(path):
         return own
     table = read_headed_table(path, ("class", "category"), ())
     allowed = (*CATEGORIES, LEFT_OUT)

@@ -24,11 +24,11 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, read_classes, require_categories
-from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished
+from scenarios.recorded.dataset import HEIGHT_M, Dataset, Objects, Sequence, finished, require_seconds
 from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
 from scenarios.recorded.tables.columns import CLASSES, Columns, fill_sizes, read_mapped
 from scenarios.recorded.tables.parquet import SUFFIX, read_parquet_table
-from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_headed_table
+from scenarios.recorded.textfile import MAX_FRAMES, TextTable, is_given, read_headed_table
 from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
@@ -88,7 +88,7 @@ def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
         tables = {"detections": _table(path, _BOX, classes, frame_s)}
     for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, (*_STILL, "yaw_rad"))):
         file = stored(path.parent, name)
-        if name not in tables and file.is_file() and file != path:
+        if name not in tables and file != path and is_given(file):
             tables[name] = _table(file, needed, classes, frame_s)
     if EGO not in tables and len({_stands_still(table) for table in tables.values()}) > 1:
         raise DatasetError(f"{path.parent}: detections and labels are in different frames; {EGO} is needed")
@@ -105,7 +105,7 @@ def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
 def stored(folder: Path, name: str) -> Path:
     """A file of the layout in a folder: the CSV file, or the Parquet file if there is that one alone."""
     parquet = (folder / name).with_suffix(SUFFIX)
-    return parquet if parquet.is_file() and not (folder / name).is_file() else folder / name
+    return parquet if not is_given(folder / name) and is_given(parquet) else folder / name
 
 
 def _table(path: Path, needed: Collection[str], classes: ClassMap, frame_s: float) -> TextTable:
@@ -128,6 +128,7 @@ def _completed(table: TextTable, classes: ClassMap, frame_s: float) -> TextTable
     if time == "frame":
         table.require(np.abs(table["frame"]) < MAX_FRAMES, "frame", f"must be under {MAX_FRAMES}")
     table.columns["time_s"] = table[time] if time == "stamp_s" else table.whole("frame") * frame_s
+    require_seconds(str(table.path), table["time_s"])
     table.columns.setdefault("sequence", np.full(len(table), "0"))
     if "category" in table:
         rule = f"must be one of {', '.join(CATEGORIES)}, or stand in {CLASSES_CSV}"
@@ -155,7 +156,7 @@ def _sequence(name: str, tables: dict[str, TextTable], frame_s: float, of_ego: b
     detected_s = detections["time_s"]
     stamp_s, frame = _frames(detected_s)
     labelled_s = None
-    if np.all(np.diff(stamp_s) > 0.0):  # the tracker refuses other times
+    if np.all(stamp_s[1:] > stamp_s[:-1]):  # the tracker refuses other times
         if len(stamp_s) and "stamp_s" not in detections:
             # numbers that are left out are frames without detections
             stamp_s = np.arange(detections["frame"][0], detections["frame"][-1] + 1.0) * frame_s
@@ -165,7 +166,7 @@ def _sequence(name: str, tables: dict[str, TextTable], frame_s: float, of_ego: b
             labelled_s = _snapped(parts[LABELS]["time_s"], stamp_s)
             stamp_s = np.union1d(stamp_s, labelled_s)
         frame = np.searchsorted(stamp_s, detected_s)
-    pose = _poses(parts[EGO], stamp_s) if EGO in parts else None
+    pose = _poses(name, parts[EGO], stamp_s) if EGO in parts else None
     labels = None
     if labelled_s is not None:
         labels = _objects(parts[LABELS], np.searchsorted(stamp_s, labelled_s), pose)
@@ -183,7 +184,7 @@ def _frames(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
     """Times of the frames in the order of the file, and the frame of each row: rows of one time in a run."""
     if not len(time_s):
         return np.zeros(0), np.zeros(0, dtype=np.int64)
-    new = np.concatenate(([True], np.diff(time_s) != 0.0))
+    new = np.concatenate(([True], time_s[1:] != time_s[:-1]))
     return time_s[new], np.cumsum(new) - 1
 
 
@@ -210,7 +211,9 @@ def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None
     """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
     columns = {name: table[name] for name in ("category", "kind", "score", "height_m") if name in table}
     if "z_m" in table:
-        columns["bottom_m"] = table["z_m"] - 0.5 * columns.get("height_m", np.full(len(table), HEIGHT_M))
+        height = columns.get("height_m", np.full(len(table), HEIGHT_M))
+        with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
+            columns["bottom_m"] = table["z_m"] - 0.5 * height
     if "vx_mps" in table and "vy_mps" in table:
         columns["velocity_mps"] = table.stacked("vx_mps", "vy_mps")
     if "track_id" in table:
@@ -229,11 +232,14 @@ def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None
     return Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
 
 
-def _poses(table: TextTable, stamp_s: FloatArray) -> FloatArray:
+def _poses(name: str, table: TextTable, stamp_s: FloatArray) -> FloatArray:
     """(F, 4, 4) poses of the vehicle at the frames, linear between the given times."""
     time = table["time_s"]
-    if len(time) == 0 or np.any(np.diff(time) <= 0.0):
-        raise DatasetError(f"{table.path}: times must rise within a sequence")
+    if not len(time):
+        raise DatasetError(f"{table.path}: no poses of sequence {name!r}")
+    late = np.flatnonzero(time[1:] <= time[:-1]) + 1
+    if len(late):
+        raise DatasetError(f"{table.path}:{table.line[late[0]]}: times must rise within a sequence")
     early = stamp_s.min(initial=np.inf) < time[0] - SAME_FRAME_S
     late = stamp_s.max(initial=-np.inf) > time[-1] + SAME_FRAME_S
     if early or late:
@@ -243,7 +249,7 @@ def _poses(table: TextTable, stamp_s: FloatArray) -> FloatArray:
     table.require_finite("x_m", "y_m", "yaw_rad")
     # unwrapped, a heading goes the short way over 180 degrees
     yaw = np.interp(stamp_s, time, np.unwrap(table["yaw_rad"]))
-    place = [np.interp(stamp_s, time, table[name]) for name in _STILL]
+    place = [np.interp(stamp_s, time, table[column]) for column in _STILL]
     return rigid(turned_about(2, yaw), np.column_stack((*place, np.zeros(len(stamp_s)))))
 
 

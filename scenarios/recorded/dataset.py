@@ -41,7 +41,8 @@ from smartmot.detection_input import (
     MIN_SIZE_M,
     measured_velocities,
 )
-from smartmot.types import BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray
+from smartmot.errors import StampError
+from smartmot.types import BoolArray, Boxes, Detections, FloatArray, IntArray, StrArray, seconds
 
 _LONGEST_NUMBER = 16
 """A name with so many digits is a token, not a number."""
@@ -272,6 +273,8 @@ def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) 
     One scale holds for a whole data set: if any score lies outside [0, 1], all are taken for log odds, which
     is what detectors put out before their last sigmoid.
     """
+    for sequence in sequences:
+        require_seconds(f"sequence {sequence.name}", sequence.stamp_s)
     kept = [_possible(sequence) for sequence in sequences]
     rejected = sum(len(a.detections) - len(b.detections) for a, b in zip(sequences, kept, strict=True))
     lowest = min((s.detections.score.min() for s in kept if len(s.detections)), default=0.0)
@@ -284,7 +287,31 @@ def finished(kind: str, sequences: list[Sequence], notes: tuple[str, ...] = ()) 
         notes += (f"frames are {np.median(steps):g} s apart: are the times in seconds?",)
     to_scale = probability if as_log_odds else _within_bounds
     scaled = (replace(s, detections=replace(s.detections, score=to_scale(s.detections.score))) for s in kept)
-    return Dataset(kind, tuple(scaled), rejected, as_log_odds, notes)
+    return Dataset(kind, tuple(scaled), rejected, as_log_odds, (*notes, *_label_notes(sequences)))
+
+
+def require_seconds(what: str, stamp_s: FloatArray) -> None:
+    """Demand times that are finite and in seconds.
+
+    Raises:
+        DatasetError: One is not; the message begins with `what`.
+    """
+    try:
+        for extreme_s in (stamp_s.min(initial=0.0), stamp_s.max(initial=0.0)):
+            seconds(float(extreme_s), what)
+    except StampError as error:
+        raise DatasetError(str(error)) from None
+
+
+def _label_notes(sequences: list[Sequence]) -> list[str]:
+    """Lines about labels that are left out or doubtful."""
+    labels = [s.labels for s in sequences if s.labels is not None]
+    impossible = sum(int((~each.usable()).sum()) for each in labels)
+    twice = sum(map(_labelled_again, labels))
+    notes = [f"{impossible} impossible labels left out"] if impossible else []
+    if twice:
+        notes.append(f"{twice} labels are of an object that has another label in the same frame")
+    return notes
 
 
 def labels_as_detections(data: Dataset) -> Dataset:
@@ -313,12 +340,23 @@ def _within_bounds(score: FloatArray) -> FloatArray:
 def _possible(sequence: Sequence) -> Sequence:
     """The sequence without impossible boxes, also among the labels, and without impossible velocities."""
     labels = sequence.labels
-    detections = sequence.detections[sequence.detections.usable()]
     return replace(
         sequence,
-        detections=replace(detections, velocity_mps=measured_velocities(detections.velocity_mps)),
-        labels=None if labels is None else labels[labels.usable()],
+        detections=_with_velocities(sequence.detections[sequence.detections.usable()]),
+        labels=None if labels is None else _with_velocities(labels[labels.usable()]),
     )
+
+
+def _with_velocities(objects: Objects) -> Objects:
+    """The objects with velocities that can be, or none."""
+    return replace(objects, velocity_mps=measured_velocities(objects.velocity_mps))
+
+
+def _labelled_again(labels: Objects) -> int:
+    """How many labels are of an object that has another in the same frame."""
+    order = np.lexsort((labels.frame, labels.object_id))
+    same = (np.diff(labels.frame[order]) == 0) & (np.diff(labels.object_id[order]) == 0)
+    return int(same.sum())
 
 
 __getattr__ = _smartmot.renamed(__name__, {"MAX_FRAMES": "scenarios.recorded.textfile.MAX_FRAMES"})

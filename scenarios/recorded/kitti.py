@@ -20,16 +20,25 @@ Source: KITTI tracking devkit, readme.txt; AB3DMOT, docs/KITTI.md.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from scenarios.errors import DatasetError
+from scenarios.reading import shown
 from scenarios.recorded.camera import from_camera, image_boxes, to_camera
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes, require_categories
 from scenarios.recorded.dataset import Camera, Dataset, Objects, Sequence, finished
 from scenarios.recorded.kitti_poses import read_matrix, read_poses
-from scenarios.recorded.textfile import MAX_FRAMES, TextTable, read_table, read_text
+from scenarios.recorded.textfile import (
+    MAX_FRAMES,
+    TextTable,
+    is_given,
+    is_given_folder,
+    read_table,
+    read_text,
+)
 from smartmot.geometry import wrap_angle
 from smartmot.types import FloatArray, IntArray
 
@@ -74,6 +83,8 @@ FRAME_S = 0.1
 MAX_TRUNCATION, MAX_OCCLUSION = 0, 2
 """Labels beyond these are ignored (KITTI tracking evaluation)."""
 
+_COUNT = re.compile(r"[0-9]{1,18}")
+
 
 def read_kitti(folder: Path) -> Dataset:
     """Read a folder in the layout above.
@@ -101,16 +112,25 @@ def read_kitti(folder: Path) -> Dataset:
 def _sequence_map(folder: Path) -> dict[str, int]:
     """Frames per sequence; empty without a seqmap."""
     path = folder / "seqmap.txt"
-    if not path.exists():
+    if not is_given(path):
         return {}
     lengths: dict[str, int] = {}
     for number, line in enumerate(read_text(path).splitlines(), 1):
         fields = line.split()
         if not fields:
             continue
-        if len(fields) != 4 or not fields[2].isdigit() or not fields[3].isdigit():
-            raise DatasetError(f"{path}:{number}: expected 'name empty first_frame frames', got {line!r}")
-        lengths[fields[0]] = int(fields[3])
+        if len(fields) != 4 or not all(map(_COUNT.fullmatch, fields[2:])):
+            raise DatasetError(
+                f"{path}:{number}: expected 'name empty first_frame frames', got {shown(line)}"
+            )
+        name, frames = fields[0], int(fields[3])
+        if "/" in name or "\\" in name or "\0" in name:
+            raise DatasetError(f"{path}:{number}: {shown(name)} is no name of a sequence")
+        if frames > MAX_FRAMES:
+            raise DatasetError(f"{path}:{number}: {frames} frames, {MAX_FRAMES} at most expected")
+        if name in lengths:
+            raise DatasetError(f"{path}:{number}: sequence {shown(name)} is there twice")
+        lengths[name] = frames
     return lengths
 
 
@@ -134,7 +154,7 @@ def _read_sequence(
     tables = [_detection_table(path) for path in files]
     label_path = folder / "label_02" / f"{name}.txt"
     label_table = None
-    if label_path.parent.is_dir():
+    if is_given_folder(label_path.parent):
         label_table = read_table(label_path, TRACKING_COLUMNS, ("type",), optional=1)
     poses = read_poses(folder, name)
     times = _read_times(folder / "times" / f"{name}.txt")
@@ -151,7 +171,7 @@ def _read_sequence(
     if label_table is not None:
         labels = _labels(label_table, length, pose, classes)
         dont_care = _dont_care(label_table)
-    if calibration.parent.is_dir():
+    if is_given_folder(calibration.parent):
         camera = Camera(read_matrix(calibration, ("P2",), (3, 4)), *dont_care)
     return Sequence(
         name=name,
@@ -267,7 +287,7 @@ def _joined(parts: list[Objects]) -> Objects:
 
 def _read_times(path: Path) -> FloatArray | None:
     """(F,) seconds; None without the folder."""
-    if not path.parent.is_dir():
+    if not is_given_folder(path.parent):
         return None
     table = read_table(path, ["stamp_s"])
     table.require_finite("stamp_s")

@@ -13,7 +13,7 @@ import numpy as np
 from scenarios.errors import DatasetError
 from scenarios.recorded.camera import EGO_R_CAMERA
 from scenarios.recorded.poses import homogeneous, rigid, turned_about
-from scenarios.recorded.textfile import read_table, read_text
+from scenarios.recorded.textfile import is_given_folder, read_table, read_text
 from smartmot.types import FloatArray
 
 MAX_ROTATION_ERROR = 1e-3
@@ -42,9 +42,9 @@ def read_poses(folder: Path, name: str) -> FloatArray | None:
     Raises:
         DatasetError: A file is missing or wrong.
     """
-    if (folder / "ego_pose").is_dir():
+    if is_given_folder(folder / "ego_pose"):
         camera = _camera_poses(folder / "ego_pose" / f"{name}.txt")
-    elif (folder / "oxts").is_dir():
+    elif is_given_folder(folder / "oxts"):
         camera = _recorded_poses(folder / "oxts" / f"{name}.txt", folder / "calib" / f"{name}.txt")
     else:
         return None

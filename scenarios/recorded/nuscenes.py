@@ -6,6 +6,7 @@ the folder, or in a folder `v1.0-*` in it), or a small file `frames.csv` with th
 and stamp_s. Without either the samples are one recording at 2 Hz, in the file's order. With the tables
 sample_annotation, instance and category there are labels; with sample_data, ego_pose, calibrated_sensor and
 sensor there are ego poses (those of LIDAR_TOP's key frames). Tables with labels need no file of detections.
+Annotated categories that the detection challenge leaves out are counted; `classes.csv` can give them one.
 
 Boxes are in the global frame: translation is the centre, size is width, length, height, rotation a quaternion
 w, x, y, z. Source: nuscenes-devkit, eval/detection and eval/tracking README, docs/schema_nuscenes.md.
@@ -16,10 +17,10 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from scenarios.reading import shown
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes
 from scenarios.recorded.dataset import LEFT_OUT, Dataset, Objects, Sequence, finished
 from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix
-from scenarios.recorded.textfile import read_headed_table, read_json
+from scenarios.recorded.textfile import is_given, read_headed_table, read_json
 from smartmot.types import CATEGORIES, FloatArray, StrArray
 
 CATEGORY_OF_CLASS = {
@@ -99,6 +100,7 @@ Boxes = list[tuple[int, Any]]
 Annotations = dict[str, list[tuple[int, str, dict[str, Any]]]]
 """Annotated road users by sample: number of the instance, class and record."""
 
+_T = TypeVar("_T")
 
 _ABSENT = object()
 """In place of a field that a record does not have; what it has may be None."""
@@ -181,6 +183,11 @@ def _records(folder: Path, name: str) -> list[dict[str, Any]]:
         raise DatasetError(f"{path}: expected a list of records")
     for index, record in enumerate(records):
         _require(record, _FIELDS[name], path, "record", index)
+    known: set[str] = set()
+    for token in (record["token"] for record in records if "token" in _FIELDS[name]):
+        if token in known:
+            raise DatasetError(f"{path}: token {token!r} is there twice")
+        known.add(token)
     return records
 
 
@@ -199,8 +206,8 @@ def read_nuscenes(folder: Path) -> Dataset:
     notes: list[str] = []
     scenes = _scenes(path, results, tables, notes)
     classes = read_classes(place, CATEGORY_OF_CLASS)
-    annotations = _annotations(tables) if tables else {}
-    poses = _ego_poses(tables) if tables else {}
+    annotations = _annotations(tables, classes, scenes, notes) if tables else {}
+    poses = _ego_poses(tables, notes) if tables else {}
     sequences, absent = [], 0
     for scene, samples in scenes.items():
         tokens = [token for token, _ in samples]
@@ -209,7 +216,6 @@ def read_nuscenes(folder: Path) -> Dataset:
             continue
         absent += missing
         boxes = [(k, box) for k, token in enumerate(tokens) for box in _boxes(path, results, token)]
-        pose = [poses.get(token) for token in tokens]
         sequences.append(
             Sequence(
                 name=scene,
@@ -217,7 +223,7 @@ def read_nuscenes(folder: Path) -> Dataset:
                 frame_name=tuple(tokens),
                 detections=_detections(path, tokens, boxes, classes),
                 labels=_labels(tokens, annotations, classes) if annotations else None,
-                world_SE3_ego=None if any(p is None for p in pose) else np.array(pose),
+                world_SE3_ego=_poses_at(tables, scene, tokens, poses),
             )
         )
     if absent:
@@ -230,7 +236,7 @@ def _scenes(path: Path, results: dict[str, Any], tables: Path | None, notes: lis
     times = path.parent / FRAMES_CSV
     if tables:
         scenes = _scenes_of_tables(tables)
-    elif times.is_file():
+    elif is_given(times):
         scenes = _scenes_of_csv(times)
     else:
         scenes = {path.stem: [(token, k * FRAME_S) for k, token in enumerate(results)]}
@@ -275,19 +281,26 @@ def _results_file(folder: Path, table_folder: Path | None) -> Path | None:
 def _table_folder(folder: Path) -> Path | None:
     """Where sample.json is; None when there is none."""
     for place in (folder, *sorted(folder.glob("v1.0-*"))):
-        if (place / "sample.json").is_file():
+        if is_given(place / "sample.json"):
             return place
     return None
 
 
 def _has_tables(folder: Path, names: Iterable[str]) -> bool:
-    return all((folder / f"{name}.json").is_file() for name in names)
+    return not _missing_tables(folder, names)
+
+
+def _missing_tables(folder: Path, names: Iterable[str]) -> list[str]:
+    return [f"{name}.json" for name in names if not is_given(folder / f"{name}.json")]
 
 
 def _scenes_of_tables(folder: Path) -> Scenes:
     """Scenes from nuScenes' tables; times there are microseconds."""
     names = {scene["token"]: scene["name"] for scene in _records(folder, "scene")}
     scenes: Scenes = {name: [] for name in names.values()}
+    if len(scenes) < len(names):
+        name = Counter(names.values()).most_common(1)[0][0]
+        raise DatasetError(f"{folder / 'scene.json'}: scene {name!r} is there twice")
     for sample in _records(folder, "sample"):
         name = names.get(sample["scene_token"])
         if name is None:
@@ -352,12 +365,14 @@ def _array(values: list[Any], width: int | None = None) -> FloatArray:
 def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.ndarray) -> Objects:
     """Boxes of nuScenes in the world frame, of the classes that have a category."""
     place, size = (_array([box[name] for _, box in boxes], 3) for name in ("translation", "size"))
+    with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later
+        bottom = place[:, 2] - 0.5 * size[:, 2]
     return Objects.of(
         np.array([frame for frame, _ in boxes], dtype=np.int64),
         place[:, :2],
         size_m=size[:, [1, 0]],
         yaw_rad=quaternion_yaw(_array([box["rotation"] for _, box in boxes], 4)),
-        bottom_m=place[:, 2] - 0.5 * size[:, 2],
+        bottom_m=bottom,
         height_m=size[:, 2],
         category=categories(kinds, classes),
         kind=kinds,
@@ -365,21 +380,45 @@ def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.nda
     )
 
 
-def _annotations(folder: Path) -> Annotations:
+def _annotations(folder: Path, classes: ClassMap, scenes: Scenes, notes: list[str]) -> Annotations:
     """Annotated road users by sample; empty without the tables."""
-    if not _has_tables(folder, _LABEL_TABLES):
+    if missing := _missing_tables(folder, _LABEL_TABLES):
+        if len(missing) < len(_LABEL_TABLES):
+            notes.append(f"no labels are read: they need {', '.join(missing)} as well")
         return {}
     names = {row["token"]: row["name"] for row in _records(folder, "category")}
-    instances = {
-        row["token"]: (number, _CLASS_OF_LABEL.get(names.get(row["category_token"], "")))
-        for number, row in enumerate(_records(folder, "instance"))
-    }
+    instances: dict[str, tuple[int, str]] = {}
+    for number, row in enumerate(_records(folder, "instance")):
+        instances[row["token"]] = number, _known(folder, names, "instance", row, "category")
+    left_out: Counter[str] = Counter()
     by_sample: Annotations = {}
     for row in _records(folder, "sample_annotation"):
-        number, kind = instances.get(row["instance_token"], (0, None))
-        if kind is not None:
+        number, name = _known(folder, instances, "sample_annotation", row, "instance")
+        # the user's own categories stand beside nuScenes' as they are
+        kind = _CLASS_OF_LABEL.get(name, name)
+        if kind in classes:
             by_sample.setdefault(row["sample_token"], []).append((number, kind, row))
+        else:
+            left_out[name] += 1
+    samples = {token for each in scenes.values() for token, _ in each}
+    if strays := sum(len(rows) for token, rows in by_sample.items() if token not in samples):
+        notes.append(f"{strays} annotations of samples that are not in sample.json are left out")
+    if left_out:
+        counts = ", ".join(f"{count} {name}" for name, count in left_out.most_common(5))
+        more = f" and {len(left_out) - 5} more" if len(left_out) > 5 else ""
+        notes.append(
+            f"annotations left out, for their category is none of the detection challenge: {counts}{more}; "
+            f"give it one in {CLASSES_CSV}"
+        )
     return by_sample
+
+
+def _known(folder: Path, table: Mapping[str, _T], name: str, row: Mapping[str, Any], noun: str) -> _T:
+    """What a row's token refers to in another table."""
+    token = row[f"{noun}_token"]
+    if token not in table:
+        raise DatasetError(f"{folder / name}.json: {noun} {token!r} is not in {noun}.json")
+    return table[token]
 
 
 def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> Objects:
@@ -397,9 +436,11 @@ def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> O
     )
 
 
-def _ego_poses(folder: Path) -> dict[str, FloatArray]:
+def _ego_poses(folder: Path, notes: list[str]) -> dict[str, FloatArray]:
     """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
-    if not _has_tables(folder, _POSE_TABLES):
+    if missing := _missing_tables(folder, _POSE_TABLES):
+        if len(missing) < len(_POSE_TABLES):
+            notes.append(f"no ego poses are read: they need {', '.join(missing)} as well")
         return {}
     lidars = {row["token"] for row in _records(folder, "sensor") if row["channel"] == "LIDAR_TOP"}
     mounts = {row["token"] for row in _records(folder, "calibrated_sensor") if row["sensor_token"] in lidars}
@@ -415,7 +456,24 @@ def _ego_poses(folder: Path) -> dict[str, FloatArray]:
                 raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
             rotation = rotation_matrix(_array(row["rotation"]))
             poses[sample_of[row["token"]]] = rigid(rotation[None], _array(row["translation"], 3))[0]
+    if not poses:
+        notes.append("no ego poses: sample_data.json has no key frames of LIDAR_TOP with one")
     return poses
+
+
+def _poses_at(
+    folder: Path | None, scene: str, tokens: list[str], poses: Mapping[str, FloatArray]
+) -> FloatArray | None:
+    """(F, 4, 4) poses of a scene; None where it has none at all."""
+    missing = [token for token in tokens if token not in poses]
+    if folder is None or len(missing) == len(tokens):
+        return None
+    if missing:
+        raise DatasetError(
+            f"{folder / 'sample_data.json'}: scene {scene}: {len(missing)} of {len(tokens)} samples have no "
+            f"key frame of LIDAR_TOP with an ego pose, the first of them {missing[0]!r}"
+        )
+    return np.array([poses[token] for token in tokens])
 
 
 def submission_text(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +15,26 @@ from numpy.typing import NDArray
 import _smartmot
 from scenarios import reading
 from scenarios.errors import DatasetError
-from smartmot.types import BoolArray, FloatArray, IntArray
+from smartmot.types import BoolArray, FloatArray, IntArray, StrArray
 
 MAX_FRAMES = 10_000_000
 """Longest sequence, 11 days at 10 Hz; a greater frame number is a mistake that would fill the memory."""
 
+MAX_ROWS = 50_000_000
+"""Longest table in a binary file: a few bytes can claim any number of rows."""
+
+MAX_TEXT_BYTES = 2**30
+"""Of a column of texts, each of which takes as much memory as the longest."""
+
+GREATEST_WHOLE = 2.0**53
+"""Up to here all whole numbers are floats."""
+
 _NOT_A_NUMBER = ["nan", "NaN", "NAN", "-nan", "+nan"]
 """Spellings that Python's `float` reads and pandas does not."""
+
+
+class LongTextError(DatasetError):
+    """A text is too long for a column."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +76,8 @@ class TextTable:
             DatasetError: A value is not whole.
         """
         values = self.columns[name]
-        good = np.isfinite(values) & (np.floor(values) == values)
-        self.require(good, name, "must be a whole number")
+        self.require(np.isfinite(values) & (np.floor(values) == values), name, "must be a whole number")
+        self.require(np.abs(values) <= GREATEST_WHOLE, name, "must be below 9e15")
         return values.astype(np.int64)
 
     def require(self, good: BoolArray, name: str, rule: str) -> None:
@@ -82,6 +96,32 @@ class TextTable:
         """Demand that columns be finite, one column after the other; see `require`."""
         for name in names:
             self.require(np.isfinite(self.columns[name]), name, "must be finite")
+
+
+def is_given(path: Path) -> bool:
+    """Whether an optional file is there.
+
+    Raises:
+        DatasetError: What has its name is no file: a folder, or a link that leads nowhere.
+    """
+    if path.is_file():
+        return True
+    if os.path.lexists(path):
+        raise DatasetError(f"{path}: no file, but a folder or a link to nothing; remove it or copy it again")
+    return False
+
+
+def is_given_folder(path: Path) -> bool:
+    """Whether an optional folder is there.
+
+    Raises:
+        DatasetError: What has its name is no folder.
+    """
+    if path.is_dir():
+        return True
+    if os.path.lexists(path):
+        raise DatasetError(f"{path}: no folder; remove it or copy it again")
+    return False
 
 
 def read_text(path: Path) -> str:
@@ -201,6 +241,8 @@ def _table(
     numbers = [name for name in names if name not in texts]
     try:
         return TextTable(path, number, _columns(rows, separator, names, numbers))
+    except LongTextError as error:
+        raise DatasetError(f"{path}: {error}") from None
     except ValueError:  # pandas does not tell where
         raise _no_number(path, lines, separator, names, numbers) from None
 
@@ -226,8 +268,20 @@ def _columns(
     columns: dict[str, NDArray[Any]] = {}
     for name in names:
         values = table[name].to_numpy()
-        columns[name] = values if name in numbers else np.char.strip(values.astype(np.str_))
+        columns[name] = values if name in numbers else np.char.strip(as_texts(values.tolist(), name))
     return columns
+
+
+def as_texts(values: list[str], name: str) -> StrArray:
+    """(N,) texts.
+
+    Raises:
+        LongTextError: The longest of them would make the column fill the memory.
+    """
+    longest = max(map(len, values), default=0)
+    if 4 * longest * len(values) > MAX_TEXT_BYTES:
+        raise LongTextError(f"column {name!r} has a text of {longest} characters, too long for a name")
+    return np.array(values, dtype=np.str_)
 
 
 def _no_number(

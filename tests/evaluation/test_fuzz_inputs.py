@@ -55,9 +55,10 @@ def test_what_is_damaged_is_sound_before(
     base = BASES[number]
     if any(words[0] == "mot" for words in base.commands):
         pytest.importorskip("trackeval", reason="trackeval is not installed (extra mot)")
-    base.make(tmp_path)
+    (inputs := tmp_path / "inputs").mkdir()
+    base.make(inputs)
     for words in base.commands:
-        filled = [word.replace("DIR", str(tmp_path)).replace("OUT", str(tmp_path)) for word in words]
+        filled = [word.replace("DIR", str(inputs)).replace("OUT", str(tmp_path)) for word in words]
         monkeypatch.setattr(sys, "argv", ["smartmot-eval", *filled])
         with pytest.raises(SystemExit) as stop:
             main()

@@ -31,16 +31,20 @@ from scenarios.sources.recorded import RecordedSource
 from scenarios.sources.requests import Request, RequestWatch, begun_anew
 from scenarios.strategies import NamedStrategy
 from smartmot.area import MonitoredArea, MonitoredAreaStrategy, RectangularArea, uses_path
+from smartmot.detection_input import MAX_SPEED_MPS
 from smartmot.maps.faulty import NO_MAP_ERRORS
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import RouteError
 from smartmot.path import PlannedPath
 from smartmot.pipeline import Pipeline
-from smartmot.types import Boxes, EgoState
+from smartmot.types import Boxes, EgoState, FloatArray
 
 LABELS, DETECTIONS = "labels", "detections"
 SEES = (LABELS, DETECTIONS)
 """What perception sees of a recording."""
+
+LONGEST_GAP_S = 10.0
+"""Between two frames of a drive; nothing can be said of what was met in a longer hole (assumed)."""
 
 LEAST_INTERVAL_S = 0.01
 """Sensors of presets measure at whole multiples of it."""
@@ -142,7 +146,7 @@ def drivable(sequence: Sequence) -> Sequence:
     """The sequence with times from its first frame on.
 
     Raises:
-        DatasetError: it has no poses or no frames, or its times do not ascend.
+        DatasetError: it has no poses or no frames, its times do not ascend, or no vehicle can have driven so.
     """
     if sequence.world_SE3_ego is None:
         raise DatasetError(f"sequence {sequence.name} has no ego poses, which decisions need")
@@ -158,7 +162,26 @@ def drivable(sequence: Sequence) -> Sequence:
             f"sequence {sequence.name}: frame {sequence.frame_name[k]} ({stamp_s[k]:.6g} s) is not later "
             f"than the one before ({stamp_s[k - 1]:.6g} s); sort the frames by time"
         )
+    _require_driven(sequence, stamp_s)
     return replace(sequence, stamp_s=stamp_s - stamp_s[0])
+
+
+def _require_driven(sequence: Sequence, stamp_s: FloatArray) -> None:
+    """Demand frames between which a vehicle can have driven; else exposure counts what was never driven.
+
+    Raises:
+        DatasetError: There is a hole in the recording, or the ego leaps.
+    """
+    elapsed_s = np.diff(stamp_s)
+    speed_mps = np.hypot(*np.diff(sequence.ego_xy_yaw()[:, :2], axis=0).T) / elapsed_s
+    for wrong, what in (
+        (elapsed_s > LONGEST_GAP_S, "{0:.6g} s later than the one before; split the recording there"),
+        (~(speed_mps <= MAX_SPEED_MPS), "reached at {1:.3g} m/s; are poses and times right?"),
+    ):
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            text = what.format(elapsed_s[k], speed_mps[k])
+            raise DatasetError(f"sequence {sequence.name}: frame {sequence.frame_name[k + 1]} is {text}")
 
 
 def carry_out(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from evaluation.studies.drive.drive import DETECTIONS, LABELS, drivable
+from evaluation.studies.drive.measures import ALL
 from evaluation.studies.mot.run import chosen
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Sequence
@@ -107,7 +108,9 @@ def read_recordings(source: Source) -> Recordings:
         for sequence in data.sequences
     ]
     for path, data in zip(paths, data_sets, strict=True):
-        notes += [f"{path.name}: {note}" if len(paths) > 1 else note for note in data.notes]
+        impossible = [f"{data.rejected} impossible detections left out"] if data.rejected else []
+        own = [*data.notes, *impossible]
+        notes += [f"{path.name}: {note}" if len(paths) > 1 else note for note in own]
     recordings, left_out = _driven(_with_unique_names(listed), source.sequences)
     sees, seen_note = _seen(recordings, source.sees)
     return Recordings(recordings, sees, (*notes, *left_out, seen_note))
@@ -160,6 +163,8 @@ def _driven(recordings: Many[Recording], names: str | None) -> tuple[tuple[Recor
         notes = [f"{left_out} sequences without ego poses are left out"] if left_out else []
     if not wanted:
         raise DatasetError("no sequence to drive")
+    if any(recording.name == ALL for recording in wanted):
+        raise DatasetError(f"sequence {ALL!r}: the name stands for all sequences together; rename it")
     return tuple(replace(r, sequence=drivable(r.sequence)) for r in wanted), notes
 
 

@@ -34,9 +34,10 @@ from evaluation.studies.drive.tables import (
     summary_table,
     with_totals,
 )
+from evaluation.studies.mot.lanes import require_cover
 from scenarios.errors import ScenarioError
 from scenarios.presets import named_preset
-from scenarios.recorded.maps.drive_map import load_drive_map
+from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map
 from scenarios.settings import Setting, setting_text
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
 from scenarios.strategies import STRATEGIES
@@ -137,6 +138,10 @@ def prepare(options: Options) -> DriveStudy:
             f"errors of localisation of preset {options.preset} are left out: the recording has its own"
         )
     maps = maps_of(recordings.items)
+    for recording in recordings.items:
+        if (lane_map := maps.get(recording.map_path)) is not None:
+            way_m = recording.sequence.ego_xy_yaw()[:, :2]
+            require_cover(lane_map, way_m, f"way of sequence {recording.name}")
     return DriveStudy(options, recordings.items, maps, specs, tuple(notes))
 
 
@@ -159,7 +164,7 @@ def specs_of(options: Options, recordings: Recordings) -> tuple[DriveSpec, ...]:
     names = Counter(log_name(spec, r) for spec in specs for r in recordings.items)
     name, count = names.most_common(1)[0]
     if count > 1:
-        raise ArgumentError(f"{count} drives would be called {name}: two values of a parameter look alike")
+        raise ArgumentError(f"{count} drives would be called {name}: two sequences or values look alike")
     return specs
 
 
@@ -228,7 +233,7 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
     )
 
 
-def maps_of(recordings: Many[Recording]) -> dict[Path | None, LaneMap]:
+def maps_of(recordings: Many[Recording]) -> dict[Path | None, DriveMap]:
     """The maps by their paths, each loaded once."""
     paths = dict.fromkeys(recording.map_path for recording in recordings)
     return {path: load_drive_map(path) for path in paths if path is not None}

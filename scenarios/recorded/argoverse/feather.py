@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scenarios import reading
 from scenarios.errors import DatasetError
-from scenarios.recorded.textfile import TextTable
+from scenarios.recorded.textfile import MAX_ROWS, TextTable
 
 LONGEST_TEXT = 200
 """Characters of a name; every row of a column takes as much memory as its longest."""
@@ -32,25 +32,19 @@ def read_feather(
         DatasetError: The file cannot be read, a column is missing, or holds something else.
     """
     import pyarrow as pa  # type: ignore[import-untyped]
-    from pyarrow import feather
 
     if not path.is_file():
         raise DatasetError(f"{path}: no such file; for the folder's layout see docs/mot.md")
     kinds = {**dict.fromkeys(numbers, pa.float64()), **dict.fromkeys(integers, pa.int64())}
     kinds |= dict.fromkeys(texts, pa.string())
     try:
-        table = feather.read_table(path, memory_map=False)
-        table.validate(full=True)  # damaged offsets lead out of the file
+        table = _table(path, kinds)
+    except DatasetError:
+        raise
     except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
         raise DatasetError(
             f"{path}: not a readable Feather file ({reading.shown(str(error))}); copy it again"
         ) from None
-    missing = [name for name in kinds if name not in table.column_names]
-    if missing:
-        raise DatasetError(f"{path}: columns missing: {', '.join(missing)} (see docs/mot.md)")
-    for name in kinds:
-        if table.column_names.count(name) > 1:
-            raise DatasetError(f"{path}: column {name!r} is there twice")
     columns: dict[str, NDArray[Any]] = {}
     for name, kind in kinds.items():
         column = table.column(name)
@@ -68,6 +62,30 @@ def read_feather(
             _require_short(path, name, columns[name])
             columns[name] = columns[name].astype(np.str_)
     return TextTable(path, np.arange(1, table.num_rows + 1, dtype=np.int64), columns)
+
+
+def _table(path: Path, needed: Collection[str]) -> Any:
+    """The needed columns of a file, batch by batch: a file of some bytes can claim any number of rows."""
+    import pyarrow as pa
+
+    with pa.OSFile(str(path)) as file:
+        names = pa.ipc.open_file(file).schema.names
+        missing = [name for name in needed if name not in names]
+        if missing:
+            raise DatasetError(f"{path}: columns missing: {', '.join(missing)} (see docs/mot.md)")
+        for name in needed:
+            if names.count(name) > 1:
+                raise DatasetError(f"{path}: column {name!r} is there twice")
+        options = pa.ipc.IpcReadOptions(included_fields=sorted(map(names.index, needed)))
+        reader = pa.ipc.open_file(file, options=options)
+        batches: list[Any] = []
+        for k in range(reader.num_record_batches):
+            batches.append(reader.get_batch(k))
+            if sum(batch.num_rows for batch in batches) > MAX_ROWS:
+                raise DatasetError(f"{path}: more than {MAX_ROWS} rows")
+        table = pa.Table.from_batches(batches, reader.schema)
+        table.validate(full=True)  # damaged offsets lead out of the file
+        return table
 
 
 def _require_short(path: Path, name: str, texts: NDArray[Any]) -> None:

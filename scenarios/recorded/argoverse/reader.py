@@ -31,7 +31,7 @@ from scenarios.recorded.argoverse.feather import read_feather
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes, require_categories
 from scenarios.recorded.dataset import LEFT_OUT, Dataset, Objects, Sequence, finished
 from scenarios.recorded.poses import heading, interpolated, rigid
-from scenarios.recorded.textfile import TextTable
+from scenarios.recorded.textfile import TextTable, is_given
 from smartmot.types import FloatArray, IntArray, StrArray
 
 POSES = "city_SE3_egovehicle.feather"
@@ -178,7 +178,7 @@ def read_argoverse(folder: Path) -> Dataset:
     classes = read_classes(folder, CATEGORY_OF_CLASS)
     labelled = _read_labels(folder, classes)
     detected = None
-    if (folder / DETECTIONS).is_file():
+    if is_given(folder / DETECTIONS):
         detected = _read_boxes(folder / DETECTIONS, classes, numbers=("score",))
     tables = [table for table in (labelled, detected) if table is not None]
     if not tables:
@@ -193,9 +193,6 @@ def read_argoverse(folder: Path) -> Dataset:
     if labelled is not None:
         labels = _objects(labelled, poses, stamp_ns, classes)
         notes += _left_out(labelled, "labels", classes)
-        impossible = int((~labels.usable()).sum())
-        if impossible:
-            notes.append(f"{impossible} impossible labels left out")
     if detected is not None:
         detections = _objects(detected, poses, stamp_ns, classes)
         notes += _left_out(detected, "detections", classes)
@@ -237,7 +234,7 @@ def _read_poses(path: Path) -> _Poses:
 
 def _read_labels(folder: Path, classes: ClassMap) -> TextTable | None:
     """Annotations; None: there are none."""
-    path = next((folder / name for name in ANNOTATIONS if (folder / name).is_file()), None)
+    path = next((folder / name for name in ANNOTATIONS if is_given(folder / name)), None)
     if path is None:
         return None
     return _read_boxes(path, classes, integers=("num_interior_pts",), texts=("track_uuid",))
@@ -305,6 +302,8 @@ def _objects(table: TextTable, poses: _Poses, stamp_ns: IntArray, classes: Class
     cuboids = _cuboids(table, poses)
     pose, height = cuboids.city_SE3_object, cuboids.size_m[:, 2]
     columns: dict[str, NDArray[Any]] = {}
+    with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are left out later
+        bottom = pose[:, 2, 3] - 0.5 * height
     if "track_uuid" in table:
         columns["object_id"] = np.unique(table["track_uuid"], return_inverse=True)[1]
         # as in the data set's own evaluation, boxes that no lidar point hits do not count
@@ -316,7 +315,7 @@ def _objects(table: TextTable, poses: _Poses, stamp_ns: IntArray, classes: Class
         pose[:, :2, 3],
         size_m=cuboids.size_m[:, :2],
         yaw_rad=heading(pose),
-        bottom_m=pose[:, 2, 3] - 0.5 * height,
+        bottom_m=bottom,
         height_m=height,
         category=categories(cuboids.category, classes),
         kind=cuboids.category,

@@ -40,7 +40,7 @@ from scenarios.recorded.dataset import (
 )
 from scenarios.recorded.poses import rigid, rotation_matrix
 from scenarios.recorded.simbev.safe_pickle import PickledArray, read_npy_list
-from scenarios.recorded.textfile import MAX_FRAMES, read_json, read_text
+from scenarios.recorded.textfile import MAX_FRAMES, is_given, read_json, read_text
 from smartmot.types import FloatArray
 
 CATEGORY_OF_CLASS = {
@@ -115,6 +115,7 @@ class _Counts:
     unprocessed: list[str] = field(default_factory=list)
     without_timestep: list[str] = field(default_factory=list)
     unknown: Counter[str] = field(default_factory=Counter)
+    left_out: Counter[str] = field(default_factory=Counter)
     ego: int = 0
 
     def notes(self) -> list[str]:
@@ -132,6 +133,9 @@ class _Counts:
         if self.unknown:
             classes = ", ".join(f"{count} of class {name!r}" for name, count in self.unknown.most_common(5))
             lines.append(f"labels left out: {classes}; give the class a category in {CLASSES_CSV}")
+        if self.left_out:
+            listed = ", ".join(f"{count} {name}" for name, count in sorted(self.left_out.items()))
+            lines.append(f"labels left out, for they are no road users: {listed}")
         if self.ego:
             lines.append(f"{self.ego} boxes of the ego itself left out")
         return lines
@@ -249,7 +253,7 @@ def _sequence(
         rotations.append(rotation_matrix(np.array(rotation, dtype=np.float64)))
         file = file_of(root, LABELS, info, "GT_DET", where)
         for index, label in enumerate(_labels(file)):
-            if _add(rows, k, label, f"{file}: label {index}", classes, counts.unknown):
+            if _add(rows, k, label, f"{file}: label {index}", classes, counts):
                 processed &= "valid_flag" in label
     if rows.frame and not processed:
         counts.unprocessed.append(name)
@@ -275,7 +279,7 @@ def _timestep_s(root: Path, scene: str, missing: list[str]) -> float:
     match = _SCENE.fullmatch(scene)
     assert match is not None  # as of every scene that was read
     path = root / CONFIGS / f"SimBEV-scene-{match[1]}.yaml"
-    timestep = _TIMESTEP.search(read_text(path)) if path.is_file() else None
+    timestep = _TIMESTEP.search(read_text(path)) if is_given(path) else None
     if timestep is None:
         missing.append(scene)
         return TIMESTEP_S
@@ -292,8 +296,9 @@ def _timestep_s(root: Path, scene: str, missing: list[str]) -> float:
 
 def _labels(path: Path) -> list[Any]:
     """Labels of a frame; the file may be in the other form than the frame says."""
-    if not path.is_file():
-        path = path.with_suffix(".json" if path.suffix == ".bin" else ".bin")
+    other = path.with_suffix(".json" if path.suffix == ".bin" else ".bin")
+    if not path.is_file() and other.is_file():
+        path = other
     if path.suffix == ".json":
         labels = read_json(path)
         if not isinstance(labels, list):
@@ -309,16 +314,13 @@ def _labels(path: Path) -> list[Any]:
         raise DatasetError(f"{path}: {error.strerror}; for the folder's layout see docs/mot.md") from None
 
 
-def _add(
-    rows: _Rows, frame: int, label: object, where: str, classes: ClassMap, unknown: Counter[str]
-) -> bool:
+def _add(rows: _Rows, frame: int, label: object, where: str, classes: ClassMap, counts: _Counts) -> bool:
     """Take a label, if it is one of a road user."""
     if not isinstance(label, dict):
         raise DatasetError(f"{where}: expected an object, got {shown(label)}")
     kind = _class_of(label, where)
-    if kind and kind not in classes:
-        unknown[kind] += 1
     if classes.get(kind, LEFT_OUT) == LEFT_OUT:
+        (counts.unknown if kind and kind not in classes else counts.left_out)[kind or "without a class"] += 1
         return False
     identity = _plain(label.get("id"))
     if not isinstance(identity, (int, np.integer, float)) or isinstance(identity, bool) or identity % 1:
@@ -396,6 +398,7 @@ def _objects(rows: _Rows, classes: ClassMap, path: Path) -> Objects:
         edge = corner[:, [4, 2, 1]] - corner[:, :1]
         size = np.linalg.norm(edge, axis=2)
         center = 0.5 * (corner[:, 0] + corner[:, 7])
+        bottom = center[:, 2] - 0.5 * size[:, 2]
     return Objects.of(
         np.array(rows.frame, dtype=np.int64),
         center[:, :2],
@@ -404,7 +407,7 @@ def _objects(rows: _Rows, classes: ClassMap, path: Path) -> Objects:
         kind=np.array(rows.kind, dtype=np.str_),
         size_m=size[:, :2],
         yaw_rad=np.arctan2(edge[:, 0, 1], edge[:, 0, 0]),
-        bottom_m=center[:, 2] - 0.5 * size[:, 2],
+        bottom_m=bottom,
         height_m=size[:, 2],
         velocity_mps=_floats(rows.velocity, (-1, 3), path)[:, :2],
         ignored=np.array(rows.ignored, dtype=np.bool_),

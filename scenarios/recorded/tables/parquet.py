@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scenarios import reading
 from scenarios.errors import DatasetError
-from scenarios.recorded.textfile import TextTable, missing_columns
+from scenarios.recorded.textfile import MAX_ROWS, LongTextError, TextTable, as_texts, missing_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,9 +32,12 @@ def column_names(path: Path) -> list[str]:
     import pyarrow.parquet as pq  # type: ignore[import-untyped]
 
     try:
-        names: list[str] = pq.read_schema(path).names
+        metadata = pq.read_metadata(path)
+        names: list[str] = metadata.schema.to_arrow_schema().names
     except (*_BROKEN, pa.ArrowException) as error:
         raise _unreadable(path, error) from None
+    if metadata.num_rows > MAX_ROWS:
+        raise DatasetError(f"{path}: {metadata.num_rows} rows, {MAX_ROWS} at most expected")
     for name in names:
         if names.count(name) > 1:
             raise DatasetError(f"{path}: column {reading.shown(name)} is there twice")
@@ -66,7 +69,7 @@ def read_parquet_table(
         frame = pd.read_parquet(path, columns=used, engine="pyarrow")
     except (*_BROKEN, pa.ArrowException) as error:
         raise _unreadable(path, error) from None
-    columns = {name: _numbers(path, frame[name]) if name in numbers else _texts(frame[name]) for name in used}
+    columns = {name: (_numbers if name in numbers else _texts)(path, frame[name]) for name in used}
     return TextTable(path, np.arange(1, len(frame) + 1), columns)
 
 
@@ -88,9 +91,12 @@ def _numbers(path: Path, column: pd.Series[Any]) -> NDArray[Any]:
     return column.to_numpy(np.float64, na_value=np.nan)
 
 
-def _texts(column: pd.Series[Any]) -> NDArray[Any]:
+def _texts(path: Path, column: pd.Series[Any]) -> NDArray[Any]:
     """(N,) texts; empty where there is no value."""
     absent = column.isna().to_numpy()
     values = column.astype(object).to_numpy()
     texts = ["" if none else str(value).strip() for value, none in zip(values, absent, strict=True)]
-    return np.array(texts, dtype=np.str_)
+    try:
+        return as_texts(texts, str(column.name))
+    except LongTextError as error:
+        raise DatasetError(f"{path}: {error}") from None

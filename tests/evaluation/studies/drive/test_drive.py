@@ -131,7 +131,10 @@ def test_with_a_map_its_lanes_are_monitored_and_off_it_the_rectangle(
     by_strategy = {drive.spec.strategy: emergencies(drive) for drive in result.drives}
     assert by_strategy["map"] == [(UNDECIDED, "entered")]
     beside = write([(60.0, 0.0)], seconds=8.0, y_m=400.0, name="beside")
-    off_map = prepare(Options(Source(beside, map_file=options.source.map_file), strategies=("map",)))
+    with pytest.raises(DatasetError, match=r"--map: does not cover the data: .* way of sequence 0 x 100"):
+        prepare(Options(Source(beside, map_file=options.source.map_file)))
+    verge = write([(60.0, 0.0)], seconds=8.0, y_m=5.8, name="verge")
+    off_map = prepare(Options(Source(verge, map_file=options.source.map_file), strategies=("map",)))
     with pytest.raises(DatasetError, match="runs on no driving lane of the map"):
         drive_all(off_map, tmp_path, SILENT)
 

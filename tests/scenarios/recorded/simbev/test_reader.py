@@ -163,6 +163,7 @@ def test_what_is_no_road_user_and_the_ego_itself_are_left_out(folder: Path) -> N
     assert labels is not None
     assert labels.object_id[labels.frame == 0].tolist() == [100, 101, 102]
     assert "labels left out: 1 of class 'tram'; give the class a category in classes.csv" in data.notes
+    assert "labels left out, for they are no road users: 1 traffic_light, 1 without a class" in data.notes
     assert "1 boxes of the ego itself left out" in data.notes
     (folder / "classes.csv").write_text("class,category\ntram,truck\n")
     assert "truck" in set(read_simbev(folder).sequences[1].labels.category)  # type: ignore[union-attr]
@@ -193,7 +194,7 @@ def test_identities_of_64_bits_without_a_sign_stay_apart(folder: Path) -> None:
         (lambda c: frame_of(c).update(GT_DET="x/.."), "field 'GT_DET' must be a path"),
         (lambda c: frame_of(c).update(GT_DET="a\0.bin"), "field 'GT_DET' must be a path"),
         (lambda c: frame_of(c).update(GT_DET=300 * "a"), "field 'GT_DET' must be a path"),
-        (lambda c: frame_of(c).update(GT_DET="gone.json"), "gone.bin: No such file"),
+        (lambda c: frame_of(c).update(GT_DET="gone.json"), "gone.json: No such file"),
         (lambda c: frame_of(c).update(ego2global_translation=[1, 2]), "must be 3 numbers, got"),
         (lambda c: frame_of(c).update(ego2global_translation=[1, 2, 10**400]), "number out of range"),
         (lambda c: frame_of(c).update(ego2global_rotation=[0, 0, 0, 0]), "must not be 0"),
