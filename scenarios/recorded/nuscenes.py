@@ -17,17 +17,29 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from scenarios.errors import DatasetError
-from scenarios.reading import shown
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes
 from scenarios.recorded.dataset import LEFT_OUT, Dataset, Objects, Sequence, finished
+from scenarios.recorded.nuscenes_records import (
+    FIELDS,
+    LABEL_TABLES,
+    OTHER_TABLES,
+    POSE_TABLES,
+    Rule,
+    has_tables,
+    is_number_or_null,
+    missing_tables,
+    read_records,
+    referred,
+    require,
+    vector,
+)
 from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix
 from scenarios.recorded.textfile import is_given, read_headed_table, read_json
 from smartmot.types import CATEGORIES, FloatArray, StrArray
@@ -99,96 +111,6 @@ Boxes = list[tuple[int, Any]]
 
 Annotations = dict[str, list[tuple[int, str, dict[str, Any]]]]
 """Annotated road users by sample: number of the instance, class and record."""
-
-_T = TypeVar("_T")
-
-_ABSENT = object()
-"""In place of a field that a record does not have; what it has may be None."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Rule:
-    """What a field must be.
-
-    Args:
-        complaint: What is said of a value that is not; "{}" stands for it.
-        fits: Whether a value is.
-    """
-
-    complaint: str
-    fits: Callable[[Any], bool]
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
-def _is_number_or_null(value: object) -> bool:
-    # NaN, which some writers put as null, is rejected later with the impossible boxes
-    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
-
-
-def _vector(length: int, fits: Callable[[object], bool] = _is_finite, needed: bool = True) -> _Rule:
-    def is_vector(value: object) -> bool:
-        return isinstance(value, list) and len(value) == length and all(map(fits, value))
-
-    if needed:
-        return _Rule(f"must be {length} numbers", is_vector)
-    return _Rule(f"must be {length} numbers", lambda value: value in (None, _ABSENT) or is_vector(value))
-
-
-def _texts(*names: str) -> dict[str, _Rule]:
-    return dict.fromkeys(names, _Rule("must be a text", lambda value: isinstance(value, str)))
-
-
-_NUMBER = _Rule("must be a number", _is_finite)
-_FIELDS = {
-    "scene": _texts("token", "name"),
-    "sample": _texts("token", "scene_token") | {"timestamp": _NUMBER},
-    "category": _texts("token", "name"),
-    "instance": _texts("token", "category_token"),
-    "sample_annotation": _texts("sample_token", "instance_token")
-    | {"translation": _vector(3), "size": _vector(3), "rotation": _vector(4)},
-    "sensor": _texts("token", "channel"),
-    "calibrated_sensor": _texts("token", "sensor_token"),
-    "sample_data": _texts("sample_token", "ego_pose_token", "calibrated_sensor_token")
-    | {"is_key_frame": _NUMBER},
-    "ego_pose": _texts("token") | {"translation": _vector(3), "rotation": _vector(4)},
-}
-"""nuScenes' tables and the fields that are read of each."""
-
-_LABEL_TABLES = ("sample_annotation", "instance", "category")
-_POSE_TABLES = ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
-_OTHER_TABLES = ("attribute", "visibility", "log", "map", "splits")
-
-
-def _require(record: object, rules: dict[str, _Rule], path: Path, noun: str, name: object) -> None:
-    """Demand rules of a record.
-
-    Raises:
-        DatasetError: The first rule that it breaks, with file, record and field.
-    """
-    for field, rule in rules.items():
-        value = record.get(field, _ABSENT) if isinstance(record, dict) else _ABSENT
-        if not isinstance(record, dict) or not rule.fits(value):
-            complaint = rule.complaint.format(shown(None if value is _ABSENT else value))
-            raise DatasetError(f"{path}: {noun} {name!r}: field {field!r} {complaint}")
-
-
-def _records(folder: Path, name: str) -> list[dict[str, Any]]:
-    """Rows of one of nuScenes' tables; they have the fields of `_FIELDS`."""
-    path = folder / f"{name}.json"
-    records = read_json(path)
-    if not isinstance(records, list):
-        raise DatasetError(f"{path}: expected a list of records")
-    for index, record in enumerate(records):
-        _require(record, _FIELDS[name], path, "record", index)
-    known: set[str] = set()
-    for token in (record["token"] for record in records if "token" in _FIELDS[name]):
-        if token in known:
-            raise DatasetError(f"{path}: token {token!r} is there twice")
-        known.add(token)
-    return records
 
 
 def read_nuscenes(folder: Path) -> Dataset:
@@ -266,9 +188,9 @@ def _results(path: Path) -> dict[str, Any]:
 
 def _results_file(folder: Path, table_folder: Path | None) -> Path | None:
     """The one JSON file of a folder that is no table of nuScenes; None where labels do without."""
-    tables = {f"{name}.json" for name in (*_FIELDS, *_OTHER_TABLES)}
+    tables = {f"{name}.json" for name in (*FIELDS, *OTHER_TABLES)}
     paths = sorted(path for path in folder.glob("*.json") if path.name not in tables)
-    if not paths and table_folder and _has_tables(table_folder, _LABEL_TABLES):
+    if not paths and table_folder and has_tables(table_folder, LABEL_TABLES):
         return None
     if len(paths) != 1:
         listed = ", ".join(path.name for path in paths) or "none"
@@ -286,22 +208,14 @@ def _table_folder(folder: Path) -> Path | None:
     return None
 
 
-def _has_tables(folder: Path, names: Iterable[str]) -> bool:
-    return not _missing_tables(folder, names)
-
-
-def _missing_tables(folder: Path, names: Iterable[str]) -> list[str]:
-    return [f"{name}.json" for name in names if not is_given(folder / f"{name}.json")]
-
-
 def _scenes_of_tables(folder: Path) -> Scenes:
     """Scenes from nuScenes' tables; times there are microseconds."""
-    names = {scene["token"]: scene["name"] for scene in _records(folder, "scene")}
+    names = {scene["token"]: scene["name"] for scene in read_records(folder, "scene")}
     scenes: Scenes = {name: [] for name in names.values()}
     if len(scenes) < len(names):
         name = Counter(names.values()).most_common(1)[0][0]
         raise DatasetError(f"{folder / 'scene.json'}: scene {name!r} is there twice")
-    for sample in _records(folder, "sample"):
+    for sample in read_records(folder, "sample"):
         name = names.get(sample["scene_token"])
         if name is None:
             raise DatasetError(
@@ -336,18 +250,18 @@ def _boxes(path: Path, results: dict[str, Any], token: str) -> list[Any]:
 def _detections(path: Path, tokens: list[str], boxes: Boxes, classes: ClassMap) -> Objects:
     """Boxes of one scene, of the classes that have a category."""
     rules = {
-        "translation": _vector(3, _is_number_or_null),
-        "size": _vector(3, _is_number_or_null),
-        "rotation": _vector(4, _is_number_or_null),
-        "velocity": _vector(2, _is_number_or_null, needed=False),  # not every detector estimates it
-        "detection_name": _Rule(
+        "translation": vector(3, is_number_or_null),
+        "size": vector(3, is_number_or_null),
+        "rotation": vector(4, is_number_or_null),
+        "velocity": vector(2, is_number_or_null, needed=False),  # not every detector estimates it
+        "detection_name": Rule(
             f"is unknown: {{}}; give it a category in {CLASSES_CSV}",
             lambda value: isinstance(value, str) and value in classes,
         ),
-        "detection_score": _Rule("must be a number", _is_number_or_null),
+        "detection_score": Rule("must be a number", is_number_or_null),
     }
     for frame, box in boxes:
-        _require(box, rules, path, "sample", tokens[frame])
+        require(box, rules, path, "sample", tokens[frame])
     return _objects(
         boxes,
         np.array([box["detection_name"] for _, box in boxes], dtype=np.str_),
@@ -382,18 +296,18 @@ def _objects(boxes: Boxes, kinds: StrArray, classes: ClassMap, **columns: np.nda
 
 def _annotations(folder: Path, classes: ClassMap, scenes: Scenes, notes: list[str]) -> Annotations:
     """Annotated road users by sample; empty without the tables."""
-    if missing := _missing_tables(folder, _LABEL_TABLES):
-        if len(missing) < len(_LABEL_TABLES):
+    if missing := missing_tables(folder, LABEL_TABLES):
+        if len(missing) < len(LABEL_TABLES):
             notes.append(f"no labels are read: they need {', '.join(missing)} as well")
         return {}
-    names = {row["token"]: row["name"] for row in _records(folder, "category")}
+    names = {row["token"]: row["name"] for row in read_records(folder, "category")}
     instances: dict[str, tuple[int, str]] = {}
-    for number, row in enumerate(_records(folder, "instance")):
-        instances[row["token"]] = number, _known(folder, names, "instance", row, "category")
+    for number, row in enumerate(read_records(folder, "instance")):
+        instances[row["token"]] = number, referred(folder, names, "instance", row, "category")
     left_out: Counter[str] = Counter()
     by_sample: Annotations = {}
-    for row in _records(folder, "sample_annotation"):
-        number, name = _known(folder, instances, "sample_annotation", row, "instance")
+    for row in read_records(folder, "sample_annotation"):
+        number, name = referred(folder, instances, "sample_annotation", row, "instance")
         # the user's own categories stand beside nuScenes' as they are
         kind = _CLASS_OF_LABEL.get(name, name)
         if kind in classes:
@@ -413,14 +327,6 @@ def _annotations(folder: Path, classes: ClassMap, scenes: Scenes, notes: list[st
     return by_sample
 
 
-def _known(folder: Path, table: Mapping[str, _T], name: str, row: Mapping[str, Any], noun: str) -> _T:
-    """What a row's token refers to in another table."""
-    token = row[f"{noun}_token"]
-    if token not in table:
-        raise DatasetError(f"{folder / name}.json: {noun} {token!r} is not in {noun}.json")
-    return table[token]
-
-
 def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> Objects:
     """Labels of one scene; those that no sensor point hits are ignored, as in the challenge."""
     rows = [(k, *row) for k, token in enumerate(tokens) for row in annotations.get(token, [])]
@@ -438,19 +344,21 @@ def _labels(tokens: list[str], annotations: Annotations, classes: ClassMap) -> O
 
 def _ego_poses(folder: Path, notes: list[str]) -> dict[str, FloatArray]:
     """(4, 4) global pose of the vehicle at each sample; empty without the tables."""
-    if missing := _missing_tables(folder, _POSE_TABLES):
-        if len(missing) < len(_POSE_TABLES):
+    if missing := missing_tables(folder, POSE_TABLES):
+        if len(missing) < len(POSE_TABLES):
             notes.append(f"no ego poses are read: they need {', '.join(missing)} as well")
         return {}
-    lidars = {row["token"] for row in _records(folder, "sensor") if row["channel"] == "LIDAR_TOP"}
-    mounts = {row["token"] for row in _records(folder, "calibrated_sensor") if row["sensor_token"] in lidars}
+    lidars = {row["token"] for row in read_records(folder, "sensor") if row["channel"] == "LIDAR_TOP"}
+    mounts = {
+        row["token"] for row in read_records(folder, "calibrated_sensor") if row["sensor_token"] in lidars
+    }
     sample_of = {
         row["ego_pose_token"]: row["sample_token"]
-        for row in _records(folder, "sample_data")
+        for row in read_records(folder, "sample_data")
         if row["is_key_frame"] and row["calibrated_sensor_token"] in mounts
     }
     poses = {}
-    for row in _records(folder, "ego_pose"):
+    for row in read_records(folder, "ego_pose"):
         if row["token"] in sample_of:
             if not any(row["rotation"]):
                 raise DatasetError(f"{folder / 'ego_pose.json'}: {row['token']!r}: rotation must not be 0")
