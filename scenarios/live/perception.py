@@ -36,6 +36,7 @@ from scenarios.live.placing import Heights, PlacedFrame, place
 from scenarios.live.poses import VehiclePose
 from scenarios.live.settings import LiveSettings
 from scenarios.live.transforms import inverse, placed
+from scenarios.live.velocities import VelocityCheck
 from scenarios.live.ways import Ways
 from scenarios.recorded.poses import heading
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
@@ -81,11 +82,13 @@ class LivePerception:
         settings: how.
         counts: what came, and what was left out.
         localisation: where the vehicle is.
+        velocities: whether the detector's velocities are in the axes that were chosen.
     """
 
     def __init__(self, settings: LiveSettings, lane_map: LaneMap | None = None) -> None:
         self.settings, self.counts = settings, Counts()
         self.localisation = Localisation(settings)
+        self.velocities = VelocityCheck()
         self._classes = settings.classes
         self._ways = Ways(settings, lane_map)
         self._status = DiagnosticWatch()
@@ -124,7 +127,7 @@ class LivePerception:
             What can be published now.
         """
         # what should have been published before is, without looking at this message
-        outputs = self.advance(message.received_ns - 1)
+        outputs = [] if self._now_ns is None else self.advance(message.received_ns - 1)
         if isinstance(message, DetectionMessage):
             self._arrive(message)
         elif isinstance(message, OdometryMessage):
@@ -156,7 +159,9 @@ class LivePerception:
         if self._now_ns is None:
             return []
         outputs: list[Output] = list(self._answers(None))
-        return [*outputs, self._status.status(self.counts, self._now_ns)]
+        if outputs or self._now_ns > self._status_ns - _DIAGNOSTICS_NS:
+            outputs.append(self._status.status(self.counts, self._now_ns))
+        return outputs
 
     def _arrive(self, message: DetectionMessage) -> None:
         """Let a frame wait, unless it is late."""
@@ -251,6 +256,7 @@ class LivePerception:
         self.counts.tracked += 1
         decision = None
         if pose is not None:
+            self.velocities.see(stamp_ns, result.tracks, frame, map_SE3_sensor)
             decision = self._decide(pipeline, frame, ego, path, result, float(pose.map_SE3_base[2, 3]))
         return self._output(message, stamp_ns, self._tracked(result.tracks, frame), decision, map_SE3_sensor)
 
