@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evaluation.cli import options
+
+if TYPE_CHECKING:
+    from evaluation.studies.drive.recordings import Source
 
 EXAMPLES = options.examples(
     "`smartmot-eval compare`",
@@ -18,12 +21,27 @@ EXAMPLES = options.examples(
     "`smartmot-eval compare --growth --out results/growth`",
     "`smartmot-eval compare --scenes 'people at the kerb' --logs --out results/kerb` and then",
     "`smartmot-eval report results/kerb/runs`",
+    "`smartmot-eval compare --drives argoverse_logs --vary rule=paper,cascade,rss --out results/drives`",
     "Scenes, parameters, measures and intervals: docs/study.md. "
     "A comparison that was killed goes on where it was.",
 )
 
 
+DRIVES = "Recorded drives"
+"""Heading of the options that only drives have."""
+
+OF_DRIVES = {
+    "sees": "--detections", "map_file": "--map", "sequence": "--sequence", "ego": "--ego",
+    "columns": "--columns", "frame_rate": "--frame-rate",
+}  # fmt: skip
+OF_SCENES = {
+    name: f"--{name}" for name in ("weather", "scenes", "full", "maps", "seeds", "ablation", "growth", "logs")
+} | {"form": "--format"}
+"""Options of the one and of the other kind of comparison, by parameter."""
+
+
 def command(
+    context: typer.Context,
     strategies: options.StrategyNames = "rectangular,map,all",
     vary: Annotated[
         list[str] | None,
@@ -66,16 +84,69 @@ def command(
     ] = "png,svg",
     workers: options.Workers = None,
     quiet: options.Quiet = False,
+    drives: Annotated[
+        Path | None,
+        typer.Option(
+            help="Compare on recorded drives instead: a data set with ego poses, or a folder of them. Takes "
+            "--strategies, --vary, --preset (real by default), --workers and what follows.",
+            metavar="DIR",
+            rich_help_panel=DRIVES,
+        ),
+    ] = None,
+    sees: Annotated[
+        str | None,
+        typer.Option(
+            "--detections",
+            help="detections or labels, as for `drive`.",
+            metavar="labels|detections",
+            rich_help_panel=DRIVES,
+        ),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", help="Map, as for `drive`.", metavar="FILE", rich_help_panel=DRIVES),
+    ] = None,
+    sequence: Annotated[
+        str | None,
+        typer.Option(help="Only these sequences, comma-separated.", rich_help_panel=DRIVES),
+    ] = None,
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            help="Recording vehicle, as for `drive`.", metavar="L,W[,AHEAD]", rich_help_panel=DRIVES
+        ),
+    ] = None,
+    columns: options.ColumnPairs = None,
+    frame_rate: options.FrameRate = None,
 ) -> None:
     """Compare strategies over scenes: collisions avoided, false activations and unnecessary stops."""
+    from evaluation.cli.recorded.drive import parse_vehicle
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
     from evaluation.studies.compare.command import compare
     from evaluation.studies.compare.study import SceneStudy
+    from evaluation.studies.drive.drive import SEES
+    from evaluation.studies.drive.recordings import Source
     from evaluation.studies.growth import GrowthStudy, compare_growth
     from scenarios.scenes.scenes import scene_names
 
+    typed = _typed(context)
+    _refuse_misplaced(typed, drives is not None)
+    if drives is not None:
+        source = Source(
+            drives,
+            sequences=sequence,
+            sees=options.parse_name(sees, SEES, "--detections") if sees else None,
+            map_file=map_file,
+            vehicle=None if ego is None else parse_vehicle(ego),
+            columns=options.table_columns(columns, frame_rate),
+        )
+        named = strategies if "strategies" in typed else None
+        drive_preset = preset if "preset" in typed else "real"
+        processes = workers or available_cores()
+        _compare_drives(source, named, vary or [], drive_preset, out, processes, quiet)
+        return
     if ablation + growth + bool(vary) > 1:
         raise ArgumentError("--vary, --ablation and --growth exclude one another; give one of them")
     chosen = options.parse_strategies(strategies, "--strategies")
@@ -109,3 +180,57 @@ def command(
             formats=formats,
         )
         compare(study, out, processes, quiet, logs)
+
+
+def _typed(context: typer.Context) -> set[str]:
+    """Parameters that were typed: the two kinds of comparison have defaults of their own."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    return {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+
+
+def _refuse_misplaced(typed: set[str], on_drives: bool) -> None:
+    """See that options go together.
+
+    Raises:
+        ArgumentError: one belongs to the other kind of comparison.
+    """
+    from evaluation.errors import ArgumentError
+
+    others, reason = (
+        (OF_SCENES, "not with --drives") if on_drives else (OF_DRIVES, "goes with --drives; add it")
+    )
+    for name, option in others.items():
+        if name in typed:
+            raise ArgumentError(f"{option}: {reason}")
+
+
+def _compare_drives(
+    source: Source,
+    strategies: str | None,
+    vary: list[str],
+    preset: str,
+    out: Path,
+    workers: int,
+    quiet: bool,
+) -> None:
+    """Compare on recorded drives.
+
+    Raises:
+        ArgumentError: an option cannot be read, or means nothing on drives.
+    """
+    from evaluation.cli.recorded.drive import parse_rules
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.drive.side_by_side.command import compare_drives
+    from evaluation.studies.drive.side_by_side.comparison import DriveComparison
+    from evaluation.studies.drive.study import Options
+
+    varied = options.parse_vary(vary)
+    asked = Options(
+        source,
+        () if strategies is None else options.parse_strategies(strategies, "--strategies"),
+        parse_rules(None, varied),
+        options.parse_preset(preset),
+        vary=varied,
+    )
+    with locked(writable_folder(out)):
+        compare_drives(DriveComparison(asked), out, workers, quiet)

@@ -13,6 +13,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval reports`",
     "`smartmot-eval reports --only paper,static`",
     "`smartmot-eval reports --check`",
+    "`smartmot-eval reports --only drives,towns --outside data_of_others`",
     "Started again after it was stopped, it goes on where it was.",
 )
 
@@ -26,20 +27,34 @@ def command(
     check: Annotated[
         bool, typer.Option("--check", help="Make a few runs of each part again; exit status 1 on drift.")
     ] = False,
+    outside: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of data of others, from which some parts are made: kitti, argoverse2/logs, "
+            "opendrive/maps. Without it these are left as they are.",
+            metavar="DIR",
+        ),
+    ] = None,
     workers: options.Workers = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Make all reference results: the paper's table and figures, scenes, ablations, growth."""
+    from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
-    from evaluation.studies.reference.command import check_reports, make_reports
+    from evaluation.studies.reference.command import check_reports, choose_parts, make_reports, with_data
 
+    if outside is not None and not outside.is_dir():
+        raise ArgumentError(f"--outside: {outside} is no folder; give the one with kitti and the others")
     names = [name.strip() for name in only.split(",")] if only else []
     if not check:
         with locked(writable_folder(out)):
-            make_reports(out, names, workers or available_cores(), quiet)
+            make_reports(out, names, workers or available_cores(), quiet, outside)
         return
-    lines = check_reports(out, names)
+    _, lacks = with_data(choose_parts(names), outside)
+    for name, lack in lacks.items():
+        typer.echo(f"{name} is not checked: {lack}")
+    lines = check_reports(out, names, outside=outside)
     for line in lines:
         typer.echo(line, err=True)
     raise typer.Exit(1 if lines else 0)

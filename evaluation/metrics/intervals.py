@@ -249,6 +249,24 @@ def sign_test(better: int, worse: int) -> float:
     return min(1.0, 2.0 * float(bdtr(min(better, worse), better + worse, 0.5)))
 
 
+def poisson_mean(count: int, confidence: float = CONFIDENCE) -> Estimate:
+    """Mean of a Poisson distribution of which one count is known, with Garwood's exact interval.
+
+    Source: F. Garwood, Biometrika 28 (1936) 437. Of no event its upper end is 3.69, for both sides together;
+    the rule of three is one-sided.
+
+    Raises:
+        ValueError: the count is negative.
+    """
+    from scipy.special import gammaincinv
+
+    if count < 0:
+        raise ValueError(f"poisson_mean: expected a count, got {count}")
+    outside = (1.0 - confidence) / 2.0
+    low = float(gammaincinv(count, outside)) if count else 0.0
+    return Estimate(float(count), low, float(gammaincinv(count + 1, 1.0 - outside)), 1)
+
+
 def _error_of_mean(values: FloatArray, clusters: Sequence[Hashable]) -> tuple[int, float]:
     """Number of clusters, and standard error of the mean of values in clusters (0 for one)."""
     index, groups = _numbered(clusters)

@@ -26,7 +26,9 @@ from smartmot.plugins import is_plugin, plugin
 OF_EVALUATION = (
     "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py",
     "results/rows.py", "results/seal.py", "runs/execution.py", "studies/answers/measures.py",
-    "studies/compare/measures.py", "studies/growth.py", "studies/reference/mechanisms.py",
+    "studies/compare/measures.py", "studies/drive/drive.py", "studies/drive/exposure.py",
+    "studies/drive/measures.py", "studies/drive/verdicts.py",
+    "studies/growth.py", "studies/reference/mechanisms.py",
 )  # fmt: skip
 """Modules of this package that what is kept of a run depends on. A test finds them from the studies' jobs."""
 

@@ -85,6 +85,15 @@ class Study(Generic[Item, Measures]):
         """The study as it is after others whose results are in a folder: one may settle what is run here."""
         return self
 
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What it takes from a folder of data from outside, by paths in it; see `with_outside`."""
+        return ()
+
+    def with_outside(self, outside: Path) -> Study[Item, Measures]:
+        """The study with the data that it needs from outside."""
+        return self
+
     def place(self, out: Path) -> Path:
         """Folder for what its runs need, and write, in a folder of several studies."""
         return out / self.name

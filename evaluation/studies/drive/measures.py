@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
-from evaluation.studies.drive.drive import Drive
+from evaluation.runs.execution import FrameTime
+from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out
 from evaluation.studies.drive.exposure import Exposure, exposure_of, total
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED
+from scenarios.recorded.dataset import Sequence
+from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.sources.requests import EMERGENCY, WARNING
+from smartmot.maps.lane_map import LaneMap
 
 ALL = "all"
 """Stands for all sequences together."""
@@ -33,7 +41,6 @@ class DriveRow:
         warnings: of rules that warn.
         false_warnings, undecided_warnings: of these.
         held_s: time in which a request was held, so that no other could begin.
-        log: name of the log; None: there is none.
     """
 
     sequence: str
@@ -56,7 +63,6 @@ class DriveRow:
     false_warnings: int
     undecided_warnings: int
     held_s: float
-    log: str | None
 
     @property
     def side(self) -> tuple[str, str, str]:
@@ -91,11 +97,24 @@ class DriveEvent:
     gap_behind_m: float | None
     stop_s: float
     covers_stop: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedRow(DriveRow):
+    """A row with the name of its log; None: there is none."""
+
     log: str | None
 
 
-def row_of(drive: Drive, log: str | None) -> DriveRow:
-    """The row of a drive with the name of its log."""
+@dataclass(frozen=True, slots=True)
+class LoggedEvent(DriveEvent):
+    """An event with the name of its log."""
+
+    log: str
+
+
+def row_of(drive: Drive) -> DriveRow:
+    """The row of a drive."""
     spec, exposure = drive.spec, exposure_of(drive.motion)
     judged = [(r.kind, v.verdict) for r, v in drive.requests]
 
@@ -124,11 +143,10 @@ def row_of(drive: Drive, log: str | None) -> DriveRow:
         false_warnings=count(WARNING, FALSE),
         undecided_warnings=count(WARNING, UNDECIDED),
         held_s=drive.held_s,
-        log=log,
     )
 
 
-def events_of(drive: Drive, log: str | None) -> list[DriveEvent]:
+def events_of(drive: Drive) -> list[DriveEvent]:
     """The requests and warnings of a drive, in the order of time."""
     spec = drive.spec
     return [
@@ -136,7 +154,7 @@ def events_of(drive: Drive, log: str | None) -> list[DriveEvent]:
             drive.sequence, spec.strategy, spec.rule, spec.text, r.kind, r.time_s, r.speed_mps * 3.6,
             r.track_id, r.category, r.ttc_s, r.gap_m, r.decel_mps2, r.horizon_s, v.verdict, v.reason,
             v.object_id, v.category, v.decel_mps2, v.gap_recorded_m, v.gap_braked_m, v.gap_behind_m, v.stop_s,
-            v.covers_stop, log,
+            v.covers_stop,
         )
         for r, v in drive.requests
     ]  # fmt: skip
@@ -168,5 +186,56 @@ def total_of(rows: Many[DriveRow]) -> DriveRow:
         false_warnings=sum(row.false_warnings for row in rows),
         undecided_warnings=sum(row.undecided_warnings for row in rows),
         held_s=sum(row.held_s for row in rows),
-        log=None,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class KeptDrive(DriveRow):
+    """A row with its requests, as a journal keeps it.
+
+    Args:
+        events: a list of `DriveEvent`, as JSON.
+    """
+
+    events: str
+
+    @property
+    def row(self) -> DriveRow:
+        """The row alone."""
+        return DriveRow(**{field.name: getattr(self, field.name) for field in dataclasses.fields(DriveRow)})
+
+    @property
+    def requests_and_warnings(self) -> list[DriveEvent]:
+        """The requests and warnings, in the order of time."""
+        return [DriveEvent(**values) for values in json.loads(self.events)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveItem:
+    """A drive of a study.
+
+    Args:
+        spec: how the recording is seen and judged, with its vehicle.
+        sequence: the recording.
+        map_path: its map; None: there is none.
+        key: hash of everything that determines what comes out.
+    """
+
+    spec: DriveSpec
+    sequence: Sequence
+    map_path: Path | None
+    key: str
+
+
+def measure(item: DriveItem) -> tuple[KeptDrive, FrameTime]:
+    """Carry out a drive; see `carry_out` for what it raises."""
+    drive = carry_out(item.sequence, item.spec, None if item.map_path is None else _loaded(item.map_path))
+    row = dataclasses.asdict(row_of(drive))
+    events = [dataclasses.asdict(event) for event in events_of(drive)]
+    return KeptDrive(**row, events=json.dumps(events)), drive.spent
+
+
+@lru_cache(maxsize=4)
+def _loaded(path: Path) -> LaneMap:
+    """A map, loaded once in a process."""
+    return load_drive_map(path)

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from collections.abc import Sequence as Many
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
@@ -23,7 +23,7 @@ from evaluation.results.files import (
 from evaluation.results.logs import write_log
 from evaluation.results.tables import Table, markdown_table
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out
-from evaluation.studies.drive.measures import DriveRow, events_of, row_of
+from evaluation.studies.drive.measures import LoggedEvent, LoggedRow, events_of, row_of
 from evaluation.studies.drive.parameters import FAIR, Vary, check_vary, settings_of, with_rules
 from evaluation.studies.drive.recordings import Recording, Recordings, Source, read_recordings
 from evaluation.studies.drive.tables import (
@@ -115,7 +115,7 @@ class DriveResult:
     """
 
     drives: tuple[Drive, ...]
-    rows: tuple[DriveRow, ...]
+    rows: tuple[LoggedRow, ...]
     table: Table
     written: tuple[Path, ...]
     spent_s: float
@@ -151,7 +151,7 @@ def specs_of(options: Options, recordings: Recordings) -> tuple[DriveSpec, ...]:
     if NEEDS_MAP in options.strategies and without_map:
         whose = "the data have" if len(recordings.items) == len(without_map) else f"{without_map[0]} has"
         raise ArgumentError(
-            f"--strategy map: {whose} no map; give --map FILE.xodr in the frame of the ego poses"
+            f"strategy map: {whose} no map; give --map FILE.xodr in the frame of the ego poses"
         )
     strategies = options.strategies or tuple(s for s in STRATEGIES if s != NEEDS_MAP or not without_map)
     check_vary(options.vary, strategies, recordings.sees, without_map)
@@ -214,8 +214,8 @@ def drive_all(study: DriveStudy, out: Path, progress: Progress) -> DriveResult:
             path = log_path(out, log)
             write_log(path, drive.log)
             start_s = time.thread_time()
-            rows.append(row_of(drive, log))
-            events += events_of(drive, log)
+            rows.append(LoggedRow(**asdict(row_of(drive)), log=log))
+            events += [LoggedEvent(**asdict(event), log=log) for event in events_of(drive)]
             spent_s += time.thread_time() - start_s
             drives.append(drive)
             written.append(path)

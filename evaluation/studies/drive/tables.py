@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from evaluation.results.tables import EMPTY, Table, csv_bytes
-from evaluation.studies.drive.measures import DriveEvent, DriveRow, total_of
+from evaluation.studies.drive.measures import DriveRow, LoggedEvent, LoggedRow, total_of
 
 EVENTS_CSV, DRIVES_JSON = "events.csv", "drives.json"
 
@@ -16,32 +16,32 @@ HINDSIGHT = (
     "no planner knows; every strategy has it."
 )
 
-DRIVE_COLUMNS = tuple(field.name for field in dataclasses.fields(DriveRow))
-EVENT_COLUMNS = tuple(field.name for field in dataclasses.fields(DriveEvent))
+DRIVE_COLUMNS = tuple(field.name for field in dataclasses.fields(LoggedRow))
+EVENT_COLUMNS = tuple(field.name for field in dataclasses.fields(LoggedEvent))
 
 
-def with_totals(rows: Iterable[DriveRow]) -> list[DriveRow]:
+def with_totals(rows: Iterable[LoggedRow]) -> list[LoggedRow]:
     """The rows, and one for all sequences of each strategy, settings and rule that has several."""
-    completed: list[DriveRow] = []
+    completed: list[LoggedRow] = []
     for _, group in groupby(rows, lambda row: row.side):
         members = list(group)
         completed += members
         if len(members) > 1:
-            completed.append(total_of(members))
+            completed.append(LoggedRow(**dataclasses.asdict(total_of(members)), log=None))
     return completed
 
 
-def totals_of(rows: Iterable[DriveRow]) -> list[DriveRow]:
+def totals_of(rows: Iterable[LoggedRow]) -> list[LoggedRow]:
     """The last row of each strategy, settings and rule: that of all its sequences."""
     return [list(group)[-1] for _, group in groupby(rows, lambda row: row.side)]
 
 
-def drives_csv(rows: Sequence[DriveRow]) -> bytes:
+def drives_csv(rows: Sequence[LoggedRow]) -> bytes:
     """The rows as CSV."""
     return csv_bytes(DRIVE_COLUMNS, (dataclasses.astuple(row) for row in rows))
 
 
-def events_csv(events: Iterable[DriveEvent]) -> bytes:
+def events_csv(events: Iterable[LoggedEvent]) -> bytes:
     """Every request of every drive as CSV."""
     return csv_bytes(EVENT_COLUMNS, (dataclasses.astuple(event) for event in events))
 
@@ -54,7 +54,7 @@ def common_settings(texts: Iterable[str]) -> tuple[str, dict[str, str]]:
     return ", ".join(common), own
 
 
-def summary_table(rows: Sequence[DriveRow]) -> Table:
+def summary_table(rows: Sequence[LoggedRow]) -> Table:
     """One line per strategy, settings and rule, of all its sequences."""
     of_all = totals_of(rows)
     common, own = common_settings(row.settings for row in of_all)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import ResultsError
 from evaluation.results.tables import Table
 from evaluation.studies.answers import break_even, sensor, trigger
@@ -87,17 +88,28 @@ def _differences(kept: Kept[Gain]) -> list[Difference]:
 # ---- what lanes gain ---------------------------------------------------------------------------------------
 
 
-def told_verdict(kept: Kept[Gain]) -> str:
-    """Whether the lane filter gains anything over the planned path, and in which conditions."""
-    better: list[str] = []
-    worse: list[str] = []
-    undecided: list[str] = []
+BETTER, WORSE, UNDECIDED = "gains", "loses", "undecided"
+
+
+def outcomes(kept: Kept[Gain]) -> dict[str, tuple[str, Estimate]]:
+    """Of each map filter in each preset: whether it gains over the planned path, and how much."""
+    by_filter = {}
     for preset in kept.question.presets:
         for arm, against in kept.question.pairs:
             if arm.preset == preset and arm.rule == "paper" and arm.name in (MAP.name, MAP.name + BY_TUNING):
                 gained = benefit_difference(kept.results, arm, against)
-                where = f"{arm.name}, preset {preset}"
-                (better if gained.low > 0 else worse if gained.high < 0 else undecided).append(where)
+                outcome = BETTER if gained.low > 0 else WORSE if gained.high < 0 else UNDECIDED
+                by_filter[f"{arm.name}, preset {preset}"] = outcome, gained
+    return by_filter
+
+
+def told_verdict(kept: Kept[Gain]) -> str:
+    """Whether the lane filter gains anything over the planned path, and in which conditions."""
+    by_filter = outcomes(kept)
+    better, worse, undecided = (
+        [name for name, (outcome, _) in by_filter.items() if outcome == of]
+        for of in (BETTER, WORSE, UNDECIDED)
+    )
     parts = [
         f"{text} with {'; '.join(names)}."
         for text, names in (
@@ -109,6 +121,38 @@ def told_verdict(kept: Kept[Gain]) -> str:
     ]
     start = "A lane filter gains" if better else "A lane filter gains nothing"
     return f"**{start} over a planned path alone in these scenes.** {' '.join(parts)}"
+
+
+def told_confirmation(kept: Kept[Gain], again: Kept[Gain]) -> str:
+    """Whether scenes on other maps give the same answer.
+
+    Args:
+        kept: the scenes of the answer.
+        again: those on other maps.
+    """
+    first, second = outcomes(kept), outcomes(again)
+    said = {
+        BETTER: "the filter gains",
+        WORSE: "the filter loses",
+        UNDECIDED: "neither is decided",
+    }
+    same = [name for name in first if second[name][0] == first[name][0]]
+    opposite = [name for name in first if {first[name][0], second[name][0]} == {BETTER, WORSE}]
+    start = (
+        "confirmed for every filter and preset"
+        if len(same) == len(first)
+        else f"the same answer for {len(same)} of {len(first)} filters and presets"
+    )
+    start += f", the opposite for {'; '.join(opposite)}" if opposite else ", the opposite for none"
+    parts = [
+        f"{name}: {points_text(gained)} points there, {said[outcome]} (here {points_text(first[name][1])})"
+        for name, (outcome, gained) in second.items()
+    ]
+    count = again.question.sample.count
+    return (
+        f"**And in CARLA's towns?** {count} scenes of each kind: {start}. Avoided less stopped: "
+        f"{'; '.join(parts)}."
+    )
 
 
 def told_lanes(kept: Kept[Gain]) -> list[str]:

@@ -14,6 +14,7 @@ import rich.console
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
 from evaluation.studies.reference.kept import read_rows
+from evaluation.studies.reference.outside import without_data
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.readme import README, render
 from evaluation.studies.study import JOURNAL, Study, done_line
@@ -27,19 +28,34 @@ the last digits of other processors and libraries."""
 
 
 def choose_parts(names: Sequence[str]) -> tuple[Study[Any, Any], ...]:
-    """Parts by name; none: all.
+    """Parts by name, or by the folder that they are in; none: all.
 
     Raises:
         ArgumentError: there is none of that name.
     """
-    known = {part.name: part for part in PARTS}
+    known = [part.name for part in PARTS]
     for name in names:
-        if name not in known:
+        if not any(_is_called(part, name) for part in known):
             raise ArgumentError(f"--only: no part {name!r}; there are: {', '.join(known)}")
-    return tuple(part for part in PARTS if not names or part.name in names)
+    return tuple(part for part in PARTS if not names or any(_is_called(part.name, name) for name in names))
 
 
-def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> None:
+def _is_called(part: str, name: str) -> bool:
+    return part == name or part.startswith(f"{name}/")
+
+
+def with_data(
+    parts: Sequence[Study[Any, Any]], outside: Path | None
+) -> tuple[list[Study[Any, Any]], dict[str, str]]:
+    """The parts that can be made, with their data from outside, and what the others lack, by name."""
+    lacks = {part.name: lack for part in parts if (lack := without_data(part.needs, outside))}
+    there = [part for part in parts if part.name not in lacks]
+    return [part if outside is None else part.with_outside(outside) for part in there], lacks
+
+
+def make_reports(
+    out: Path, names: Sequence[str], workers: int, quiet: bool, outside: Path | None = None
+) -> None:
     """Make the reference results, or go on with it, and the page that tells them.
 
     Args:
@@ -47,13 +63,16 @@ def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> 
         names: parts; none: all.
         workers: processes.
         quiet: print nothing.
+        outside: folder of data of others; None: parts that need them are left as they are.
 
     Raises:
         ArgumentError: an unknown part.
         ResultsError: the folder cannot be written.
     """
     console = rich.console.Console(quiet=quiet)
-    parts = choose_parts(names)
+    parts, lacks = with_data(choose_parts(names), outside)
+    for name, lack in lacks.items():
+        console.print(f"{name} is left as it is: {lack}", highlight=False, soft_wrap=True)
     seen: set[tuple[str, str]] = set()
     before = 0
     (out / JOURNAL).mkdir(parents=True, exist_ok=True)
@@ -71,7 +90,7 @@ def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> 
         part.write(folder, items, finished)
     total = len(seen)
     console.print(done_line(total, before, out, [part.name for part in parts]), highlight=False)
-    missing = [part.name for part in PARTS if not (out / part.name / part.table).is_file()]
+    missing = [part.name for part in PARTS if not part.needs and not (out / part.name / part.table).is_file()]
     if missing:
         console.print(f"{README} is written when all parts are there; missing: {', '.join(missing)}")
         return
@@ -81,13 +100,18 @@ def make_reports(out: Path, names: Sequence[str], workers: int, quiet: bool) -> 
         raise ResultsError(f"{out / README}: cannot be written ({error.strerror})") from None
 
 
-def check_reports(out: Path, names: Sequence[str], count: int = CHECKED_RUNS) -> list[str]:
+def check_reports(
+    out: Path, names: Sequence[str], count: int = CHECKED_RUNS, outside: Path | None = None
+) -> list[str]:
     """Make a few runs of each part again, and compare them and the page with what is kept.
+
+    Parts whose data are not there are left out; see `with_data`.
 
     Args:
         out: folder of the results.
         names: parts; none: all.
         count: runs of each part.
+        outside: folder of data of others; None: there is none.
 
     Returns:
         What differs, one line each.
@@ -96,7 +120,8 @@ def check_reports(out: Path, names: Sequence[str], count: int = CHECKED_RUNS) ->
         ArgumentError: an unknown part.
         ResultsError: results are missing or not understood.
     """
-    lines = [line for part in choose_parts(names) for line in drift(part, out / part.name, count)]
+    parts, _ = with_data(choose_parts(names), outside)
+    lines = [line for part in parts for line in drift(part, out / part.name, count)]
     page = out / README
     if not names and (not page.is_file() or page.read_text(encoding="utf-8") != render(out)):
         lines.append(f"{page}: not what the tables beside it give today")

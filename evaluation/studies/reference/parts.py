@@ -17,6 +17,7 @@ from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.growth import GrowthStudy
 from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.reference.mechanisms import MechanismStudy
+from evaluation.studies.reference.outside import DrivesPart, TownsPart, drives_part
 from evaluation.studies.study import Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
@@ -57,8 +58,19 @@ TRIGGER = Trigger(Sample(count=40), _PNG)
 QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER)
 """The first settles what is run in others. The scenes of fewer are among those of more."""
 
+DRIVES: tuple[DrivesPart, ...] = (
+    drives_part("kitti", "kitti", ("path", "rectangular", "all")),  # without a map
+    drives_part("argoverse2", "argoverse2/logs", ("path", "map", "rectangular", "all")),
+)
+"""Recorded drives of others: KITTI with a detector's output, Argoverse 2 with labels in its place."""
+
+TOWNS = TownsPart(GAIN.sample, _PNG, presets=GAIN.presets)
+"""The first question once more, on maps of others."""
+
 PARTS: tuple[Study[Any, Any], ...] = (
     *QUESTIONS,
+    TOWNS,
+    *DRIVES,
     _cpna("paper", TEN_TO[80], "paper"),
     _cpna("static", URBAN, "paper", adversaries="static", beside="paper"),
     MechanismStudy("mechanisms", 5),

@@ -14,15 +14,26 @@ from evaluation.results.rows import RunRow, read_runs
 from evaluation.results.tables import Table, markdown_table
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
+from evaluation.studies.drive.side_by_side.comparison import COMPARE_JSON
 from evaluation.studies.growth import GrowthRun, growth_table
 from evaluation.studies.reference import answer_findings as answers
 from evaluation.studies.reference import cpna_findings as cpna
+from evaluation.studies.reference import drive_findings as drives
 from evaluation.studies.reference import growth_findings as crowds
 from evaluation.studies.reference import scene_findings as scenes
 from evaluation.studies.reference import seed_findings as seeds
 from evaluation.studies.reference.kept import read_json, read_records
 from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
-from evaluation.studies.reference.parts import BREAK_EVEN, GAIN, QUESTIONS, SENSOR, TRIGGER, TUNING
+from evaluation.studies.reference.parts import (
+    BREAK_EVEN,
+    DRIVES,
+    GAIN,
+    QUESTIONS,
+    SENSOR,
+    TOWNS,
+    TRIGGER,
+    TUNING,
+)
 from evaluation.studies.reference.words import listed
 
 README = "README.md"
@@ -34,6 +45,12 @@ VERSIONED = (
     *(f"{question.name}/study.json" for question in QUESTIONS),
 )  # fmt: skip
 """Files that tell the version that made them, with a digest of the code."""
+
+
+def _versioned(reports: Path) -> list[str]:
+    """Those of all parts that are there: some need data of others."""
+    outside = (f"{TOWNS.name}/study.json", *(f"{part.name}/{COMPARE_JSON}" for part in DRIVES))
+    return [*VERSIONED, *(path for path in outside if (reports / path).is_file())]
 
 
 def _made_by(stored: dict[str, Any]) -> str:
@@ -71,12 +88,17 @@ def _values(reports: Path) -> dict[str, Any]:
         for name in ("frontier_physical", "frontier_paper", "seeds", "ablation")
     }
     gain = answers.read(GAIN, reports)
+    towns = answers.read(TOWNS, reports) if (reports / TOWNS.name / TOWNS.table).is_file() else None
+    kept_drives = drives.read(DRIVES, reports)
     growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
     spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
     return {
-        "versions": sorted({_made_by(read_json(reports / path)) for path in VERSIONED}),
+        "versions": sorted({_made_by(read_json(reports / path)) for path in _versioned(reports)}),
         "answers": answers,
         "gain": gain,
+        "towns": towns,
+        "drives": drives,
+        "kept_drives": kept_drives,
         "break_even": answers.read(BREAK_EVEN, reports),
         "sensor": answers.read(SENSOR, reports),
         "trigger": answers.read(TRIGGER, reports),

@@ -106,7 +106,7 @@ def test_the_jobs_are_found_and_no_module_is_listed_in_vain() -> None:
     found: set[Definition] = set()
     for module, job in _jobs().values():
         _follow(module, job, found)
-    assert len(_jobs()) == 5
+    assert len(_jobs()) == 6
     assert {("studies/answers/measures.py", "decide"), ("runs/execution.py", "frame_time")} <= found
     assert ("studies/compare/measures.py", "is_unnecessary_stop") in found
     assert {module for module, _ in found} == {*OF_EVALUATION, *BESIDE}

@@ -312,7 +312,7 @@ def test_detections_of_some_and_labels_of_others_are_not_counted_together(
             ["--vary", "horizon_s=2,2.0000001"],
             "2 drives would be called 0_rectangular_paper_horizon_s=2_seed0",
         ),
-        (["--strategy", "map"], "--strategy map: the data have no map; give --map FILE.xodr"),
+        (["--strategy", "map"], "strategy map: the data have no map; give --map FILE.xodr"),
         (["--detections", "guesses"], "--detections: unknown 'guesses'; use one of: labels, detections"),
         (["--rule", "none"], "--rule: unknown 'none'"),
         (["--sequence", "x"], "--sequence: no 'x'; there are:"),

@@ -44,7 +44,7 @@ def test_a_log_without_a_map(tmp_path: Path) -> None:
         prepare(Options(Source(log)))
     archive.unlink()
     assert [spec.strategy for spec in prepare(Options(Source(log))).specs] == ["rectangular", "all", "path"]
-    with pytest.raises(ArgumentError, match="--strategy map: the data have no map"):
+    with pytest.raises(ArgumentError, match="strategy map: the data have no map"):
         prepare(Options(Source(log), strategies=("map",)))
 
 

@@ -1,0 +1,1 @@
+"""Strategies, settings and brake rules side by side on recorded drives."""
