@@ -93,7 +93,7 @@ def _decided(drives: KeptDrives) -> list[DriveDifference]:
     return [d for d in drives.compared.differences if d.p_corrected <= LEVEL]
 
 
-def told(drives: KeptDrives) -> list[str]:
+def findings(drives: KeptDrives) -> list[str]:
     """What can be said of the drives, and what not."""
     compared = drives.compared
     occasions, totals = compared.occasions, compared.totals

@@ -145,7 +145,7 @@ def test_a_part_is_made_from_data_of_others(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setitem(drive_findings.TITLES, part.name, "A street")
     [kept] = drive_findings.read([part], out)
     assert [line[0] for line in drive_findings.rules_table(kept).rows] == ["paper", "rss"]
-    assert drive_findings.told(kept)[0] == "1 drive, 0.05 km, 0.1 minutes, 1 pedestrian met."
+    assert drive_findings.findings(kept)[0] == "1 drive, 0.05 km, 0.1 minutes, 1 pedestrian met."
     assert "Which area is quieter, so few drives do not decide." in drive_findings.told_in_short([kept])
     table = out / part.name / part.table
     text = table.read_text()
