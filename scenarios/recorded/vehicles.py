@@ -39,15 +39,18 @@ class Vehicle:
 
 
 VEHICLES = {
-    # VW Passat B6 Variant: 4.77 m x 1.82 m, wheelbase 2.71 m, rear overhang 1.12 m (Volkswagen). Poses are
-    # those of camera 0, 1.03 m ahead of the rear axle (A. Geiger et al., IJRR 32 (2013) 1231, figure 3).
+    # VW Passat B6 Variant: 4.77 m x 1.82 m, wheelbase 2.71 m (Volkswagen, 2005: auto55.be/nieuws/7497).
+    # Poses are those of camera 0: 0.27 m ahead of the lidar, which is 0.81 m ahead of the IMU, which is
+    # 0.05 m behind the rear axle (A. Geiger et al., IJRR 32 (2013) 1231, figure 3; the axle as py123d has it
+    # for KITTI-360): 1.03 m. The rear overhang of 1.12 m is assumed; py123d has 1.05 m for the same car.
     "kitti": Vehicle(4.77, 1.82, 0.24),
-    # Renault Zoe: 4.084 m x 1.73 m, wheelbase 2.588 m, rear overhang 0.66 m (Renault). Poses are those of the
-    # middle of the rear axle (nuScenes devkit, schema of ego_pose).
+    # Renault Zoe: 4.084 m x 1.73 m, wheelbase 2.588 m (Wikipedia; py123d has the same for nuScenes, and the
+    # middle 1.385 m ahead). Poses are those of the midpoint of the rear axle (H. Caesar et al., nuScenes,
+    # CVPR 2020, supplement). The rear overhang of 0.66 m is assumed.
     "nuscenes": Vehicle(4.084, 1.73, 1.38),
     # Ford Fusion: the box EGO_VEHICLE of the data set's logs. Poses are those of the middle of the rear axle
-    # (Argoverse 2 user guide; sideways and turning speed of two logs say within 0.1 m), taken for half the
-    # wheelbase of 2.85 m (Ford) behind the middle.
+    # (assumed; sideways and turning speed of two logs agree within 0.1 m), taken for half the wheelbase of
+    # 2.85 m (autocade.net, Ford Fusion CD391) behind the middle (assumed).
     "argoverse": Vehicle(4.877, 2.0, 1.42),
 }
 """By format; others are taken for a car whose middle is recorded."""

@@ -31,13 +31,17 @@ HARD_MPS2 = 3.0
 object (D. B. Fambro et al., NCHRP report 400, 1997; AASHTO, Geometric Design of Highways and Streets)."""
 
 WALKS_MPS = 1.4
-"""A person whose labels end may go anywhere at this speed: comfortable gait of adults, 1.3 to 1.5 m/s (R. W.
-Bohannon, Age and Ageing 26 (1997) 15)."""
+"""A person whose labels end may go anywhere at this speed: comfortable gait of adults, 1.27 to 1.46 m/s (R.
+W. Bohannon, Age and Ageing 26 (1997) 15)."""
 
 STEP_S = 0.05
 """Outlines are laid so densely: at 60 m/s a car's still overlap."""
 
-_SAME_S = 1e-6
+GONE_S = 1.0
+"""Objects whose labels ended so shortly before a request may still be what it is for: sensors have a latency,
+and tracks are carried on where nothing is seen any more (assumed)."""
+
+_SAME_S, _SAME_MPS2 = 1e-6, 1e-6
 
 Polygons = NDArray[np.object_]
 
@@ -100,16 +104,17 @@ def judge(
     covers_stop = time_s + stop_s <= ego.end_s + _SAME_S
     last_s = max(known_s, min(time_s + stop_s, ego.end_s))
     around = [] if motion.labels is None else motion.labels.between(time_s, last_s)
+    gone = [] if motion.labels is None else motion.labels.between(time_s - GONE_S, last_s)
     driven = ego.boxes(times)
     swept = _polygons(driven)
     entered = next((o for o in around if _enters(o, times, swept)), None)
-    vanished = next((o for o in around if _may_enter(o, times, swept)), None) if entered is None else None
+    vanished = next((o for o in gone if _may_enter(o, times, swept)), None) if entered is None else None
     reason = ""
     if motion.labels is None:
         reason = "no labels"
     elif entered is not None:
         reason = "entered"
-    elif hardest is not None and hardest >= HARD_MPS2:
+    elif hardest is not None and hardest >= HARD_MPS2 - _SAME_MPS2:
         reason = "driver braked"
     elif ego.end_s < end_s - _SAME_S:
         reason = "recording ends"

@@ -18,9 +18,9 @@ from smartmot.types import FloatArray
 CAR_GAP_M = (0.6, 2.5)
 """Free length between parked or queueing cars (assumed)."""
 AT_KERB_M = 0.25
-"""From a parked car to the kerb (assumed; German law asks for as little as can be, StVO section 12)."""
+"""From a parked car to the kerb (assumed; German law asks to draw up to the edge, StVO section 12 (4))."""
 FROM_CROSSWALK_M = 6.0
-"""From a parked car's middle to a crosswalk's, in town (assumed; StVO section 12 asks for 5 m before it)."""
+"""From a parked car's middle to a crosswalk's, in town (assumed; StVO, sign 293, asks for 5 m before it)."""
 PASSING_M = 0.4
 """Least free width between a parked car and the ego's."""
 

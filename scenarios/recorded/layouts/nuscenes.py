@@ -28,8 +28,7 @@ VERSION = "v1.0-mini"
 """Of the tables; the devkit's default."""
 
 REAR_AXLE_M = 1.38
-"""Behind the middle of a car: Renault Zoe, 4.084 m long, wheelbase 2.588 m, rear overhang 0.66 m (Renault);
-the Global Vehicle Target of ISO 19206-3 has 1.33 m."""
+"""Behind the middle of a car: that of nuScenes' own vehicle (`scenarios.recorded.vehicles`)."""
 
 MOVES_MPS = 0.2
 """What is faster has the attribute of moving things, as in mmdetection3d's export to nuScenes."""

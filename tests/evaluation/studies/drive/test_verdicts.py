@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from evaluation.studies.drive.exposure import exposure_of
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED, Verdict, judge
 from scenarios.brakes import BrakeConfig, stop_time_s
 from scenarios.recorded.dataset import Objects
@@ -181,3 +182,123 @@ def test_time_to_standstill(speed_mps: float, decel_mps2: float | None, expected
         stage = BRAKES.requested(decel_mps2)
         assert BRAKES.travel(speed_mps, 0.0, expected_s - 1e-3, stage)[1] > 0.0
         assert BRAKES.travel(speed_mps, 0.0, expected_s + 1e-3, stage)[1] == 0.0
+
+
+# --- edges --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("last_s", "reason"), [(5.9, "labels end"), (6.0, ""), (6.1, "")])
+def test_labels_that_end_with_the_horizon_end_late_enough(last_s: float, reason: str) -> None:
+    # beside the ego's front at the horizon's end, 1 cm from the way: 0.1 s of walking would do
+    verdict = at_3_s(drive(standing(61.0, WIDTH_M / 2 + PERSON_M / 2 + 0.01, last_s=last_s)))
+    assert verdict.reason == reason
+
+
+@pytest.mark.parametrize(("until_s", "reason"), [(5.9, "recording ends"), (6.0, ""), (6.1, "")])
+def test_a_recording_that_ends_with_the_horizon_ends_late_enough(until_s: float, reason: str) -> None:
+    assert at_3_s(drive(standing(60.0, 5.0, last_s=until_s), until_s=until_s)).reason == reason
+
+
+@pytest.mark.parametrize(
+    ("y_m", "last_s", "reason"),
+    [
+        (1.5, 2.8, "labels end"),  # 0.25 m beside the way: the request comes after the sensor's latency
+        (1.5, 2.1, "labels end"),
+        (1.5, 1.9, ""),  # nothing is tracked so long without being seen
+        (8.0, 2.8, ""),  # 6.75 m beside it: 4.8 s of walking
+    ],
+)
+def test_labels_that_ended_just_before_the_request(y_m: float, last_s: float, reason: str) -> None:
+    assert at_3_s(drive(standing(45.0, y_m, last_s=last_s))).reason == reason
+
+
+@pytest.mark.parametrize(
+    ("decel_mps2", "reason"), [(2.99, ""), (3.0, "driver braked"), (3.01, "driver braked")]
+)
+@pytest.mark.parametrize("speed_mps", [30.0, 33.3, 41.7])
+def test_three_is_hard_braking(decel_mps2: float, reason: str, speed_mps: float) -> None:
+    time_s = stamps(0.0, 10.0)
+    motion = drive(x_m=speed_mps * time_s - decel_mps2 * time_s**2 / 2)
+    assert at_3_s(motion, speed_mps - 3.0 * decel_mps2).reason == reason
+
+
+def test_an_object_from_behind_that_overtakes_and_cuts_in_has_entered() -> None:
+    times = stamps(0.0, 10.0)
+    x = 22.0 + 16.0 * (times - 3.0)  # 8 m behind the ego's middle at 3 s, beside it at 4.3 s
+    passing = times, x, np.full(len(times), 3.5)
+    assert at_3_s(drive(passing, category="car")).verdict == FALSE
+    y = np.clip(3.5 - 3.5 * (times - 5.3), 0.0, 3.5)
+    verdict = judge(drive((times, x, y), category="car"), 3.0, SPEED_MPS, 4.0, BRAKES)
+    assert (verdict.verdict, verdict.reason) == (UNDECIDED, "entered")
+
+
+@pytest.mark.parametrize(("beside_m", "reason"), [(-0.05, "entered"), (0.05, "")])
+def test_the_swept_way_of_a_turning_ego_has_its_outer_corner(beside_m: float, reason: str) -> None:
+    # in a left turn of radius R about the ego's middle its right corners are farthest from the turn's centre
+    radius_m, time_s = 12.0, stamps(0.0, 8.0)
+    angle = SPEED_MPS * time_s / radius_m
+    pose = np.column_stack((radius_m * np.sin(angle), radius_m * (1.0 - np.cos(angle)), angle))
+    outer_m = math.hypot(radius_m + WIDTH_M / 2, LENGTH_M / 2)
+    # a box along the radius, half way through the horizon
+    at = SPEED_MPS * 4.5 / radius_m
+    away_m = outer_m + PERSON_M / 2 + beside_m
+    rows = len(time_s)
+    labels = Objects.of(
+        np.arange(rows),
+        np.tile((away_m * math.sin(at), radius_m - away_m * math.cos(at)), (rows, 1)),
+        object_id=np.zeros(rows, dtype=np.int64),
+        size_m=np.full((rows, 2), PERSON_M),
+        yaw_rad=np.full(rows, at),
+        category=np.full(rows, "pedestrian"),
+    )
+    motion = RecordedMotion(EgoMotion(time_s, pose, LENGTH_M, WIDTH_M), LabelMotion(labels, time_s))
+    assert at_3_s(motion).reason == reason
+
+
+def test_an_ego_that_reverses_later_sweeps_its_way_back() -> None:
+    # stops at 45 m, 5 s, then comes back: a person who stands behind it at 3 s is in its way at 8 s
+    time_s = stamps(0.0, 12.0)
+    x_m = np.where(
+        time_s <= 3.0, SPEED_MPS * time_s, 30.0 + 10.0 * (time_s - 3.0) - 2.5 * (time_s - 3.0) ** 2
+    )
+    motion = drive(standing(25.0, 0.0, last_s=12.0), until_s=12.0, x_m=x_m)
+    assert judge(motion, 3.0, SPEED_MPS, 3.0, BRAKES).reason == "driver braked"
+    assert judge(motion, 3.0, SPEED_MPS, 4.9, BRAKES).reason == "entered"
+
+
+# --- exposure -----------------------------------------------------------------------------------------------
+
+
+def test_a_person_is_met_once() -> None:
+    # walks at the ego's speed 10 m ahead, labelled in two stretches, and another who is passed
+    first, second = stamps(0.0, 2.0), stamps(6.0, 9.0)
+    times = np.concatenate((first, second))
+    person = times, SPEED_MPS * times + 10.0, np.full(len(times), 2.0)
+    assert exposure_of(drive(person, standing(60.0, 2.0))).pedestrians == 2
+
+
+def test_a_car_is_no_pedestrian() -> None:
+    assert exposure_of(drive(standing(60.0, 2.0), category="car")).pedestrians == 0
+
+
+def test_standing_counts_as_time_and_not_as_way() -> None:
+    time_s = stamps(0.0, 600.0)
+    x_m = np.minimum(SPEED_MPS * time_s, 100.0)
+    exposure = exposure_of(drive(until_s=600.0, x_m=x_m))
+    assert exposure.km == pytest.approx(0.1)
+    assert exposure.hours == pytest.approx(600.0 / 3600.0)
+    assert exposure.at_most_per_km == pytest.approx(30.0)
+    # poses of a vehicle that stands jitter: 1 cm from frame to frame would add 60 m, and halve the bound
+    jitter = 0.005 * (-1.0) ** np.arange(len(time_s))
+    assert exposure_of(drive(until_s=600.0, x_m=x_m + jitter)).km == pytest.approx(0.1, abs=0.002)
+
+
+def test_reverse_is_way_as_well() -> None:
+    time_s = stamps(0.0, 10.0)
+    x_m = 20.0 - 4.0 * np.abs(time_s - 5.0)
+    assert exposure_of(drive(x_m=x_m)).km == pytest.approx(0.04)
+
+
+def test_no_way_gives_no_bound() -> None:
+    exposure = exposure_of(drive(x_m=np.zeros(101)))
+    assert (exposure.km, exposure.at_most_per_km) == (0.0, None)
