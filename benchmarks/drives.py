@@ -18,6 +18,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import pandas  # noqa: F401 - what is imported later would be counted as reading
+import pyarrow.compute  # noqa: F401
+
 if not __package__:
     # a script's own folder comes first, and has a module of the name opendrive
     sys.path[0] = str(Path(__file__).parents[1])
@@ -72,7 +75,7 @@ def _main() -> int:
     parser.add_argument("--rule", default=RULES)
     parser.add_argument("--profile", action="store_true")
     options = parser.parse_args()
-    profile = cProfile.Profile()
+    profile = cProfile.Profile(time.thread_time)
     strategies, rules = (tuple(text.split(",")) for text in (options.strategy, options.rule))
     paths = [path for folder in options.folder for path in data_sets_of(folder, None, None)[0]]
     ratios = [

@@ -90,10 +90,18 @@ def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
     low, high = spread.min(axis=1), spread.max(axis=1)
     share = (np.arange(_RAYS) + 0.5) / _RAYS
     ray = bearing[:, None] + low[:, None] + (high - low)[:, None] * share
-    # (N, rays, N): does box j hide this ray of box i?
-    offset = wrap_angle(ray[:, :, None] - bearing)
-    hidden = (offset >= low) & (offset <= high) & (distance < distance[:, None] - 1e-9)[:, None, :]
-    share_seen: FloatArray = 1.0 - hidden.any(axis=2).mean(axis=1)
+    # boxes farther apart in bearing than both are wide hide nothing of each other
+    half = np.maximum(np.abs(low), np.abs(high))
+    apart = np.abs(wrap_angle(bearing[:, None] - bearing))
+    pair, nearer = np.nonzero((distance < distance[:, None] - 1e-9) & (apart <= half[:, None] + half + 1e-9))
+    # (P, rays): does the nearer box of a pair hide this ray of the other?
+    offset = wrap_angle(ray[pair] - bearing[nearer, None])
+    blocked = (offset >= low[nearer, None]) & (offset <= high[nearer, None])
+    hidden = np.zeros((n, _RAYS), dtype=np.bool_)
+    if len(pair):
+        first = np.flatnonzero(np.diff(pair, prepend=-1))
+        hidden[pair[first]] = np.logical_or.reduceat(blocked, first, axis=0)
+    share_seen: FloatArray = 1.0 - hidden.mean(axis=1)
     return share_seen
 
 

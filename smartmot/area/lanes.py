@@ -111,8 +111,10 @@ class MonitoredLanes:
         kept = np.zeros(len(boxes), dtype=np.bool_)
         vru_count = np.count_nonzero(vru)
         if vru_count:
-            station, in_margin = self.strips.place_in_margins(boxes.center_m[vru])
-            kept[vru] = _any(in_margin & (station >= self.low_m) & (station <= self.high_m))
+            segments = self.strips.between(self.low_m, self.high_m)
+            low_m, high_m = self.low_m[segments], self.high_m[segments]
+            station, in_margin = self.strips.place_in_margins(boxes.center_m[vru], segments)
+            kept[vru] = _any(in_margin & (station >= low_m) & (station <= high_m))
         if vru_count < len(vru):
             points = outline_points(boxes[~vru])
             kept[~vru] = _of_outlines(self._in_lanes(points, self.low_m, self.high_m))
@@ -128,8 +130,9 @@ class MonitoredLanes:
         vru = is_vulnerable(category)
         vrus, vehicles = np.flatnonzero(within_reach & vru), np.flatnonzero(within_reach & ~vru)
         if len(vrus):
-            station, in_lane, in_margin = self.strips.place(boxes.center_m[vrus])
-            ahead = (station >= self.route_low_m) & (station <= self.route_high_m)
+            segments = self.strips.between(self.route_low_m, self.route_high_m)
+            station, in_lane, in_margin = self.strips.place(boxes.center_m[vrus], segments)
+            ahead = (station >= self.route_low_m[segments]) & (station <= self.route_high_m[segments])
             in_route[vrus], on_way[vrus] = _any(in_margin & ahead), _any(in_lane & ahead)
         if len(vehicles):
             points = outline_points(boxes[vehicles])
@@ -147,8 +150,9 @@ class MonitoredLanes:
 
     def _in_lanes(self, points_m: FloatArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
         """(N,) points that lie in a lane between two stations, (S,) each, of its segments."""
-        station, in_lane = self.strips.place_in_lanes(points_m)
-        return _any(in_lane & (station >= low_m) & (station <= high_m))
+        segments = self.strips.between(low_m, high_m)
+        station, in_lane = self.strips.place_in_lanes(points_m, segments)
+        return _any(in_lane & (station >= low_m[segments]) & (station <= high_m[segments]))
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines: the VRU margins first, the lanes over them."""

@@ -150,6 +150,10 @@ def _vru_reach(lane_map: LaneMap, lane: int, s_m: FloatArray, side: Side, margin
     return passed + margin_m if has_sidewalk else np.full_like(s_m, margin_m)
 
 
+ALL = slice(None)
+"""Every segment."""
+
+
 class StripSet:
     """Many strips as one set of segments; places points in all of them at once.
 
@@ -178,6 +182,15 @@ class StripSet:
         self._half, self._half_slope = self._ends([p.half_width_m for p in parts])
         self._left, self._left_slope = self._ends([p.vru_left_m for p in parts])
         self._right, self._right_slope = self._ends([p.vru_right_m for p in parts])
+        # no wedge is longer than the reach to a side times tan(0.5), 0.55; twice that is on the safe side
+        reach = max((self._widest(p) for p in parts), default=0.0)
+        self._past_m = 1.1 * reach + 1.0
+
+    @staticmethod
+    def _widest(strip: LaneStrip) -> float:
+        """The farthest that a strip reaches to a side."""
+        aside = np.maximum(np.maximum(strip.vru_left_m, strip.vru_right_m), 0.0)
+        return float((np.abs(strip.half_width_m) + aside).max())
 
     def _ends(self, values: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """(S,) value at each segment's start and its slope along the segment."""
@@ -185,47 +198,72 @@ class StripSet:
         end = np.concatenate([v[1:] for v in values] or [np.zeros(0)])
         return start, (end - start) / np.maximum(self._length, 1e-12)
 
-    def place(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """Place points in every segment.
+    def between(self, low_m: FloatArray, high_m: FloatArray) -> IntArray:
+        """Segments that can hold a point between two stations, (S,) each; at times one or two more."""
+        first, last = self._station - self._past_m, self._station + self._length + self._past_m
+        return np.flatnonzero((last >= low_m) & (first <= high_m))
+
+    def place(
+        self, points_m: FloatArray, segments: IntArray | slice = ALL
+    ) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Place points in every segment, or in S chosen ones.
 
         Args:
             points_m: (N, 2) map frame.
+            segments: which.
 
         Returns:
             (N, S) station along the segment's strip; (N, S) whether the point lies between the lane's
             borders there; (N, S) the same with the VRU margins added.
         """
-        u, lateral, beside = self._project(points_m)
-        half = self._half + u * self._half_slope
+        u, lateral, beside = self._project(points_m, segments)
+        half = self._half_at(u, segments)
         in_lane = beside & (np.abs(lateral) <= half)
-        return self._station + u, in_lane, beside & self._reaches(u, lateral, half)
+        return self._station[segments] + u, in_lane, beside & self._reaches(u, lateral, half, segments)
 
-    def place_in_lanes(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def place_in_lanes(
+        self, points_m: FloatArray, segments: IntArray | slice = ALL
+    ) -> tuple[FloatArray, BoolArray]:
         """`place` without the margins."""
-        u, lateral, beside = self._project(points_m)
-        return self._station + u, beside & (np.abs(lateral) <= self._half + u * self._half_slope)
+        u, lateral, beside = self._project(points_m, segments)
+        return self._station[segments] + u, beside & (np.abs(lateral) <= self._half_at(u, segments))
 
-    def place_in_margins(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def place_in_margins(
+        self, points_m: FloatArray, segments: IntArray | slice = ALL
+    ) -> tuple[FloatArray, BoolArray]:
         """`place` with the margins alone."""
-        u, lateral, beside = self._project(points_m)
-        return self._station + u, beside & self._reaches(u, lateral, self._half + u * self._half_slope)
+        u, lateral, beside = self._project(points_m, segments)
+        half = self._half_at(u, segments)
+        return self._station[segments] + u, beside & self._reaches(u, lateral, half, segments)
 
-    def _reaches(self, u: FloatArray, lateral: FloatArray, half_m: FloatArray) -> BoolArray:
+    def _half_at(self, u: FloatArray, segments: IntArray | slice) -> FloatArray:
+        """(N, S) half widths."""
+        half: FloatArray = self._half[segments] + u * self._half_slope[segments]
+        return half
+
+    def _reaches(
+        self, u: FloatArray, lateral: FloatArray, half_m: FloatArray, segments: IntArray | slice
+    ) -> BoolArray:
         """(N, S) whether the VRU margins reach an offset to the left."""
-        left = lateral <= half_m + self._left + u * self._left_slope
-        right = -lateral <= half_m + self._right + u * self._right_slope
-        return left & right
+        left = lateral <= half_m + self._left[segments] + u * self._left_slope[segments]
+        right = -lateral <= half_m + self._right[segments] + u * self._right_slope[segments]
+        reaches: BoolArray = left & right
+        return reaches
 
-    def _project(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    def _project(
+        self, points_m: FloatArray, segments: IntArray | slice
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """(N, S) distance along each segment, offset to its left, and whether the point is beside it."""
-        dx = points_m[:, 0, None] - self._x
-        dy = points_m[:, 1, None] - self._y
-        u = dx * self._ux + dy * self._uy
-        lateral = self._ux * dy - self._uy * dx
-        before, beyond = -u, u - self._length
+        ux, uy = self._ux[segments], self._uy[segments]
+        dx = points_m[:, 0, None] - self._x[segments]
+        dy = points_m[:, 1, None] - self._y[segments]
+        u = dx * ux + dy * uy
+        lateral = ux * dy - uy * dx
+        before, beyond = -u, u - self._length[segments]
         if self._bends:
             aside = np.abs(lateral)
-            before, beyond = before - aside * self._wedge_start, beyond - aside * self._wedge_end
+            before = before - aside * self._wedge_start[segments]
+            beyond = beyond - aside * self._wedge_end[segments]
         return u, lateral, np.maximum(before, beyond) <= 1e-9
 
 

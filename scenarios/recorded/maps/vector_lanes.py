@@ -157,22 +157,41 @@ def _normals(points_m: FloatArray) -> FloatArray:
 
 def surfaces(ribbons: Sequence[Ribbon]) -> list[shapely.Geometry]:
     """Polygons of lanes; outlines that cross themselves are made valid."""
-    return [shapely.make_valid(shapely.Polygon(ribbon.outline())) for ribbon in ribbons]
+    outlines = [ribbon.outline() for ribbon in ribbons]
+    if not outlines:
+        return []
+    owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
+    rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
+    areas = np.asarray(shapely.polygons(rings), dtype=object)
+    crossed = np.flatnonzero(~shapely.is_valid(areas))
+    areas[crossed] = shapely.make_valid(areas[crossed])
+    polygons: list[shapely.Geometry] = areas.tolist()
+    return polygons
 
 
 # --- the edge of the drivable area ----------------------------------------------------------------------
 
 
 def edge_strips(
-    lanes: Sequence[VectorLane], ribbons: Sequence[Ribbon], drivable_m: Sequence[FloatArray]
+    lanes: Sequence[VectorLane],
+    ribbons: Sequence[Ribbon],
+    areas: Sequence[shapely.Geometry],
+    drivable_m: Sequence[FloatArray],
 ) -> list[tuple[int, Side, tuple[Ribbon, Ribbon]]]:
-    """Shoulder and sidewalk beside each lane that has no lane on a side, by row and side."""
+    """Shoulder and sidewalk beside each lane that has no lane on a side, by row and side.
+
+    Args:
+        lanes: The lanes.
+        ribbons: Their surfaces.
+        areas: The same as polygons.
+        drivable_m: (P, 2) outlines of the drivable areas.
+    """
     if not drivable_m:
         return []
-    areas = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in drivable_m])
-    drivable = areas.buffer(_SLIVER_M, join_style="mitre").buffer(-_SLIVER_M, join_style="mitre")
+    union = shapely.union_all([shapely.make_valid(shapely.Polygon(ring)) for ring in drivable_m])
+    drivable = union.buffer(_SLIVER_M, join_style="mitre").buffer(-_SLIVER_M, join_style="mitre")
     roadway_rows = np.array([k for k, lane in enumerate(lanes) if lane.kind in ROADWAY], dtype=np.int64)
-    roadway = shapely.STRtree(surfaces([ribbons[k] for k in roadway_rows.tolist()]))
+    roadway = shapely.STRtree([areas[k] for k in roadway_rows.tolist()])
     made: list[tuple[int, Side, tuple[Ribbon, Ribbon]]] = []
     for row, lane in enumerate(lanes):
         for side in SIDES:

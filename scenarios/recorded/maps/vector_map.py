@@ -26,7 +26,6 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.maps.vector_lanes import (
     ROADWAY,
     SIDES,
-    Ribbon,
     VectorLane,
     edge_strips,
     opposite,
@@ -87,10 +86,11 @@ class VectorMap:
         lengths = np.array([ribbon.length_m for ribbon in ribbons])
         road_m = np.bincount(road, lengths) / np.maximum(np.bincount(road), 1)
         first = [min(lane.id for k, lane in enumerate(lanes) if road[k] == r) for r in range(len(road_m))]
-        junction = self._junctions(ribbons)
+        self._lane_areas = surfaces(ribbons)
+        junction = self._junctions()
         owner = list(range(len(lanes)))  # lane on whose road a row lies
         kinds = [lane.kind for lane in lanes]
-        for row, side, strips in edge_strips(self._given, ribbons, drivable_m):
+        for row, side, strips in edge_strips(self._given, ribbons, self._lane_areas, drivable_m):
             inner = row
             for kind, strip in zip(("shoulder", "sidewalk"), strips, strict=True):
                 outer = len(ribbons)
@@ -160,13 +160,13 @@ class VectorMap:
             count += 1
         return road, sign
 
-    def _junctions(self, ribbons: Sequence[Ribbon]) -> list[str | None]:
+    def _junctions(self) -> list[str | None]:
         """L junctions: lanes in one that overlap each other."""
         inside = [row for row, lane in enumerate(self._given) if lane.in_junction]
         junction: list[str | None] = [None] * len(self._given)
         if not inside:
             return junction
-        areas = surfaces([ribbons[row] for row in inside])
+        areas = [self._lane_areas[row] for row in inside]
         a, b = shapely.STRtree(areas).query(areas, predicate="intersects")
         graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(inside), len(inside)))
         _, group = connected_components(graph, directed=False)
@@ -210,7 +210,7 @@ class VectorMap:
 
     @cached_property
     def _areas(self) -> list[shapely.Geometry]:
-        return surfaces(self._ribbons)
+        return [*self._lane_areas, *surfaces(self._ribbons[len(self._given) :])]
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -9,6 +9,7 @@ from scipy.stats import binom, chi2
 from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import SensorConfig, visible_share
 from scenarios.sensors.sensor import Sensor
+from smartmot.geometry import corners, wrap_angle
 from smartmot.types import Boxes, EgoState, FloatArray, StrArray
 
 EGO = EgoState(0.0, 0.0, 0.0, 0.0, 10.0)
@@ -191,3 +192,26 @@ def test_nothing_there_nothing_seen() -> None:
 def test_impossible_sensors_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ScenarioError, match="sensor:"):
         SensorConfig(**wrong)
+
+
+def test_whoever_hides_a_ray_is_found_among_many() -> None:
+    """Ray by ray, whichever boxes are nearer: the definition in its plainest form."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        table = np.column_stack(
+            (rng.uniform(-30.0, 30.0, (40, 2)), rng.uniform(0.3, 12.0, (40, 2)), rng.uniform(-4.0, 4.0, 40))
+        )
+        scene = boxes(*map(tuple, table))
+        share = visible_share(scene, 1.0, -2.0)
+        delta = scene.center_m - (1.0, -2.0)
+        corner = corners(scene.center_m, scene.size_m, scene.yaw_rad) - (1.0, -2.0)
+        bearing = np.arctan2(delta[:, 1], delta[:, 0])
+        spread = wrap_angle(np.arctan2(corner[..., 1], corner[..., 0]) - bearing[:, None])
+        for i in range(40):
+            seen = 0
+            for k in range(9):
+                ray = bearing[i] + spread[i].min() + np.ptp(spread[i]) * (k + 0.5) / 9
+                off = wrap_angle(ray - bearing)
+                nearer = np.hypot(*delta.T) < np.hypot(*delta[i]) - 1e-9
+                seen += not (nearer & (off >= spread.min(axis=1)) & (off <= spread.max(axis=1))).any()
+            assert share[i] == pytest.approx(seen / 9)

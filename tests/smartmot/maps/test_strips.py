@@ -169,6 +169,27 @@ def test_lanes_and_margins_asked_for_alone_are_those_asked_for_together(name: st
         np.testing.assert_array_equal(inside, together)
 
 
+@pytest.mark.parametrize("name", ["urban_street", "urban_intersection", "urban_bend"])
+def test_segments_between_two_stations_are_all_that_can_hold_a_point(name: str) -> None:
+    network = load_map(MAPS / f"{name}.xodr")
+    strips = StripSet([lane_strip(network, lane, MARGIN) for lane in _driving(network)])
+    points = _points_beside(network, _driving(network), 300, 8.0)
+    station, in_lane, in_margin = strips.place(points)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        low = rng.uniform(-20.0, 200.0, station.shape[1])
+        high = low + rng.uniform(-5.0, 60.0, len(low))
+        chosen = strips.between(low, high)
+        at, lane, margin = strips.place(points, chosen)
+        for whole, part in ((in_lane, lane), (in_margin, margin)):
+            inside = whole & (station >= low) & (station <= high)
+            np.testing.assert_array_equal(
+                part & (at >= low[chosen]) & (at <= high[chosen]), inside[:, chosen]
+            )
+            assert inside.sum() == inside[:, chosen].sum()
+    assert len(chosen) < len(low)
+
+
 def test_a_lane_is_sampled_once_per_network_and_margin() -> None:
     first, second = (load_map(MAPS / "urban_street.xodr") for _ in range(2))
     lane = first.lane_index_of(("1", 0, -1))
