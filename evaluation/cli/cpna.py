@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 
 EXAMPLES = options.examples(
@@ -53,6 +54,7 @@ def command(
     workers: Annotated[
         int, typer.Option(min=1, help="Processes; the results are the same for any number.")
     ] = 1,
+    mcap: options.Mcap = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
@@ -60,6 +62,7 @@ def command(
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
     from evaluation.studies.suite import compare_cpna
+    from evaluation.views.traces.mcap import require_foxglove
 
     form = options.parse_format(form)
     suite = CpnaSuite(
@@ -77,5 +80,9 @@ def command(
         place=options.parse_place(at),
         impact_point_percent=impact_point,
     )
+    if mcap:
+        require_foxglove()
     with locked(writable_folder(out)):
         compare_cpna(suite, out, form if pictures else None, workers, quiet)
+        if mcap:
+            write_mcaps(out, quiet, workers)

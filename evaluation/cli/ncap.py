@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import write_mcaps
 
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
@@ -37,7 +38,8 @@ def command(
     phase_ms: options.PhaseMs = 0.0,
     seed: options.Seed = 0,
     logs: Annotated[
-        bool, typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`.")
+        bool,
+        typer.Option("--logs", help="Keep the log of every run, for `report` and `replay`; --mcap does too."),
     ] = False,
     robustness: Annotated[
         bool, typer.Option(help="2026: run the cells under robustness conditions too.")
@@ -45,6 +47,7 @@ def command(
     form: options.PictureFormat = "png",
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: options.Workers = None,
+    mcap: options.Mcap = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Run every cell of a test protocol, score it, show its matrices."""
@@ -55,6 +58,7 @@ def command(
     from evaluation.runs.specs import Conditions
     from evaluation.runs.workers import available_cores
     from evaluation.studies.ncap.run import run_grid
+    from evaluation.views.traces.mcap import require_foxglove
 
     name = options.parse_name(protocol, tuple(PROTOCOLS), "--protocol")
     conditions = Conditions(
@@ -69,6 +73,8 @@ def command(
         apply_performance=apply_performance,
     )
     form = options.parse_format(form)
+    if mcap:
+        require_foxglove()
     with locked(writable_folder(out)):
         run_grid(
             files or [],
@@ -77,7 +83,9 @@ def command(
             out,
             workers or available_cores(),
             rich.console.Console(quiet=quiet),
-            keep_logs=logs,
+            keep_logs=logs or mcap,
             form=form,
             robustness=robustness,
         )
+        if mcap:
+            write_mcaps(out, quiet, workers or available_cores())

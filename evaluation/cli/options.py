@@ -93,6 +93,12 @@ Workers = Annotated[
 ]
 Pictures = Annotated[bool, typer.Option(help="Draw the pictures.")]
 PictureFormat = Annotated[str, typer.Option("--format", help="Pictures as png, svg or pdf.")]
+Mcap = Annotated[
+    bool,
+    typer.Option(
+        "--mcap", help="Every run as mcap/NAME.mcap too, for Foxglove, Lichtblick and rerun: docs/mcap.md."
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import typer
 
@@ -30,3 +31,12 @@ def counting(description: str, quiet: bool) -> Iterator[Callable[[int, int | Non
     with rich.progress.Progress(transient=True, disable=quiet or not sys.stdout.isatty()) as progress:
         task = progress.add_task(description, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def write_mcaps(out: Path, quiet: bool, workers: int = 1) -> None:
+    """Write every run of a folder of runs as MCAP, with a progress bar; see `write_run_mcaps`."""
+    from evaluation.views.traces.folders import MCAP_FOLDER, write_run_mcaps
+
+    with counting("writing MCAP", quiet) as done:
+        notes = write_run_mcaps(out, workers, done)
+    print_written([out / MCAP_FOLDER], notes, quiet)

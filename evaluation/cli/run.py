@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import write_mcaps
 
 EXAMPLES = options.examples(
     "`smartmot-eval run cpfa --preset physical --strategy rectangular,map`",
@@ -57,6 +58,7 @@ def command(
     pictures: options.Pictures = True,
     form: options.PictureFormat = "png",
     workers: options.Workers = None,
+    mcap: options.Mcap = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
@@ -64,6 +66,7 @@ def command(
     from evaluation.runs.specs import Conditions, scenario_specs
     from evaluation.runs.workers import available_cores
     from evaluation.studies.suite import compare_files
+    from evaluation.views.traces.mcap import require_foxglove
     from scenarios.spec import NO_AEB
 
     form = options.parse_format(form)
@@ -80,5 +83,9 @@ def command(
         apply_performance=apply_performance,
     )
     specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions)
+    if mcap:
+        require_foxglove()
     with locked(writable_folder(out)):
         compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
+        if mcap:
+            write_mcaps(out, quiet, workers or available_cores())

@@ -21,6 +21,7 @@ REPORT_EXAMPLES = options.examples(
 REPLAY_EXAMPLES = options.examples(
     "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --gif map60.gif`",
     "`smartmot-eval replay results/logs/CPNA_map_dry_none_60kmh_seed0.parquet --mp4 map60.mp4 --speed 0.5`",
+    "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --mcap map60.mcap`",
 )
 
 
@@ -80,22 +81,41 @@ def replay(
         Path | None,
         typer.Option(help="H.264 film to write; needs ffmpeg.", metavar="FILE.mp4"),
     ] = None,
+    mcap: Annotated[
+        Path | None,
+        typer.Option(help="MCAP to write, for Foxglove, Lichtblick and rerun.", metavar="FILE.mcap"),
+    ] = None,
     fps: Annotated[float, typer.Option(help="Pictures per second, 1 to 50.")] = 20.0,
     speed: Annotated[float, typer.Option(help="1: real time, 0.5: half as fast.")] = 1.0,
     allow_plugins: options.AllowPlugins = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Film a run from above, with what happens in words."""
+    """Film a run from above, with what happens in words, or write it as a file of other tools."""
     from evaluation.runs.recordings import split_run
-    from evaluation.studies.drive.folder import is_drive_folder
+    from evaluation.studies.drive.folder import is_drive_folder, read_drive_folder
     from evaluation.studies.drive.views import replay_drive
     from evaluation.views.film import replay as film
+    from evaluation.views.traces.folders import logged_run
+    from evaluation.views.traces.mcap import write_mcap
 
     directory, name = split_run(run)
-    with counting("drawing", quiet) as done:
-        if is_drive_folder(directory):
-            files = film.asked_files(gif, mp4)
-            written, notes = replay_drive(directory, name, files, fps, speed, done)
+    of_drive = is_drive_folder(directory)
+    written: list[Path] = []
+    notes: tuple[str, ...] = ()
+    if mcap is not None:
+        if of_drive:
+            folder = read_drive_folder(directory)
+            shown, notes = folder.logged_run(name), folder.notes
         else:
-            written, notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
+            shown, notes = logged_run(run, allow_plugins)
+        notes += write_mcap(mcap, shown)
+        written.append(mcap)
+    films = film.asked_files(gif, mp4)
+    if films or not written:
+        with counting("drawing", quiet) as done:
+            if of_drive:
+                drawn, film_notes = replay_drive(directory, name, films, fps, speed, done)
+            else:
+                drawn, film_notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
+        written, notes = written + drawn, tuple(dict.fromkeys(notes + film_notes))
     print_written(written, notes, quiet)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import _smartmot
+from evaluation.errors import ArgumentError
 from evaluation.results.files import RUNS_CSV, RUNS_JSON, ResultsError, log_path
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
@@ -101,6 +102,19 @@ class RunFolder:
             ResultsError: it is missing or broken, or has no ego that can be shown.
         """
         return read_shown_log(log_path(self.path, name))
+
+    def row(self, name: str) -> Run:
+        """The row of a run by the name of its log.
+
+        Raises:
+            ArgumentError: there is none.
+        """
+        match = self.runs[self.runs["log"] == name]
+        if match.empty:
+            known = self.runs["log"].dropna().tolist()
+            more = f" and {len(known) - 3} more" if len(known) > 3 else ""
+            raise ArgumentError(f"RUN: no run {name!r} in {self.path}; it has: {', '.join(known[:3])}{more}")
+        return match.to_dict("records")[0]
 
     @property
     def settings(self) -> Mapping[str, RunSetup]:

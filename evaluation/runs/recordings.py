@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluation.results.files import LOGS_FOLDER, RUNS_JSON, ResultsError, log_path
+from evaluation.results.files import LOGS_FOLDER, RUNS_CSV, RUNS_JSON, ResultsError, log_path
 from evaluation.results.logs import LOG_COLUMNS
 from evaluation.runs.configuration import changed_file, read_configuration
 from evaluation.runs.folder import read_shown_log
@@ -49,6 +49,11 @@ def is_run(path: Path) -> bool:
     if path.is_file():
         return path.suffix == SUFFIX and set(LOG_COLUMNS) <= set(column_names(path))
     return log_path(*split_run(path)).is_file()
+
+
+def is_log_alone(run: Path) -> bool:
+    """Whether a path is a log without a folder of runs, as a recorded drive's."""
+    return run.suffix == SUFFIX and run.is_file() and not (split_run(run)[0] / RUNS_CSV).exists()
 
 
 def split_run(run: Path) -> tuple[Path, str]:

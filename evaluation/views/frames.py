@@ -97,7 +97,8 @@ def frames_of(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None = None) 
     ego = of_kind(log, "ego").sort_values("time_s").drop_duplicates("time_s", keep="last")
     if ego.empty:
         raise ResultsError("log without rows of kind 'ego': nothing to show; see docs/run-log.md")
-    ego = ego.assign(yaw_rate_radps=_yaw_rate(ego))
+    rate_radps = yaw_rate_radps(ego["time_s"].to_numpy(np.float64), ego["yaw_rad"].to_numpy(np.float64))
+    ego = ego.assign(yaw_rate_radps=rate_radps)
     # a copy: pandas 3 hands out read-only views
     decided = ego["time_s"].isin(log.loc[log["kind"].isin(SEEN), "time_s"]).to_numpy(dtype=bool, copy=True)
     if not decided.any():
@@ -134,10 +135,10 @@ def _held(rows: pd.DataFrame, frame: int) -> pd.DataFrame:
     return pd.concat([rows, before.assign(frame=frame)], ignore_index=True) if len(before) else rows
 
 
-def _yaw_rate(ego: pd.DataFrame) -> FloatArray:
-    """(N,) yaw rate over the time since the row before: logs hold none, and the rectangle depends on it."""
-    turn = wrap_angle(np.diff(ego["yaw_rad"].to_numpy(np.float64)))
-    rate: FloatArray = np.concatenate(([0.0], turn / np.diff(ego["time_s"].to_numpy(np.float64))))
+def yaw_rate_radps(time_s: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """(N,) yaw rates since the value before: logs hold none, and the rectangle depends on them."""
+    turn = wrap_angle(np.diff(yaw_rad))
+    rate: FloatArray = np.concatenate(([0.0], turn / np.diff(time_s)))
     return rate
 
 

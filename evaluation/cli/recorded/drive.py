@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting
+from evaluation.cli.output import counting, print_written
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -111,6 +111,7 @@ def command(
         bool, typer.Option(help=f"Write report.html, unless there are over {MOST_ON_PAGE} drives.")
     ] = True,
     out: Annotated[Path, typer.Option(help="Folder for tables and logs.")] = Path("results/drive"),
+    mcap: options.Mcap = False,
     quiet: options.Quiet = False,
 ) -> None:
     """See and judge recorded drives: emergency requests, false activations among them, and exposure."""
@@ -123,8 +124,10 @@ def command(
     from evaluation.studies.drive.page import write_drive_page
     from evaluation.studies.drive.recordings import Source
     from evaluation.studies.drive.study import Options, drive_all, prepare
-    from evaluation.studies.drive.views import replay_drive
+    from evaluation.studies.drive.views import replay_drive, write_drive_mcaps
     from evaluation.views.page.page import PAGE_NAME
+    from evaluation.views.traces.folders import MCAP_FOLDER
+    from evaluation.views.traces.mcap import require_foxglove
     from scenarios.recorded.formats import FORMATS
 
     varied = options.parse_vary(vary or [])
@@ -145,6 +148,8 @@ def command(
         seed=seed,
         vary=varied,
     )
+    if mcap:
+        require_foxglove()
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
@@ -171,6 +176,10 @@ def command(
                 replay_drive(out, str(result.rows[0].log), files, fps=FILM_FPS, progress=drawn)
         for file, _ in files:
             console.print(f"film: {file}", highlight=False, soft_wrap=True)
+        if mcap:
+            with counting("writing MCAP", quiet) as done:
+                notes = write_drive_mcaps(out, done)
+            print_written([out / MCAP_FOLDER], notes, quiet)
         if page and len(result.drives) <= MOST_ON_PAGE:
             with counting("writing the page", quiet) as read:
                 write_drive_page(out, progress=read)

@@ -27,6 +27,7 @@ from evaluation.studies.drive.tables import (
 )
 from evaluation.views.account.account import Account
 from evaluation.views.frames import LogFrames, frames_of
+from evaluation.views.traces.run import LoggedRun
 from opendrive import OpenDriveError
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.reading import ReadError, read_json, read_text, shown
@@ -78,11 +79,13 @@ class StoredRecording:
         sequence: the recording.
         vehicle: that recorded it.
         network: its map; None: there is none.
+        start_s: stamp of its first frame; times of `sequence` count from there.
     """
 
     sequence: Sequence
     vehicle: Vehicle
     network: DriveMap | None
+    start_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,15 +140,35 @@ class DriveFolder:
         Raises:
             ResultsError: there is none, or its log is missing or broken.
         """
+        row = self._row(log)
+        frames = frames_of(read_shown_log(log_path(self.path, log)), self._area(row))
+        events = [event for event in self.events if event["log"] == log]
+        title = f"{self.label(row)}, {row['sequence']}"
+        return DriveView(row, frames, explain_drive(frames, events), self.network(row), title)
+
+    def logged_run(self, log: str) -> LoggedRun:
+        """A drive by the name of its log, for files of other tools.
+
+        Raises:
+            ResultsError: there is none, or its log is missing or broken.
+        """
+        row = self._row(log)
+        recording = self.recordings.get(row["sequence"])
+        return LoggedRun(
+            log,
+            read_shown_log(log_path(self.path, log)),
+            self.network(row),
+            self._area(row),
+            0.0 if recording is None else recording.start_s,
+        )
+
+    def _row(self, log: str) -> Row:
         row = next((row for row in self.drives if row["log"] == log), None)
         if row is None:
             known = [row["log"] for row in self.drives]
             more = f" and {len(known) - 3} more" if len(known) > 3 else ""
             raise ResultsError(f"{self.path}: no drive {log!r}; it has: {', '.join(known[:3])}{more}")
-        frames = frames_of(read_shown_log(log_path(self.path, log)), self._area(row))
-        events = [event for event in self.events if event["log"] == log]
-        title = f"{self.label(row)}, {row['sequence']}"
-        return DriveView(row, frames, explain_drive(frames, events), self.network(row), title)
+        return row
 
     def _area(self, row: Row) -> DrivenArea | None:
         """The monitored area of a drive, the same for all rules; None where it is not known."""
@@ -260,8 +283,9 @@ def _stored(path: Path) -> tuple[dict[str, StoredRecording], dict[tuple[str, str
         if sequence in data_sets[data, form]:
             vehicle = decode(Vehicle, entry.get(VEHICLE), f"recordings[{k}].{VEHICLE}")
             network = None if map_file is None else maps[map_file]
-            driven = drivable(data_sets[data, form][sequence])
-            recordings[name] = StoredRecording(replace(driven, name=name), vehicle, network)
+            recorded = data_sets[data, form][sequence]
+            driven = replace(drivable(recorded), name=name)
+            recordings[name] = StoredRecording(driven, vehicle, network, float(recorded.stamp_s[0]))
     return recordings, dict(_specs_of(stored))
 
 

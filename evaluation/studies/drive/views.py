@@ -12,6 +12,8 @@ from evaluation.views.film.replay import write_films
 from evaluation.views.film.run import RunDrawing
 from evaluation.views.pictures import save_picture
 from evaluation.views.plots.strategies import strategy_colour
+from evaluation.views.traces.folders import MCAP_FOLDER
+from evaluation.views.traces.mcap import SUFFIX, write_mcap
 
 
 def replay_drive(
@@ -38,6 +40,19 @@ def replay_drive(
     drawing = RunDrawing(view.frames, view.account, view.network, view.title, colour)
     written = write_films(drawing, files or [(directory / f"{log}.gif", "--gif")], fps, speed, progress)
     return written, folder.notes
+
+
+def write_drive_mcaps(
+    directory: Path, progress: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[str, ...]:
+    """Write every drive of a folder as `mcap/NAME.mcap`; see `evaluation.views.traces.folders`."""
+    folder = read_drive_folder(directory)
+    notes = dict.fromkeys(folder.notes)
+    for done, row in enumerate(folder.drives, 1):
+        path = directory / MCAP_FOLDER / f"{row['log']}{SUFFIX}"
+        notes |= dict.fromkeys(write_mcap(path, folder.logged_run(row["log"])))
+        progress(done, len(folder.drives))
+    return tuple(notes)
 
 
 def draw_drive(directory: Path, shown: str | None, form: str) -> tuple[list[Path], list[str]]:

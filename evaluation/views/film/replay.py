@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-from evaluation.errors import ArgumentError
-from evaluation.results.files import RUNS_CSV
 from evaluation.runs.folder import read_folder, read_shown_log
-from evaluation.runs.recordings import split_run
+from evaluation.runs.recordings import is_log_alone, split_run
 from evaluation.views.account.explain import explain
 from evaluation.views.film.maker import write
 from evaluation.views.film.run import RunDrawing, film_of, film_times
 from evaluation.views.frames import frames_of
 from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.strategies import strategy_colour
-from scenarios.recorded.tables.parquet import SUFFIX
 
 
 def replay(
@@ -48,7 +44,7 @@ def replay(
         ArgumentError: the folder has no such run, or a file cannot be written.
     """
     directory, name = split_run(run)
-    if run.suffix == SUFFIX and run.is_file() and not (directory / RUNS_CSV).exists():
+    if is_log_alone(run):
         drawing, notes = _log_alone(run)
     else:
         drawing, notes = _run_of_folder(directory, name, allow_plugins)
@@ -104,12 +100,7 @@ def _run_of_folder(directory: Path, name: str, allow_plugins: bool) -> tuple[Run
         ArgumentError: the folder has no such run.
     """
     folder = read_folder(directory, allow_plugins)
-    match = folder.runs[folder.runs["log"] == name]
-    if match.empty:
-        known = folder.runs["log"].dropna().tolist()
-        more = f" and {len(known) - 3} more" if len(known) > 3 else ""
-        raise ArgumentError(f"RUN: no run {name!r} in {directory}; it has: {', '.join(known[:3])}{more}")
-    row: dict[Any, Any] = match.to_dict("records")[0]
+    row = folder.row(name)
     setup = folder.setup(name)
     frames = frames_of(folder.log(name), setup.strategy)
     test = f"{row['v_test_kmh']:g} km/h"
