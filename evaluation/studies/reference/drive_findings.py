@@ -21,6 +21,9 @@ from evaluation.studies.reference.words import counted, listed, span
 LEVEL = 0.05
 """Of the tests."""
 
+EARLY_S = 1.0
+"""Ten frames of most recordings: tracks have hardly begun."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeptDrives:
@@ -102,10 +105,14 @@ def findings(drives: KeptDrives) -> list[str]:
     lines = [f"{drives_count}, {told_way(totals[0])}.", *compared.sentences()]
     if occasions:
         lines.append(
-            f"Of {len(occasions)} occasions on which any side asked for the brake, "
-            f"{asked.count(len(totals))} are shared by all {len(totals)} sides, and "
-            f"{asked.count(1)} are of one side alone."
+            f"Occasions on which any side asked for the brake: {len(occasions)}; all {len(totals)} sides did "
+            f"on {asked.count(len(totals))} of them, one side alone on {asked.count(1)}."
         )
+        early = sum(occasion.events[0].time_s <= EARLY_S for occasion in occasions)
+        lines += [
+            f"Of these, {early} within {EARLY_S:g} s of a recording's start, before anything has been "
+            "tracked for long: a vehicle that comes along has tracks by then."
+        ] * bool(early)
     return [*lines, *_told_pairs(drives)]
 
 

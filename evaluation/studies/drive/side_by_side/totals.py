@@ -50,7 +50,7 @@ def totals_table(rows: Many[DriveRow]) -> Table:
     lines = []
     for row in rows:
         value, low, high = _false_rate(row)
-        rate = EMPTY if value is None else f"{value:.2g} [{low:.2g}, {high:.2g}]"
+        rate = EMPTY if value is None else f"{_short(value)} [{_short(low)}, {_short(high)}]"
         line = [row.strategy, *([own[row.settings]] if varied else []), row.rule, str(row.requests)]
         line += [str(row.false_activations), str(row.undecided), rate]
         line += [str(row.warnings), str(row.false_warnings)] if warn else []
@@ -60,6 +60,11 @@ def totals_table(rows: Many[DriveRow]) -> Table:
     settings = [f"Settings of all: {common}."] if common else []
     garwood = "Intervals of rates are Garwood's: exact for independent events on ways like these."
     return Table(tuple(header), tuple(lines), caption=" ".join((HINDSIGHT, exposure, *settings, garwood)))
+
+
+def _short(rate: float) -> str:
+    """A rate with two digits, without an exponent."""
+    return f"{rate:.0f}" if rate >= 10.0 else f"{rate:.2g}"
 
 
 def told_way(row: DriveRow) -> str:
@@ -86,11 +91,12 @@ def told_exposure(rows: Many[DriveRow]) -> list[str]:
         )
     if false:
         worst = false[0]
-        _, low, high = _false_rate(worst)
+        mean = poisson_mean(worst.false_activations)
+        low, high = mean.low / first.km, mean.high / first.km
         name = side_name(worst.strategy, own[worst.settings], worst.rule)
         lines.append(
-            f"{len(false)} of {len(rows)} sides have false activations; most has {name}: "
-            f"{worst.false_activations}, which is {low:.2g} to {high:.2g} per km on ways like these."
+            f"{len(false)} of {len(rows)} sides have false activations, most of them {name}: "
+            f"{worst.false_activations}, which is {_short(low)} to {_short(high)} per km on ways like these."
         )
     else:
         lines.append(

@@ -166,7 +166,7 @@ def test_rates_are_counts_over_the_way() -> None:
         "No request in 5.00 km (rectangular, paper): with 95 % confidence fewer than 0.6 per km (3 / D)."
     )
     assert false.startswith(
-        "1 of 2 sides have false activations; most has path, paper: 1, which is 0.0051 to 1.1"
+        "1 of 2 sides have false activations, most of them path, paper: 1, which is 0.0051 to 1.1"
     )
     assert told_exposure([total_of([row(PATH, "a", 0, km=0.0)])])[0].startswith("The ego stood all the time")
 
