@@ -24,7 +24,7 @@ from evaluation.cli import (
     views,
 )
 from evaluation.cli.output import one_line
-from evaluation.cli.recorded import drive, export
+from evaluation.cli.recorded import bag, drive, export
 
 MISTAKE = 2
 """Exit status after a mistake of the user."""
@@ -54,6 +54,7 @@ app.command("map", epilog=map.EXAMPLES)(map.command)
 app.command("mot", epilog=mot.EXAMPLES)(mot.command)
 app.command("export", epilog=export.EXAMPLES)(export.command)
 app.command("drive", epilog=drive.EXAMPLES)(drive.command)
+app.command("bag", epilog=bag.EXAMPLES)(bag.command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
 app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
 app.command("study", epilog=study.EXAMPLES)(study.command)

@@ -18,12 +18,12 @@ from scenarios.ros.libraries import require_libraries
 if TYPE_CHECKING:
     from rosbags.interfaces import Qos
 
-STORAGES = ("mcap", "sqlite3")
-"""Storage plug-ins of rosbag2."""
+STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
+"""Storage plug-ins of rosbag2, and the suffixes of their files."""
 
 
 class BagWriter:
-    """Writes a bag, message by message, into a folder that is only there once it is complete.
+    """Writes a bag, message by message, that is only there once it is complete.
 
     Topics, types and their hashes, definitions, quality of service and numbers of messages stand in the bag
     and its metadata.yaml. Equal outputs give equal bytes in MCAP.
@@ -35,25 +35,24 @@ class BagWriter:
                 bag.write(output)
 
     Args:
-        path: folder to be made.
-        storage: one of `STORAGES`.
+        path: folder to be made; with a suffix of `STORAGES` a single file, which needs no metadata.yaml.
+        storage: one of `STORAGES`; None: as the suffix says, mcap for a folder.
 
     Raises:
-        DatasetError: the folder is there already or cannot be written, the storage is unknown, or the extra
-            `ros` is not installed.
+        DatasetError: the path is there already or cannot be written, the storage is unknown or another than
+            the suffix says, or the extra `ros` is not installed.
 
     Attributes:
         count: messages written so far.
     """
 
-    def __init__(self, path: Path, storage: str = "mcap") -> None:
+    def __init__(self, path: Path, storage: str | None = None) -> None:
         require_libraries()
         from rosbags.rosbag2 import StoragePlugin, Writer
 
-        if storage not in STORAGES:
-            raise DatasetError(f"storage: unknown {storage!r}; use one of: {', '.join(STORAGES)}")
+        storage = _storage(path, storage)
         if path.exists():
-            raise DatasetError(f"{path}: is there already; name another folder or remove it")
+            raise DatasetError(f"{path}: is there already; name another one or remove it")
         self.path, self.count = path, 0
         self._types = ros2_types()
         self._maker = MessageMaker(rosbags_make(self._types))
@@ -97,7 +96,9 @@ class BagWriter:
                 if not self.count:  # rosbags would write the greatest of all times
                     self._writer.min_timestamp = 0
                 self._writer.close()
-                (self._scratch / self.path.name).rename(self.path)
+                folder = self._scratch / self.path.name
+                single = self.path.suffix in STORAGES.values()
+                (next(folder.glob(f"*{self.path.suffix}")) if single else folder).rename(self.path)
             else:
                 with contextlib.suppress(Exception):  # the first error is the one to tell
                     self._writer.abort()
@@ -105,6 +106,17 @@ class BagWriter:
             raise DatasetError(f"{self.path}: cannot be written ({problem.strerror or problem})") from None
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
+
+
+def _storage(path: Path, asked: str | None) -> str:
+    """The storage of a bag."""
+    by_suffix = next((name for name, suffix in STORAGES.items() if suffix == path.suffix), None)
+    storage = asked or by_suffix or next(iter(STORAGES))
+    if storage not in STORAGES:
+        raise DatasetError(f"storage: unknown {storage!r}; use one of: {', '.join(STORAGES)}")
+    if by_suffix not in (None, storage):
+        raise DatasetError(f"{path}: a file {path.suffix} is of storage {by_suffix}, not {storage}")
+    return storage
 
 
 def _quality(depth: int) -> Qos:

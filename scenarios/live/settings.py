@@ -14,6 +14,7 @@ from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.simbev import reader as simbev
 from scenarios.recorded.vehicles import Vehicle
 from scenarios.settings import Settings, preset_with
+from smartmot.decision.shipped import PAPER_RULE
 from smartmot.tracking.settings import TrackerConfig
 from smartmot.types import CATEGORIES
 
@@ -65,7 +66,7 @@ class LiveSettings:
 
     preset: str = "real"
     strategy: str | None = None
-    rule: str = "paper"
+    rule: str = PAPER_RULE
     settings: Settings = ()
     max_age: int | None = None
     detection_th: float | None = None
@@ -112,7 +113,8 @@ class LiveSettings:
             ScenarioError, smartmot.errors.ConfigError: unknown preset, a setting is out of range, or a
                 parameter of the tracker is given although it is the user's own.
         """
-        preset = preset_with(named_preset(self.preset), self.settings)
+        rule: Settings = () if self.rule == PAPER_RULE else (("rule", self.rule),)
+        preset = preset_with(named_preset(self.preset), (*self.settings, *rule))
         if self.max_age is None and self.detection_th is None:
             return preset
         tracker = preset.pipeline.tracker

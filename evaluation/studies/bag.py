@@ -1,0 +1,292 @@
+"""What perception would have done on a recorded bag: read as a stream, answered as the live node answers."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from evaluation.results.tables import EMPTY, Table, fixed
+from scenarios.errors import DatasetError
+from scenarios.live.bag_writer import BagWriter
+from scenarios.live.counts import Counts
+from scenarios.live.outputs import FrameOutput
+from scenarios.live.perception import LivePerception, Output
+from scenarios.live.settings import LiveSettings
+from scenarios.live.topics import READ, STATIC_TRANSFORMS
+from scenarios.reading import ReadError
+from scenarios.recorded.maps.drive_map import load_drive_map
+from scenarios.ros.bags.bag import Bag, open_bag
+from scenarios.ros.bags.decoding import decoded, require_readable
+from scenarios.ros.bags.topics import RawMessage
+from scenarios.ros.definitions import ODOMETRY, TRANSFORMS
+from scenarios.ros.messages import DETECTION_TYPES, Message
+from scenarios.sources.requests import Request
+
+WINDOW_NS = 1_000_000_000
+"""Recorders write messages of several topics out of order by less than that."""
+_SHOWN_NAMES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class BagOptions:
+    """What is read and written.
+
+    Args:
+        path: the bag.
+        out: the bag to be written.
+        storage: see `BagWriter`.
+        detections: topic of the boxes; None: the only one with boxes.
+        odometry: topic of the odometry; None: the only one, or the first of `scenarios.live.topics.READ`.
+        settings: how it is seen and judged.
+        map_file: map in the frame of the odometry.
+    """
+
+    path: Path
+    out: Path
+    storage: str | None = None
+    detections: str | None = None
+    odometry: str | None = None
+    settings: LiveSettings = field(default_factory=LiveSettings)
+    map_file: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BagResult:
+    """What came of it.
+
+    Args:
+        counts: of frames and boxes.
+        strategy: the monitored area.
+        start_ns: stamp of the first frame; None: there is none.
+        requests: emergency requests and warnings.
+        written: messages written.
+        notes: what a user should know.
+    """
+
+    counts: Counts
+    strategy: str
+    start_ns: int | None
+    requests: tuple[Request, ...]
+    written: int
+    notes: tuple[str, ...]
+
+
+def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) -> BagResult:
+    """Read a bag, and write what perception publishes.
+
+    Args:
+        options: what and how.
+        progress: called with the messages read so far, and their number if the bag says it.
+
+    Raises:
+        DatasetError: the bag cannot be read or written, or does not hold what is needed.
+        ScenarioError, smartmot.errors.SmartMotError, opendrive.OpenDriveError: a setting or the map is wrong.
+    """
+    lane_map = None if options.map_file is None else load_drive_map(options.map_file)
+    perception = LivePerception(options.settings, lane_map)
+    requests: list[Request] = []
+    start_ns: int | None = None
+    with open_bag(options.path) as bag:
+        detections, poses, transforms = chosen_topics(bag, options.detections, options.odometry)
+        names = {detections, *([] if poses is None else [poses]), *transforms}
+        stream = _Stream(bag, names, progress)
+        with BagWriter(options.out, options.storage) as written:
+            for output in _answers(perception, stream):
+                written.write(output)
+                if isinstance(output, FrameOutput):
+                    start_ns = output.stamp_ns if start_ns is None else start_ns
+                    requests += output.decision.requests if output.decision else ()
+            if not perception.counts.frames:
+                raise DatasetError(f"{options.path}: topic {detections} holds no message")
+        notes = [*bag.notes, *_read_notes(bag, names), *stream.notes(), *perception_notes(perception)]
+    return BagResult(
+        perception.counts, perception.strategy, start_ns, tuple(requests), written.count, tuple(notes)
+    )
+
+
+def _answers(perception: LivePerception, stream: _Stream) -> Iterator[Output]:
+    """What is published, in its order."""
+    for message, static in stream:
+        yield from perception.take(message, static)
+    yield from perception.finish()
+
+
+def chosen_topics(
+    bag: Bag, detections: str | None, odometry: str | None
+) -> tuple[str, str | None, tuple[str, ...]]:
+    """Topics of boxes, of the odometry if there is one, and of transforms.
+
+    Raises:
+        DatasetError: there is no topic of boxes, or several and none is named; the same of the odometry.
+    """
+    boxes = _chosen(bag, DETECTION_TYPES, detections, "--detections", "boxes")
+    if boxes is None:
+        held = ", ".join(f"{t.name} ({t.type_name})" for t in bag.topics[:_SHOWN_NAMES]) or "no topics"
+        raise DatasetError(
+            f"{bag.path}: no topic with boxes ({', '.join(DETECTION_TYPES)}); there is: {held}"
+        )
+    poses = _chosen(bag, (ODOMETRY,), odometry, "--odometry", "odometry")
+    return boxes, poses, tuple(sorted({topic.name for topic in bag.of_type(TRANSFORMS)}))
+
+
+def _chosen(bag: Bag, types: tuple[str, ...], asked: str | None, option: str, noun: str) -> str | None:
+    """The topic of some types that is asked for, or the only one, or the one with the usual name."""
+    names = sorted({topic.name for topic in bag.of_type(*types)})
+    if asked is not None:
+        if asked not in names:
+            listed = f"; there is: {', '.join(names)}" if names else ""
+            raise DatasetError(f"{option}: {bag.path} has no topic {asked} with {noun}{listed}")
+        return asked
+    usual = [topic.name for topic in READ if topic.type_name in types and topic.name in names]
+    if len(names) > 1 and len(usual) != 1:
+        raise DatasetError(f"{bag.path}: several topics with {noun}: {', '.join(names)}; name one ({option})")
+    return next(iter(usual or names), None)
+
+
+class _Stream:
+    """Messages of some topics in the order in which they were received, a second of them in memory.
+
+    Each comes with whether it is of `/tf_static`.
+    """
+
+    def __init__(self, bag: Bag, names: set[str], progress: Callable[[int, int | None], None]) -> None:
+        self._bag, self._names, self._progress = bag, names, progress
+        self._out_of_order = 0
+
+    def __iter__(self) -> Iterator[tuple[Message, bool]]:
+        """The messages; `DatasetError` where one cannot be read."""
+        counts = self._bag.counts
+        total = None if counts is None else sum(counts[name] for name in self._names)
+        try:
+            for topic in self._bag.topics:
+                if topic.name in self._names:
+                    require_readable(topic)
+            for number, raw in enumerate(self._in_order()):
+                yield decoded(raw), raw.topic.name.endswith(STATIC_TRANSFORMS)
+                self._progress(number + 1, total)
+        except ReadError as error:
+            raise DatasetError(f"{self._bag.path}: {error}") from None
+
+    def _in_order(self) -> Iterator[RawMessage]:
+        waiting: list[tuple[int, int, RawMessage]] = []
+        newest = last = 0
+        for number, message in enumerate(self._bag.raw(self._names)):
+            newest = max(newest, message.received_ns)
+            heapq.heappush(waiting, (message.received_ns, number, message))
+            while waiting[0][0] < newest - WINDOW_NS:
+                time_ns, _, earliest = heapq.heappop(waiting)
+                self._out_of_order += time_ns < last
+                last = max(last, time_ns)
+                yield earliest
+        while waiting:
+            yield heapq.heappop(waiting)[2]
+
+    def notes(self) -> list[str]:
+        """What a user should know of the order of the messages."""
+        if not self._out_of_order:
+            return []
+        return [f"{self._out_of_order} messages were stored more than a second after later ones"]
+
+
+def _read_notes(bag: Bag, names: set[str]) -> list[str]:
+    """Which topics were read, and which were not."""
+    others = sorted({topic.name for topic in bag.topics} - names)
+    notes = [f"read: {', '.join(sorted(names))}"]
+    if others:
+        more = f" and {len(others) - _SHOWN_NAMES} more" if len(others) > _SHOWN_NAMES else ""
+        notes.append(f"not read: {', '.join(others[:_SHOWN_NAMES])}{more}")
+    return notes
+
+
+def perception_notes(perception: LivePerception) -> list[str]:
+    """What a user should know of how a stream was seen: what was assumed, and what was left out."""
+    counts, settings, localisation = perception.counts, perception.settings, perception.localisation
+    sensors = ", ".join(sorted(name or "''" for name in localisation.assumed))
+    unknown = ", ".join(f"{name or chr(39) * 2} ({n})" for name, n in counts.unknown_classes.most_common(5))
+    refused = localisation.poses.refused + localisation.tree.refused
+    wait_ms = settings.wait_s * 1e3
+    lines = (
+        (
+            counts.unstamped,
+            f"{counts.unstamped} frames have an empty header: the time at which they were received counts",
+        ),
+        (
+            counts.without_transform,
+            f"no transform from {localisation.base_frame} to {sensors}: the sensor is taken to be at the "
+            "vehicle's origin; name its place (sensor pose)",
+        ),
+        (
+            counts.without_pose and counts.without_pose == counts.frames,
+            "no pose of the vehicle: tracks are in the sensor's frame, and nothing is decided",
+        ),
+        (
+            counts.without_pose and counts.without_pose < counts.frames,
+            f"{counts.without_pose} frames are farther than {settings.carry_s:g} s from any pose: nothing is "
+            "decided on them",
+        ),
+        (
+            counts.carried,
+            f"{counts.carried} frames waited {wait_ms:g} ms in vain for a pose: the last one was carried on",
+        ),
+        (counts.late, f"{counts.late} frames are not newer than the one before, and are left out"),
+        (counts.restarts, f"time went back {counts.restarts} times: all was begun anew"),
+        (
+            counts.off_map,
+            f"{counts.off_map} frames are beside the map's driving lanes: the rectangle is monitored there",
+        ),
+        (
+            unknown,
+            f"boxes of classes that {settings.dataset} does not have are left out: {unknown}",
+        ),
+        (
+            counts.other_classes,
+            f"{counts.other_classes} boxes are of classes that are no road users, and are left out",
+        ),
+        (counts.under_threshold, f"{counts.under_threshold} boxes have a score under the threshold"),
+        (refused, f"{refused} poses or transforms are not finite, repeated or in another frame"),
+        (
+            perception.strategy == "path" and counts.decided,
+            "no planned path is among the messages: the arc of the present turn rate stands in for it",
+        ),
+    )
+    notes = [text for number, text in lines if number]
+    axes = perception.velocities.note(settings.velocity_frame)
+    return notes if axes is None else [*notes, axes]
+
+
+def summary_table(result: BagResult) -> Table:
+    """One line: what came, what was tracked, and what was left out."""
+    counts = result.counts
+    columns = {
+        "frames": counts.frames,
+        "boxes": counts.boxes,
+        "tracks": counts.tracks,
+        "requests": counts.requests,
+        "rejected boxes": counts.rejected + sum(counts.unknown_classes.values()),
+        "late frames": counts.late,
+        "without pose": counts.without_pose,
+    }
+    return Table(tuple(columns), (tuple(map(str, columns.values())),))
+
+
+def request_table(result: BagResult) -> Table:
+    """What would have been braked or warned for; times are from the first frame on."""
+    header = ("time (s)", "request", "speed (km/h)", "track", "class", "TTC (s)", "gap (m)")
+    start_s = 0.0 if result.start_ns is None else result.start_ns * 1e-9
+    return Table(
+        header,
+        tuple(
+            (
+                fixed(request.time_s - start_s, 2),
+                request.kind,
+                fixed(3.6 * request.speed_mps, 1),
+                EMPTY if request.track_id is None else str(request.track_id),
+                request.category or EMPTY,
+                EMPTY if request.ttc_s is None else fixed(request.ttc_s, 2),
+                EMPTY if request.gap_m is None else fixed(request.gap_m, 1),
+            )
+            for request in result.requests
+        ),
+    )
