@@ -187,7 +187,7 @@ class _Stream:
         """What a user should know of the order of the messages."""
         if not self._out_of_order:
             return []
-        return [f"{self._out_of_order} messages were stored more than a second after later ones"]
+        return [f"messages stored more than a second after later ones: {self._out_of_order}"]
 
 
 def _read_notes(bag: Bag, names: set[str]) -> list[str]:
@@ -203,19 +203,19 @@ def _read_notes(bag: Bag, names: set[str]) -> list[str]:
 def perception_notes(perception: LivePerception) -> list[str]:
     """What a user should know of how a stream was seen: what was assumed, and what was left out."""
     counts, settings, localisation = perception.counts, perception.settings, perception.localisation
-    sensors = ", ".join(sorted(name or "''" for name in localisation.assumed))
+    sensors = ", ".join(sorted(name or "a frame without a name" for name in localisation.assumed))
     unknown = ", ".join(f"{name or chr(39) * 2} ({n})" for name, n in counts.unknown_classes.most_common(5))
     refused = localisation.poses.refused + localisation.tree.refused
     wait_ms = settings.wait_s * 1e3
     lines = (
         (
             counts.unstamped,
-            f"{counts.unstamped} frames have an empty header: the time at which they were received counts",
+            f"frames with an empty header: {counts.unstamped}; the time at which they were received counts",
         ),
         (
             counts.without_transform,
             f"no transform from {localisation.base_frame} to {sensors}: the sensor is taken to be at the "
-            "vehicle's origin; name its place (sensor pose)",
+            "vehicle's origin; give its place (sensor pose)",
         ),
         (
             counts.without_pose and counts.without_pose == counts.frames,
@@ -223,29 +223,24 @@ def perception_notes(perception: LivePerception) -> list[str]:
         ),
         (
             counts.without_pose and counts.without_pose < counts.frames,
-            f"{counts.without_pose} frames are farther than {settings.carry_s:g} s from any pose: nothing is "
+            f"frames farther than {settings.carry_s:g} s from any pose: {counts.without_pose}; nothing is "
             "decided on them",
         ),
         (
             counts.carried,
-            f"{counts.carried} frames waited {wait_ms:g} ms in vain for a pose: the last one was carried on",
+            f"frames that waited {wait_ms:g} ms in vain for a pose: {counts.carried}; the last one was "
+            "carried on",
         ),
-        (counts.late, f"{counts.late} frames are not newer than the one before, and are left out"),
-        (counts.restarts, f"time went back {counts.restarts} times: all was begun anew"),
+        (counts.late, f"frames not newer than the one before: {counts.late}; they are left out"),
+        (counts.restarts, f"times that time went back: {counts.restarts}; all was begun anew"),
         (
             counts.off_map,
-            f"{counts.off_map} frames are beside the map's driving lanes: the rectangle is monitored there",
+            f"frames beside the map's driving lanes: {counts.off_map}; the rectangle is monitored there",
         ),
-        (
-            unknown,
-            f"boxes of classes that {settings.dataset} does not have are left out: {unknown}",
-        ),
-        (
-            counts.other_classes,
-            f"{counts.other_classes} boxes are of classes that are no road users, and are left out",
-        ),
-        (counts.under_threshold, f"{counts.under_threshold} boxes have a score under the threshold"),
-        (refused, f"{refused} poses or transforms are not finite, repeated or in another frame"),
+        (unknown, f"boxes of classes that {settings.dataset} does not have are left out: {unknown}"),
+        (counts.other_classes, f"boxes of classes that are no road users, left out: {counts.other_classes}"),
+        (counts.under_threshold, f"boxes with a score under the threshold: {counts.under_threshold}"),
+        (refused, f"poses or transforms that are not finite, repeated or in another frame: {refused}"),
         (
             perception.strategy == "path" and counts.decided,
             "no planned path is among the messages: the arc of the present turn rate stands in for it",

@@ -92,7 +92,7 @@ class DiagnosticWatch:
             ("boxes of unknown classes", unknown - sum(before.unknown_classes.values())),
             ("times time went back", counts.restarts - before.restarts),
         )
-        wrong = [f"{number} {what}" for what, number in new if number]
+        wrong = [f"{what}: {number}" for what, number in new if number]
         level = ERROR if frames and missing == frames else WARN if wrong or not frames else OK
         values = {
             "frames": counts.frames,

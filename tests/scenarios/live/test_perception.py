@@ -413,7 +413,7 @@ def test_statuses_tell_what_has_changed_for_the_worse() -> None:
     outputs, _ = outputs_of(received([*messages, bad]), SETTINGS)
     statuses = [o for o in outputs if isinstance(o, Diagnostics)]
     assert [s.level for s in statuses] == [OK, WARN, OK]
-    assert statuses[1].message == "1 frames late"
+    assert statuses[1].message == "frames late: 1"
     assert dict(statuses[-1].values)["frames tracked"] == "60"
 
 

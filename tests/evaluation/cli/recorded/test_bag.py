@@ -1,0 +1,214 @@
+"""`smartmot-eval bag`: from a bag to a bag, with what would have been braked for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+
+from evaluation.cli.entry import main
+from scenarios.live.published import rosbags_make
+from scenarios.live.topics import COLLISION, TRACKS
+from scenarios.presets import PHYSICAL
+from scenarios.ros.bags.bag import open_bag
+from scenarios.ros.definitions import ODOMETRY, PREDICTION_ARRAY, ros2_types
+
+DATA = Path(__file__).parents[3] / "data" / "ros2" / "bevfusion"
+START_NS = 1_700_000_000_000_000_000
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Runs `smartmot-eval bag`: status, output, errors."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["smartmot-eval", "bag", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        printed = capsys.readouterr()
+        return int(stop.value.code or 0), printed.out, printed.err
+
+    return run
+
+
+def write_drive(
+    path: Path, frames: int, walks: bool = True, poses: bool = True, boxes: bool = True, back: int = 0
+) -> Path:
+    """A vehicle with 10 m/s and a walker who is in the middle of its way at 40 m when it is there.
+
+    The last frames come again at the end if time goes back.
+    """
+    types = ros2_types()
+    make = rosbags_make(types)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        names = (("/bevfusion_detections", PREDICTION_ARRAY), ("/odom", ODOMETRY))
+        topics = {kind: bag.add_connection(name, kind, typestore=types) for name, kind in names}
+
+        def write(kind: str, time_ns: int, stamp_ns: int, **fields: Any) -> None:
+            sec, nanosec = divmod(START_NS + stamp_ns, 10**9)
+            stamp = make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+            header = make("std_msgs/msg/Header", stamp=stamp, frame_id="map" if kind == ODOMETRY else "lidar")
+            message = make(kind, header=header, **fields)
+            bag.write(topics[kind], START_NS + time_ns, types.serialize_cdr(message, kind))
+
+        for k in [*range(frames), *range(frames - back, frames)]:
+            stamp_ns = k * 50_000_000
+            time_ns = stamp_ns + 10_000_000
+            x_m = 10.0 * k * 0.05
+            if poses:
+                pose = make(
+                    "geometry_msgs/msg/Pose",
+                    position=make("geometry_msgs/msg/Point", x=x_m),
+                    orientation=make("geometry_msgs/msg/Quaternion", w=1.0),
+                )
+                twist = make("geometry_msgs/msg/Twist", linear=make("geometry_msgs/msg/Vector3", x=10.0))
+                write(
+                    ODOMETRY,
+                    time_ns,
+                    stamp_ns,
+                    child_frame_id="base_link",
+                    pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose),
+                    twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
+                )
+            if boxes:
+                walker = make(
+                    "bevfusion_msgs/msg/Prediction",
+                    class_name="pedestrian",
+                    position=make("geometry_msgs/msg/Point", x=40.0 - x_m, y=1.4 * (k * 0.05 - 4.0)),
+                    size=make("geometry_msgs/msg/Vector3", x=0.5, y=0.5, z=1.7),
+                    z_rotation=-np.pi,
+                    score=0.9,
+                )
+                write(PREDICTION_ARRAY, time_ns, stamp_ns, predictions=[walker] * walks)
+    return path
+
+
+def published(path: Path, topic: str) -> list[tuple[int, Any]]:
+    types = ros2_types()
+    with Reader(path) as reader:
+        connections = [c for c in reader.connections if c.topic == topic]
+        return [(t, types.deserialize_cdr(d, c.msgtype)) for c, t, d in reader.messages(connections)]
+
+
+def row_of(text: str) -> list[str]:
+    """The last line of the table of counts."""
+    return [line for line in text.splitlines() if line.split() and line.split()[0].isdigit()][-1].split()
+
+
+def test_the_shared_bags_give_the_same_tracks_in_both_storages(tmp_path: Path, command: Command) -> None:
+    tracks = []
+    for storage in ("mcap", "sqlite3"):
+        out = tmp_path / storage
+        status, text, _ = command(DATA / f"tracker_input_{storage}", "--out", out, "--strategy", "all")
+        assert status == 0
+        assert row_of(text) == ["40", "80", "2", "0", "0", "0", "0"]
+        assert "frames with an empty header: 1" in text
+        tracks.append(published(out, TRACKS.name))
+    assert [repr(message) for _, message in tracks[0]] == [repr(message) for _, message in tracks[1]]
+    truth = json.loads((DATA / "truth.json").read_text())
+    for (_, message), frame in zip(tracks[0], truth, strict=True):
+        for detection, labelled in zip(message.detections, frame["objects"], strict=True):
+            center = detection.bbox.center.position
+            # the frame without a stamp counts as measured when it was received, 3 ms later
+            assert np.hypot(center.x - labelled["x_m"], center.y - labelled["y_m"]) < 0.12
+            assert detection.results[0].hypothesis.class_id == labelled["category"]
+            assert (detection.bbox.size.x, detection.bbox.size.y) == pytest.approx(
+                (labelled["length_m"], labelled["width_m"]), abs=0.02
+            )
+
+
+def test_a_request_is_listed_with_its_time_and_written(tmp_path: Path, command: Command) -> None:
+    bag = write_drive(tmp_path / "bag", 80)
+    options = ("--preset", "physical", "--strategy", "all", "--out", tmp_path / "seen")
+    status, text, _ = command(bag, *options)
+    assert status == 0
+    # nearer than the braking distance, from the middle of the vehicle: `test_perception` has the same
+    expected_s = (40.0 - 0.25 - PHYSICAL.pipeline.braking_distance.at(10.0)) / 10.0
+    row = next(line.split() for line in text.splitlines() if "emergency" in line)
+    assert 0.0 <= float(row[0]) - expected_s <= 0.05 + 1e-6
+    assert row[2:5] == ["36.0", "1", "pedestrian"]
+    assert float(row[5]) == pytest.approx((40.0 - 2.2 - 0.25) / 10.0 - float(row[0]), abs=0.15)
+    assert float(row[6]) == pytest.approx(40.0 - 2.2 - 0.25 - 10.0 * float(row[0]), abs=0.1)
+    flags = published(tmp_path / "seen", COLLISION.name)
+    first_ns = next(time_ns for time_ns, message in flags if message.data)
+    assert first_ns == START_NS + round(float(row[0]) * 1e9) + 10_000_000
+
+
+def test_what_was_written_can_be_read_again(tmp_path: Path, command: Command) -> None:
+    bag = write_drive(tmp_path / "bag", 20)
+    assert command(bag, "--out", tmp_path / "seen.mcap", "--quiet")[:2] == (0, "")
+    status, text, _ = command(tmp_path / "seen.mcap", "--out", tmp_path / "again", "--dataset", "nuscenes")
+    assert status == 0
+    assert "no pose of the vehicle: tracks are in the sensor's frame, and nothing is decided" in text
+    assert row_of(text) == ["20", "20", "1", "0", "0", "0", "20"]
+    with open_bag(tmp_path / "again") as again:
+        assert len(again.messages(TRACKS.name)) == 20
+
+
+def test_frames_back_in_time_are_counted(tmp_path: Path, command: Command) -> None:
+    status, text, _ = command(write_drive(tmp_path / "bag", 20, back=5), "--out", tmp_path / "seen")
+    assert status == 0
+    assert "frames not newer than the one before: 5; they are left out" in text
+    assert row_of(text)[5] == "5"
+
+
+def test_frames_without_boxes(tmp_path: Path, command: Command) -> None:
+    status, text, _ = command(write_drive(tmp_path / "bag", 10, walks=False), "--out", tmp_path / "seen")
+    assert status == 0
+    assert row_of(text) == ["10", "0", "0", "0", "0", "0", "0"]
+
+
+@pytest.mark.parametrize(
+    ("drive", "words", "says"),
+    [
+        ({"boxes": False}, (), "topic /bevfusion_detections holds no message"),
+        ({"boxes": False, "poses": False}, (), "topic /bevfusion_detections holds no message"),
+        (
+            {},
+            ("--detections", "/boxes"),
+            "--detections: {bag} has no topic /boxes with boxes; there is: /bev",
+        ),
+        ({}, ("--odometry", "/tf"), "--odometry: {bag} has no topic /tf with odometry; there is: /odom"),
+        ({}, ("--strategy", "map"), "strategy map: needs a map"),
+        ({}, ("--strategy", "map,all"), "--strategy: expected one, got 2"),
+        ({}, ("--velocity-frame", "ego"), "--velocity-frame: unknown 'ego'"),
+        ({}, ("--sensor", "1,2"), "--sensor: expected X,Y,Z"),
+        ({}, ("--rule", "nobody"), "--rule: unknown 'nobody'"),
+        ({}, ("--map", "none.xodr"), "none.xodr"),
+        ({}, ("--storage", "tape"), "--storage: unknown 'tape'"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_nothing(
+    tmp_path: Path, command: Command, drive: dict[str, bool], words: tuple[str, ...], says: str
+) -> None:
+    bag = write_drive(tmp_path / "bag", 3, **drive)  # type: ignore[arg-type]
+    status, _, error = command(bag, "--out", tmp_path / "seen", *words)
+    assert status == 2
+    assert len(error.splitlines()) == 1
+    assert says.format(bag=bag) in error
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_an_output_that_is_there_stays(tmp_path: Path, command: Command) -> None:
+    bag = write_drive(tmp_path / "bag", 3)
+    status, _, error = command(bag, "--out", bag)
+    assert (status, "is there already" in error) == (2, True)
+
+
+def test_a_bag_without_boxes_tells_what_there_is(tmp_path: Path, command: Command) -> None:
+    types = ros2_types()
+    with Writer(tmp_path / "bag", version=9) as bag:
+        topic = bag.add_connection("/chatter", "std_msgs/msg/String", typestore=types)
+        text = types.types["std_msgs/msg/String"](data="hello")
+        bag.write(topic, START_NS, types.serialize_cdr(text, "std_msgs/msg/String"))
+    status, _, error = command(tmp_path / "bag", "--out", tmp_path / "seen")
+    assert status == 2
+    assert "no topic with boxes" in error
+    assert "there is: /chatter (std_msgs/msg/String)" in error
