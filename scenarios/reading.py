@@ -30,7 +30,11 @@ class NoFileError(ReadError):
 
 def shown(value: object) -> str:
     """A value for a message: short, in one line, whatever it is."""
-    return " ".join(_SHORT.repr(value).split())
+    try:
+        text = _SHORT.repr(value)
+    except ValueError:  # a number of more digits than Python writes
+        text = f"{type(value).__name__} with a number of too many digits"
+    return " ".join(text.split())
 
 
 def read_text(path: Path) -> str:

@@ -84,8 +84,9 @@ TIMESTEP_S = 0.05
 MAX_TIMESTEP_S = 10.0
 """Of a time step in seconds; a greater one is in another unit."""
 
-MAX_LABEL_BYTES = 64_000_000
-"""Of the labels of one frame: 60,000 of them."""
+MAX_LABELS, MAX_LABEL_BYTES, MAX_TAGS = 10_000, 10_000_000, 256
+"""Of one frame, and of a label: CARLA runs some hundred road users, with one or two tags each; a label takes
+about 1 kB."""
 
 EGO_ITSELF_M = 0.5
 """No other vehicle's centre is so near to the ego's: a box there is the ego's own."""
@@ -131,7 +132,9 @@ class _Counts:
                 f"{_listed(self.without_timestep)}: no timestep in {CONFIGS}: taken as {TIMESTEP_S:g} s"
             )
         if self.unknown:
-            classes = ", ".join(f"{count} of class {name!r}" for name, count in self.unknown.most_common(5))
+            classes = ", ".join(
+                f"{count} of class {shown(name)}" for name, count in self.unknown.most_common(5)
+            )
             lines.append(f"labels left out: {classes}; give the class a category in {CLASSES_CSV}")
         if self.left_out:
             listed = ", ".join(f"{count} {name}" for name, count in sorted(self.left_out.items()))
@@ -303,7 +306,14 @@ def _labels(path: Path) -> list[Any]:
         labels = read_json(path)
         if not isinstance(labels, list):
             raise DatasetError(f"{path}: expected a list of labels")
-        return labels
+    else:
+        labels = _unpickled(path)
+    if len(labels) > MAX_LABELS:
+        raise DatasetError(f"{path}: {len(labels)} labels in one frame, {MAX_LABELS} at most expected")
+    return labels
+
+
+def _unpickled(path: Path) -> list[Any]:
     try:
         if path.stat().st_size > MAX_LABEL_BYTES:
             raise DatasetError(f"{path}: over {MAX_LABEL_BYTES} bytes, too many for the labels of a frame")
@@ -322,18 +332,31 @@ def _add(rows: _Rows, frame: int, label: object, where: str, classes: ClassMap, 
     if classes.get(kind, LEFT_OUT) == LEFT_OUT:
         (counts.unknown if kind and kind not in classes else counts.left_out)[kind or "without a class"] += 1
         return False
-    identity = _plain(label.get("id"))
-    if not isinstance(identity, (int, np.integer, float)) or isinstance(identity, bool) or identity % 1:
-        raise DatasetError(f"{where}: field 'id' must be a whole number, got {shown(identity)}")
     rows.frame.append(frame)
-    rows.identity.append(int(identity) % 2**63)  # CARLA's have up to 64 bits without a sign
+    rows.identity.append(_identity(label, where))
     rows.kind.append(kind)
     rows.corners.append(_numbers(label.get("bounding_box"), _CORNERS, where, "bounding_box"))
     velocity = label.get("linear_velocity")
     known = velocity is not None
     rows.velocity.append(_numbers(velocity, _VECTOR, where, "linear_velocity") if known else 3 * (np.nan,))
-    rows.ignored.append(not label.get("valid_flag", True))
+    rows.ignored.append(not _valid(label, where))
     return True
+
+
+def _identity(label: dict[str, Any], where: str) -> int:
+    identity = _plain(label.get("id"))
+    whole = isinstance(identity, (int, np.integer)) and not isinstance(identity, bool)
+    whole |= isinstance(identity, float) and identity.is_integer()
+    if not whole or abs(identity) >= 2**64:
+        raise DatasetError(f"{where}: field 'id' must be a whole number, got {shown(identity)}")
+    return int(identity) % 2**63  # CARLA's have up to 64 bits without a sign
+
+
+def _valid(label: dict[str, Any], where: str) -> bool:
+    flag = _plain(label.get("valid_flag", True))
+    if not isinstance(flag, (bool, np.bool_)):
+        raise DatasetError(f"{where}: field 'valid_flag' must be true or false, got {shown(flag)}")
+    return bool(flag)
 
 
 def _class_of(label: dict[str, Any], where: str) -> str:
@@ -344,9 +367,9 @@ def _class_of(label: dict[str, Any], where: str) -> str:
     if name not in ("", "rider"):
         return name
     tags = _plain(label.get("semantic_tags"))
-    if isinstance(tags, np.ndarray):
+    if isinstance(tags, np.ndarray) and tags.size <= MAX_TAGS:
         tags = tags.tolist()
-    if not isinstance(tags, (list, tuple)):
+    if not isinstance(tags, (list, tuple)) or len(tags) > MAX_TAGS:
         raise DatasetError(f"{where}: field 'semantic_tags' must be a list, got {shown(tags)}")
     kinds = [kind for tag, kind in CLASS_OF_TAG.items() if any(_is_number(t) and t == tag for t in tags)]
     return kinds[0] if kinds else name

@@ -2,8 +2,9 @@
 
 A pickle is a program: it names functions and calls them. Here every opcode and every name is on a list; a
 name stands for a value of this module, never for the function itself, and a call only keeps its arguments.
-An array is made when its shape, its type and the length of its content agree, so that no pickle asks for more
-memory than it has bytes. Everything else is refused by name before anything of it is made.
+An array is made when its shape, its type and the length of its content agree, and copies together are no
+longer than the pickle, so that its memory and its time are bounded by its length. Everything else is refused
+by name before anything of it is made.
 
 Source of the opcodes: `pickletools` of Python; of the states: `ndarray.__reduce__`, `dtype.__reduce__`.
 """
@@ -25,6 +26,8 @@ from scenarios.reading import ReadError, shown
 _ONLY = "only NumPy arrays and plain values are read"
 _MOST_AXES = 64
 """Of an array of NumPy 2."""
+_LONGEST_AXIS = 2**31
+"""More would be no array here; a product of numbers of a million digits takes hours."""
 
 _PLAIN_DTYPE = re.compile(r"[biufcSU?][0-9]*")
 """Codes of numbers, truth values and texts; no objects, records or dates."""
@@ -94,7 +97,7 @@ def _array(content: object, dtype: object, shape: object, order: object) -> NDAr
         raise ReadError(f"an array of {shown(type(dtype).__name__)} with {type(content).__name__}")
     if not isinstance(shape, tuple) or len(shape) > _MOST_AXES:
         raise ReadError(f"an array of shape {shown(shape)}")
-    if not all(type(n) is int and n >= 0 for n in shape):
+    if not all(type(n) is int and 0 <= n <= _LONGEST_AXIS for n in shape):
         raise ReadError(f"an array of shape {shown(shape)}")
     plain = dtype.plain()
     if math.prod(shape) * plain.itemsize != len(content) or not plain.itemsize:
@@ -198,6 +201,7 @@ class _Machine:
         self._stack: list[Any] = []
         self._marks: list[int] = []
         self._memo: dict[int, Any] = {}
+        self._copied = 0  # bytes
 
     def run(self) -> Any:
         """The value at the end."""
@@ -304,9 +308,10 @@ class _Machine:
 
     def _set(self, items: list[Any]) -> None:
         keys, values, target = items[::2], items[1::2], self._stack[-1]
-        # a tuple nested a million times would overflow the stack of the hash
-        if type(target) is not dict or not all(type(key) in (str, int) for key in keys):
-            _refuse("a key that is neither text nor number")
+        # a tuple nested a million times would overflow the stack of the hash, and whoever writes the file
+        # can choose numbers that all have the same hash
+        if type(target) is not dict or not all(type(key) is str for key in keys):
+            _refuse("a key that is no text")
         target.update(zip(keys, values, strict=True))
 
     def push_global(self) -> None:
@@ -327,7 +332,12 @@ class _Machine:
         arguments, function = self._stack.pop(), self._stack[-1]
         if not isinstance(function, _Call) or not isinstance(arguments, tuple):
             _refuse(f"a call of {shown(function)}")
-        self._stack[-1] = function.make(*arguments)
+        self._stack[-1] = made = function.make(*arguments)
+        if isinstance(made, (bytes, np.generic)):
+            self._copied += made.nbytes if isinstance(made, np.generic) else len(made)
+            # of one long text, named again and again
+            if self._copied > self._end:
+                _refuse("copies that are longer than the pickle")
 
     def build(self) -> None:
         state, value = self._stack.pop(), self._stack[-1]

@@ -217,7 +217,11 @@ def test_faults_of_scenes_are_one_line(folder: Path, spoil: Change, complaint: s
         (lambda labels: labels[0].update(linear_velocity=["a", 0, 0]), "'linear_velocity' must be 3 numbers"),
         (lambda labels: labels[0].update(id="x"), "field 'id' must be a whole number"),
         (lambda labels: labels[0].update(id=1.5), "field 'id' must be a whole number"),
+        (lambda labels: labels[0].update(id=1e300), "field 'id' must be a whole number"),
         (lambda labels: labels[0].update(semantic_tags=14), "field 'semantic_tags' must be a list"),
+        (lambda labels: labels[0].update(semantic_tags=300 * [14]), "field 'semantic_tags' must be a list"),
+        (lambda labels: labels[0].update(valid_flag="no"), "field 'valid_flag' must be true or false"),
+        (lambda labels: labels.extend(10_000 * labels[:1]), "labels in one frame, 10000 at most expected"),
     ],
 )
 def test_faults_of_labels_are_one_line(folder: Path, spoil: Change, complaint: str) -> None:
@@ -264,6 +268,26 @@ def test_a_hostile_label_file_is_one_line_and_nothing_is_run(folder: Path, tmp_p
     path.write_bytes(b"\x80\x04")
     with pytest.raises(DatasetError, match="pickle refused: cut off"):
         read_simbev(folder)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"id": [2**20_000]},  # more digits than Python writes
+        {"id": np.float64(np.inf)},
+        {"id": np.array([1, 2])},
+        {"valid_flag": np.array([True, False])},
+        {"semantic_tags": np.full(10**5, 14)},
+    ],
+)
+def test_values_that_only_pickles_have_are_one_line(folder: Path, changes: dict[str, Any]) -> None:
+    path = folder / "simbev/ground-truth/det/SimBEV-scene-0000-frame-0002-GT_DET.bin"
+    label = json.loads(label_file(folder).read_text())[0]
+    path.write_bytes(pickle.dumps([label | changes]))
+    with pytest.raises(DatasetError, match=rf"label 0: field '{next(iter(changes))}' must be") as fault:
+        read_simbev(folder)
+    assert len(str(fault.value)) < 400
+    assert "\n" not in str(fault.value)
 
 
 def test_a_scene_in_two_files_and_a_folder_of_nothing(folder: Path, tmp_path: Path) -> None:

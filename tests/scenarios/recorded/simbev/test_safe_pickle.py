@@ -5,6 +5,7 @@ import os
 import pickle
 import struct
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -170,13 +171,59 @@ HUGE = b"\x8a\x08" + struct.pack("<q", 10**12)
         (b"Pfile\n.", "opcode PERSID"),
         (b"\x82\x01.", "opcode EXT1"),
         # the hash of a tuple in a tuple in a tuple would overflow the stack
-        (b"})" + 10**5 * b"\x85" + b"Ns.", "a key that is neither text nor number"),
+        (b"})" + 10**5 * b"\x85" + b"Ns.", "a key that is no text"),
         (text("numpy") + b"K\x01\x93.", "a name that is no text"),
     ],
 )
 def test_bombs_and_damage_by_hand(content: bytes, complaint: str) -> None:
     with pytest.raises(ReadError, match=complaint):
         read_pickle(b"\x80\x04" + content)
+
+
+SCALAR = global_of("numpy.core.multiarray", "scalar")
+LONG = text(10**5 * "a")
+"""A text that is named again and again."""
+WHOLE = b"\x8b" + struct.pack("<I", 10**5) + 10**5 * b"\x7f"
+"""A whole number of 240,000 digits."""
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        # copies of a text as bytes, or of bytes as values of NumPy: each takes 10 bytes and makes 100,000
+        (b"(" + LONG + b"\x94" + 99 * (global_of("_codecs", "encode") + b"h\x00" + text("latin1") + b"\x86R")
+         + b"l.", "copies that are longer than the pickle"),
+        (b"(B" + struct.pack("<I", 10**5) + 10**5 * b"a" + b"\x94" + global_of("numpy", "dtype")
+         + text("S100000") + b"\x89\x88\x87R\x94" + 99 * (SCALAR + b"h\x01h\x00\x86R") + b"t.",
+         "copies that are longer than the pickle"),
+        # numbers of one hash, each of which a dictionary would compare with all before it
+        (b"}(" + b"".join(b"\x8a\x0a" + (k * (2**61 - 1)).to_bytes(10, "little") + b"N" for k in range(1, 9))
+         + b"u.", "a key that is no text"),
+        # a shape whose product takes hours
+        (WHOLE + b"\x94" + EMPTY_ARRAY + b"(K\x01(" + 60 * b"h\x00" + b"t" + FLOATS + b"\x89C\x0812345678tb.",
+         "an array of shape .* a number of too many digits"),
+        (EMPTY_ARRAY + b"(K\x01J\xff\xff\xff\xff\x85" + FLOATS + b"\x89C\x0812345678tb.", r"shape \(-1,\)"),
+    ],
+)  # fmt: skip
+def test_bombs_that_are_small_files(content: bytes, complaint: str) -> None:
+    began_s = time.process_time()
+    with pytest.raises(ReadError, match=complaint):
+        read_pickle(b"\x80\x04" + content)
+    assert time.process_time() - began_s < 1.0
+
+
+@pytest.mark.parametrize("protocol", [0, 1])
+def test_pickles_of_the_oldest_protocols_are_refused_by_opcode(protocol: int) -> None:
+    with pytest.raises(ReadError, match=r"refused: opcode (UNICODE|LONG|INT|DICT|LIST)"):
+        read_pickle(pickle.dumps([LABEL], protocol))
+
+
+def test_arrays_out_of_band_are_refused() -> None:
+    buffers: list[pickle.PickleBuffer] = []
+    content = pickle.dumps(np.arange(3.0), 5, buffer_callback=buffers.append)
+    assert len(buffers) == 1
+    with pytest.raises(ReadError, match="opcode NEXT_BUFFER"):
+        read_pickle(content)
 
 
 def test_a_memo_of_a_great_number_takes_no_memory() -> None:
