@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenarios.errors import DatasetError
-from scenarios.recorded.argoverse.reader import POSES, is_log, read_argoverse
+from scenarios.recorded.argoverse.reader import POSES, is_argoverse, read_argoverse
 from scenarios.recorded.csv_files import DETECTIONS, read_csv, stored
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
@@ -63,12 +63,10 @@ def _recognised(folder: Path) -> str:
     """
     if is_simbev(folder):
         return "simbev"
-    if folder.is_file():
-        if folder.suffix == ".feather":
-            return "argoverse"
-        return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
-    if is_log(folder):
+    if is_argoverse(folder):
         return "argoverse"
+    if folder.is_file():
+        return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
     if (folder / "detections").is_dir():
         return "kitti"
     if stored(folder, DETECTIONS).is_file():
@@ -76,6 +74,6 @@ def _recognised(folder: Path) -> str:
     if any(folder.glob("*.json")) or any(folder.glob("v1.0-*/sample.json")):
         return "nuscenes"
     raise DatasetError(
-        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), {POSES} (argoverse), "
+        f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), {POSES} or scenario_*.parquet (argoverse), "
         "infos/simbev_infos_*.json (simbev) or *.json (nuscenes) in it; see docs/mot.md"
     )

@@ -47,8 +47,16 @@ _PARTS = ("lane_segments", "drivable_areas", "pedestrian_crossings")
 
 
 def map_archive(folder: Path) -> Path | None:
-    """The vector map of a log, or of a folder of maps; None: it has none."""
+    """The vector map of a log or scenario; None: it has none.
+
+    Raises:
+        DatasetError: It has several.
+    """
     archives = sorted(path for place in (folder / "map", folder) for path in place.glob(ARCHIVES))
+    if len(archives) > 1:
+        raise DatasetError(
+            f"{folder}: {len(archives)} maps in it: {archives[0].name}, {archives[1].name} ..."
+        )
     return archives[0] if archives else None
 
 
@@ -128,11 +136,16 @@ class _Record:
         return known[value]
 
     def line(self, name: str, least: int) -> FloatArray:
-        """(P, 3) points."""
+        """(P, 3) points; a height that is NaN, as in some of the data set's maps, is that between others."""
         points = self._get(name)
         if not isinstance(points, list) or len(points) < least or not all(map(_is_point, points)):
             raise self._wrong(name, f"{least} or more points with x, y and z within {MAX_POSITION_M:g} m")
-        return np.array([[point[axis] for axis in "xyz"] for point in points], dtype=np.float64)
+        line = np.array([[point[axis] for axis in "xyz"] for point in points], dtype=np.float64)
+        known = np.flatnonzero(np.isfinite(line[:, 2]))
+        if len(known) < len(line):
+            row = np.arange(len(line))
+            line[:, 2] = np.interp(row, known, line[known, 2]) if len(known) else 0.0
+        return line
 
 
 def _is_whole(value: object) -> bool:
@@ -140,7 +153,15 @@ def _is_whole(value: object) -> bool:
 
 
 def _is_point(value: object) -> bool:
-    return isinstance(value, Mapping) and all(_is_coordinate(value.get(axis)) for axis in "xyz")
+    if not isinstance(value, Mapping):
+        return False
+    height = value.get("z")
+    level = isinstance(height, float) and math.isnan(height)
+    return (
+        _is_coordinate(value.get("x"))
+        and _is_coordinate(value.get("y"))
+        and (level or _is_coordinate(height))
+    )
 
 
 def _is_coordinate(value: object) -> bool:

@@ -11,6 +11,7 @@ Files of a log (Argoverse 2 user guide, Sensor Dataset)::
     map/log_map_archive_*.json     (optional) the vector map, see `scenarios.recorded.argoverse.archive`
 
 Boxes are in the vehicle's frame at their time: x ahead, y left, z up from the middle of the rear axle.
+Scenarios of the Motion Forecasting Dataset: see `scenarios.recorded.argoverse.forecasting`.
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ from scipy.spatial.transform import Rotation
 from scenarios.errors import DatasetError
 from scenarios.recorded.argoverse.archive import map_archive
 from scenarios.recorded.argoverse.feather import read_feather
+from scenarios.recorded.argoverse.forecasting import read_scenarios, scenario_files
+from scenarios.recorded.argoverse.poses import NS, VehiclePoses
 from scenarios.recorded.classes import CLASSES_CSV, ClassMap, categories, read_classes, require_categories
 from scenarios.recorded.dataset import LEFT_OUT, Dataset, Objects, Sequence, finished
-from scenarios.recorded.poses import heading, interpolated, rigid
+from scenarios.recorded.poses import heading, rigid
 from scenarios.recorded.textfile import TextTable, is_given
 from smartmot.types import FloatArray, IntArray, StrArray
 
@@ -76,7 +79,6 @@ CATEGORY_OF_CLASS = {
 """All 30 categories (av2 0.3.6, datasets/sensor/constants.py). Left out are cones, posts and signs. A ridden
 bicycle and its rider are two boxes in these data."""
 
-_NS = 1e-9
 _PLACE = ("tx_m", "ty_m", "tz_m")
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _SIZE = ("length_m", "width_m", "height_m")
@@ -86,9 +88,6 @@ MAX_NORM_ERROR = 1e-3
 
 MAX_NS = 2**62
 """146 years."""
-
-MAX_GAP_S = 0.5
-"""Poses are not interpolated over more: at 8 m/s2 a straight line is then 0.25 m off (a T^2 / 8)."""
 
 _CORNER_SIGNS = np.array(
     [
@@ -123,55 +122,24 @@ class Cuboids:
         return corners
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
-    """The vehicle's poses, at their own rate.
-
-    Args:
-        path: The file.
-        stamp_ns: (P,) times, ascending.
-        rotation: P rotations.
-        place_m: (P, 3) places.
-    """
-
-    path: Path
-    stamp_ns: IntArray
-    rotation: Rotation
-    place_m: FloatArray
-
-    def at(self, stamp_ns: IntArray) -> FloatArray:
-        """(F, 4, 4) poses at some times; raises `DatasetError` where there are none."""
-        known = self.stamp_ns
-        after = np.searchsorted(known, stamp_ns)
-        outside = (stamp_ns < known[0]) | (stamp_ns > known[-1])
-        after = np.minimum(after, len(known) - 1)
-        gap_ns = np.where(known[after] == stamp_ns, 0, known[after] - known[np.maximum(after - 1, 0)])
-        missing = np.asarray(outside | (gap_ns * _NS > MAX_GAP_S))
-        if missing.any():
-            first = int(stamp_ns[np.argmax(missing)])
-            raise DatasetError(
-                f"{self.path}: poses from {known[0]} to {known[-1]} ns do not cover the boxes: "
-                f"none within {MAX_GAP_S:g} s about {first} ns"
-            )
-        # differences of nanoseconds are exact as floats for 104 days
-        time_s, at_s = (_NS * (stamps - known[0]) for stamps in (known, stamp_ns))
-        return interpolated(time_s, self.rotation, self.place_m, np.minimum(at_s, time_s[-1]))
-
-
-def is_log(folder: Path) -> bool:
-    """Whether a folder is a log."""
-    return (folder / POSES).is_file()
+def is_argoverse(path: Path) -> bool:
+    """Whether a folder or file is a log's, or has forecasting scenarios."""
+    if path.suffix == ".feather" or (path / POSES).is_file():
+        return True
+    return bool(scenario_files(path))
 
 
 def read_argoverse(folder: Path) -> Dataset:
-    """Read a log: labels, detections if there are any, poses.
+    """Read a log: labels, detections if there are any, poses; or forecasting scenarios.
 
     Args:
-        folder: The log, or a file in it.
+        folder: The log, or a file in it; a folder of scenarios, or one.
 
     Raises:
         DatasetError: A file is missing or wrong; the message names file, row and field.
     """
+    if scenarios := scenario_files(folder):
+        return read_scenarios(scenarios)
     if folder.is_file():
         folder = folder.parent
     poses = _read_poses(folder / POSES)
@@ -198,7 +166,7 @@ def read_argoverse(folder: Path) -> Dataset:
         notes += _left_out(detected, "detections", classes)
     sequence = Sequence(
         name=folder.resolve().name,
-        stamp_s=stamp_ns * _NS,
+        stamp_s=stamp_ns * NS,
         frame_name=tuple(map(str, stamp_ns.tolist())),
         detections=Objects.empty() if detections is None else detections,
         labels=labels,
@@ -220,7 +188,7 @@ def read_cuboids(folder: Path) -> Cuboids:
     return _cuboids(table, _read_poses(folder / POSES))
 
 
-def _read_poses(path: Path) -> _Poses:
+def _read_poses(path: Path) -> VehiclePoses:
     table = read_feather(path, (*_QUATERNION, *_PLACE), integers=("timestamp_ns",))
     if not len(table):
         raise DatasetError(f"{path}: no rows; poses are needed")
@@ -229,7 +197,7 @@ def _read_poses(path: Path) -> _Poses:
     _require_time(table)
     stamp_ns = table["timestamp_ns"]
     table.require(np.diff(stamp_ns, prepend=stamp_ns[0] - 1) > 0, "timestamp_ns", "must rise from row to row")
-    return _Poses(path, stamp_ns, _rotation(table), table.stacked(*_PLACE))
+    return VehiclePoses(path, stamp_ns, _rotation(table), table.stacked(*_PLACE))
 
 
 def _read_labels(folder: Path, classes: ClassMap) -> TextTable | None:
@@ -284,7 +252,7 @@ def _rotation(table: TextTable) -> Rotation:
     return Rotation.from_quat(np.where(finite[:, None], quaternion, (0.0, 0.0, 0.0, 1.0)))
 
 
-def _cuboids(table: TextTable, poses: _Poses) -> Cuboids:
+def _cuboids(table: TextTable, poses: VehiclePoses) -> Cuboids:
     """Boxes of a table in the city's frame; NaN where a number is not finite."""
     stamp_ns = table["timestamp_ns"]
     unique_ns, frame = np.unique(stamp_ns, return_inverse=True)
@@ -297,7 +265,7 @@ def _cuboids(table: TextTable, poses: _Poses) -> Cuboids:
     return Cuboids(stamp_ns, table["category"], pose, table.stacked(*_SIZE))
 
 
-def _objects(table: TextTable, poses: _Poses, stamp_ns: IntArray, classes: ClassMap) -> Objects:
+def _objects(table: TextTable, poses: VehiclePoses, stamp_ns: IntArray, classes: ClassMap) -> Objects:
     """Boxes on the ground of the city's frame."""
     cuboids = _cuboids(table, poses)
     pose, height = cuboids.city_SE3_object, cuboids.size_m[:, 2]

@@ -196,7 +196,7 @@ def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, TextTable | No
         mapped.columns[name] = values if ours in _TEXTS else values * factor + offset
     is_ego = _rows_of_ego(mapped, columns.ego_track)
     if "track_id" in mapped:
-        mapped.columns["track_id"] = _numbered(mapped["track_id"])
+        mapped.columns["track_id"] = numbered(mapped["track_id"])
     notes = []
     if columns.short:
         meant = ", ".join(_SHORT[name] for name in columns.short)
@@ -336,7 +336,7 @@ def _of_tracks(table: TextTable, key: str | None, ours: str, theirs: str) -> NDA
     return np.array([of_track[track] for track in table[key].tolist()], dtype=second[name].dtype)
 
 
-def _numbered(identity: NDArray[np.generic]) -> FloatArray:
+def numbered(identity: NDArray[np.generic]) -> FloatArray:
     """(N,) identities as they are if all are whole numbers, else numbers in the order of appearance."""
     try:
         numbers = identity.astype(np.float64)

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import pickle
 from collections.abc import Callable
 from itertools import pairwise
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.argoverse.archive import MAY_LEAVE, read_vector_map
@@ -307,6 +309,34 @@ def test_a_map_with_errors(street: VectorMap) -> None:
     assert kerb(faulty, ROW[20], np.array([20.0]), "right")[0] == pytest.approx([2.7])
 
 
+def test_heights_that_are_not_known_are_those_beside_them(tmp_path: Path) -> None:
+    content = made.street()
+    for side in ("left", "right"):
+        border = content["lane_segments"]["10"][f"{side}_lane_boundary"]
+        border.insert(1, {"x": 15.0, "y": border[0]["y"], "z": math.nan})
+        border[0]["z"], border[2]["z"] = 1.0, 3.0
+        content["lane_segments"]["20"][f"{side}_lane_boundary"] = [
+            point | {"z": math.nan} for point in content["lane_segments"]["20"][f"{side}_lane_boundary"]
+        ]
+    network = load(tmp_path, content)
+    assert network.center_line(ROW[10], np.array([0.0, 15.0, 60.0]))[2].tolist() == [1.0, 2.0, 3.0]
+    assert network.center_line(ROW[20], np.array([0.0, 40.0]))[2].tolist() == [0.0, 0.0]
+
+
+def test_repeated_points_and_borders_of_few_points_do_not_move_a_lane(tmp_path: Path) -> None:
+    content = made.street()
+    lane = content["lane_segments"]["10"]
+    lane["left_lane_boundary"] = made.points((0, 0), (0, 0), (10, 0), (10, 0), (60, 0), (60, 0))
+    lane["right_lane_boundary"] = made.points((0, -3.5), (60, -3.5), (60, -3.5))
+    network = load(tmp_path, content)
+    s = np.array([0.0, 5.0, 10.0, 37.0, 60.0])
+    x, y, _, heading = network.center_line(ROW[10], s)
+    assert x == pytest.approx(s)
+    assert y == pytest.approx([-1.75] * 5)
+    assert heading == pytest.approx([0.0] * 5)
+    assert network.lane_width(ROW[10], s) == pytest.approx([3.5] * 5)
+
+
 def test_maps_can_be_copied(street: VectorMap) -> None:
     for other in (copy.deepcopy(street), pickle.loads(pickle.dumps(street))):
         assert other.nearest_lane([(20.0, -1.0)]).lane.tolist() == [ROW[10]]
@@ -345,6 +375,67 @@ def test_real_maps(index: int) -> None:
             if beside is not None and beside < count:
                 assert lanes.s_end_m[beside] == lanes.s_end_m[lane]
                 assert lanes.key[beside][0] == lanes.key[lane][0]
+
+
+def flat(points: list[dict[str, float]]) -> list[tuple[float, float]]:
+    return [(point["x"], point["y"]) for point in points]
+
+
+def polygon(ring: list[tuple[float, float]]) -> shapely.Geometry:
+    return shapely.make_valid(shapely.Polygon(ring))
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_queries_are_what_the_file_says(index: int) -> None:
+    """Another way to the same answers: one polygon per lane, all of them asked for every random point."""
+    if not ARCHIVES:
+        pytest.skip("maps of Argoverse 2 are not in ../shared/argoverse2")
+    content = json.loads(ARCHIVES[index].read_text())
+    given = list(content["lane_segments"].values())
+    row = {lane["id"]: k for k, lane in enumerate(given)}
+    network = load_drive_map(ARCHIVES[index])
+    assert isinstance(network, VectorMap)
+    for lane, k in zip(given, row.values(), strict=True):
+        assert set(network.successors(k)) == {row[each] for each in lane["successors"] if each in row}
+        for side, neighbour in (("left", network.left_neighbour(k)), ("right", network.right_neighbour(k))):
+            named = lane[f"{side}_neighbor_id"]
+            if named in row:
+                assert neighbour == row[named]
+            else:  # the edge of the street, or nothing
+                assert neighbour is None or network.lanes.lane_type[neighbour] == "shoulder"
+
+    xy = np.random.default_rng(index).uniform(network.bounds[:2], network.bounds[2:], (1000, 2))
+    points = shapely.points(xy)
+    borders = [(flat(lane["left_lane_boundary"]), flat(lane["right_lane_boundary"])) for lane in given]
+    off_m = np.array([shapely.distance(points, polygon(left + right[::-1])) for left, right in borders])
+    hits = network.locate(xy)
+    is_given = hits.lane < len(given)
+    assert set(zip(hits.lane[is_given].tolist(), hits.point[is_given].tolist(), strict=True)) == set(
+        zip(*(axis.tolist() for axis in np.nonzero(off_m == 0.0)), strict=True)
+    )
+    for k, lane_row, margin_m in zip(hits.point, hits.lane, hits.margin_m, strict=True):
+        if lane_row < len(given):
+            lines = shapely.linestrings(borders[lane_row][0]), shapely.linestrings(borders[lane_row][1])
+            assert margin_m == pytest.approx(min(shapely.distance(points[k], line) for line in lines))
+    for kind, name in (("VEHICLE", "driving"), ("BIKE", "biking")):
+        rows = [k for k, lane in enumerate(given) if lane["lane_type"] == kind]
+        nearest = network.nearest_lane(xy, (name,))
+        assert nearest.found.all() == bool(rows)
+        if rows:
+            assert nearest.distance_m == pytest.approx(off_m[rows].min(axis=0))
+            assert off_m[nearest.lane, np.arange(len(xy))] == pytest.approx(nearest.distance_m)
+
+    # shoulders are drivable; sidewalks are not, but where the edge bends inwards within their 1.5 m
+    drivable = shapely.union_all(
+        [polygon(flat(a["area_boundary"])) for a in content["drivable_areas"].values()]
+    )
+    kinds = network.lanes.lane_type[hits.lane]
+    beyond_m = shapely.distance(points, drivable)
+    assert beyond_m[hits.point[kinds == "shoulder"]].max() < 0.1
+    sidewalk = np.unique(hits.point[kinds == "sidewalk"])
+    assert len(sidewalk) > 20
+    assert (beyond_m[sidewalk] > 0.0).mean() > 0.9
+    assert beyond_m[sidewalk].max() < 2.0
 
 
 def _first(**fields: Any) -> Callable[[dict[str, Any]], None]:
@@ -395,6 +486,10 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "one point": (_first(left_lane_boundary=POINT[:1]), "'left_lane_boundary' must be 2 or more points"),
     "no points": (_first(left_lane_boundary={}), "'left_lane_boundary' must be 2 or more points"),
     "point without y": (_first(left_lane_boundary=[{"x": 1}, {"x": 2}]), "'left_lane_boundary' must be 2 or"),
+    "no place": (
+        _first(left_lane_boundary=[{"x": math.nan, "y": 0, "z": 0}, {"x": 9, "y": 0, "z": 0}]),
+        "'left_lane_boundary' must be 2 or more points",
+    ),
     "point far away": (_first(left_lane_boundary=FAR), "'left_lane_boundary' must be 2 or more points"),
     "no length": (_first(left_lane_boundary=POINT, right_lane_boundary=POINT), "lane 10: it has no length"),
     "too long": (
