@@ -345,9 +345,9 @@ def _add(rows: _Rows, frame: int, label: object, where: str, classes: ClassMap, 
 
 def _identity(label: dict[str, Any], where: str) -> int:
     identity = _plain(label.get("id"))
-    whole = isinstance(identity, (int, np.integer)) and not isinstance(identity, bool)
-    whole |= isinstance(identity, float) and identity.is_integer()
-    if not whole or abs(identity) >= 2**64:
+    is_whole = isinstance(identity, (int, np.integer)) and not isinstance(identity, bool)
+    is_whole |= isinstance(identity, float) and identity.is_integer()
+    if not is_whole or abs(identity) >= 2**64:
         raise DatasetError(f"{where}: field 'id' must be a whole number, got {shown(identity)}")
     return int(identity) % 2**63  # CARLA's have up to 64 bits without a sign
 
