@@ -38,7 +38,7 @@ def written(
 
     Persons are given by how far they are ahead of the start and to its left.
     """
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     times = [k / 10 for k in range(round(seconds * 10) + 1)]
     rows = [f"{t:.1f},{x + 100},{y + y_m},0.6,0.6,0,pedestrian,0.9" for t in times for x, y in persons]
     (folder / "detections.csv").write_text("\n".join([HEADER, *(rows if detected else [])]) + "\n")
