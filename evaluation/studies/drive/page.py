@@ -124,10 +124,18 @@ def _verdicts(folder: DriveFolder, views: Sequence[RunView]) -> list[Verdict]:
     return verdicts
 
 
+LEAST_HOURS = 0.1
+"""Shorter times are said in seconds."""
+
+
+def _duration(hours: float) -> str:
+    return f"{hours:.2f} h" if hours >= LEAST_HOURS else f"{3600.0 * hours:.0f} s"
+
+
 def _headline(row: Row) -> str:
     """Counts and exposure of all drives of a strategy and rule."""
     met = f", {_counted(int(row['pedestrians']), 'pedestrian')} met" if row["pedestrians"] else ""
-    exposure = f"on {float(row['km']):.2f} km ({float(row['hours']):.2f} h){met}"
+    exposure = f"on {float(row['km']):.2f} km ({_duration(float(row['hours']))}){met}"
     if row["requests"] == "0":
         most = row["at_most_per_km"]
         bound = f"; fewer than {float(most):.2g} per km (95 %)" if most else ""

@@ -40,7 +40,7 @@ def test_the_page_says_what_was_asked_and_on_which_way(folder: Path) -> None:
     for text in (
         "Recorded drives, 1 sequence: when each strategy would brake",
         "which no planner knows",
-        "0 of 1 requests false activations, 1 undecided, on 0.06 km (0.00 h), 1 pedestrian met.",
+        "0 of 1 requests false activations, 1 undecided, on 0.06 km (6 s), 1 pedestrian met.",
         "a road user entered the way that the ego was yet to sweep",
         "Requests and exposure",
     ):
