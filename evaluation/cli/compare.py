@@ -42,11 +42,12 @@ OF_SCENES = {
 
 def command(
     context: typer.Context,
-    strategies: options.StrategyNames = "rectangular,map,all",
+    strategies: options.StrategyNames = "rectangular,map,all,path",
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            help="Values of a parameter; may be repeated. Default: margin_m, half_width_m, ego_forecast.",
+            help="Values of a parameter; may be repeated. Default: the width of each area with all else "
+            "alike, and each strategy as the preset has it.",
             metavar="NAME=VALUES",
         ),
     ] = None,
@@ -119,7 +120,10 @@ def command(
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
 ) -> None:
-    """Compare strategies over scenes: collisions avoided, false activations and unnecessary stops."""
+    """Compare strategies over scenes: collisions avoided, false activations and unnecessary stops.
+
+    They differ in their area alone; each is also run once as the preset has it.
+    """
     from evaluation.cli.recorded.drive import parse_vehicle
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder

@@ -14,6 +14,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval reports --only paper,static`",
     "`smartmot-eval reports --check`",
     "`smartmot-eval reports --only drives,towns --outside data_of_others`",
+    "`smartmot-eval reports --only gain --tables`",
     "Started again after it was stopped, it goes on where it was.",
 )
 
@@ -35,6 +36,12 @@ def command(
             metavar="DIR",
         ),
     ] = None,
+    tables: Annotated[
+        bool,
+        typer.Option(
+            "--tables", help="Questions over drawn scenes: tables and figures again, from the kept runs."
+        ),
+    ] = False,
     workers: options.Workers = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -42,11 +49,23 @@ def command(
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
-    from evaluation.studies.reference.command import check_reports, choose_parts, make_reports, with_data
+    from evaluation.studies.reference.command import (
+        check_reports,
+        choose_parts,
+        make_reports,
+        with_data,
+        write_again,
+    )
 
     if outside is not None and not outside.is_dir():
         raise ArgumentError(f"--outside: {outside} is no folder; give the one with kitti and the others")
     names = [name.strip() for name in only.split(",")] if only else []
+    if check and tables:
+        raise ArgumentError("--check and --tables exclude one another; give one of them")
+    if tables:
+        with locked(writable_folder(out)):
+            write_again(out, names, quiet)
+        return
     if not check:
         with locked(writable_folder(out)):
             make_reports(out, names, workers or available_cores(), quiet, outside)

@@ -9,12 +9,22 @@ import pytest
 
 from evaluation.cli.options import parse_vary
 from evaluation.errors import ArgumentError
-from evaluation.studies.compare.grid import ABLATION, FRONTIER, Point, ablation_points, points_of, study_runs
+from evaluation.studies.compare.grid import (
+    ABLATION,
+    FAIR,
+    FRONTIER,
+    Point,
+    ablation_points,
+    fair_points,
+    points_of,
+    study_runs,
+)
 from scenarios.errors import ScenarioError
 from scenarios.presets import PAPER, PHYSICAL, REAL, Preset, pipeline_of
 from scenarios.scenes.scenes import choose_scenes
 from scenarios.sensors.variation import ERROR_NUMBERS
 from scenarios.settings import PARAMETERS, TRIGGERS, preset_with
+from scenarios.strategies import STRATEGIES
 from smartmot.decision.aeb import AebConfig
 from smartmot.decision.required_deceleration import RequiredDeceleration
 from smartmot.decision.rules import PaperRule
@@ -92,6 +102,31 @@ def test_points_take_only_the_parameters_that_mean_something() -> None:
     assert len([p for p in points if p.strategy == "map"]) == 4
     assert len(set(points)) == len(points) == 8
     assert [p.text for p in points_of(("all",), FRONTIER)] == [""]
+
+
+OWN_STRATEGY = "tests.areas:Own"
+
+
+@pytest.mark.parametrize("strategies", [STRATEGIES, ("map",), ("path", OWN_STRATEGY)])
+def test_rivals_of_the_default_differ_in_the_width_of_their_own_area_alone(
+    strategies: tuple[str, ...],
+) -> None:
+    points = fair_points(strategies)
+    fair, usual = points[: -len(strategies)], points[-len(strategies) :]
+    assert usual == tuple(map(Point, strategies))
+    assert {point.strategy for point in fair} == set(strategies)
+    for point in fair:
+        width = dict(point.settings[: -len(FAIR)])
+        assert point.settings[-len(FAIR) :] == FAIR
+        assert all(PARAMETERS[name].strategies == (point.strategy,) for name in width)
+        assert len(width) <= 1
+    assert len(set(points)) == len(points)
+
+
+def test_ways_that_one_area_may_look_at_are_choices_of_all() -> None:
+    points = ablation_points(STRATEGIES, "physical")
+    for name, value in FAIR:
+        assert {p.strategy for p in points if p.settings == ((name, value),)} == set(STRATEGIES)
 
 
 def test_ablation_changes_one_choice_at_a_time() -> None:

@@ -11,7 +11,7 @@ from evaluation.runs.execution import execute
 from evaluation.studies.compare.grid import seeded_phase_s
 from evaluation.studies.study import LabelledRun
 from scenarios.errors import ScenarioError
-from scenarios.presets import named_preset
+from scenarios.presets import Preset, named_preset
 from scenarios.scenes.scenes import SceneRun
 from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
 from scenarios.spec import RunSpec
@@ -48,9 +48,14 @@ class Arm:
         return ", ".join(part for part in (self.strategy, settings_text(self.settings)) if part)
 
     @property
+    def conditions(self) -> Preset:
+        """Its preset with its settings."""
+        return preset_with(named_preset(self.preset), self.settings)
+
+    @property
     def path_from(self) -> str:
         """Where its planned path comes from; see `scenarios.strategies.path_source`."""
-        return path_source(self.strategy, preset_with(named_preset(self.preset), self.settings))
+        return path_source(self.strategy, self.conditions)
 
     def having(self, *settings: tuple[str, Setting], name: str = "", coin: bool = False) -> Arm:
         """The same with other values of some parameters; those that mean nothing for its strategy drop out.
@@ -72,7 +77,7 @@ class Arm:
             ArgumentError: one is not.
         """
         try:
-            preset_with(named_preset(self.preset), self.settings)
+            self.conditions  # noqa: B018 - made to see whether it can be
         except (ConfigError, ScenarioError) as error:
             raise ArgumentError(f"{self.name} ({settings_text(self.settings)}): {error}") from None
 

@@ -18,7 +18,7 @@ from evaluation.studies.answers.results import Results, benefit, decisive_differ
 from evaluation.studies.answers.rivals import MAP, PATH
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import arms_table, differences_csv, p_text, points_text
-from evaluation.studies.answers.tuned import Tuned, given_tuned, tuned_arm
+from evaluation.studies.answers.tuned import Tuned, given_tuned, tuned_arm, unchanged_table
 from scenarios.settings import PARAMETERS
 from smartmot.types import FloatArray
 
@@ -148,6 +148,11 @@ class BreakEven(Question):
         second = tuple(tuned_arm(arm, self.tuned) or arm for arm in first)
         return list(dict.fromkeys([first, (second[0], second[1])]))
 
+    @property
+    def unchanged(self) -> list[Arm]:
+        """Arms for which tuning found nothing better."""
+        return [arm for arm in self.sides[0] if tuned_arm(arm, self.tuned) == arm]
+
     @staticmethod
     def having(side: Pair, parameter: str, value: float | str, coin: bool = False) -> Pair:
         """Both with an error; what means nothing for one of them leaves it as it is."""
@@ -218,10 +223,11 @@ class BreakEven(Question):
         for pair in self.sides:
             first = pair[0].name
             points = _lines(curves[first], named[first])
-            errors = [arm for arm, _ in self.pairs_of(pair)[1:]]
-            p_values = [[seen[arm, measure] for measure in DECISIVE] for arm in errors]
+            p_values = [[seen[arm, measure] for measure in DECISIVE] for arm, _ in self.pairs_of(pair)]
             tables[f"By error: {first}"] = _table(points, p_values, self.questions)
-        tables["Who is who"] = arms_table([arm for side in self.sides for arm in side])
+        tables["Who is who"] = unchanged_table(
+            self.unchanged, arms_table([arm for side in self.sides for arm in side])
+        )
         drawn = {"break_even": figures.break_even(curves, where)}
         for side, own in curves.items():
             drawn[self.parts_figure(side)] = figures.break_even_parts(own, f"{side}, {where}")
@@ -360,11 +366,13 @@ def _table(points: Sequence[tuple[str, Point]], p_values: Sequence[Sequence[floa
     for name in DECISIVE:
         header += [f"{MEASURES[name].text} (points)", "p (Holm)"]
     rows = []
-    errors = iter(p_values)
+    base, *of_errors = p_values
+    errors = iter(of_errors)
     for key, point in points:
         parameter = PARAMETERS[key]
         size = point.value if isinstance(point.value, str) else f"{point.value:g} {parameter.unit}".strip()
-        adjusted = ("", "") if point.value == 0.0 else tuple(map(p_text, next(errors)))
+        # without an error both are the same runs whatever the error is: one question
+        adjusted = tuple(map(p_text, base if point.value == 0.0 else next(errors)))
         parts = (point.avoided, adjusted[0]), (point.stops, adjusted[1])
         cells = [cell for part, p_value in parts for cell in (points_text(part), p_value)]
         rows.append((parameter.text, size, points_text(point.benefit), *cells))

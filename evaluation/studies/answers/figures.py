@@ -11,7 +11,14 @@ from evaluation.metrics.intervals import Estimate
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import LEVEL, Difference
 from evaluation.views.plots.fitting import wrapped
-from evaluation.views.plots.panels import PanelPage, draw_band, hidden_by, panel_page
+from evaluation.views.plots.panels import (
+    CurveName,
+    PanelPage,
+    draw_band,
+    hidden_by,
+    name_curves,
+    panel_page,
+)
 from evaluation.views.plots.style import (
     BLACK,
     BLUE,
@@ -29,7 +36,6 @@ from evaluation.views.plots.style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -134,19 +140,17 @@ def break_even(curves: Mapping[str, Sequence[Curve]], where: str) -> Figure:
         curves: one per error, by the name of the map filter.
         where: preset and rule.
     """
-    from matplotlib.lines import Line2D
-
     colours = dict(zip(curves, itertools.cycle(SIDE_COLOURS), strict=False))
-    entries = [Line2D([], [], color=colour, marker="o", label=side) for side, colour in colours.items()]
     every = list(curves.values())
     lost = any(0.0 < curve.crossing < math.inf for own in every for curve in own)
     title = "Avoided less stopped: map filter less planned path"
-    page = _error_page(every[0], title, where, entries, _LOST if lost else "")
+    page = _error_page(every[0], title, where, _LOST if lost else "")
     for k, axes in enumerate(page.axes[: len(every[0])]):
         for side, own in curves.items():
             _curve(axes, own[k], "benefit", colours[side])
             _mark_loss(axes, own[k], colours[side])
         _error_axis(axes, every[0][k])
+    _name_ends(page, [(own, "benefit", side, colours[side]) for side, own in curves.items()])
     return page.figure
 
 
@@ -157,13 +161,7 @@ def break_even_parts(curves: Sequence[Curve], where: str) -> Figure:
         curves: one per error.
         where: map filter, preset and rule.
     """
-    from matplotlib.lines import Line2D
-
-    entries = [
-        Line2D([], [], color=COLOURS[name], marker="o", label=f"{MEASURES[name].text} ({BETTER_UP[name]})")
-        for name in DECISIVE
-    ]
-    page = _error_page(curves, "Map filter less planned path", where, entries)
+    page = _error_page(curves, "Map filter less planned path", where)
     for axes, curve in zip(page.axes, curves, strict=False):
         lines = [
             [(x, 100 * getattr(p, name).value) for x, p in zip(curve.values, curve.points, strict=True)]
@@ -172,24 +170,54 @@ def break_even_parts(curves: Sequence[Curve], where: str) -> Figure:
         for name, hiding in zip(DECISIVE, hidden_by(lines, _SAME), strict=True):
             _curve(axes, curve, name, COLOURS[name], hiding)
         _error_axis(axes, curve)
+    _name_ends(
+        page,
+        [(curves, name, f"{MEASURES[name].text}\n({BETTER_UP[name]})", COLOURS[name]) for name in DECISIVE],
+    )
     return page.figure
+
+
+def _name_ends(page: PanelPage, lines: Sequence[tuple[Sequence[Curve], str, str, str]]) -> None:
+    """Names beside the ends of the curves in the last panel of the first line; the others have the same.
+
+    Args:
+        page: with all curves drawn.
+        lines: curves by panel, what of their points is drawn, name and colour.
+    """
+    last = min(_COLUMNS, len(lines[0][0])) - 1
+    if last < 0:
+        return
+    names = [
+        CurveName(
+            own[last].values[-1],
+            100 * getattr(own[last].points[-1], measure).value,
+            wrapped(page.figure, name, _END_IN, SMALL_PT),
+            colour,
+        )
+        for own, measure, name, colour in lines
+    ]
+    name_curves(page.axes[last], [name for name in names if not math.isnan(name.y)])
+
+
+_COLUMNS = 3
+"""Panels of errors in a line."""
+_END_IN = 0.8
+"""Width that the name of a curve may take, inches."""
 
 
 BETTER_UP = {"avoided": "better: up", "stops": "better: down"}
 _LOST = " Black ticks: where the benefit is lost, and its interval."
 
 
-def _error_page(
-    curves: Sequence[Curve], title: str, where: str, entries: Sequence[Artist], more: str = ""
-) -> PanelPage:
+def _error_page(curves: Sequence[Curve], title: str, where: str, more: str = "") -> PanelPage:
     """A panel for each error, three in a line."""
-    columns = min(3, max(1, len(curves)))
+    columns = min(_COLUMNS, max(1, len(curves)))
     scenes = curves[0].points[0] if curves else None
     counts = f"{scenes.avoided.count} + {scenes.stops.count} scenes per point. " if scenes else ""
     page = panel_page(
         max(1, math.ceil(len(curves) / columns)), columns,
         width_in=WIDTH_IN, panel_in=1.85, title=f"{title}, {where}", share_y=True,
-        note=f"{counts}Bands: 95 % intervals over the scenes.{more}", entries=entries,
+        note=f"{counts}Bands: 95 % intervals over the scenes.{more}",
     )  # fmt: skip
     for axes in page.axes[len(curves) :]:
         axes.set_axis_off()
@@ -227,7 +255,7 @@ def _error_axis(axes: Axes, curve: Curve) -> None:
     axes.set_xlim(-0.03 * curve.values[-1], 1.03 * curve.values[-1])
 
 
-_LABEL_IN = 1.95
+_LABEL_IN = 1.6
 """Width that the label of one of three panels may take, inches."""
 _SAME = 0.01
 """Points nearer than this fall on one another: the lower curve is drawn wider."""

@@ -27,7 +27,14 @@ from evaluation.studies.answers.tables import (
     rates_table,
     verdict,
 )
-from evaluation.studies.answers.tuned import BY_TUNING, Tuned, given_tuned, tuned_arm
+from evaluation.studies.answers.tuned import (
+    BY_TUNING,
+    Tuned,
+    given_tuned,
+    told_unchanged,
+    tuned_arm,
+    unchanged_table,
+)
 
 NOTES = (
     "Scenes are drawn independently and are the sample; in each, all sides meet the same sensor noise.",
@@ -89,7 +96,12 @@ class Gain(Question):
             return []
         arm = rival.arm(preset, rule)
         tuned = tuned_arm(arm, self.tuned)
-        return [arm, tuned] if tuned else [arm]
+        return [arm] if tuned in (None, arm) else [arm, tuned]
+
+    @property
+    def unchanged(self) -> list[Arm]:
+        """Arms for which tuning found nothing better."""
+        return [arm for arm in self.arms if tuned_arm(arm, self.tuned) == arm]
 
     @property
     def arms(self) -> tuple[Arm, ...]:
@@ -119,11 +131,12 @@ class Gain(Question):
         for (preset, rule), arms in self.groups.items():
             own = [d for d in differences if d.arm in arms]
             where = f"preset {preset}, rule {rule}"
-            tables[f"Against the planned path: {where}"] = differences_table(own, len(differences))
+            more = told_unchanged([arm for arm in self.unchanged if arm in arms])
+            tables[f"Against the planned path: {where}"] = differences_table(own, len(differences), more)
             tables[f"Each by itself: {where}"] = rates_table(results, arms)
             drawn[f"gain_{preset}_{rule}".replace(":", ".")] = figures.gain(own, where)
         named = [replace(arm, settings=tuple(s for s in arm.settings if s[0] != "rule")) for arm in self.arms]
-        tables["Who is who"] = arms_table(named)
+        tables["Who is who"] = unchanged_table(self.unchanged, arms_table(named))
         files = {"gain.csv": differences_csv(differences), "table.csv": estimates_csv(results)}
         sentences = findings(results, differences)
         return Answer(

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evaluation.studies.answers.arms import Arm
+from evaluation.studies.compare.grid import FAIR
 from scenarios.settings import Settings
-
-FAIR: Settings = (("ego_forecast", "path"), ("way", "path"), ("standing", "path"))
-"""Every planner knows its path: the ego is forecast along it, speed adaptation looks along it, and what
-stands counts where it leads. Rivals that share this differ by their area alone."""
 
 
 @dataclass(frozen=True, slots=True)

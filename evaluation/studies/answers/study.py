@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from evaluation.results.files import SCHEMA, json_bytes, write_bytes, write_files
@@ -33,6 +34,8 @@ SCENES = "scenes"
 """Folder of the drawn scenes."""
 LIST = "list.json"
 """What was drawn into a folder."""
+NOW: Mapping[str, object] = MappingProxyType({})
+"""Of runs that this version has carried out."""
 PREFIX = "study_"
 """Of the journal, which all questions of a folder share."""
 
@@ -218,8 +221,16 @@ class Question(Study[ArmRun, Decision]):
         results = results_of(items, finished)
         return self.write_answer(folder, results, self.answer(results))
 
-    def write_answer(self, folder: Path, results: Results, answer: Answer) -> list[Path]:
+    def write_answer(
+        self, folder: Path, results: Results, answer: Answer, made_by: Mapping[str, object] = NOW
+    ) -> list[Path]:
         """Write an answer.
+
+        Args:
+            folder: where.
+            results: its runs.
+            answer: what they say.
+            made_by: versions that carried the runs out, if they are not today's.
 
         Raises:
             ResultsError: the folder cannot be written.
@@ -228,7 +239,7 @@ class Question(Study[ArmRun, Decision]):
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
             self.table: gzip.compress(runs_csv(results), mtime=0),
-            "study.json": self._configuration(results.scenes),
+            "study.json": json_bytes(self._configuration(results.scenes) | dict(made_by), indent=1),
             **answer.files,
         }
         paths = write_files(folder, contents)
@@ -236,10 +247,10 @@ class Question(Study[ArmRun, Decision]):
             paths += save(figure, folder / name, self.formats)
         return paths
 
-    def _configuration(self, scenes: Sequence[SceneRun]) -> bytes:
-        """What was asked, as JSON."""
+    def _configuration(self, scenes: Sequence[SceneRun]) -> dict[str, object]:
+        """What was asked."""
         sample = {"split": self.sample.split, "count": self.sample.count, "seed": self.sample.seed}
-        values = {
+        return {
             "schema": SCHEMA,
             "version": version(),
             "versions": versions(),
@@ -252,7 +263,6 @@ class Question(Study[ArmRun, Decision]):
                 for arm in self.arms
             ],
         }
-        return json_bytes(values, indent=1)
 
 
 def results_of(items: Sequence[ArmRun], finished: Finished[Decision]) -> Results:

@@ -45,12 +45,13 @@ def _cell(estimate: Estimate, measure: str) -> str:
     return f"{text}, n = {estimate.count}" if MEASURES[measure].partial and estimate.count else text
 
 
-def differences_table(differences: Sequence[Difference], questions: int) -> Table:
+def differences_table(differences: Sequence[Difference], questions: int, more: str = "") -> Table:
     """A line per pair of arms: both decisive measures, with discordant scenes and p-values.
 
     Args:
         differences: to be shown.
         questions: for how many their p-values are corrected.
+        more: sentences after those that explain the table.
     """
     header = ["who", "against"]
     for name in DECISIVE:
@@ -64,7 +65,7 @@ def differences_table(differences: Sequence[Difference], questions: int) -> Tabl
         "which only the one or only the other is so, p-value of McNemar's exact test, and the same corrected "
         f"for all {questions} questions of this study."
     )
-    return Table(tuple(header), tuple(map(tuple, lines.values())), (), caption)
+    return Table(tuple(header), tuple(map(tuple, lines.values())), (), f"{caption} {more}".rstrip())
 
 
 def differences_csv(differences: Sequence[Difference]) -> bytes:

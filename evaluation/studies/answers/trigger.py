@@ -23,7 +23,7 @@ from evaluation.studies.answers.tables import (
     interval_text,
     points_text,
 )
-from evaluation.studies.answers.tuned import BY_TUNING, Tuned, given_tuned, tuned_settings
+from evaluation.studies.answers.tuned import BY_TUNING, NOTHING_BETTER, Tuned, given_tuned, tuned_settings
 from scenarios.presets import named_preset
 from scenarios.settings import PARAMETERS, TRIGGERS, Settings, preset_with, settings_text
 
@@ -67,12 +67,22 @@ class Trigger(Question):
         return replace(self, tuned=given_tuned(out, self.sample))
 
     def chosen(self, rule: str) -> tuple[Settings, Arm] | None:
-        """What was chosen with a rule on other scenes; None where nothing was."""
+        """What was chosen with a rule on other scenes, None where nothing was.
+
+        Where nothing better was found, no settings, and the point of the rule's source.
+
+        Raises:
+            ArgumentError: the settings are not possible.
+        """
         settings = tuned_settings(self.rival.name, rule, self.tuned)
         if settings is None:
             return None
-        arm = self.rival.arm(self.preset, rule)
-        return settings, arm.having(*settings, name=f"{rule}{BY_TUNING}")
+        arm = self.rival.arm(self.preset, rule).having(*settings, name=f"{rule}{BY_TUNING}")
+        arm.check()
+        for value, published in self.curve(rule):
+            if published.conditions == arm.conditions and (value == self.usual(rule) or math.isnan(value)):
+                return (), published
+        return settings, arm
 
     def curve(self, rule: str) -> list[tuple[float, Arm]]:
         """Values of a rule's trigger with their arms, the value of its source among them."""
@@ -120,7 +130,7 @@ class Trigger(Question):
                 _operating(results, rule, arm, value, value == usual) for value, arm in self.curve(rule)
             ]
             if chosen := self.chosen(rule):
-                text = settings_text(chosen[0]) or "as it is"
+                text = settings_text(chosen[0]) or NOTHING_BETTER
                 points.append(_operating(results, rule, chosen[1], math.nan, tuned=text))
         return points
 
@@ -196,7 +206,9 @@ def findings(points: Sequence[Operating]) -> list[str]:
     for rule in sorted(groups, key=lambda rule: -shown[rule].benefit.value):
         text = f"{rule}: as its source has it, {_rates(usual[rule], 'of the collisions avoided')}"
         point, key = shown[rule], TRIGGERS.get(rule)
-        if point.tuned:
+        if point.tuned == NOTHING_BETTER:
+            text += f"; tuned on other scenes, {NOTHING_BETTER}"
+        elif point.tuned:
             text += f"; tuned on other scenes ({point.tuned}), {_rates(point)}"
         elif key and point is not usual[rule]:
             text += (

@@ -15,11 +15,12 @@ from evaluation.results.tables import Table, csv_bytes
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE
 from evaluation.studies.answers.results import Results, benefit
-from evaluation.studies.answers.rivals import FAIR, PATH, Rival, rivals
+from evaluation.studies.answers.rivals import PATH, Rival, rivals
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import interval_text, points_text
 from evaluation.studies.answers.trigger import SENSITIVITIES
 from evaluation.studies.answers.tuned import TUNE, TUNED
+from evaluation.studies.compare.grid import FAIR
 from scenarios.settings import PARAMETERS, TRIGGERS, Settings, settings_text
 
 BOX: Mapping[str, tuple[float, float]] = MappingProxyType(

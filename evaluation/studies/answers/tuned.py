@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
+from evaluation.results.tables import EMPTY, Table
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.study import Sample
 from scenarios.reading import read_json
@@ -21,6 +24,9 @@ Tuned = tuple[tuple[str, str, Settings], ...]
 BY_TUNING = ", tuned"
 """Of the names of rivals with such settings."""
 
+NOTHING_BETTER = "nothing better was found"
+"""Of rivals for which the settings that they have anyway were chosen."""
+
 
 def tuned_settings(rival: str, rule: str, tuned: Tuned) -> Settings | None:
     """What was chosen for a rival and a rule; None where nothing was."""
@@ -28,9 +34,44 @@ def tuned_settings(rival: str, rule: str, tuned: Tuned) -> Settings | None:
 
 
 def tuned_arm(arm: Arm, tuned: Tuned) -> Arm | None:
-    """A rival with the settings that were chosen for it and its rule; None where none were."""
+    """A rival with the settings that were chosen for it and its rule; None where none were.
+
+    Where these are what it has anyway, it is the rival itself: the same runs would be counted twice, and
+    each question more makes the correction of all others stricter.
+
+    Raises:
+        ArgumentError: the settings are not possible.
+    """
     settings = tuned_settings(arm.name, arm.rule, tuned)
-    return None if settings is None else arm.having(*settings, name=f"{arm.name}{BY_TUNING}")
+    if settings is None:
+        return None
+    changed = arm.having(*settings, name=f"{arm.name}{BY_TUNING}")
+    changed.check()
+    return arm if changed.conditions == arm.conditions else changed
+
+
+def told_unchanged(arms: Sequence[Arm]) -> str:
+    """A sentence on those for which tuning found nothing better; empty if there are none."""
+    names = ", ".join(f"{arm.name}{BY_TUNING}" for arm in arms)
+    return (
+        f"{names}: {NOTHING_BETTER} on the training scenes, so that there is no line of its own."
+        if names
+        else ""
+    )
+
+
+def unchanged_table(arms: Sequence[Arm], table: Table) -> Table:
+    """A table of who is who with those for which tuning found nothing better.
+
+    Args:
+        arms: these, as they are.
+        table: with a line per name, and settings at the end.
+    """
+    lines = [
+        (f"{arm.name}{BY_TUNING}", arm.strategy, arm.path_from or EMPTY, f"as {arm.name}: {NOTHING_BETTER}")
+        for arm in arms
+    ]
+    return replace(table, rows=(*table.rows, *dict.fromkeys(lines)))
 
 
 def read_tuned(path: Path, sample: Sample) -> Tuned:

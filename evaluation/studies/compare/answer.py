@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evaluation.metrics.intervals import Estimate
-from evaluation.studies.compare.grid import Point
-from evaluation.studies.compare.table import Summary
-from scenarios.settings import PARAMETERS, Settings, setting_text
+from evaluation.studies.compare.grid import Point, shown_settings
+from evaluation.studies.compare.table import AS_PRESET, Summary
+from scenarios.settings import PARAMETERS, Settings, settings_text
 
 WIDTHS = {"map": "margin_m", "rectangular": "half_width_m"}
 """Parameter along each strategy's curve."""
@@ -36,7 +36,8 @@ class Curve:
     @property
     def name(self) -> str:
         """Strategy and other settings."""
-        return ", ".join((self.strategy, *(setting_text(name, value) for name, value in self.fixed)))
+        other = shown_settings(settings_text(self.fixed)) or ("" if self.parameter else AS_PRESET)
+        return f"{self.strategy}, {other}" if other else self.strategy
 
 
 def curves(rows: Sequence[Summary], points: Sequence[Point]) -> list[Curve]:
@@ -86,7 +87,7 @@ def answer(rows: Sequence[Summary], points: Sequence[Point]) -> list[str]:
         lines += [
             f"{curve.name}{where}: {_told(curve)}"
             for curve in curves([row for row in rows if row.weather == weather], points)
-            if curve.strategy == "all" or len(curve.rows) > 1
+            if curve.strategy not in WIDTHS or len(curve.rows) > 1 or not curve.fixed
         ]
     return lines
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TypeVar
 
 from evaluation.metrics.intervals import Estimate, clustered_difference, clustered_mean, sign_test
 from evaluation.results.tables import EMPTY, Table, csv_bytes
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.measures import RunMeasures, impact_kmh
+from scenarios.settings import PARAMETERS, Settings
+from scenarios.strategies import STRATEGIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +94,24 @@ class Difference:
 
 
 def pairs_with(points: Sequence[Point], usual: Sequence[Point]) -> list[Pair]:
-    """Every point against every usual one; of two usual ones the later against the earlier."""
+    """Every point against every usual one that it differs from in the area alone or in settings alone.
+
+    Of two usual ones the later is set against the earlier.
+    """
     rank = {point: k for k, point in enumerate(usual)}
     return [
         (point, other)
         for point in points
         for other in usual
-        if point != other and rank.get(point, math.inf) > rank[other]
+        if point != other
+        and rank.get(point, math.inf) > rank[other]
+        and (point.strategy == other.strategy or _common(point) == _common(other))
     ]
+
+
+def _common(point: Point) -> Settings:
+    """The settings that mean something for every area."""
+    return tuple((name, value) for name, value in point.settings if PARAMETERS[name].strategies == STRATEGIES)
 
 
 def pairs_with_bases(points: Sequence[Point]) -> list[Pair]:
@@ -205,8 +218,8 @@ def difference_table(compared: Sequence[Difference]) -> Table:
     rows = [
         (
             *((weather,) if weathers else ()),
-            point_name(point),
-            point_name(other),
+            point.name,
+            other.name,
             *(_cell(cells[name]) if name in cells else EMPTY for name in SHOWN),
         )
         for (weather, point, other), cells in lines.items()
@@ -220,12 +233,9 @@ def difference_table(compared: Sequence[Difference]) -> Table:
     return Table(header, tuple(rows), (), caption)
 
 
-def point_name(point: Point) -> str:
-    """Strategy and settings."""
-    return f"{point.strategy} {point.text}".strip()
-
-
-def told_differences(compared: Sequence[Difference], name: Callable[[Point], str] = point_name) -> str:
+def told_differences(
+    compared: Sequence[Difference], name: Callable[[Point], str] = attrgetter("name")
+) -> str:
     """Which measures differ by more than another choice of scenes would explain, in one sentence.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import write_bytes
 from evaluation.studies.compare.answer import Curve, curves
-from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.grid import FAIR, Point
 from evaluation.studies.compare.table import Summary
 from evaluation.views.pictures import drawn
 from evaluation.views.plots.fitting import fitted, wrapped
@@ -44,14 +44,8 @@ PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
 """Width of each strategy's area in the paper and in its authors' code, metres."""
 _CHOICE_IN, _CHOICE_LINE_IN = 2.0, 0.17
 """Width that names of changed choices may take, and height of each of their lines, inches."""
-_NAMES = {
-    "rectangular": "rectangle (baseline)",
-    "map": "map",
-    "all": "no area (control)",
-    "path": "planned path",
-    "ego_forecast=ctrv": "ego expected to keep its turn rate",
-    "ego_forecast=path": "ego expected along its path",
-}
+_NAMES = {"rectangular": "rectangle", "all": "no area"}
+"""What strategies are called here, where they are called otherwise."""
 
 _PANELS = (
     ("false_activations", "false activations (% of nothing scenes)", "False activations"),
@@ -71,29 +65,51 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
     """Collisions avoided against unnecessary stops: a curve per strategy, the width of its area along it.
 
     Left, false activations; right, standstills by speed adaptation count as well.
-    Better is up and to the left. The paper's own widths are ringed.
+    Better is up and to the left. The paper's own widths are ringed. Curves are named beside their points, or
+    in a legend where a panel has no room for that.
 
     Args:
         rows: summaries of one weather, with scenes of both kinds.
         points: that they are of.
         title: what was run.
     """
+    figure, has_room = _frontier(rows, points, title, is_direct=True)
+    return figure if has_room else _frontier(rows, points, title, is_direct=False)[0]
+
+
+def _note(rows: Sequence[Summary], plotted: Sequence[Curve]) -> str:
+    """What the numbers, marks and bars mean."""
+    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in plotted if curve.parameter}
+    named = "; ".join(f"{_word(strategy)}: {w.text} ({w.unit})" for strategy, w in widths.items())
+    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
+    fair = f"{_FAIR}\n" if any(curve.fixed == FAIR for curve in plotted) else ""
+    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
+    return (
+        f"{fair}{numbers}Each point: {brake} runs in must-brake scenes, {nothing} in nothing scenes. "
+        "Bars: 95 % intervals over the scenes. Up and to the left is better."
+    )
+
+
+_FAIR = (
+    "Filled: fair, all with the same planned path for forecast, speed adaptation and standing objects. "
+    "Open: as the preset has it."
+)
+
+
+def _frontier(
+    rows: Sequence[Summary], points: Sequence[Point], title: str, is_direct: bool
+) -> tuple[Figure, bool]:
+    """The figure with names beside the curves or with a legend, and whether the names have room."""
     plotted = curves(rows, points)
     look = _curve_looks(plotted)
-    widths = {curve.strategy: PARAMETERS[curve.parameter] for curve in plotted if curve.parameter}
-    named = "; ".join(f"{strategy}: {width.text} ({width.unit})" for strategy, width in widths.items())
-    numbers = f"Numbers along the curves: {named}. Ringed: the paper's.\n" if named else ""
-    brake, nothing = rows[0].avoided.count, rows[0].false_activations.count
-    count = f"{brake} runs in must-brake scenes, {nothing} in nothing scenes"
-    note = (
-        f"{numbers}Each point: {count}. Bars: 95 % intervals over the scenes. Up and to the left is better."
-    )
+    note = _note(rows, plotted)
     figure = new_figure(_HEIGHT_IN)
     figure.set_size_inches(_WIDTH_IN, _HEIGHT_IN)
     heading = fitted(figure, title, 0.97 * _WIDTH_IN)
     note = wrapped(figure, note, 0.97 * _WIDTH_IN, SMALL_PT - 1.0)
     note_in = _NOTE_LINE_IN * max(0, note.count("\n") - 1)
-    lines_below = note_in + _LEGEND_IN * max(0, math.ceil(len(plotted) / 2) - 2)
+    entries = 0 if is_direct else math.ceil(len(plotted) / 2)
+    lines_below = note_in + _LEGEND_IN * (entries - 2)
     height = _HEIGHT_IN + lines_below + heading.more_in
     figure.set_size_inches(_WIDTH_IN, height)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -107,38 +123,57 @@ def frontier(rows: Sequence[Summary], points: Sequence[Point], title: str) -> Fi
         # curves that fall on one another stay visible: the lower one is larger and thicker
         shares = [[(getattr(row, name).value, row.avoided.value) for row in curve.rows] for curve in plotted]
         hiding = hidden_by(shares, _SAME)
-        drawn.append([_curve(axes, curve, name, look[k], hiding[k]) for k, curve in enumerate(plotted)])
+        drawn.append(
+            [
+                _curve(axes, curve, name, look[k], hiding[k], _name(curve, plotted))
+                for k, curve in enumerate(plotted)
+            ]
+        )
     panels[0].set_ylabel("avoided (% of must-brake scenes)", fontsize=SMALL_PT)
     most = max(mark.x for lines in drawn for line in lines for mark in line)
     widest = min(max(most * 1.12, 30.0), 106.0)
     panels[0].set_xlim(-0.035 * widest, widest)  # markers at 0 are whole
     panels[0].set_xticks([tick for tick in panels[0].get_xticks() if 0.0 <= tick <= widest])
-    panels[0].set_ylim(-2.0, 109.0)
+    panels[0].set_ylim(-2.0, 118.0)
     panels[0].set_yticks(range(0, 101, 20))
-    for axes, lines in zip(panels, drawn, strict=True):
-        write_values(figure, axes, lines, SMALL_PT - 1)
+    names = [_name(curve, plotted) for curve in plotted] if is_direct else ()
+    written = [
+        write_values(figure, axes, lines, SMALL_PT - 1, names)
+        for axes, lines in zip(panels, drawn, strict=True)
+    ]
     figure.suptitle(heading.text, fontsize=heading.size_pt, y=1.0 - 0.015 * _HEIGHT_IN / height)
-    handles, labels = panels[0].get_legend_handles_labels()
-    legend = figure.legend(
-        handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
-        bbox_to_anchor=(0.5, (0.105 * _HEIGHT_IN + note_in) / height), columnspacing=3.0,
-    )  # fmt: skip
-    for line in legend.get_lines():
-        line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
+    if not is_direct:
+        handles, labels = panels[0].get_legend_handles_labels()
+        legend = figure.legend(
+            handles, labels, loc="lower center", ncols=2, fontsize=SMALL_PT, frameon=False,
+            bbox_to_anchor=(0.5, (0.105 * _HEIGHT_IN + note_in) / height), columnspacing=3.0,
+        )  # fmt: skip
+        for line in legend.get_lines():
+            line.set(markersize=_MARKER_PT, linewidth=_LINE_PT)
     figure.text(
         0.5, 0.015 * _HEIGHT_IN / height, note, ha="center", va="bottom", fontsize=SMALL_PT - 1.0,
         color="#444444",
     )  # fmt: skip
-    return figure
+    return figure, all(written)
 
 
-def _name(curve: Curve) -> str:
-    """The curve in words, as far as there are any."""
-    settings = (setting_text(name, value) for name, value in curve.fixed)
-    return ", ".join(_NAMES.get(text, text) for text in (curve.strategy, *settings))
+def _word(strategy: str) -> str:
+    return _NAMES.get(strategy, strategy)
 
 
-def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int) -> list[Mark]:
+def _name(curve: Curve, plotted: Sequence[Curve]) -> str:
+    """The curve in words: where others are fair, fair is left unsaid, and what is not is said."""
+    if curve.fixed == FAIR:
+        return _word(curve.strategy)
+    settings = [setting_text(name, value) for name, value in curve.fixed]
+    if not settings and any(other.fixed == FAIR for other in plotted):
+        settings = ["as preset"]
+    return ", ".join((_word(curve.strategy), *settings))
+
+
+def _curve(
+    axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hiding: int, label: str
+) -> list[Mark]:
     """Draw a curve; the first of a strategy is solid and filled, others are dashed and open.
 
     Args:
@@ -147,6 +182,7 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hidi
         name: what its x axis shows.
         look: colour, marker, and which of its strategy's curves it is.
         hiding: how many curves would hide it.
+        label: what it is called.
     """
     colour, marker, style = look
     size_pt = _MARKER_PT + _WIDER_PT * hiding
@@ -161,7 +197,7 @@ def _curve(axes: Axes, curve: Curve, name: str, look: tuple[str, str, int], hidi
     )  # fmt: skip
     axes.plot(
         x, y,
-        color=colour, linestyle=_LINES[style % len(_LINES)], label=_name(curve), zorder=3,
+        color=colour, linestyle=_LINES[style % len(_LINES)], label=label, zorder=3,
         linewidth=_LINE_PT + size_pt - _MARKER_PT, marker=marker, markersize=size_pt,
         markerfacecolor="white" if style else colour, clip_on=False,  # marks at 0 are whole
     )  # fmt: skip

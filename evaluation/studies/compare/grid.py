@@ -17,24 +17,28 @@ PHASES = 5
 """Frames come every 50 ms; seeds shift them by 0 to 40 ms, so that a seed has noise and phase of its own."""
 PHASE_STEP_S = 0.01
 
+FAIR: Settings = (("ego_forecast", "path"), ("way", "path"), ("standing", "path"))
+"""Every planner knows its path: the ego is forecast along it, speed adaptation looks along it, and what
+stands counts where it leads. Strategies that share this differ by their area alone."""
+
 FRONTIER: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (0.0, 0.5, 1.8, 4.0),
     "half_width_m": (0.9, 2.6, 4.0),
-    "map:ego_forecast": ("ctrv", "path"),
 }
 """What is varied unless the user says otherwise: the width of each strategy's area (1.8 m is the paper's
-margin, 2.6 m its rectangle, 0.9 m the ego's half width), and whether the ego of the map is
-forecast along its planned path."""
+margin, 2.6 m its rectangle, 0.9 m the ego's half width)."""
 
 ABLATION: Mapping[str, tuple[Setting, ...]] = {
     "filter": ("none", "detections", "tracks", "both"),
     "motion": ("cv", "ctrv"),
-    "map:ego_forecast": ("ctrv", "path"),
+    "ego_forecast": ("ctrv", "path"),
+    "way": ("area", "path"),
+    "standing": ("area", "path"),
     "margin_m": (0.0, 1.0, 1.8, 3.0),
     "iou_threshold": (0.001, 0.01, 0.1),
     "horizon_s": (2.0, 3.0, 5.0),
 }
-"""The paper's choices, one of them changed at a time."""
+"""The paper's choices, one of them changed at a time, for every strategy that it means anything for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,16 @@ class Point:
         """The settings as they are typed."""
         return settings_text(self.settings)
 
+    @property
+    def name(self) -> str:
+        """Strategy and settings as tables show them."""
+        return f"{self.strategy} {shown_settings(self.text)}".strip()
+
+
+def shown_settings(text: str) -> str:
+    """Settings as tables show them: those of `FAIR` in one word."""
+    return text.replace(settings_text(FAIR), "fair")
+
 
 SceneItem = LabelledRun[SceneRun]
 """One run of a comparison, and its scene."""
@@ -69,7 +83,7 @@ def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) 
 
     Args:
         strategies: monitored areas.
-        vary: values by the name of the parameter, or by `strategy:name` where only that strategy is to vary.
+        vary: values by the name of the parameter.
     """
     points: list[Point] = []
     for strategy in strategies:
@@ -81,12 +95,20 @@ def points_of(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) 
 
 def varied_of(strategy: str, vary: Mapping[str, Sequence[Setting]]) -> dict[str, Sequence[Setting]]:
     """Values by parameter of those that one strategy varies; see `points_of`."""
-    varied: dict[str, Sequence[Setting]] = {}
-    for key, values in vary.items():
-        only, _, name = key.rpartition(":")
-        if only in ("", strategy) and PARAMETERS[name].changes(strategy):
-            varied[name] = values
-    return varied
+    return {name: values for name, values in vary.items() if PARAMETERS[name].changes(strategy)}
+
+
+def fair_points(
+    strategies: Sequence[str], widths: Mapping[str, Sequence[Setting]] = FRONTIER
+) -> tuple[Point, ...]:
+    """Every width of every area, alike in all else; then every strategy as the preset has it.
+
+    Args:
+        strategies: monitored areas.
+        widths: values by the name of the parameter that is the width of an area.
+    """
+    fair = (Point(point.strategy, (*point.settings, *FAIR)) for point in points_of(strategies, widths))
+    return (*fair, *map(Point, strategies))
 
 
 def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]:

@@ -29,11 +29,14 @@ from evaluation.studies.compare.grid import (
     Point,
     SceneItem,
     ablation_points,
+    fair_points,
     points_of,
+    shown_settings,
     study_runs,
 )
 from evaluation.studies.compare.measures import RunMeasures, measure, told_measures
 from evaluation.studies.compare.table import (
+    AS_PRESET,
     Summary,
     runs_csv,
     scene_table,
@@ -56,7 +59,10 @@ from smartmot.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class SceneStudy(Study[SceneItem, RunMeasures]):
-    """Strategies and settings over scenes; the help of `smartmot-eval compare` explains each option."""
+    """Strategies and settings over scenes; the help of `smartmot-eval compare` explains each option.
+
+    Without `vary` each area has the widths of `widths`, and all else is fair; see `fair_points`.
+    """
 
     strategies: tuple[str, ...]
     preset: str
@@ -69,6 +75,7 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
     ablation: bool = False
     formats: tuple[str, ...] = figures.FORMATS
     name: str = "compare"
+    widths: Mapping[str, tuple[Setting, ...]] = field(default_factory=lambda: FRONTIER)
     journal = "scenes_"
     table = "runs.csv"
     kind = RunMeasures
@@ -84,14 +91,15 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
         if self.ablation:
             return ablation_points(self.strategies, self.preset)
         preset = named_preset(self.preset)
-        for key, values in self.vary.items():
-            name = key.rpartition(":")[2]
+        for name, values in self.vary.items():
             for value in values:
                 try:
                     preset_with(preset, ((name, value),))
                 except (ConfigError, ScenarioError) as error:
                     raise ArgumentError(f"--vary {setting_text(name, value)}: {error}") from None
-        return points_of(self.strategies, self.vary or FRONTIER)
+        if self.vary:
+            return points_of(self.strategies, self.vary)
+        return fair_points(self.strategies, self.widths)
 
     def chosen_scenes(self) -> tuple[SceneRun, ...]:
         """The scenes that were asked for."""
@@ -244,7 +252,7 @@ def time_table(runs: Sequence[RunMeasures], spent: Sequence[FrameTime]) -> Table
         median, high = (
             float(np.median([getattr(time, name) for time in times])) for name in ("median_ms", "p95_ms")
         )
-        name = settings or "as the preset has it"
+        name = shown_settings(settings) or AS_PRESET
         lines.append((strategy, name, str(len(times)), f"{median:.2f}", f"{high:.2f}"))
     header = ("strategy", "settings", "runs", "median per frame (ms)", "95th percentile (ms)")
     caption = "Processor time of perception and decision; medians over the runs."

@@ -13,7 +13,7 @@ from evaluation.metrics.intervals import Estimate, clustered_mean, clustered_rat
 from evaluation.protocols.bands import WEIGHT, Colour
 from evaluation.protocols.paper import paper_score_max
 from evaluation.results.tables import EMPTY, Table, csv_bytes, fixed
-from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.grid import Point, shown_settings
 from evaluation.studies.compare.measures import RunMeasures, impact_kmh
 
 INTERVALS = (
@@ -158,15 +158,21 @@ def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
     return [summarise(group) for group in groups.values()]
 
 
-_USUAL = "as the preset has it"
+AS_PRESET = "as the preset has it"
+"""In place of settings where there are none."""
 _Column = tuple[str, Callable[[Summary], str]]
 """Header and cell of a row."""
 
 
-def _table(rows: Sequence[Summary], columns: Sequence[_Column], caption: str, usual: str = _USUAL) -> Table:
+def _table(
+    rows: Sequence[Summary], columns: Sequence[_Column], caption: str, usual: str = AS_PRESET
+) -> Table:
     """A line per summary: its weather where there are several, strategy, settings, and the columns."""
     lead: list[_Column] = [("weather", lambda row: row.weather)] if len({r.weather for r in rows}) > 1 else []
-    lead += [("strategy", lambda row: row.strategy), ("settings", lambda row: row.settings or usual)]
+    lead += [
+        ("strategy", lambda row: row.strategy),
+        ("settings", lambda row: shown_settings(row.settings) or usual),
+    ]
     every = (*lead, *columns)
     lines = tuple(tuple(cell(row) for _, cell in every) for row in rows)
     return Table(tuple(header for header, _ in every), lines, (), caption)
@@ -254,7 +260,7 @@ def scene_table(runs: Sequence[RunMeasures], points: Sequence[Point]) -> Table:
         if (run.strategy, run.settings) in chosen:
             scene = scenes.setdefault((run.must, run.scene), {})
             scene.setdefault((run.strategy, run.settings), []).append(run)
-    header = ("must", "scene", *(f"{strategy} {settings}".strip() for strategy, settings in chosen))
+    header = ("must", "scene", *(point.name for point in points))
     lines = [
         (must, scene, *(_outcomes(must, group.get(point, [])) for point in chosen))
         for (must, scene), group in sorted(scenes.items(), key=lambda item: item[0][0] != "brake")

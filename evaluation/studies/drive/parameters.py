@@ -6,14 +6,10 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 from evaluation.errors import ArgumentError
-from evaluation.studies.compare.grid import points_of
+from evaluation.studies.compare.grid import FAIR, points_of
 from evaluation.studies.drive.drive import LABELS, RULE
 from scenarios.sensors.variation import ERROR_NUMBERS
 from scenarios.settings import PARAMETERS, Setting, Settings
-
-FAIR: Settings = (("ego_forecast", "path"), ("way", "path"), ("standing", "path"))
-"""Every strategy knows the way that was driven: the ego is forecast along it, speed adaptation looks along
-it, and what stands counts where it leads. Strategies then differ by their area alone."""
 
 OF_SENSOR = ("range_m", "latency_s", "sensor_errors", "detector", *ERROR_NUMBERS)
 """Of a sensor that sees labels: what was detected when the drive was recorded has errors of its own."""
@@ -62,6 +58,7 @@ def check_vary(vary: Vary, strategies: Sequence[str], sees: str, without_map: Se
 def settings_of(strategies: Sequence[str], vary: Vary) -> list[tuple[str, Settings]]:
     """Each strategy with every combination of what is varied; `FAIR` where a parameter of it is not.
 
+    The planned path of a recording is the way that was driven.
     The settings stand in the order of `PARAMETERS`, without the brake rule.
     """
     order = {name: k for k, name in enumerate(PARAMETERS)}

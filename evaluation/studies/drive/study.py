@@ -22,9 +22,10 @@ from evaluation.results.files import (
 )
 from evaluation.results.logs import write_log
 from evaluation.results.tables import Table, markdown_table
+from evaluation.studies.compare.grid import FAIR
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out
 from evaluation.studies.drive.measures import LoggedEvent, LoggedRow, events_of, row_of
-from evaluation.studies.drive.parameters import FAIR, Vary, check_vary, settings_of, with_rules
+from evaluation.studies.drive.parameters import Vary, check_vary, settings_of, with_rules
 from evaluation.studies.drive.recordings import Recording, Recordings, Source, read_recordings
 from evaluation.studies.drive.tables import (
     DRIVES_JSON,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -29,7 +29,7 @@ from evaluation.studies.answers.study import Question
 from evaluation.studies.answers.tables import differences_table, points_text, rates_table, verdict
 from evaluation.studies.answers.trigger import Trigger
 from evaluation.studies.answers.tune import Tuning
-from evaluation.studies.answers.tuned import BY_TUNING
+from evaluation.studies.answers.tuned import BY_TUNING, told_unchanged
 from evaluation.studies.reference.kept import read_records, read_rows
 from scenarios.scenes.scenes import SceneRun
 from scenarios.settings import settings_text
@@ -55,8 +55,13 @@ class Kept(Generic[Asked]):
         return power_lines(self.results.scenes, self.question.questions)
 
 
-def read(question: Asked, reports: Path) -> Kept[Asked]:
+def read(question: Asked, reports: Path, in_part: bool = False) -> Kept[Asked]:
     """The kept runs of a question.
+
+    Args:
+        question: as it is asked today.
+        reports: folder of the reference results.
+        in_part: whether runs of arms that it has no more may be among them; they are left out.
 
     Raises:
         ResultsError: they are missing, or belong to other arms.
@@ -64,16 +69,26 @@ def read(question: Asked, reports: Path) -> Kept[Asked]:
     given: Any = question.given(reports)
     path = reports / question.name / question.table
     rows, decisions = read_rows(path), read_records(path, Decision)
-    arms, count = given.arms, 2 * question.sample.count
-    named = [(row["name"], row["preset"], row["settings"]) for row in rows[::count]]
-    if len(rows) != count * len(arms) or named != [(arm.name, arm.preset, arm.text) for arm in arms]:
+    count = 2 * question.sample.count
+    kept = {_arm_of(row): k for k, row in zip(range(0, len(rows), count), rows[::count], strict=True)}
+    named = {(arm.name, arm.preset, arm.text): arm for arm in given.arms}
+    if in_part:
+        kept = {name: k for name, k in kept.items() if name in named}
+    of_arm = all(_arm_of(row) == name for name, k in kept.items() for row in rows[k : k + count])
+    is_right = list(kept) == list(named) and of_arm and len(rows) % count == 0
+    if not is_right or not (in_part or len(rows) == count * len(named)):
         raise ResultsError(f"{path}: not the runs of today's {question.name}; make it again")
-    scenes = tuple(
+    scenes = [
         SceneRun(row["scene"], row["variant"], row["must"], "", (), 0.0)  # type: ignore[arg-type]
         for row in rows[:count]
-    )
-    runs = {arm: tuple(decisions[k * count : (k + 1) * count]) for k, arm in enumerate(arms)}
-    return Kept(given, Results(scenes, runs))
+    ]
+    runs = {named[name]: tuple(decisions[k : k + count]) for name, k in kept.items()}
+    return Kept(given, Results(tuple(scenes), runs))
+
+
+def _arm_of(row: Mapping[str, str]) -> tuple[str, str, str]:
+    """Name, preset and settings of the arm that a run is of."""
+    return row["name"], row["preset"], row["settings"]
 
 
 def _arm(kept: Kept[Gain], name: str, preset: str) -> Arm:
@@ -194,7 +209,11 @@ def gain_tables(kept: Kept[Gain]) -> list[tuple[str, Table, Table]]:
     return [
         (
             f"{preset}, rule {rule}",
-            differences_table([d for d in every if d.arm in arms], len(every)),
+            differences_table(
+                [d for d in every if d.arm in arms],
+                len(every),
+                told_unchanged([arm for arm in kept.question.unchanged if arm in arms]),
+            ),
             rates_table(kept.results, arms),
         )
         for (preset, rule), arms in kept.question.groups.items()

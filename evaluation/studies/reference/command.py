@@ -13,9 +13,11 @@ import rich.console
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
-from evaluation.studies.reference.kept import read_rows
+from evaluation.studies.answers.study import Question
+from evaluation.studies.reference.answer_findings import read
+from evaluation.studies.reference.kept import read_json, read_rows
 from evaluation.studies.reference.outside import without_data
-from evaluation.studies.reference.parts import PARTS
+from evaluation.studies.reference.parts import PARTS, QUESTIONS
 from evaluation.studies.reference.readme import README, render
 from evaluation.studies.study import JOURNAL, Study, done_line
 
@@ -94,6 +96,43 @@ def make_reports(
     if missing:
         console.print(f"{README} is written when all parts are there; missing: {', '.join(missing)}")
         return
+    _write_page(out)
+
+
+def write_again(out: Path, names: Sequence[str], quiet: bool) -> None:
+    """Write tables, figures and page of questions again from their kept runs, which stay as they are.
+
+    For what is told or drawn otherwise than before. Runs of sides that a question has no more are left out;
+    the file of settings keeps the versions that carried the runs out.
+
+    Args:
+        out: folder of the results.
+        names: questions; none: all.
+        quiet: print nothing.
+
+    Raises:
+        ArgumentError: an unknown part, or one whose tables need more than a line per run.
+        ResultsError: kept runs are missing or of other sides, or the folder cannot be written.
+    """
+    console = rich.console.Console(quiet=quiet)
+    parts = choose_parts(names or [question.name for question in QUESTIONS])
+    for part in parts:
+        if not isinstance(part, Question):
+            raise ArgumentError(f"--tables: {part.name} is written from its runs alone; make it again")
+    for question in (part for part in parts if isinstance(part, Question)):
+        folder = out / question.name
+        kept = read(question, out, in_part=True)
+        before = len(read_rows(folder / question.table)) // len(kept.results.scenes)
+        stored = read_json(folder / "study.json")
+        made_by = {name: stored[name] for name in ("version", "versions")}
+        kept.question.write_answer(folder, kept.results, kept.question.answer(kept.results), made_by)
+        left_out = before - len(kept.question.arms)
+        omitted = f"; runs of {left_out} sides that it has no more are left out" if left_out else ""
+        console.print(f"{question.name}: written again from its runs{omitted}", highlight=False)
+    _write_page(out)
+
+
+def _write_page(out: Path) -> None:
     try:
         (out / README).write_text(render(out), encoding="utf-8")
     except OSError as error:

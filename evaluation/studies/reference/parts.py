@@ -21,6 +21,7 @@ from evaluation.studies.reference.outside import DrivesPart, TownsPart, drives_p
 from evaluation.studies.study import Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
+from scenarios.strategies import STRATEGIES
 
 BOTH = ("rectangular", "map")
 THREE = (*BOTH, "all")
@@ -28,12 +29,8 @@ TEN_TO = {top: tuple(float(speed) for speed in range(10, top + 1, 10)) for top i
 URBAN = (30.0, 40.0, 50.0)
 """Speeds of figure 5c and d."""
 
-THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {
-    "margin_m": (1.8,),
-    "half_width_m": (2.6,),
-    "map:ego_forecast": ("ctrv", "path"),
-}
-"""The paper's widths, with both forecasts of the ego: runs that the curves share."""
+THE_PAPERS: Mapping[str, tuple[Setting, ...]] = {"margin_m": (1.8,), "half_width_m": (2.6,)}
+"""The paper's widths: runs that the curves share."""
 
 _PNG = ("png",)
 
@@ -76,11 +73,11 @@ PARTS: tuple[Study[Any, Any], ...] = (
     MechanismStudy("mechanisms", 5),
     _cpna("physical", TEN_TO[80], "physical"),
     _cpna("weather", TEN_TO[60], "physical", ("dry", "wet", "rain", "snow")),
-    SceneStudy(THREE, "physical", formats=_PNG, name="frontier_physical"),
-    SceneStudy(THREE, "paper", formats=_PNG, name="frontier_paper"),
+    SceneStudy(STRATEGIES, "physical", formats=_PNG, name="frontier_physical"),
+    SceneStudy(STRATEGIES, "paper", formats=_PNG, name="frontier_paper"),
     # without figures: single points make no curve
-    SceneStudy(BOTH, "physical", THE_PAPERS, seeds=3, formats=(), name="seeds"),
-    SceneStudy(("map", "all"), "physical", ablation=True, formats=_PNG, name="ablation"),
+    SceneStudy((*BOTH, "path"), "physical", widths=THE_PAPERS, seeds=3, formats=(), name="seeds"),
+    SceneStudy(THREE, "physical", ablation=True, formats=_PNG, name="ablation"),
     GrowthStudy(THREE, "physical", "dry", seeds=2, formats=_PNG),
 )
 """In the order of the page that tells them."""

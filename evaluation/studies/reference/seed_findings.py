@@ -50,7 +50,11 @@ def seed_table(runs: Sequence[RunMeasures]) -> Table:
 def told_seeds(runs: Sequence[RunMeasures]) -> list[str]:
     """How many outcomes differ between seeds, how wide intervals are, and what stays as it is."""
     lines = [told_changed(runs), told_intervals(summaries(runs))]
-    for first, second in (("the map", "the rectangle"), ("the map that knows its way", "the map")):
+    for first, second in (
+        ("the map", "the path"),
+        ("the map", "the rectangle"),
+        ("the map as published", "the rectangle as published"),
+    ):
         changes = []
         for outcome in OUTCOMES.values():
             (ours, of), (theirs, _) = (

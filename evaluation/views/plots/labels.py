@@ -238,6 +238,8 @@ _CLEAR_PT = 9.0
 """Points that are farther from a text do not matter."""
 _PIECES = 40
 """Pieces of the way from one point of a curve to the next."""
+_TEXT_GAP_PT = 2.0
+"""Between two texts, if there is room."""
 _ROUNDS = 4
 
 
@@ -250,17 +252,28 @@ class Mark(NamedTuple):
     colour: str
 
 
-def write_values(figure: Figure, axes: Axes, lines: Sequence[Sequence[Mark]], size_pt: float) -> None:
+def write_values(
+    figure: Figure,
+    axes: Axes,
+    lines: Sequence[Sequence[Mark]],
+    size_pt: float,
+    names: Sequence[str] = (),
+) -> bool:
     """Values beside their points, where they cover neither a curve nor one another nor the frame.
 
     A value stands nearer to its own point than to any point of another value, if there is a place. Points of
-    one colour that fall on one another share a text.
+    one colour that fall on one another share a text. The name of a curve stands beside any of its points.
 
     Args:
         figure: with the canvas on which texts are measured.
         axes: with its final limits.
         lines: points of each curve.
         size_pt: of the texts.
+        names: of the curves.
+
+    Returns:
+        Whether all names are there; where one would stand over a text or a point, or cross the frame, none
+        is.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -272,24 +285,45 @@ def write_values(figure: Figure, axes: Axes, lines: Sequence[Sequence[Mark]], si
         if mark.text:
             together.setdefault((round(mark.x, 1), round(mark.y, 1), mark.colour), []).append(k)
     frame = axes.get_window_extent(renderer)
+    groups = sorted(together.values(), key=curves.room)  # the crowded choose first
+    words = [", ".join(dict.fromkeys(curves.marks[k].text for k in group)) for group in groups]
+    anchors = [group[:1] for group in groups]
+    named = [np.flatnonzero(curves.line_of == line).tolist() for line in range(len(names))]
     texts, places = [], []
-    for group in sorted(together.values(), key=curves.room):  # the crowded choose first
-        mark = curves.marks[group[0]]
+    for word, points, group in zip([*words, *names], [*anchors, *named], [*groups, *named], strict=True):
+        mark = curves.marks[points[0]]
         text = axes.annotate(
-            ", ".join(dict.fromkeys(curves.marks[k].text for k in group)), (mark.x, mark.y),
-            textcoords="offset points", xytext=(0.0, 0.0), ha="center", va="center", fontsize=size_pt,
-            color=mark.colour, zorder=5,
+            word, (mark.x, mark.y), textcoords="offset points", xytext=(0.0, 0.0), ha="center", va="center",
+            fontsize=size_pt, color=mark.colour, zorder=5,
         )  # fmt: skip
         size = np.array(text.get_window_extent(renderer).size)
-        boxes = _boxes(curves.at[group[0]], size, _PLACES_PT * curves.pixel)
+        boxes = np.concatenate([_boxes(curves.at[k], size, _PLACES_PT * curves.pixel) for k in points])
         low, high = boxes[:, :2], boxes[:, 2:]
         outside = np.any((low <= frame.min) | (high >= frame.max), axis=-1)
+        at = np.repeat(curves.at[points], len(_PLACES_PT), axis=0)
         texts.append(text)
-        places.append(_Places(boxes, curves.costs(boxes, group, outside)))
-    for text, place in zip(texts, _chosen(places, _ROUNDS), strict=True):
-        dx, dy = _PLACES_PT[place]
+        places.append(_Places(boxes, curves.costs(boxes, at, group, outside)))
+    chosen = _chosen(places, _ROUNDS)
+    for text, points, place in zip(texts, [*anchors, *named], chosen, strict=True):
+        assert place is not None
+        mark = curves.marks[points[place // len(_PLACES_PT)]]
+        dx, dy = _PLACES_PT[place % len(_PLACES_PT)]
+        text.xy = (mark.x, mark.y)
         text.set_horizontalalignment("left" if dx > 0 else "right" if dx < 0 else "center")
         text.set_position((dx, dy))
+    boxes = np.array([text.boxes[place] for text, place in zip(places, chosen, strict=True)]).reshape(-1, 4)
+    of_names = boxes[len(words) :]
+    clear = (
+        (_overlaps(of_names, boxes) == 1).all()
+        and (_distance(of_names, curves.at) > _POINT_PT * curves.pixel).all()
+        and (of_names[:, :2] > frame.min).all()
+        and (of_names[:, 2:] < frame.max).all()
+    )
+    if names and not clear:
+        for text in texts:
+            text.remove()
+        write_values(figure, axes, lines, size_pt)
+    return bool(clear)
 
 
 class _Curves:
@@ -319,12 +353,13 @@ class _Curves:
         return float(_distance(place, np.delete(self.at, group, axis=0)).min(initial=np.inf))
 
     def costs(
-        self, boxes: FloatArray, group: Sequence[int], outside: BoolArray
+        self, boxes: FloatArray, at: FloatArray, group: Sequence[int], outside: BoolArray
     ) -> Callable[[FloatArray], Sequence[NDArray[np.generic]]]:
         """How bad places are for the text of a group of points.
 
         Args:
             boxes: (P, 4) the text at each place.
+            at: (P, 2) the point that it stands beside.
             group: numbers of the points.
             outside: (P,) whether a place sticks out of the axes.
         """
@@ -334,16 +369,18 @@ class _Curves:
         far = _distance(boxes, others_at).min(axis=-1, initial=_CLEAR_PT * self.pixel)
         # between a text and its point there should be no other curve either
         strange = self.pieces[~np.isin(self.piece_of, self.line_of[group])]
-        between = np.hstack([np.minimum(boxes[:, :2], own[0]), np.maximum(boxes[:, 2:], own[0])])
-        covered = (
-            (_distance(boxes, self.at) < _POINT_PT * self.pixel).sum(axis=-1)
-            + (_distance(boxes, self.pieces) < _CURVE_PT * self.pixel).sum(axis=-1)
-            + (_distance(between, strange) == 0.0).sum(axis=-1)
-        )
+        between = np.hstack([np.minimum(boxes[:, :2], at), np.maximum(boxes[:, 2:], at)])
+        hidden = (_distance(boxes, self.at) < _POINT_PT * self.pixel).sum(axis=-1)
+        covered = (_distance(boxes, self.pieces) < _CURVE_PT * self.pixel).sum(axis=-1) + (
+            _distance(between, strange) == 0.0
+        ).sum(axis=-1)
         values = {self.marks[k].text for k in group}
         foreign = self.at[[mark.text not in values for mark in self.marks]]
         wrong = _distance(boxes, foreign).min(axis=-1, initial=np.inf) < near
-        return lambda taken: (near - far, covered, wrong, _overlaps(boxes, taken), outside)
+        gap = _TEXT_GAP_PT * self.pixel
+        return lambda taken: (
+            near - far, covered, wrong, hidden, _overlaps(boxes, taken, gap), outside
+        )  # fmt: skip
 
 
 def _boxes(point: FloatArray, size: FloatArray, places: FloatArray) -> FloatArray:

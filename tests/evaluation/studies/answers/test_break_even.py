@@ -80,8 +80,28 @@ def test_tuned_settings_are_compared_as_well_and_with_the_tuned_path() -> None:
     assert (wide.name, dict(wide.settings)["margin_m"]) == ("map, tuned", 4.0)
     assert (narrow.name, dict(narrow.settings)["corridor_m"]) == ("path, tuned", 2.0)
     assert "corridor_m" not in dict(path.settings)
-    nothing_chosen = BreakEven(tuned=(("map", "rss", ()), ("map", "paper", ())))
-    assert len(nothing_chosen.sides) == 2  # a filter that stays as it is has a name of its own
+
+
+def test_what_stays_as_it_is_is_not_asked_twice(make) -> None:
+    """Nothing was chosen for the path, and for the map what the preset has anyway."""
+    short = {"sweeps": (Sweep("map_kerb_m", (1.0,)),), "named": ()}
+    study = BreakEven(tuned=(("map", "rss", ()), ("map", "paper", (("margin_m", 1.8),))), **short)
+    assert (study.sides, study.questions) == (BreakEven(**short).sides, 4)
+    table = study.answer(make(study.arms, 20, lambda arm: (0.9, 0.1))).tables["Who is who"]
+    assert table.rows[-1] == ("map, tuned", "map", "planner", "as map: nothing better was found")
+    half = BreakEven(tuned=(("map", "paper", (("margin_m", 4.0),)), ("path", "paper", ())), **short)
+    (_, path), (wide, same) = half.sides
+    assert (wide.name, same, half.questions) == ("map, tuned", path, 8)
+    assert [arm.name for arm in half.arms].count("path") == 2  # without the error and with it
+
+
+def test_the_row_without_errors_shows_its_p(make) -> None:
+    """10 of 50 scenes that only the path avoids: p = 2 / 2^10, times the four questions of the study."""
+    study = BreakEven(sweeps=(Sweep("map_kerb_m", (1.0,)),), named=())
+    rates = {"path": (0.8, 0.2), "map": (0.6, 0.2)}
+    table = study.answer(make(study.arms, 50, lambda arm: rates[arm.name])).tables["By error: map"]
+    for row in table.rows:
+        assert (row[4], row[6]) == ("0.0078", "1")
 
 
 def test_without_a_benefit_there_is_nothing_to_lose(make) -> None:

@@ -27,6 +27,16 @@ def test_texts_keep_off_each_other(question: Question, make) -> None:
             assert text_faults(figure) == []
 
 
+def test_curves_over_errors_are_named_at_their_ends(make) -> None:
+    study = BreakEven(tuned=CHOSEN)
+    both, *parts = study.answer(make(study.arms, 20, lambda arm: (0.9, 0.1))).figures.values()
+    assert [text.get_text() for axes in both.axes for text in axes.texts] == ["map", "map, tuned"]
+    for figure in parts:
+        words = [text.get_text().split("\n")[0] for axes in figure.axes for text in axes.texts]
+        assert words == ["collisions", "unnecessary"]
+    assert not any(figure.legends for figure in (both, *parts))
+
+
 def test_bars_are_the_differences(make) -> None:
     rates = {"path": (0.5, 0.5), "map": (0.75, 0.25)}
     results = make(GAIN.arms, 40, lambda arm: rates.get(arm.name, (0.5, 0.5)))

@@ -30,6 +30,28 @@ def test_tuned_settings_stand_beside_the_published_and_meet_the_tuned_path() -> 
     assert pairs["map"][1].name == pairs["path, tuned"][1].name == "path"
 
 
+def test_settings_that_a_rival_has_anyway_are_no_rival_of_their_own(make) -> None:
+    """Chosen were: nothing for the path, for the rectangle the preset's own half width."""
+    chosen = (
+        ("path", "paper", ()),
+        ("rectangle", "paper", (("half_width_m", 2.6),)),
+        ("map", "paper", (("margin_m", 3.0),)),
+    )
+    study, plain = Gain(tuned=chosen, formats=()), Gain()
+    assert study.questions == plain.questions + 2
+    assert {arm.name for arm in study.arms} - {arm.name for arm in plain.arms} == {"map, tuned"}
+    assert {arm.name: against.name for arm, against in study.pairs}["map, tuned"] == "path"
+    tables = study.answer(make(study.arms, 20, lambda arm: (0.5, 0.5))).tables
+    told = tables["Against the planned path: preset physical, rule paper"].caption
+    assert "path, tuned, rectangle, tuned: nothing better was found" in told
+    assert [
+        row[-1] for row in tables["Who is who"].rows if row[0] in ("path, tuned", "rectangle, tuned")
+    ] == [
+        "as path: nothing better was found",
+        "as rectangle: nothing better was found",
+    ]
+
+
 def test_the_answer_says_what_the_runs_say(make) -> None:
     study = Gain(formats=())
     results = make(study.arms, 60, lambda arm: RATES.get(arm.name, (0.5, 0.4)))

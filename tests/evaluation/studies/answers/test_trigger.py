@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from evaluation.studies.answers.trigger import SENSITIVITIES, Trigger
 from scenarios.presets import named_preset
-from scenarios.settings import PARAMETERS, TRIGGERS, preset_with
+from scenarios.settings import PARAMETERS, TRIGGERS, Settings, preset_with
 
 
 def test_every_rule_has_values_around_that_of_its_source() -> None:
@@ -52,3 +54,19 @@ def test_what_was_chosen_on_other_scenes_is_a_point_of_its_own(make) -> None:
     told = next(line for line in answer.sentences if line.startswith("rss: "))
     assert "80.0 [" in told.partition("; tuned on other scenes (rss_response_s=0.3, corridor_m=2")[0]
     assert "70.0 [" in told.partition("; tuned on other scenes")[2]
+
+
+@pytest.mark.parametrize(
+    "settings", [(), (("rss_response_s", 1.0),)], ids=["nothing", "the value of the source"]
+)
+def test_a_rule_for_which_nothing_better_was_found_is_run_once(settings: Settings, make) -> None:
+    study, plain = Trigger(rules=("rss",), tuned=(("path", "rss", settings),)), Trigger(rules=("rss",))
+    assert plain.usual("rss") == 1.0
+    assert study.arms == plain.arms
+    usual = next(arm for value, arm in study.curve("rss") if value == 1.0)
+    answer = study.answer(make(study.arms, 50, lambda arm: (0.8, 0.2) if arm == usual else (0.6, 0.3)))
+    (told,) = answer.sentences
+    assert told.endswith("; tuned on other scenes, nothing better was found.")
+    row = answer.tables["Every rule and value"].rows[-1]
+    assert row[:3] == ("rss", "tuned", "nothing better was found")
+    assert row[3].startswith("80.0 [")

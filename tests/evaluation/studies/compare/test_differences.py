@@ -18,7 +18,7 @@ from evaluation.studies.compare.differences import (
     pairs_with_bases,
     told_differences,
 )
-from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.grid import FAIR, Point
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import MEASURES
 
@@ -145,6 +145,12 @@ def test_pairs() -> None:
         (RECTANGLE, wide),
     ]
     assert pairs_with_bases([MAP, narrow, Point("all")]) == [(narrow, MAP)]
+
+
+def test_pairs_differ_in_the_area_alone_or_in_settings_alone() -> None:
+    fair_map, fair_path = Point("map", (("margin_m", 0.5), *FAIR)), Point("path", FAIR)
+    points = [fair_map, fair_path, MAP, RECTANGLE]
+    assert pairs_with(points, points) == [(fair_path, fair_map), (MAP, fair_map), (RECTANGLE, MAP)]
 
 
 def test_table_and_sentence() -> None:

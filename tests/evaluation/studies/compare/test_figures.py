@@ -13,9 +13,11 @@ from matplotlib.text import Annotation
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.studies.compare.figures import frontier, save
-from evaluation.studies.compare.grid import Point
+from evaluation.studies.compare.grid import Point, fair_points
 from evaluation.studies.compare.table import Summary
 from evaluation.views.plots.strategies import strategy_colour
+from scenarios.strategies import STRATEGIES
+from tests.figures import text_faults
 
 NONE = Estimate(0.0, 0.0, 0.0, 10)
 
@@ -30,14 +32,10 @@ def summary(point: Point, avoided: float, stops: float) -> Summary:
     )  # fmt: skip
 
 
-POINTS = (
-    *(Point("rectangular", (("half_width_m", w),)) for w in (0.9, 2.6, 4.0)),
-    *(
-        Point("map", (("margin_m", m), ("ego_forecast", e)))
-        for e in ("ctrv", "path")
-        for m in (0.0, 0.5, 1.8, 4.0)
-    ),
-    Point("all"),
+POINTS = fair_points(STRATEGIES)
+VALUES = ("0.9", "2.6", "4", "0", "0.5", "1.8", "4")
+NAMES = tuple(
+    name + preset for preset in ("", ", as preset") for name in ("rectangle", "map", "no area", "path")
 )
 
 
@@ -63,22 +61,30 @@ def test_values_stay_inside_and_apart(counts: list[tuple[int, int]]) -> None:
     for axes in figure.axes:
         frame = axes.get_window_extent(renderer)
         texts = [t for t in axes.texts if isinstance(t, Annotation)]
-        assert len(texts) == 11
+        assert sorted(t.get_text() for t in texts) == sorted((*VALUES, *(() if figure.legends else NAMES)))
         boxes = [text.get_window_extent(renderer) for text in texts]
         assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
         assert all(frame.x0 - 1 < box.x0 and box.x1 < frame.x1 + 30 for box in boxes)
 
 
-def test_every_value_is_written_and_the_papers_are_ringed() -> None:
+def test_every_value_and_name_is_written_and_the_papers_are_ringed() -> None:
     k = np.arange(len(POINTS))
     figure = drawn([(float(a), float(s)) for a, s in zip(k / 12, k / 24, strict=True)])
+    assert not figure.legends
     for axes in figure.axes:
-        written = sorted(text.get_text() for text in axes.texts)
-        assert written == sorted(["0.9", "2.6", "4", "0", "0.5", "1.8", "4", "0", "0.5", "1.8", "4"])
+        assert sorted(text.get_text() for text in axes.texts) == sorted((*VALUES, *NAMES))
         rings = [line for line in axes.lines if line.get_markersize() == 9.5 and len(line.get_xdata())]
         assert sorted(float(line.get_ydata()[0]) for line in rings) == pytest.approx(
-            sorted(100 * n / 12 for n in (1, 5, 9))
+            sorted(100 * n / 12 for n in (1, 5))
         )
+
+
+def test_names_without_room_are_in_a_legend() -> None:
+    """All points on one another."""
+    figure = drawn([(1.0, 0.0)] * len(POINTS))
+    [legend] = figure.legends
+    assert sorted(text.get_text() for text in legend.get_texts()) == sorted(NAMES)
+    assert text_faults(figure) == []
 
 
 def test_shares_begin_at_0_and_markers_there_are_whole() -> None:

@@ -134,6 +134,14 @@ def test_pairs_are_compared_both_ways() -> None:
         "1 unnecessary stop (scene to nothing at 50 km/h)."
     )
     assert [r[1] for r in scenes.different_scenes(runs).rows] == ["scene to brake", "scene to nothing"]
+    assert scenes.told_alike(runs) == [
+        "Alike, all along the planned path, collisions avoided and unnecessary stops are 0 of 1 and 0 of 1 "
+        "with the rectangle, 1 of 1 and 1 of 1 with the map, 1 of 1 and 0 of 1 with the path and 1 of 1 and "
+        "0 of 1 with everything.",
+        "As published, collisions avoided and unnecessary stops are 1 of 1 and 0 of 1 with the rectangle, 1 "
+        "of 1 and 0 of 1 with the map and 1 of 1 and 0 of 1 with everything.",
+        "Everything alike is the path again: every run ends as with the path.",
+    ]
     assert scenes.short_table(runs, runs).rows[0][1:4] == ("0 of 1", "0 of 1", "0 of 1")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,13 +16,19 @@ from evaluation.results.files import ResultsError
 from evaluation.results.rows import RunRow
 from evaluation.runs.cpna import CpnaSuite
 from evaluation.runs.specs import Conditions
+from evaluation.studies.answers.break_even import BreakEven, Sweep
+from evaluation.studies.answers.measures import Decision
+from evaluation.studies.answers.results import Results
+from evaluation.studies.answers.study import Sample
 from evaluation.studies.reference import command, drive_findings
+from evaluation.studies.reference.answer_findings import read
 from evaluation.studies.reference.cpna import CpnaStudy
-from evaluation.studies.reference.kept import read_records
+from evaluation.studies.reference.kept import read_json, read_records, read_rows
 from evaluation.studies.reference.outside import drives_part
 from evaluation.studies.reference.parts import PARTS
 from evaluation.studies.reference.readme import README, render
 from evaluation.studies.study import Study
+from scenarios.scenes.scenes import SceneRun
 
 REPORTS = Path(__file__).parents[4] / "reports"
 TINY = CpnaStudy("tiny", CpnaSuite((20.0, 30.0), Conditions(("map",), "paper", ("dry",), "urban_street")))
@@ -152,6 +159,64 @@ def test_a_part_is_made_from_data_of_others(tmp_path: Path, monkeypatch: pytest.
     table.write_text(text.replace(",51,", ",52,", 1))
     [line] = command.check_reports(out, (), outside=tmp_path / "outside")[:1]
     assert line.startswith("drives/street, run 1, frames: 52 is kept, 51 comes out")
+
+
+QUESTION = BreakEven(Sample(count=3), ("png",), sweeps=(Sweep("map_kerb_m", (1.0,)),), named=())
+
+
+@pytest.fixture
+def question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a small question, made with a side more than it has today."""
+    before = replace(QUESTION, sweeps=(Sweep("map_kerb_m", (1.0, 2.0)),))
+    rows = [
+        Decision(k % 2 == 0, 5.0 * (k % 2), k % 3 == 0, k % 3 == 1, None, None, 1.0 * k, 2.0, "stopped")
+        for k in range(6)
+    ]
+    scenes = tuple(
+        SceneRun(f"{must} {k}", "drawn", must, "", (), 0.0)  # type: ignore[arg-type]
+        for must in ("brake", "nothing")
+        for k in range(3)
+    )
+    results = Results(scenes, {arm: tuple(rows[k:] + rows[:k]) for k, arm in enumerate(before.arms)})
+    (tmp_path / QUESTION.name).mkdir()
+    before.write_answer(tmp_path / QUESTION.name, results, before.answer(results), {"version": "of old"})
+    monkeypatch.setattr(BreakEven, "given", lambda question, out: question)
+    monkeypatch.setattr(command, "PARTS", (QUESTION, TINY))
+    monkeypatch.setattr(command, "QUESTIONS", (QUESTION,))
+    monkeypatch.setattr(command, "render", lambda reports: "page")
+    return tmp_path
+
+
+def test_tables_are_written_again_from_kept_runs_as_new_runs_would_give_them(
+    question: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = question / QUESTION.name
+    kept = read_rows(folder / QUESTION.table)
+    with pytest.raises(ResultsError, match="not the runs of today's break-even"):
+        read(QUESTION, question)
+    command.write_again(question, (), quiet=False)
+    assert "runs of 2 sides that it has no more are left out" in capsys.readouterr().out.replace("\n", " ")
+    # by hand: map and path without the error, then both with 1 m; the last two had 2 m
+    assert read_rows(folder / QUESTION.table) == kept[: 4 * 6]
+    assert read_json(folder / "study.json")["version"] == "of old"
+    again = {path.name: path.read_bytes() for path in folder.iterdir()}
+    results = read(QUESTION, question).results
+    for path in folder.iterdir():
+        path.unlink()
+    QUESTION.write_answer(folder, results, QUESTION.answer(results), {"version": "of old"})
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == again
+    assert (question / README).read_text() == "page"
+
+
+def test_kept_runs_of_other_sides_are_refused(question: Path) -> None:
+    path = question / QUESTION.name / QUESTION.table
+    lines = gzip.decompress(path.read_bytes()).decode().splitlines(keepends=True)
+    for wrong in ([lines[0], *lines[7:]], [*lines[:3], *lines[8:9], *lines[4:]], lines[:20]):
+        path.write_bytes(gzip.compress("".join(wrong).encode()))
+        with pytest.raises(ResultsError, match="not the runs of today's"):
+            command.write_again(question, (), quiet=True)
+    with pytest.raises(ArgumentError, match="--tables: tiny is written from its runs alone"):
+        command.write_again(question, ["tiny"], quiet=True)
 
 
 def test_mistakes_are_named(tmp_path: Path) -> None:
