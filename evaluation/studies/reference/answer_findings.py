@@ -153,12 +153,11 @@ def told_confirmation(kept: Kept[Gain], again: Kept[Gain]) -> str:
     }
     same = [name for name in first if second[name][0] == first[name][0]]
     opposite = [name for name in first if {first[name][0], second[name][0]} == {BETTER, WORSE}]
-    start = (
-        "confirmed for every filter and preset"
-        if len(same) == len(first)
-        else f"the same answer for {len(same)} of {len(first)} filters and presets"
-    )
-    start += f", the opposite for {'; '.join(opposite)}" if opposite else ", the opposite for none"
+    if len(same) == len(first):
+        start = "confirmed for every filter and preset"
+    else:
+        start = f"the same answer for {len(same)} of {len(first)} filters and presets, the opposite for "
+        start += "; ".join(opposite) or "none"
     parts = [
         f"{name}: {points_text(gained)} points there, {said[outcome]} (here {points_text(first[name][1])})"
         for name, (outcome, gained) in second.items()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence as Many
 
-from evaluation.metrics.intervals import poisson_mean
+from evaluation.metrics.intervals import Estimate, poisson_mean
 from evaluation.results.tables import EMPTY, Table, csv_bytes
 from evaluation.studies.drive.measures import DriveRow
 from evaluation.studies.drive.tables import HINDSIGHT, common_settings, side_name
@@ -17,11 +18,16 @@ _TOTAL_COLUMNS = (
 )  # fmt: skip
 
 
+_RATE_ENDS = {"": "value", "_low": "low", "_high": "high"}
+"""Ends of columns, and what of an estimate stands there."""
+
+
 def totals_csv(rows: Many[DriveRow], drives: int) -> bytes:
     """A line per side: counts beside exposure, and the rate of false activations with Garwood's interval."""
     lines = []
     for row in rows:
-        rates = dict(zip(_TOTAL_COLUMNS[16:19], _false_rate(row), strict=True))
+        rate = _false_rate(row)
+        rates = {f"false_per_km{end}": getattr(rate, part) for end, part in _RATE_ENDS.items()}
         lines.append(
             [
                 drives if name == "drives" else rates[name] if name in rates else getattr(row, name)
@@ -31,12 +37,12 @@ def totals_csv(rows: Many[DriveRow], drives: int) -> bytes:
     return csv_bytes(_TOTAL_COLUMNS, lines)
 
 
-def _false_rate(row: DriveRow) -> tuple[float | None, float | None, float | None]:
-    """False activations per km, and what they lie between with 95 % confidence; None of no way."""
+def _false_rate(row: DriveRow) -> Estimate:
+    """False activations per km; NaN of no way."""
     if not row.km > 0.0:
-        return None, None, None
-    mean, scale = poisson_mean(row.false_activations), 1.0 / row.km
-    return scale * mean.value, scale * mean.low, scale * mean.high
+        return Estimate(math.nan, math.nan, math.nan, 0)
+    mean = poisson_mean(row.false_activations)
+    return Estimate(mean.value / row.km, mean.low / row.km, mean.high / row.km, mean.count)
 
 
 def totals_table(rows: Many[DriveRow]) -> Table:
@@ -49,10 +55,10 @@ def totals_table(rows: Many[DriveRow]) -> Table:
     ]  # fmt: skip
     lines = []
     for row in rows:
-        value, low, high = _false_rate(row)
-        rate = EMPTY if value is None else f"{_short(value)} [{_short(low)}, {_short(high)}]"
+        rate = _false_rate(row)
+        text = f"{_short(rate.value)} [{_short(rate.low)}, {_short(rate.high)}]" if rate.count else EMPTY
         line = [row.strategy, *([own[row.settings]] if varied else []), row.rule, str(row.requests)]
-        line += [str(row.false_activations), str(row.undecided), rate]
+        line += [str(row.false_activations), str(row.undecided), text]
         line += [str(row.warnings), str(row.false_warnings)] if warn else []
         lines.append(tuple(line))
     first = rows[0]
@@ -91,12 +97,11 @@ def told_exposure(rows: Many[DriveRow]) -> list[str]:
         )
     if false:
         worst = false[0]
-        mean = poisson_mean(worst.false_activations)
-        low, high = mean.low / first.km, mean.high / first.km
+        rate = _false_rate(worst)
         name = side_name(worst.strategy, own[worst.settings], worst.rule)
         lines.append(
             f"{len(false)} of {len(rows)} sides have false activations, most of them {name}: "
-            f"{worst.false_activations}, which is {_short(low)} to {_short(high)} per km on ways like these."
+            f"{worst.false_activations}, which is {_short(rate.low)} to {_short(rate.high)} per km on ways like these."
         )
     else:
         lines.append(

@@ -73,7 +73,7 @@ def kept(physical: float, real: float) -> Kept[Gain]:
 @pytest.mark.parametrize(
     ("here", "there", "text"),
     [
-        ((0.4, -0.4), (0.3, -0.3), "confirmed for every filter and preset, the opposite for none."),
+        ((0.4, -0.4), (0.3, -0.3), "confirmed for every filter and preset. Avoided less stopped:"),
         ((0.4, 0.0), (0.4, 0.4), "the same answer for 1 of 2 filters and presets, the opposite for none."),
         (
             (0.4, 0.4),
@@ -88,10 +88,8 @@ def test_towns_confirm_an_answer_or_not(
     sentence = told_confirmation(kept(*here), kept(*there))
     assert text in sentence
     assert sentence.startswith("**And in CARLA's towns?** 40 scenes of each kind: ")
-    said = [
-        "neither is decided" if g == 0.0 else "the filter gains" if g > 0.0 else "the filter loses"
-        for g in there
-    ]
-    for name, words, gain in zip(FILTERS, said, there, strict=True):
+    words_of = {0: "neither is decided", 1: "the filter gains", -1: "the filter loses"}
+    for name, gain in zip(FILTERS, there, strict=True):
+        words = words_of[(gain > 0) - (gain < 0)]
         assert f"{name}: {100 * gain:+.1f} [".replace("+0.0", "0.0") in sentence
         assert words in sentence
