@@ -101,7 +101,8 @@ def told_exposure(rows: Many[DriveRow]) -> list[str]:
         name = side_name(worst.strategy, own[worst.settings], worst.rule)
         lines.append(
             f"{len(false)} of {len(rows)} sides have false activations, most of them {name}: "
-            f"{worst.false_activations}, which is {_short(rate.low)} to {_short(rate.high)} per km on ways like these."
+            f"{worst.false_activations}, which is {_short(rate.low)} to {_short(rate.high)} per km on ways "
+            "like these."
         )
     else:
         lines.append(
