@@ -22,6 +22,7 @@ REPLAY_EXAMPLES = options.examples(
     "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --gif map60.gif`",
     "`smartmot-eval replay results/logs/CPNA_map_dry_none_60kmh_seed0.parquet --mp4 map60.mp4 --speed 0.5`",
     "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --mcap map60.mcap`",
+    "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --osi map60.osi`",
 )
 
 
@@ -85,6 +86,13 @@ def replay(
         Path | None,
         typer.Option(help="MCAP to write, for Foxglove, Lichtblick and rerun.", metavar="FILE.mcap"),
     ] = None,
+    osi: Annotated[
+        Path | None,
+        typer.Option(
+            help="Trace of ASAM OSI ground truth to write; in a folder it is named by OSI's convention.",
+            metavar="FILE.osi|DIR",
+        ),
+    ] = None,
     fps: Annotated[float, typer.Option(help="Pictures per second, 1 to 50.")] = 20.0,
     speed: Annotated[float, typer.Option(help="1: real time, 0.5: half as fast.")] = 1.0,
     allow_plugins: options.AllowPlugins = False,
@@ -95,21 +103,28 @@ def replay(
     from evaluation.studies.drive.folder import is_drive_folder, read_drive_folder
     from evaluation.studies.drive.views import replay_drive
     from evaluation.views.film import replay as film
-    from evaluation.views.traces.folders import logged_run
-    from evaluation.views.traces.mcap import write_mcap
+    from evaluation.views.traces.folders import logged_run, truth_of_run
+    from evaluation.views.traces.mcap import require_foxglove, write_mcap
+    from evaluation.views.traces.osi import require_osi, write_osi
 
     directory, name = split_run(run)
     of_drive = is_drive_folder(directory)
     written: list[Path] = []
     notes: tuple[str, ...] = ()
+    drives = read_drive_folder(directory) if of_drive and (mcap or osi) else None
     if mcap is not None:
-        if of_drive:
-            folder = read_drive_folder(directory)
-            shown, notes = folder.logged_run(name), folder.notes
-        else:
-            shown, notes = logged_run(run, allow_plugins)
-        notes += write_mcap(mcap, shown)
+        require_foxglove()
+        shown, missing = (
+            logged_run(run, allow_plugins) if drives is None else (drives.logged_run(name), drives.notes)
+        )
+        notes += missing + write_mcap(mcap, shown)
         written.append(mcap)
+    if osi is not None:
+        require_osi()
+        truth, missing = truth_of_run(run) if drives is None else (drives.logged_run(name), drives.notes)
+        trace, left_out = write_osi(osi, truth)
+        notes += missing + left_out
+        written.append(trace)
     films = film.asked_files(gif, mp4)
     if films or not written:
         with counting("drawing", quiet) as done:
@@ -117,5 +132,5 @@ def replay(
                 drawn, film_notes = replay_drive(directory, name, films, fps, speed, done)
             else:
                 drawn, film_notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
-        written, notes = written + drawn, tuple(dict.fromkeys(notes + film_notes))
-    print_written(written, notes, quiet)
+        written, notes = written + drawn, notes + tuple(film_notes)
+    print_written(written, dict.fromkeys(notes), quiet)

@@ -19,10 +19,11 @@ from evaluation.runs.folder import (
     read_setups,
     read_shown_log,
 )
-from evaluation.runs.recordings import is_log_alone, split_run
+from evaluation.runs.recordings import is_log_alone, recording_of_run, split_run
 from evaluation.runs.workers import execute_all
 from evaluation.views.traces.mcap import SUFFIX, write_mcap
 from evaluation.views.traces.run import LoggedRun
+from opendrive import OpenDriveError, load_map
 
 MCAP_FOLDER = "mcap"
 
@@ -40,6 +41,25 @@ def logged_run(run: Path, allow_plugins: bool = False) -> tuple[LoggedRun, tuple
     directory, name = split_run(run)
     folder = read_folder(directory, allow_plugins)
     return _with_setup(directory, folder.row(name), folder.setup(name)), folder.notes
+
+
+def truth_of_run(run: Path) -> tuple[LoggedRun, tuple[str, ...]]:
+    """A run on the map of its scenario, with heights as there, and what is missing; see `recording_of_run`.
+
+    Raises:
+        ResultsError: the log cannot be read.
+    """
+    directory, name = split_run(run)
+    recording = recording_of_run(run)
+    network, notes = None, recording.notes
+    if recording.map_path is not None:
+        try:
+            network = load_map(recording.map_path)
+        except (OpenDriveError, OSError) as error:
+            notes += (f"The map is not known: {' '.join(str(error).split())}",)
+    log = read_shown_log(run if run.is_file() else log_path(directory, name))
+    heights = {identity: other.height_m for identity, other in enumerate(recording.others)}
+    return LoggedRun(name, log, network, height_m=heights), notes
 
 
 def write_run_mcaps(

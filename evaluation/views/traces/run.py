@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +45,7 @@ class LoggedRun:
         strategy: makes the monitored area; None where it is not known.
         start_s: stamp of the log's time 0, seconds since 1970; 0 of a simulated run.
         contact_time_s: when the ego touched another road user; None: never, or not known.
+        height_m: heights of road users by their identity in the log, as far as known.
     """
 
     name: str
@@ -53,6 +54,7 @@ class LoggedRun:
     strategy: MonitoredAreaStrategy | None = None
     start_s: float = 0.0
     contact_time_s: float | None = None
+    height_m: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def start_ns(self) -> int:
