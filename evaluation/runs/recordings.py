@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import numpy as np
 
 from evaluation.results.files import LOGS_FOLDER, RUNS_CSV, RUNS_JSON, ResultsError, log_path
 from evaluation.results.logs import LOG_COLUMNS
-from evaluation.runs.configuration import changed_file, read_configuration
+from evaluation.runs.configuration import StoredRun, changed_file, read_configuration
 from evaluation.runs.folder import read_shown_log
 from scenarios.openscenario.model import EntityDefinition
 from scenarios.recorded.dataset import Objects, Sequence
@@ -73,14 +74,51 @@ def recording_of_run(run: Path) -> RunRecording:
         ResultsError: the log cannot be read.
     """
     folder, name = split_run(run)
+    return _recording(run, folder, name, _StoredRuns(folder))
+
+
+def recordings_of_runs(folder: Path, names: Iterable[str]) -> Iterator[RunRecording]:
+    """Runs of a folder of results by the names of their logs; see `recording_of_run`."""
+    stored = _StoredRuns(folder)
+    for name in names:
+        yield _recording(folder / name, folder, name, stored)
+
+
+class _StoredRuns:
+    """What a folder says of its runs, read once for all of them.
+
+    Args:
+        folder: of results.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self.note, self._runs = folder / RUNS_JSON, "", {}
+        if not self._path.is_file():
+            self.note = "Only the log is known: neither the scenario's map nor its names are."
+            return
+        try:
+            self._runs = {each.spec.log: each for each in read_configuration(folder).runs}
+        except (ValueError, OSError) as error:  # all errors of files are ValueErrors
+            self.note = f"Map and names are not known: {error}"
+
+    def __getitem__(self, name: str) -> StoredRun:
+        """The run of a log.
+
+        Raises:
+            ResultsError: the folder does not have it.
+        """
+        if name not in self._runs:
+            raise ResultsError(f"{self._path} does not have the run {name}")
+        return self._runs[name]
+
+
+def _recording(run: Path, folder: Path, name: str, stored_runs: _StoredRuns) -> RunRecording:
+    """See `recording_of_run`."""
     log = read_shown_log(run if run.is_file() else log_path(folder, name))
-    if not (folder / RUNS_JSON).is_file():
-        note = "Only the log is known: neither the scenario's map nor its names are."
-        return recording_of_log(log, name, notes=(note,))
+    if stored_runs.note:
+        return recording_of_log(log, name, notes=(stored_runs.note,))
     try:
-        stored = next((each for each in read_configuration(folder).runs if each.spec.log == name), None)
-        if stored is None:
-            raise ResultsError(f"{folder / RUNS_JSON} does not have the run {name}")
+        stored = stored_runs[name]
         if (changed := changed_file(stored)) is not None:
             raise ResultsError(changed)
         definition = definition_of(stored.spec)
@@ -104,6 +142,9 @@ def recording_of_log(
     actors = log[log["kind"] == "actor"].drop_duplicates(["time_s", "id"], keep="last")
     actors = actors[actors["time_s"].isin(stamp_s)]
     identity = actors["id"].to_numpy(np.int64)
+    strangers = identity[(identity < 0) | (identity >= len(others))] if others else identity[:0]
+    if len(strangers):
+        raise ResultsError(f"log {name}: actor {strangers[0]} is none of the scenario's {len(others)} others")
     yaw, speed = (actors[name].to_numpy(np.float64) for name in ("yaw_rad", "speed_mps"))
     columns = {"height_m": np.array([others[i].height_m for i in identity.tolist()])} if others else {}
     labels = Objects.of(

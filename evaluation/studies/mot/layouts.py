@@ -10,7 +10,7 @@ from pathlib import Path
 from evaluation.errors import ArgumentError
 from evaluation.results.files import RUNS_CSV, write_bytes
 from evaluation.results.rows import read_runs
-from evaluation.runs.recordings import is_run, recording_of_run
+from evaluation.runs.recordings import is_run, recording_of_run, recordings_of_runs
 from evaluation.studies.mot.run import chosen
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
 from scenarios.recorded.formats import read_dataset
@@ -64,13 +64,13 @@ def write_layout(
 
 def _runs(source: Path) -> tuple[list[Sequence], list[str]]:
     """The runs of a folder that have a log, or the one that is named."""
-    runs = [source]
     if (source / RUNS_CSV).is_file():
-        runs = [source / str(log) for log in read_runs(source)["log"].dropna()]
+        recordings = recordings_of_runs(source, map(str, read_runs(source)["log"].dropna()))
+    else:
+        recordings = iter([recording_of_run(source)])
     sequences: list[Sequence] = []
     notes: list[str] = []
-    for run in runs:
-        recording = recording_of_run(run)
+    for recording in recordings:
         sequences.append(recording.sequence)
         notes += recording.notes
         if not recording.others:
