@@ -4,7 +4,7 @@ Files of a folder (docs/mot.md says what each column means)::
 
     detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
                      [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
-    labels.csv       the same with track_id [, ignored]      (optional)
+    labels.csv       the same with track_id [, ignored]      (optional; enough alone)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
 
 Parquet files with the same names and columns are read alike. `classes.csv` says what other names of
@@ -85,11 +85,15 @@ def read_csv(folder: Path, columns: Columns | None = None) -> Dataset:
             notes.append("the table has identities: its rows are labels as well as detections")
     else:
         classes = read_classes(path.parent, classes)
-        tables = {"detections": _table(path, _BOX, classes, frame_s)}
+        tables = {}
+        if path.is_file() or not is_given(stored(path.parent, LABELS)):
+            tables["detections"] = _table(path, _BOX, classes, frame_s)
     for name, needed in ((LABELS, (*_BOX, "track_id")), (EGO, (*_STILL, "yaw_rad"))):
         file = stored(path.parent, name)
         if name not in tables and file != path and is_given(file):
             tables[name] = _table(file, needed, classes, frame_s)
+    if "detections" not in tables:
+        tables["detections"] = tables[LABELS].rows(np.zeros(len(tables[LABELS]), dtype=np.bool_))
     if EGO not in tables and len({_stands_still(table) for table in tables.values()}) > 1:
         raise DatasetError(f"{path.parent}: detections and labels are in different frames; {EGO} is needed")
     names = list(dict.fromkeys(name for table in tables.values() for name in table["sequence"].tolist()))

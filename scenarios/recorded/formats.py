@@ -7,7 +7,7 @@ from pathlib import Path
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.argoverse.reader import POSES, is_argoverse, read_argoverse
-from scenarios.recorded.csv_files import DETECTIONS, read_csv, stored
+from scenarios.recorded.csv_files import DETECTIONS, LABELS, read_csv, stored
 from scenarios.recorded.dataset import Dataset
 from scenarios.recorded.kitti import read_kitti
 from scenarios.recorded.nuscenes import read_nuscenes
@@ -67,9 +67,9 @@ def _recognised(folder: Path) -> str:
         return "argoverse"
     if folder.is_file():
         return "csv" if folder.suffix in (".csv", SUFFIX) else "nuscenes"
-    if (folder / "detections").is_dir():
+    if (folder / "detections").is_dir() or (folder / "label_02").is_dir():
         return "kitti"
-    if stored(folder, DETECTIONS).is_file():
+    if stored(folder, DETECTIONS).is_file() or stored(folder, LABELS).is_file():
         return "csv"
     if any(folder.glob("*.json")) or any(folder.glob("v1.0-*/sample.json")):
         return "nuscenes"

@@ -3,7 +3,8 @@
 Layout of the folder, every file per sequence::
 
     detections/<Class>/<seq>.txt   frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha     (AB3DMOT)
-    detections/<seq>.txt           or KITTI tracking text; without its last field, the score, that is 1
+    detections/<seq>.txt           or KITTI tracking text; without its last field, the score, that is 1;
+                                   without the folder there are labels alone
     calib/<seq>.txt                row P2                                               (optional)
     ego_pose/<seq>.txt             3 x 4 pose of the camera in the first camera's frame (optional)
     oxts/<seq>.txt                 or KITTI's GPS and IMU records                       (optional)
@@ -94,12 +95,17 @@ def read_kitti(folder: Path) -> Dataset:
     """
     lengths = _sequence_map(folder)
     files = _detection_files(folder)
-    names = list(lengths) if lengths else sorted(files)
+    labels_only = not (folder / "detections").is_dir() and is_given_folder(folder / "label_02")
+    stems = (path.stem for path in (folder / "label_02").glob("*.txt")) if labels_only else files
+    names = list(lengths) if lengths else sorted(stems)
     if not names:
         raise DatasetError(f"{folder}: no detections/*/<seq>.txt or detections/<seq>.txt (see docs/mot.md)")
     classes = read_classes(folder, CATEGORY_OF_TYPE)
     sequences = [
-        _read_sequence(folder, name, files.get(name, []), lengths.get(name), classes) for name in names
+        _read_sequence(
+            folder, name, [] if labels_only else _files_of(folder, files, name), lengths.get(name), classes
+        )
+        for name in names
     ]
     notes = []
     if all(s.world_SE3_ego is None for s in sequences):
@@ -143,14 +149,19 @@ def _detection_files(folder: Path) -> dict[str, list[Path]]:
     return files
 
 
+def _files_of(folder: Path, files: dict[str, list[Path]], name: str) -> list[Path]:
+    """The detection files of a sequence, of which there has to be one."""
+    if name not in files:
+        raise DatasetError(
+            f"{folder / 'detections'}: no file {name}.txt; write an empty one for no detections"
+        )
+    return files[name]
+
+
 def _read_sequence(
     folder: Path, name: str, files: list[Path], length: int | None, classes: ClassMap
 ) -> Sequence:
     """One sequence of all folders; without a seqmap it is as long as what is known of it."""
-    if not files:
-        raise DatasetError(
-            f"{folder / 'detections'}: no file {name}.txt; write an empty one for no detections"
-        )
     tables = [_detection_table(path) for path in files]
     label_path = folder / "label_02" / f"{name}.txt"
     label_table = None
@@ -279,6 +290,8 @@ def tracking_text(sequence: Sequence, tracks: Objects) -> str:
 
 def _joined(parts: list[Objects]) -> Objects:
     """Rows of several values as one."""
+    if not parts:
+        return Objects.empty()
     if len(parts) == 1:
         return parts[0]
     names = ("frame", "category", "kind", "score", "center_m", "size_m", "yaw_rad", "bottom_m", "height_m")

@@ -19,7 +19,7 @@ from pyarrow import feather
 from benchmarks.fuzz_inputs import BASES, damage_bytes, damage_structure
 from scenarios.errors import DatasetError
 from scenarios.recorded import textfile
-from scenarios.recorded.dataset import Dataset
+from scenarios.recorded.dataset import Dataset, labels_as_detections
 from scenarios.recorded.formats import read_dataset
 
 FORMATS = {
@@ -323,6 +323,30 @@ def test_labels_in_any_order_are_the_same(copy: Callable[[str], Path]) -> None:
     assert after is not None
     order_before, order_after = (np.lexsort((each.object_id, each.frame)) for each in (before, after))
     assert np.array_equal(before.center_m[order_before], after.center_m[order_after])
+
+
+@pytest.mark.parametrize(
+    ("name", "detections"),
+    [("CSV", "detections.csv"), ("Parquet", "detections.parquet"), ("KITTI", "detections")],
+)
+def test_without_a_detector_s_output_there_are_labels_alone(
+    name: str, detections: str, copy: Callable[[str], Path]
+) -> None:
+    folder = copy(name)
+    before = read(folder, name).sequences[0]
+    gone = folder / detections
+    shutil.rmtree(gone) if gone.is_dir() else gone.unlink()
+    data = read_dataset(folder)
+    assert data.kind == FORMATS[name]
+    [sequence] = data.sequences
+    assert len(sequence.detections) == 0
+    assert sequence.labels is not None
+    assert before.labels is not None
+    assert before.world_SE3_ego is not None
+    assert np.array_equal(sequence.labels.center_m, before.labels.center_m)
+    assert np.array_equal(sequence.stamp_s, before.stamp_s)
+    assert np.array_equal(sequence.world_SE3_ego, before.world_SE3_ego)
+    assert len(labels_as_detections(data).sequences[0].detections) == len(before.labels)
 
 
 # --- sizes --------------------------------------------------------------------------------------------------
