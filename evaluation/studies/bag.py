@@ -27,6 +27,8 @@ from scenarios.sources.requests import Request
 WINDOW_NS = 1_000_000_000
 """Recorders write messages of several topics out of order by less than that."""
 _SHOWN_NAMES = 5
+_TOLD_EVERY = 100
+"""Messages between two looks at the progress bar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +167,8 @@ class _Stream:
                     require_readable(topic)
             for number, raw in enumerate(self._in_order()):
                 yield decoded(raw), raw.topic.name.endswith(STATIC_TRANSFORMS)
-                self._progress(number + 1, total)
+                if number % _TOLD_EVERY == 0:
+                    self._progress(number + 1, total)
         except ReadError as error:
             raise DatasetError(f"{self._bag.path}: {error}") from None
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -59,13 +61,11 @@ class BagWriter:
         # rosbags names the file after the folder, which is therefore made inside another
         self._scratch = path.parent / f".{path.name}.unfinished"
         plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-        try:
+        with _telling(path):
             shutil.rmtree(self._scratch, ignore_errors=True)
             self._scratch.mkdir(parents=True)
             self._writer = Writer(self._scratch / path.name, version=9, storage_plugin=plugin)
             self._writer.open()
-        except OSError as error:
-            raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
         self._connections = {
             topic: self._writer.add_connection(
                 topic.name,
@@ -81,7 +81,8 @@ class BagWriter:
         time_ns = published_time_ns(output)
         for topic, message in self._maker.messages(output):
             data = self._types.serialize_cdr(message, topic.type_name)
-            self._writer.write(self._connections[topic], time_ns, data)
+            with _telling(self.path):
+                self._writer.write(self._connections[topic], time_ns, data)
             self.count += 1
 
     def __enter__(self) -> Self:
@@ -93,19 +94,32 @@ class BagWriter:
         """Finish the bag; after an error nothing of it stays."""
         try:
             if kind is None:
-                if not self.count:  # rosbags would write the greatest of all times
-                    self._writer.min_timestamp = 0
-                self._writer.close()
-                folder = self._scratch / self.path.name
-                single = self.path.suffix in STORAGES.values()
-                (next(folder.glob(f"*{self.path.suffix}")) if single else folder).rename(self.path)
+                with _telling(self.path):
+                    self._finish()
             else:
                 with contextlib.suppress(Exception):  # the first error is the one to tell
                     self._writer.abort()
-        except OSError as problem:
-            raise DatasetError(f"{self.path}: cannot be written ({problem.strerror or problem})") from None
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
+
+    def _finish(self) -> None:
+        if not self.count:  # rosbags would write the greatest of all times
+            self._writer.min_timestamp = 0
+        self._writer.close()
+        folder = self._scratch / self.path.name
+        single = self.path.suffix in STORAGES.values()
+        (next(folder.glob(f"*{self.path.suffix}")) if single else folder).rename(self.path)
+
+
+@contextlib.contextmanager
+def _telling(path: Path) -> Iterator[None]:
+    """Faults of the disk as a `DatasetError` with the bag's path."""
+    try:
+        yield
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
+    except sqlite3.Error as error:
+        raise DatasetError(f"{path}: cannot be written ({error})") from None
 
 
 def _storage(path: Path, asked: str | None) -> str:

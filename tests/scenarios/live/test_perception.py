@@ -104,6 +104,30 @@ def test_jitter_of_arrival_changes_nothing(delays: list[int], strategy: str) -> 
         assert a.decision.nearest_m == b.decision.nearest_m
 
 
+@given(ticks=st.lists(st.floats(0.0, 1.2), max_size=30))
+@settings(max_examples=5, deadline=None)
+def test_a_timer_between_the_messages_changes_nothing(ticks: list[float]) -> None:
+    """Frames that wait in vain are answered as they would be with the next message."""
+    messages = [
+        message
+        for message in straight(24, crossing)
+        if isinstance(message, DetectionMessage) or not ns(0.4) < message.received_ns < ns(0.8)
+    ]
+    expected, _ = outputs_of(messages, SETTINGS)
+    perception = LivePerception(SETTINGS)
+    outputs: list[object] = []
+    times = sorted(ns(tick) for tick in ticks)
+    for message in messages:
+        while times and times[0] < message.received_ns:
+            outputs += perception.advance(times.pop(0))
+        outputs += perception.take(message)
+    outputs += perception.finish()
+    assert perception.counts.carried > 0 < perception.counts.without_pose
+    a, b = ([o for o in each if isinstance(o, FrameOutput)] for each in (expected, outputs))
+    assert [f.stamp_ns for f in a] == [f.stamp_ns for f in b]
+    assert all(np.array_equal(x.tracks.center_m, y.tracks.center_m) for x, y in zip(a, b, strict=True))
+
+
 def test_a_frame_waits_for_a_pose_that_is_not_older_and_then_carries_the_last_one_on() -> None:
     perception = LivePerception(SETTINGS)
     assert perception.take(odometry(0.0, (0.0, 0.0, 0.0), 10.0)) == []
