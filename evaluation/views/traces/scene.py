@@ -33,7 +33,7 @@ from evaluation.views.plots.ground import (
     OTHER_LANE_COLOUR,
     Area,
 )
-from evaluation.views.plots.objects import EGO_COLOUR, TRACK_COLOURS
+from evaluation.views.plots.objects import TRACK_COLOURS
 from evaluation.views.plots.style import GREY
 from evaluation.views.traces.lanes import NearLanes
 from evaluation.views.traces.run import HEIGHTS_M, NANOSECONDS, TimedRows
@@ -43,8 +43,10 @@ from smartmot.types import FloatArray
 MAP, BASE_LINK = "map", "base_link"
 """Frames: that of the map, and the middle of the ego's box on the ground, x ahead."""
 
+EGO_COLOUR, TEXT_COLOUR = "#b98cff", "#a8a8a8"
 ACTOR_COLOURS = {"target": "#e8d44d", "other": "#d8d8d8"}
 DETECTION_COLOURS = {"kept": "#ffffff", "dropped": "#8c8c8c"}
+"""Colours for dark grounds, which viewers have by default; those of tracks are those of pages and films."""
 _FOOTPRINT_M = 0.02
 """Height of boxes of forecasts, which lie on the ground."""
 _LINE_PX, _TEXT_PX = 2.0, 13.0
@@ -297,7 +299,7 @@ def _text(x_m: float, y_m: float, z_m: float, text: str) -> TextPrimitive:
         billboard=True,
         font_size=_TEXT_PX,
         scale_invariant=True,
-        color=_colour("#ffffff", 1.0),
+        color=_colour(TEXT_COLOUR, 1.0),
         text=text,
     )
 
