@@ -38,6 +38,8 @@ _NOTE_LINE_IN = 0.125
 _LINES: tuple[LineStyle, ...] = ("-", "--", ":")
 _MARKER_PT, _LINE_PT, _WIDER_PT = 4.5, 1.3, 3.0
 """Size of markers, width of lines, and how much both grow for each curve that would hide a curve."""
+_RIM_PT = 1.0
+"""Of free paper around a marker, which no text should cover."""
 _SAME = 0.005
 """Shares nearer than this fall on one another."""
 PAPER_WIDTHS = {"map": 1.8, "rectangular": 2.6}
@@ -208,7 +210,7 @@ def _curve(
         markerfacecolor="none", markeredgecolor=colour, markeredgewidth=0.8,
     )  # fmt: skip
     values = [f"{value:g}" for value in curve.values] or [""] * len(x)
-    return [Mark(*mark, colour) for mark in zip(x, y, values, strict=True)]
+    return [Mark(*mark, colour, 0.5 * size_pt + _RIM_PT) for mark in zip(x, y, values, strict=True)]
 
 
 def ablation(rows: Sequence[Summary], title: str) -> Figure:

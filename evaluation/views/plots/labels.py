@@ -244,12 +244,13 @@ _ROUNDS = 4
 
 
 class Mark(NamedTuple):
-    """A point of a curve, in data coordinates, and the value written beside it."""
+    """A point of a curve, in data coordinates, the value written beside it, and half its width."""
 
     x: float
     y: float
     text: str
     colour: str
+    radius_pt: float = _POINT_PT
 
 
 def write_values(
@@ -315,7 +316,7 @@ def write_values(
     of_names = boxes[len(words) :]
     clear = (
         (_overlaps(of_names, boxes) == 1).all()
-        and (_distance(of_names, curves.at) > _POINT_PT * curves.pixel).all()
+        and (_distance(of_names, curves.at) > curves.radius).all()
         and (of_names[:, :2] > frame.min).all()
         and (of_names[:, 2:] < frame.max).all()
     )
@@ -339,6 +340,7 @@ class _Curves:
         self.pixel = pixel
         self.marks = [mark for line in lines for mark in line]
         self.at: FloatArray = axes.transData.transform([(mark.x, mark.y) for mark in self.marks])
+        self.radius = np.array([mark.radius_pt for mark in self.marks]) * pixel
         self.line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
         pieces, self.piece_of = [np.empty((0, 2))], np.empty(0, dtype=int)
         for line in np.unique(self.line_of):
@@ -370,7 +372,7 @@ class _Curves:
         # between a text and its point there should be no other curve either
         strange = self.pieces[~np.isin(self.piece_of, self.line_of[group])]
         between = np.hstack([np.minimum(boxes[:, :2], at), np.maximum(boxes[:, 2:], at)])
-        hidden = (_distance(boxes, self.at) < _POINT_PT * self.pixel).sum(axis=-1)
+        hidden = (_distance(boxes, self.at) < self.radius).sum(axis=-1)
         covered = (_distance(boxes, self.pieces) < _CURVE_PT * self.pixel).sum(axis=-1) + (
             _distance(between, strange) == 0.0
         ).sum(axis=-1)

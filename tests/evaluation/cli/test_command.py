@@ -541,6 +541,7 @@ def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPa
         (("--growth", "--weather", "dry,rain"), "--growth: takes one --weather, and neither"),
         (("--growth", "--scenes", "two at once"), "--growth: takes one --weather, and neither"),
         (("--growth", "--vary", "margin_m=1"), "exclude one another"),
+        (("--growth", "--ablation"), "exclude one another"),
         (("--maps", "."), "--maps: only --full runs scenes on outer maps; add --full"),
         (("--full", "--maps", "nowhere"), "--maps: nowhere is no folder"),
         (("--full", "--scenes", "crosses"), "only outer maps have crosses: give their folder with --maps"),

@@ -97,7 +97,7 @@ def test_a_killed_comparison_goes_on(tmp_path: Path) -> None:
     for folder in (out, again):
         make(folder, strategies=("all",), vary={}, seeds=2)
     keys = [json.loads(line)["key"] for line in (out / RUNS).read_text().splitlines()]
-    assert before < len(keys) == len(set(keys)) == 3 * 2
+    assert before < len(keys) == len(set(keys)) == 3 * 2 * 2  # scenes, points and seeds
     assert (out / "table.md").read_bytes() == (again / "table.md").read_bytes()
     assert (out / "runs.csv").read_bytes() == (again / "runs.csv").read_bytes()
 
@@ -171,7 +171,9 @@ def test_a_point_without_width_is_a_curve_of_its_own() -> None:
     runs = [measured("map", text, must, 0, False) for text in texts for must in ("brake", "nothing")]
     points = [Point("map"), Point("map", (("margin_m", 1.0),)), Point("map", (("margin_m", 2.0),))]
     assert [curve.values for curve in curves(summaries(runs), points)] == [(), (1.0, 2.0)]
-    assert len(answer(summaries(runs), points)) == 1
+    preset, along = answer(summaries(runs), points)
+    assert preset.startswith("map, as the preset has it: ")
+    assert along.startswith("map: of 2 values")
 
 
 def test_usual_points_are_those_of_the_preset() -> None:
@@ -197,7 +199,7 @@ def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> 
     assert "| map margin_m=1.8 | rectangular |" in text
     alone = tmp_path / "alone"
     alone.mkdir()
-    make(alone, strategies=("all",), vary={}, scenes=SCENES[:1])
+    make(alone, strategies=("all",), vary={"motion": ("ctrv",)}, scenes=SCENES[:1])
     text = (alone / "table.md").read_text()
     assert text.count("With one seed there are none over the seeds.") == 1
     assert "## Over the seeds" not in text
@@ -210,13 +212,6 @@ def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> 
     text = (same / "table.md").read_text()
     assert "the strategies do not differ" in text
     assert "## Differences" not in text
-
-
-def test_options_that_exclude_one_another(tmp_path: Path) -> None:
-    from evaluation.cli.compare import command
-
-    with pytest.raises(ArgumentError, match="exclude one another"):
-        command(ablation=True, growth=True, out=tmp_path, scenes=None)
 
 
 def test_figures_come_in_every_format_and_twice_the_same(tmp_path: Path) -> None:
