@@ -22,6 +22,12 @@ _REASONS = {
     "the ego stands": "the ego stands or reverses",
 }
 
+_QUIET = {
+    False: "The brake was never requested.",
+    True: "The brake was requested only of an ego that stood or reversed, of which it asks nothing.",
+}
+"""By whether there are requests at all."""
+
 
 def explain_drive(frames: LogFrames, events: Sequence[Mapping[str, str]]) -> Account:
     """Say what happened on a drive.
@@ -40,7 +46,7 @@ def explain_drive(frames: LogFrames, events: Sequence[Mapping[str, str]]) -> Acc
         outcome=", ".join(counts) or "no request",
         kind="false" if false else "cut" if undecided else "pass",
         must="",
-        finding=" ".join(map(_sentence, [*false, *undecided])) or "The brake was never requested.",
+        finding=" ".join(map(_sentence, [*false, *undecided])) or _QUIET[bool(emergencies)],
         why="",
         false_activation=bool(false) or (None if undecided else False),
         unnecessary=False,
