@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -23,13 +24,16 @@ from evaluation.results.rows import read_runs
 from evaluation.runs.folder import read_folder
 from evaluation.views.traces import mcap as writer
 from evaluation.views.traces.folders import logged_run, write_run_mcaps
+from evaluation.views.traces.lanes import REACH_M, lanes_near
 from evaluation.views.traces.mcap import mcap_bytes, write_mcap
 from evaluation.views.traces.run import LoggedRun
+from opendrive import load_map
 from smartmot.area import EverythingArea
 from smartmot.types import EgoState
 
 EGO = ("x_m", "y_m", "yaw_rad", "speed_mps", "accel_mps2")
 Topics = dict[str, list[tuple[int, Any]]]
+MAPS = Path(__file__).parents[4] / "scenarios" / "maps"
 NAME = "CPNA_{}_dry_static_60kmh_seed0"
 
 
@@ -186,7 +190,8 @@ def test_lanes_and_areas_are_outlines(run: LoggedRun, topics: Topics, folder: Pa
     for k, (road, section, number) in enumerate(network.lanes.key):
         line = lanes[f"lane {road}/{section}/{number}"].lines[0]
         outline = network.lane_polygon(k, network.lanes.s_start_m[k], network.lanes.s_end_m[k])
-        assert np.array([(p.x, p.y) for p in line.points]) == pytest.approx(outline, abs=1e-9)
+        drawn = shapely.Polygon([(p.x, p.y) for p in line.points])
+        assert shapely.equals_exact(drawn, shapely.Polygon(outline), tolerance=1e-9, normalize=True)
     roles = {entity.id for _, update in topics["/monitored_area"] for entity in update.entities}
     assert roles == {"rectangle"} if "rectangular" in run.name else "current" in roles
 
@@ -202,6 +207,20 @@ def test_monitored_areas_are_those_of_the_strategy(run: LoggedRun, topics: Topic
     found = sorted([(p.x, p.y) for p in ring] for ring in rings)
     for ring, other in zip(found, sorted(map(np.ndarray.tolist, expected)), strict=True):
         assert np.array(ring) == pytest.approx(np.array(other), abs=1e-9)
+
+
+def test_of_a_great_map_only_what_is_near_is_written() -> None:
+    """The ego stands so far to the left of a map that its leftmost lanes alone are within reach."""
+    network = load_map(MAPS / "urban_intersection.xodr")
+    left, low, right, high = network.bounds
+    everything = lanes_near(network, np.array([[left, low], [right, high]]))
+    assert everything.notes == ()
+    corner = np.array([[left - REACH_M + 1.0, 0.5 * (low + high)]])
+    near = lanes_near(network, corner)
+    assert 0 < len(near.lane) < len(everything.lane)
+    assert near.left_out == len(everything.lane) - len(near.lane)
+    assert near.notes[0].startswith(f"{near.left_out} of {len(everything.lane)} lanes")
+    assert all(outline[:, 0].min() <= left + 1.0 for outline in near.outline_m)
 
 
 def test_a_contact_is_an_event(folder: Path) -> None:
