@@ -12,6 +12,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from scenarios.reading import ReadError, shown
+from scenarios.settings import Settings
 from scenarios.spec import RunSpec
 from smartmot.errors import SmartMotError
 from smartmot.filters.motion_models import ConstantAcceleration, ConstantVelocity, LinearMotion
@@ -155,9 +156,18 @@ def decoded_spec(values: Mapping[str, Any], where: str, defaults: bool = False) 
     plain = {name: value for name, value in values.items() if name not in ("parameters", "settings")}
     spec = decode(RunSpec, plain | {"parameters": [], "settings": []}, where, defaults)
     parameters = object_of(values.get("parameters"), f"{where}.parameters")
-    settings = object_of(values.get("settings", {}), f"{where}.settings")
+    known = decoded_settings(values.get("settings", {}), f"{where}.settings")
+    return replace(spec, parameters=tuple(sorted(parameters.items())), settings=known)
+
+
+def decoded_settings(values: object, where: str) -> Settings:
+    """Settings from an object of JSON with their values by name.
+
+    Raises:
+        ReadError: a value is neither a number nor a text.
+    """
+    settings = object_of(values, where)
     for name, value in settings.items():
         if not is_scalar(value) or isinstance(value, bool):
-            raise ReadError(f"{where}.settings.{name} must be a number or a text, got {shown(value)}")
-    known = tuple((name, math.inf if value == NO_LIMIT else value) for name, value in settings.items())
-    return replace(spec, parameters=tuple(sorted(parameters.items())), settings=known)
+            raise ReadError(f"{where}.{name} must be a number or a text, got {shown(value)}")
+    return tuple((name, math.inf if value == NO_LIMIT else value) for name, value in settings.items())

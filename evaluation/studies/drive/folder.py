@@ -11,11 +11,12 @@ from pathlib import Path
 
 from evaluation.results.files import DRIVES_CSV, ResultsError, log_path, require_columns, require_file
 from evaluation.results.logs import GREATEST
-from evaluation.runs.decoding import decode, list_of, object_of
+from evaluation.runs.decoding import decode, decoded_settings, list_of, object_of
 from evaluation.runs.folder import read_shown_log
 from evaluation.studies.drive.account import explain_drive
 from evaluation.studies.drive.drive import DrivenArea, DriveSpec, drivable, driven_area
 from evaluation.studies.drive.measures import ALL
+from evaluation.studies.drive.parameters import ordered
 from evaluation.studies.drive.study import VEHICLE
 from evaluation.studies.drive.tables import (
     DRIVE_COLUMNS,
@@ -293,7 +294,10 @@ def _specs_of(stored: Mapping[str, object]) -> Iterator[tuple[tuple[str, str], D
     """How drives were seen, by strategy and settings; those of the user's own strategies are left out."""
     for k, listed in enumerate(list_of(stored.get("specs"), "specs")):
         values = {**object_of(listed, f"specs[{k}]"), VEHICLE: dataclasses.asdict(Vehicle())}
-        spec = decode(DriveSpec, values, f"specs[{k}]")
+        settings = decoded_settings(values.get("settings"), f"specs[{k}].settings")
+        spec = replace(
+            decode(DriveSpec, values | {"settings": []}, f"specs[{k}]"), settings=ordered(settings)
+        )
         if not is_plugin(spec.strategy):
             of_area = tuple((name, value) for name, value in spec.settings if name not in _OF_DECISIONS)
             yield (spec.strategy, spec.text), replace(spec, rule="", settings=of_area)

@@ -61,12 +61,14 @@ def settings_of(strategies: Sequence[str], vary: Vary) -> list[tuple[str, Settin
     The planned path of a recording is the way that was driven.
     The settings stand in the order of `PARAMETERS`, without the brake rule.
     """
-    order = {name: k for k, name in enumerate(PARAMETERS)}
     fair = tuple((name, value) for name, value in FAIR if name not in vary)
-    return [
-        (point.strategy, tuple(sorted((*fair, *point.settings), key=lambda setting: order[setting[0]])))
-        for point in points_of(strategies, vary)
-    ]
+    return [(point.strategy, ordered((*fair, *point.settings))) for point in points_of(strategies, vary)]
+
+
+def ordered(settings: Settings) -> Settings:
+    """Settings in the order of `PARAMETERS`; what is none of these stands first."""
+    order = {name: k for k, name in enumerate(PARAMETERS)}
+    return tuple(sorted(settings, key=lambda setting: order.get(setting[0], -1)))
 
 
 def with_rules(

@@ -256,14 +256,15 @@ def _configuration(study: DriveStudy, out: Path) -> dict[str, object]:
             for recording in study.recordings
         ],
         "columns": options.source.columns,
-        "specs": [_spec_values(spec) for spec in study.specs],
+        "specs": [spec_values(spec) for spec in study.specs],
         "notes": study.notes,
     }
 
 
-def _spec_values(spec: DriveSpec) -> dict[str, object]:
+def spec_values(spec: DriveSpec) -> dict[str, object]:
     """A spec without the vehicle, which belongs to the recording."""
-    return {entry.name: getattr(spec, entry.name) for entry in fields(spec) if entry.name != VEHICLE}
+    values = {entry.name: getattr(spec, entry.name) for entry in fields(spec) if entry.name != VEHICLE}
+    return values | {"settings": dict(spec.settings)}
 
 
 def _name_of(path: Path, out: Path) -> str:

@@ -33,7 +33,7 @@ from evaluation.studies.drive.side_by_side.pairs import (
     told_power,
 )
 from evaluation.studies.drive.side_by_side.totals import told_exposure, totals_csv, totals_table
-from evaluation.studies.drive.study import VEHICLE, DriveStudy, Options, prepare
+from evaluation.studies.drive.study import VEHICLE, DriveStudy, Options, prepare, spec_values
 from evaluation.studies.drive.tables import EVENTS_CSV, common_settings
 from evaluation.studies.study import Finished, Study
 from scenarios.recorded.dataset import Objects, Sequence
@@ -170,8 +170,7 @@ class SideBySide:
 
     def _configuration(self, specs: Many[DriveSpec]) -> bytes:
         """How the drives were seen, as JSON."""
-        names = [field.name for field in dataclasses.fields(DriveSpec) if field.name != VEHICLE]
-        values = [{name: getattr(spec, name) for name in names} for spec in specs]
+        values = [spec_values(spec) for spec in specs]
         return configuration_json(
             {"command": "compare --drives", "versions": versions(), "drives": self.drives, "specs": values}
         )

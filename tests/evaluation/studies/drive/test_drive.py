@@ -16,6 +16,7 @@ from evaluation.progress import Progress
 from evaluation.results.logs import read_log, write_log
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out, drivable
 from evaluation.studies.drive.exposure import Exposure, exposure_of, total
+from evaluation.studies.drive.folder import read_drive_folder
 from evaluation.studies.drive.measures import ALL
 from evaluation.studies.drive.recordings import Source
 from evaluation.studies.drive.study import Options, drive_all, prepare
@@ -220,7 +221,15 @@ def test_settings_are_rows_of_their_own_in_every_file(
     ]  # fmt: skip
     assert len({row["log"] for row in rows}) == 6
     assert {event["settings"] for event in rows_of(out / "events.csv")} <= {row["settings"] for row in rows}
-    assert "rectangular, half_width_m=0.5, paper" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "rectangular, half_width_m=0.5, paper" in page
+    assert "are not drawn" not in page
+    folder = read_drive_folder(out)
+    widths = {
+        view.row["settings"].partition(",")[0]: float(np.ptp(view.frames.areas(0)[0][1][:, 1]))
+        for view in (folder.view(row["log"]) for row in rows if row["strategy"] == "rectangular")
+    }
+    assert widths == {"half_width_m=0.5": pytest.approx(1.0), "half_width_m=2.6": pytest.approx(5.2)}
     assert "| rectangular | half_width_m=0.5 | paper |" in (out / "table.md").read_text()
 
 
