@@ -371,11 +371,23 @@ sys.meta_path.insert(0, _Moved())
 
 def main() -> None:
     """Entry point: the command; or one line and status 2 where a package of ours is not the one found."""
-    for name in PACKAGES:
-        message = foreign(name)
-        if message is not None:
-            print(f"smartmot-eval: {message}", file=sys.stderr)  # noqa: T201 - nothing else is loaded yet
-            sys.exit(2)
+    _require_ours("smartmot-eval")
     from evaluation.cli import main as command
 
     command()
+
+
+def ros_main() -> None:
+    """Entry point of the live node; see `main`."""
+    _require_ours("smartmot-ros")
+    from scenarios.live.node.command import main as command
+
+    command()
+
+
+def _require_ours(command: str) -> None:
+    for name in PACKAGES:
+        message = foreign(name)
+        if message is not None:
+            print(f"{command}: {message}", file=sys.stderr)  # noqa: T201 - nothing else is loaded yet
+            sys.exit(2)

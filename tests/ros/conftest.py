@@ -2,8 +2,11 @@
 
 import os
 import warnings
+from collections.abc import Iterator
 
 import pytest
+
+from tests.ros.peer import Peer
 
 REQUIRED = os.environ.get("SMARTMOT_ROS") == "required"
 
@@ -19,3 +22,9 @@ def ros2() -> None:
         warnings.simplefilter("ignore", DeprecationWarning)  # of rosidl's parser about a module of Python
         import rosidl_generator_py
     assert rosidl_generator_py.__name__
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    with Peer() as made:
+        yield made

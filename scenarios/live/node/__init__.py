@@ -1,0 +1,1 @@
+"""`smartmot-ros`: perception as a live node of ROS 2."""
