@@ -222,6 +222,8 @@ def refuse_comparison(path: Path) -> None:
     inside = path / "runs"
     if (inside / RUNS_CSV).is_file():
         raise ResultsError(f"{path}: a comparison over scenes; its logged runs are in {inside}")
+    if (path / "occasions.csv").is_file():
+        raise ResultsError(f"{path}: a comparison on recorded drives, which has no logs; drive writes them")
     raise ResultsError(f"{path}: a comparison over scenes without logs; make them with compare --logs")
 
 

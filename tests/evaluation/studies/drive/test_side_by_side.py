@@ -256,6 +256,11 @@ def test_command_compares_on_drives(
     assert len(pd.read_csv(out / "runs.csv")) == 6
     again = run("compare", "--drives", data, "--strategies", "path,rectangular", "--out", out, *asked)
     assert "6 drives, 6 of them from before" in again.out
+    shown = run("report", out)
+    assert (
+        shown.err
+        == f"smartmot-eval: {out}: a comparison on recorded drives, which has no logs; drive writes them\n"
+    )
 
 
 @pytest.mark.parametrize(
