@@ -144,9 +144,9 @@ class LivePerception:
         Returns:
             What can be published now: frames that have waited long enough, and a status every second.
         """
-        if self._now_ns is None:
-            self._status_ns = now_ns + _DIAGNOSTICS_NS
-        self._now_ns = now_ns if self._now_ns is None else max(self._now_ns, now_ns)
+        if self._now_ns is None or now_ns < self._now_ns - _DIAGNOSTICS_NS:  # a simulation begins anew
+            self._now_ns, self._status_ns = now_ns, now_ns + _DIAGNOSTICS_NS
+        self._now_ns = max(self._now_ns, now_ns)
         outputs: list[Output] = list(self._answers(self._now_ns))
         if self._now_ns >= self._status_ns:
             due_ns = self._now_ns - (self._now_ns - self._status_ns) % _DIAGNOSTICS_NS

@@ -256,6 +256,18 @@ def test_after_time_went_back_all_begins_anew() -> None:
     assert frames[40].tracks.track_id.tolist() == [2]
 
 
+def test_a_clock_that_is_set_back_is_followed() -> None:
+    """A simulation begins anew: a status each second, and frames wait for poses that come after them."""
+    drive = straight(80, lambda t: [car(40.0, 0.0)])
+    drive = received([later(m, 20_000_000) if isinstance(m, OdometryMessage) else m for m in drive])
+    outputs, perception = outputs_of([*drive, *drive], SETTINGS)
+    statuses = [output.stamp_ns for output in outputs if isinstance(output, Diagnostics)]
+    assert [stamp - ns(0.0) for stamp in statuses[:3]] == [1_000_000_000, 2_000_000_000, 3_000_000_000]
+    assert statuses[3:6] == pytest.approx(statuses[:3], rel=0.0, abs=1)
+    assert perception.counts.restarts == 1
+    assert perception.counts.carried == 0
+
+
 def test_a_single_stamp_of_the_future_blocks_nothing() -> None:
     messages = straight(20, lambda t: [car(40.0, 0.0)])
     wrong = replace(boxes(0.5, [car(20.0, 0.0)]), stamp_ns=ns(1000.0))
