@@ -23,6 +23,7 @@ from evaluation.cli import (
     study,
     views,
 )
+from evaluation.cli.lidar import group as lidar
 from evaluation.cli.output import one_line
 from evaluation.cli.recorded import bag, drive, export
 
@@ -55,6 +56,7 @@ app.command("mot", epilog=mot.EXAMPLES)(mot.command)
 app.command("export", epilog=export.EXAMPLES)(export.command)
 app.command("drive", epilog=drive.EXAMPLES)(drive.command)
 app.command("bag", epilog=bag.EXAMPLES)(bag.command)
+app.add_typer(lidar.app, name="lidar")
 app.command("compare", epilog=compare.EXAMPLES)(compare.command)
 app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
 app.command("study", epilog=study.EXAMPLES)(study.command)

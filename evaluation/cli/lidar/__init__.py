@@ -1,0 +1,1 @@
+"""The commands `smartmot-eval lidar ...`: clouds and boxes of LiDARs."""

@@ -1,0 +1,19 @@
+"""The sub-commands of `smartmot-eval lidar` put together."""
+
+from __future__ import annotations
+
+import typer
+
+app = typer.Typer(
+    name="lidar",
+    help="Point clouds: convert files, score boxes.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+# in the order of the help
+
+
+@app.callback()
+def group() -> None:
+    """Point clouds: convert files, score boxes."""
