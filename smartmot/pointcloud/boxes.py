@@ -73,7 +73,8 @@ class Boxes3D:
     @property
     def volume_m3(self) -> FloatArray:
         """(N,) volumes."""
-        return self.size_m.prod(axis=1)
+        volume: FloatArray = self.size_m.prod(axis=1)
+        return volume
 
     def corners(self) -> FloatArray:
         """(N, 8, 3) corner points: the underside from front left counter-clockwise, then the top."""
