@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,9 @@ from smartmot.types import FloatArray, IntArray
 
 TOLERANCE_M, TOLERANCE_RAD = 0.003, 0.01
 """Frames are left out where a straight line in time between others departs by less."""
+TURN_RAD = 1.5
+"""Vertices whose headings are farther apart have others between them where there are frames: headings of
+trajectories go the short way."""
 STANDS_M = 0.002
 """Vertices in a row that are nearer are one place: there it stands. With that, places are within 5 mm."""
 GAP_S = 1.0
@@ -40,6 +43,7 @@ STOOD_S, NEAR_END_M = 1.0, 0.05
 REVERSES_MPS, REVERSES_M = 0.5, 0.2
 """An ego that goes faster and further against its heading than this drives in reverse."""
 
+EGO = "Ego"
 _DIGITS, _TIME_DIGITS = 4, 6
 _VEHICLES = {"car": "car", "truck": "truck", "motorcycle": "motorbike", "cyclist": "bicycle"}
 
@@ -149,8 +153,9 @@ def kept_frames(time_s: FloatArray, pose: FloatArray) -> IntArray:
         part = (time_s[between] - time_s[first]) / (time_s[last] - time_s[first])
         miss = pose[between] - (pose[first] + part[:, None] * (pose[last] - pose[first]))
         worst = np.maximum(np.hypot(miss[:, 0], miss[:, 1]) / TOLERANCE_M, np.abs(miss[:, 2]) / TOLERANCE_RAD)
-        if worst.max() > 1.0:
-            middle = first + 1 + int(worst.argmax())
+        turns = abs(pose[last, 2] - pose[first, 2]) > TURN_RAD
+        if turns or worst.max() > 1.0:
+            middle = (first + last) // 2 if worst.max() <= 1.0 else first + 1 + int(worst.argmax())
             kept.add(middle)
             open_spans += [(first, middle), (middle, last)]
     return np.array(sorted(kept), dtype=np.int64)
@@ -160,7 +165,7 @@ def _ego(sequence: Sequence, time_s: FloatArray, outline: Vehicle) -> Recorded:
     pose = center_poses(sequence, outline.center_ahead_m)
     pose[:, 2] = np.unwrap(pose[:, 2])
     size = (outline.length_m, outline.width_m, HEIGHT_M)
-    vehicle = Recorded("Ego", -1, "car", size, time_s, pose)
+    vehicle = Recorded(EGO, -1, "car", size, time_s, pose)
     time, way = vehicle.vertices()
     step = np.diff(way[:, :2], axis=0)
     along = step[:, 0] * np.cos(way[:-1, 2]) + step[:, 1] * np.sin(way[:-1, 2])
@@ -176,17 +181,31 @@ def _ego(sequence: Sequence, time_s: FloatArray, outline: Vehicle) -> Recorded:
 def _road_users(labels: Objects, time_s: FloatArray, names: Mapping[int, str]) -> list[Recorded]:
     """All others, one for each time that they are there."""
     users: list[Recorded] = []
+    taken = {EGO}
     for identity in np.unique(labels.object_id).tolist():
         rows = np.flatnonzero(labels.object_id == identity)
         rows = rows[np.unique(labels.frame[rows], return_index=True)[1]]
         times = time_s[labels.frame[rows]]
-        for number, part in enumerate(np.split(rows, np.flatnonzero(np.diff(times) > GAP_S) + 1)):
+        for part in np.split(rows, np.flatnonzero(np.diff(times) > GAP_S) + 1):
             category = str(labels.category[part[0]])
-            name = names.get(identity, f"{category}_{identity}") + (f"_{number + 1}" if number else "")
+            name = _free_name(names.get(identity, f"{category}_{identity}"), taken)
+            taken.add(name)
             size = (*np.median(labels.size_m[part], axis=0).tolist(), float(np.median(labels.height_m[part])))
             pose = np.column_stack((labels.center_m[part], np.unwrap(labels.yaw_rad[part])))
             users.append(Recorded(name, identity, category, size, time_s[labels.frame[part]], pose))
     return users
+
+
+def _plain(name: str) -> str:
+    """A name without what XML cannot hold, and without the mark of a parameter."""
+    return "".join(c if c.isprintable() and c != "$" else "_" for c in name)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """A plain name, with a number where it is taken."""
+    name = _plain(name)
+    numbered = (f"{name}_{number}" for number in count(2))
+    return name if name not in taken else next(each for each in numbered if each not in taken)
 
 
 def _passed_s(user: Recorded, ego: Recorded) -> float:
@@ -206,7 +225,8 @@ def _passed_s(user: Recorded, ego: Recorded) -> float:
 def _file(name: str, map_file: str | None, ego: Recorded, others: list[Recorded]) -> bytes:
     root = etree.Element("OpenSCENARIO")
     _add(root, "FileHeader", revMajor=1, revMinor=3, date="2026-11-29T00:00:00", author="smartmot",
-         description=f"{name}, as recorded")  # fmt: skip
+         description=f"{_plain(name)}, as recorded")  # fmt: skip
+    _add(root, "CatalogLocations")
     network = _add(root, "RoadNetwork")
     if map_file is not None:
         _add(network, "LogicFile", filepath=map_file)

@@ -24,6 +24,8 @@ from smartmot.types import BoolArray, FloatArray
 
 _HALF_TURN_DEG = 180.0
 _KMH = 1.0 / 3.6
+_FOOT_M = 0.3048
+"""The international foot."""
 
 OURS: dict[str, tuple[str, float, float]] = {
     **{name: (name, 1.0, 0.0) for name in ("sequence", "frame", "stamp_s", "track_id", "category", "score")},
@@ -44,6 +46,12 @@ OURS: dict[str, tuple[str, float, float]] = {
     "vy_down_kmh": ("vy_mps", -_KMH, 0.0),
 }
 """Names on the left: the column that they become, the factor, and what is then added."""
+OURS |= {
+    name.removesuffix(metric) + feet: (column, _FOOT_M * factor, offset)
+    for name, (column, factor, offset) in OURS.items()
+    for metric, feet in (("_m", "_ft"), ("_mps", "_fps"))
+    if name.endswith(metric)
+}
 
 _SAME = {"ahead_m": "x", "corner_x_m": "x", "x_m": "x", "left_m": "y", "corner_y_m": "y", "y_m": "y"}
 _SAME |= {"frame": "time", "stamp_s": "time"}
@@ -206,8 +214,13 @@ def read_mapped(path: Path, columns: Columns) -> tuple[TextTable, TextTable | No
     if "yaw_rad" in mapped:
         mapped.columns["yaw_rad"] = wrap_angle(mapped["yaw_rad"])
     else:
-        mapped.columns["yaw_rad"] = _along_velocity(mapped)
+        mapped.columns["yaw_rad"], unknown = _along_velocity(mapped)
         notes.append("no column for the heading: it is that of the velocity")
+        if unknown:
+            notes.append(
+                f"{unknown} rows are of objects that never move at {MOVES_MPS:g} m/s or more: "
+                "their headings are guessed from slower velocities"
+            )
     if "corner_x_m" in mapped:
         mapped.columns["x_m"], mapped.columns["y_m"] = _centres(mapped)
     time = "stamp_s" if "stamp_s" in mapped else "frame"
@@ -350,20 +363,26 @@ def numbered(identity: NDArray[np.generic]) -> FloatArray:
     return np.asarray(rank[inverse], dtype=np.float64)
 
 
-def _along_velocity(table: TextTable) -> FloatArray:
-    """(N,) headings along the velocity; an object that stands keeps its last one, or has its next one."""
+def _along_velocity(table: TextTable) -> tuple[FloatArray, int]:
+    """(N,) headings along the velocity, and how many show none: of an object that never moves.
+
+    An object that stands keeps its last heading, or has its next one.
+    """
     vx, vy = table["vx_mps"], table["vy_mps"]
     yaw: FloatArray = np.arctan2(vy, vx)
     shown = np.hypot(vx, vy) >= MOVES_MPS
     if "track_id" not in table or shown.all():
-        return yaw
+        return yaw, int((~shown).sum())
+    unknown = 0
     time = table["stamp_s"] if "stamp_s" in table else table["frame"]
     for rows in _tracks(table, time):
         known = np.flatnonzero(shown[rows])
         if len(known):
             last = np.maximum(np.searchsorted(known, np.arange(len(rows)), side="right") - 1, 0)
             yaw[rows] = yaw[rows[known[last]]]
-    return yaw
+        else:
+            unknown += len(rows)
+    return yaw, unknown
 
 
 def _tracks(table: TextTable, time: FloatArray) -> Iterable[NDArray[np.intp]]:

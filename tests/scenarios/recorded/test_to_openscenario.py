@@ -1,6 +1,8 @@
 """Drives as scenarios; places, times and headings by hand."""
 
+import importlib.util
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +167,49 @@ def test_the_ego_s_box(tmp_path: Path) -> None:
     assert engine.entities.boxes.center_m[0] == pytest.approx([0.0, 1.4], abs=1e-4)
     assert engine.entities.boxes.size_m[0].tolist() == [4.8, 1.9]
     assert engine.ego_speed_mps == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("name", ['a<&">b', "$x", "${1+1}", "a\0b", "a\x1bb", "\ud800", "x\ny", "é 漢"])
+def test_odd_names_are_names(tmp_path: Path, name: str) -> None:
+    """Nobody is called by a parameter's value, and nothing that XML cannot hold is written."""
+    along = way(30 + np.arange(41.0), 3.0, 0.0)
+    sequence = replace(drive((1, "car", 0, along)), name=name)
+    engine, _ = played(tmp_path, sequence, names={1: name})
+    written = "".join("_" if c in "$\0\x1b\ud800\n" else c for c in name)
+    assert [e.name for e in engine.definition.entities] == ["Ego", written]
+
+
+def test_names_are_unique(tmp_path: Path) -> None:
+    along = way(30 + np.arange(41.0), 3.0, 0.0)
+    sequence = drive((1, "car", 0, along[:10]), (1, "car", 25, along[25:]), (2, "car", 0, along + 5.0),
+                     (3, "car", 0, along + 9.0))  # fmt: skip
+    engine, _ = played(tmp_path, sequence, names={1: "A", 2: "A_2", 3: "Ego"})
+    names = [e.name for e in engine.definition.entities]
+    assert names[0] == "Ego"
+    assert sorted(names[1:]) == ["A", "A_2", "A_2_2", "Ego_2"]
+
+
+def test_who_turns_round_and_round_does_so_again(tmp_path: Path) -> None:
+    """54 degrees from frame to frame, evenly: the frames in between cannot be left out."""
+    spins = way(30 + 5 * (STAMP_S - STAMP_S[0]), 4.0, np.linspace(0.0, 12 * math.pi, 41))
+    sequence = drive((1, "car", 0, spins))
+    engine, _ = played(tmp_path, sequence)
+    assert_as_recorded(engine, sequence)
+
+
+def test_the_file_has_what_the_schema_asks_for(tmp_path: Path) -> None:
+    """OpenSCENARIO 1.3: the elements of the root and their order; all of it where a schema is at hand."""
+    others = way(30 + np.arange(41.0), 3.0, 0.0)
+    categories = ("car", "truck", "pedestrian", "cyclist", "motorcycle", "unknown")
+    _, path = played(tmp_path, drive(*((k, c, 2 * k, others[2 * k :]) for k, c in enumerate(categories))))
+    root = etree.parse(path).getroot()
+    assert [child.tag for child in root] == [
+        *("FileHeader", "CatalogLocations", "RoadNetwork", "Entities", "Storyboard")
+    ]
+    spec = importlib.util.find_spec("qc_openscenario")  # of the package asam-qc-openscenarioxml
+    if spec is not None and spec.origin is not None:
+        schema = etree.XMLSchema(etree.parse(Path(spec.origin).parent / "schema/1.3.0/OpenSCENARIO.xsd"))
+        schema.assertValid(root)
 
 
 def test_what_is_refused() -> None:

@@ -264,3 +264,27 @@ def test_damaged_tables(tmp_path: Path) -> None:
         ind(tmp_path, table=IND.replace("1,1,10.0", "1,1,abc"))
     with pytest.raises(DatasetError, match=r"field 'trackId' must be a track of .*07_tracksMeta\.csv"):
         ind(tmp_path, table=IND.replace("7,3,", "7,4,"))
+
+
+def test_feet_are_metres(tmp_path: Path) -> None:
+    """US-101 of NGSIM is in feet: 14.3 ft are 4.35864 m."""
+    (tmp_path / "t.csv").write_text("id,f,cx,cy,l,w,vx\n1,10,100,20,14.3,6.4,50\n1,11,105,20,14.3,6.4,50\n")
+    pairs = "track_id=id,frame=f,x_ft=cx,y_down_ft=cy,length_ft=l,width_ft=w,vx_fps=vx,vy_mps=0,yaw_rad=0"
+    boxes = read_dataset(tmp_path / "t.csv", columns=Columns.parse(pairs, 10.0)).sequences[0].detections
+    assert boxes.center_m == pytest.approx(np.array([(30.48, -6.096), (32.004, -6.096)]))
+    assert boxes.size_m[0] == pytest.approx((4.35864, 1.95072))
+    assert boxes.velocity_mps[0] == pytest.approx((15.24, 0.0))
+    with pytest.raises(DatasetError, match="x_m and x_ft say the same"):
+        Columns.parse("x_m=a,x_ft=b")
+
+
+def test_headings_that_nothing_shows_are_counted(tmp_path: Path) -> None:
+    """Two rows of a car that stands all the time; the other stands after it has moved."""
+    rows = "1,1,0,0,4,2,0.0,0.1\n2,1,0,0,4,2,0.0,0.1\n1,2,9,9,4,2,0.0,5.0\n2,2,9,9,4,2,0.1,0.0\n"
+    (tmp_path / "t.csv").write_text("frame,id,x_m,y_m,length_m,width_m,vx_mps,vy_mps\n" + rows)
+    data = read_dataset(tmp_path / "t.csv", columns=Columns.parse("track_id=id", 25.0))
+    [note] = [note for note in data.notes if "never move" in note]
+    assert note.startswith("2 rows are of objects that never move at 0.5 m/s or more")
+    labels = data.sequences[0].labels
+    assert labels is not None
+    assert labels.yaw_rad[labels.object_id == 2] == pytest.approx([math.pi / 2] * 2)
