@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = options.examples(
     "`smartmot-eval compare`",
-    "`smartmot-eval compare --vary margin_m=0..4:0.5 --vary ego_forecast=ctrv,path --strategies map`",
+    "`smartmot-eval compare --vary localisation_lateral_m=-1..1:0.5 --strategies map,path`",
     "`smartmot-eval compare --scenes 'people at the kerb,crosses in a bend' --weather dry,rain --seeds 5`",
     "`smartmot-eval compare --strategies map --vary tracker=preset,centerpoint,my_tracker:MyTracker`",
     "`smartmot-eval compare --ablation --out results/ablation`",

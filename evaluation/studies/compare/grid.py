@@ -98,6 +98,14 @@ def varied_of(strategy: str, vary: Mapping[str, Sequence[Setting]]) -> dict[str,
     return {name: values for name, values in vary.items() if PARAMETERS[name].changes(strategy)}
 
 
+def varied_points(
+    strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]
+) -> tuple[Point, ...]:
+    """Every strategy with every combination of what is varied, and with `FAIR` where that is not varied."""
+    fair = tuple((name, value) for name, value in FAIR if name not in vary)
+    return tuple(Point(p.strategy, (*p.settings, *fair)) for p in points_of(strategies, vary))
+
+
 def fair_points(
     strategies: Sequence[str], widths: Mapping[str, Sequence[Setting]] = FRONTIER
 ) -> tuple[Point, ...]:
@@ -107,8 +115,7 @@ def fair_points(
         strategies: monitored areas.
         widths: values by the name of the parameter that is the width of an area.
     """
-    fair = (Point(point.strategy, (*point.settings, *FAIR)) for point in points_of(strategies, widths))
-    return (*fair, *map(Point, strategies))
+    return (*varied_points(strategies, widths), *map(Point, strategies))
 
 
 def ablation_points(strategies: Sequence[str], preset: str) -> tuple[Point, ...]:

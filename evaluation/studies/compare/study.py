@@ -30,9 +30,9 @@ from evaluation.studies.compare.grid import (
     SceneItem,
     ablation_points,
     fair_points,
-    points_of,
     shown_settings,
     study_runs,
+    varied_points,
 )
 from evaluation.studies.compare.measures import RunMeasures, measure, told_measures
 from evaluation.studies.compare.table import (
@@ -61,7 +61,7 @@ from smartmot.errors import ConfigError
 class SceneStudy(Study[SceneItem, RunMeasures]):
     """Strategies and settings over scenes; the help of `smartmot-eval compare` explains each option.
 
-    Without `vary` each area has the widths of `widths`, and all else is fair; see `fair_points`.
+    What is not varied is fair; without `vary` each area has the widths of `widths`; see `fair_points`.
     """
 
     strategies: tuple[str, ...]
@@ -98,7 +98,7 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
                 except (ConfigError, ScenarioError) as error:
                     raise ArgumentError(f"--vary {setting_text(name, value)}: {error}") from None
         if self.vary:
-            return points_of(self.strategies, self.vary)
+            return varied_points(self.strategies, self.vary)
         return fair_points(self.strategies, self.widths)
 
     def chosen_scenes(self) -> tuple[SceneRun, ...]:

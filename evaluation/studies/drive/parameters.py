@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 from evaluation.errors import ArgumentError
-from evaluation.studies.compare.grid import FAIR, points_of
+from evaluation.studies.compare.grid import varied_points
 from evaluation.studies.drive.drive import LABELS, RULE
 from scenarios.sensors.variation import ERROR_NUMBERS
 from scenarios.settings import PARAMETERS, Setting, Settings
@@ -56,13 +56,12 @@ def check_vary(vary: Vary, strategies: Sequence[str], sees: str, without_map: Se
 
 
 def settings_of(strategies: Sequence[str], vary: Vary) -> list[tuple[str, Settings]]:
-    """Each strategy with every combination of what is varied; `FAIR` where a parameter of it is not.
+    """Each strategy with every combination of what is varied; what is not is fair.
 
     The planned path of a recording is the way that was driven.
     The settings stand in the order of `PARAMETERS`, without the brake rule.
     """
-    fair = tuple((name, value) for name, value in FAIR if name not in vary)
-    return [(point.strategy, ordered((*fair, *point.settings))) for point in points_of(strategies, vary)]
+    return [(point.strategy, ordered(point.settings)) for point in varied_points(strategies, vary)]
 
 
 def ordered(settings: Settings) -> Settings:

@@ -166,6 +166,16 @@ def test_the_answer_takes_most_avoided_then_fewest_stops_then_the_least() -> Non
     assert "0 m: 1 of 2 collisions avoided, 0 of 2 false activations" in line
 
 
+def test_what_is_not_varied_is_fair() -> None:
+    study = dataclasses.replace(STUDY, vary={"margin_m": (1.8,), "way": ("area", "path")})
+    settings = [(p.strategy, dict(p.settings)) for p in study.points]
+    alike = {"ego_forecast": "path", "standing": "path"}
+    assert settings == [
+        *(("map", {"margin_m": 1.8, "way": way, **alike}) for way in ("area", "path")),
+        *(("all", {"way": way, **alike}) for way in ("area", "path")),
+    ]
+
+
 def test_a_point_without_width_is_a_curve_of_its_own() -> None:
     texts = ("", "margin_m=1", "margin_m=2")
     runs = [measured("map", text, must, 0, False) for text in texts for must in ("brake", "nothing")]
@@ -192,11 +202,13 @@ def test_a_value_out_of_range_is_named_with_its_option(tmp_path: Path, name: str
 
 def test_the_table_tells_differences_and_what_intervals_mean(tmp_path: Path) -> None:
     both = ("rectangular", "map")
-    make(tmp_path, strategies=both, vary={"margin_m": (1.8,)}, scenes=SCENES[:1], seeds=2)
+    paper = {"margin_m": (1.8,), "ego_forecast": ("ctrv",), "way": ("area",), "standing": ("area",)}
+    make(tmp_path, strategies=both, vary=paper, scenes=SCENES[:1], seeds=2)
     text = (tmp_path / "table.md").read_text()
     assert text.count("over the 2 seeds") == 1
     assert text.count("## Over the seeds") == text.count("## Differences") == 1
-    assert "| map margin_m=1.8 | rectangular |" in text
+    named = "ego_forecast=ctrv, way=area, standing=area"
+    assert f"| map margin_m=1.8, {named} | rectangular {named} |" in text
     alone = tmp_path / "alone"
     alone.mkdir()
     make(alone, strategies=("all",), vary={"motion": ("ctrv",)}, scenes=SCENES[:1])
