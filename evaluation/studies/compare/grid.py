@@ -98,9 +98,7 @@ def varied_of(strategy: str, vary: Mapping[str, Sequence[Setting]]) -> dict[str,
     return {name: values for name, values in vary.items() if PARAMETERS[name].changes(strategy)}
 
 
-def varied_points(
-    strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]
-) -> tuple[Point, ...]:
+def varied_points(strategies: Sequence[str], vary: Mapping[str, Sequence[Setting]]) -> tuple[Point, ...]:
     """Every strategy with every combination of what is varied, and with `FAIR` where that is not varied."""
     fair = tuple((name, value) for name, value in FAIR if name not in vary)
     return tuple(Point(p.strategy, (*p.settings, *fair)) for p in points_of(strategies, vary))
