@@ -144,7 +144,7 @@ def command(
             sees=options.parse_name(sees, SEES, "--detections") if sees else None,
             map_file=map_file,
             vehicle=None if ego is None else parse_vehicle(ego),
-            columns=options.table_columns(columns, frame_rate),
+            columns=options.source_reading(columns, frame_rate),
         )
         named = strategies if "strategies" in typed else None
         drive_preset = preset if "preset" in typed else "real"

@@ -40,11 +40,15 @@ def command(
     form: Annotated[
         str | None,
         typer.Option(
-            "--format", help="kitti, nuscenes, csv, simbev, argoverse; default: what the files look like."
+            "--format",
+            help="kitti, nuscenes, csv, simbev, argoverse, bag; default: as the files look.",
         ),
     ] = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
+    topic: options.BagTopic = None,
+    odometry: options.BagOdometry = None,
+    velocity_frame: options.VelocityFrame = None,
     config: Annotated[
         str,
         typer.Option(
@@ -108,7 +112,7 @@ def command(
     form = options.parse_name(form, FORMATS, "--format") if form else None
     config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
     tracker = plugin(config) if is_plugin(config) else tracker_config(config)
-    table_columns = options.table_columns(columns, frame_rate)
+    reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
@@ -118,7 +122,7 @@ def command(
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
-        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, table_columns)
+        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
         with study_progress(console) as progress:

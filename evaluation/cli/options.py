@@ -16,7 +16,7 @@ from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     from scenarios.places import Place
-    from scenarios.recorded.tables.columns import Columns
+    from scenarios.recorded.formats import Reading
     from scenarios.settings import Parameter, Setting, Settings
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
@@ -115,17 +115,47 @@ FrameRate = Annotated[
     float | None,
     typer.Option("--frame-rate", help="Frames per second of a table with frame numbers.", metavar="HZ"),
 ]
+BagTopic = Annotated[
+    str | None,
+    typer.Option(help="Of a ROS bag: topic of the boxes. Default: the only one.", metavar="TOPIC"),
+]
+BagOdometry = Annotated[
+    str | None,
+    typer.Option(help="Of a ROS bag: topic of the odometry. Default: the only one.", metavar="TOPIC"),
+]
+VelocityFrame = Annotated[
+    str | None,
+    typer.Option(
+        help="Of a ROS bag: axes of the detector's velocities: sensor, world or ignore. Default: ignore.",
+        metavar="AXES",
+    ),
+]
 
 
-def table_columns(pairs: str | None, frame_rate_hz: float | None) -> Columns | None:
-    """What `--columns` and `--frame-rate` say of a table; None: nothing.
+def source_reading(
+    pairs: str | None,
+    frame_rate_hz: float | None,
+    topic: str | None = None,
+    odometry: str | None = None,
+    velocity_frame: str | None = None,
+) -> Reading | None:
+    """What options say of a table (`--columns`, `--frame-rate`) or a bag (the others); None: nothing.
 
     Raises:
-        DatasetError: A pair is none, or its left side is no name of ours.
+        ArgumentError: they are for both.
+        DatasetError: A pair is none, or its left side is no name of ours; or axes are unknown.
     """
+    from scenarios.recorded.bags.reader import BagReading
     from scenarios.recorded.tables.columns import Columns
 
-    return None if pairs is None and frame_rate_hz is None else Columns.parse(pairs, frame_rate_hz)
+    of_table = pairs is not None or frame_rate_hz is not None
+    if topic is None and odometry is None and velocity_frame is None:
+        return Columns.parse(pairs, frame_rate_hz) if of_table else None
+    if of_table:
+        raise ArgumentError(
+            "--columns and --frame-rate are for tables; --topic, --odometry and --velocity-frame for ROS bags"
+        )
+    return BagReading(topic, odometry, velocity_frame or "ignore")
 
 
 def examples(*paragraphs: str) -> str:

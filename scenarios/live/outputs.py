@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.live.transforms import placed
+from scenarios.ros.frames.transforms import placed
 from scenarios.sources.requests import Request
 from smartmot.types import BoolArray, FloatArray, IntArray, StrArray
 

@@ -22,7 +22,6 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.live.counts import Counts, Diagnostics, DiagnosticWatch
-from scenarios.live.localisation import Localisation
 from scenarios.live.outputs import (
     LIFETIME_FRAMES,
     Decision,
@@ -33,12 +32,13 @@ from scenarios.live.outputs import (
     track_markers,
 )
 from scenarios.live.placing import Heights, PlacedFrame, place
-from scenarios.live.poses import VehiclePose
 from scenarios.live.settings import LiveSettings
-from scenarios.live.transforms import inverse, placed
 from scenarios.live.velocities import VelocityCheck
 from scenarios.live.ways import Ways
 from scenarios.recorded.poses import heading
+from scenarios.ros.frames.localisation import Localisation
+from scenarios.ros.frames.poses import VehiclePose
+from scenarios.ros.frames.transforms import inverse, placed
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
 from scenarios.sources.frames import Frame
 from scenarios.sources.requests import EMERGENCY, RequestWatch, begun_anew

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.live.counts import Counts
-from scenarios.live.transforms import placed
 from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT
+from scenarios.ros.frames.transforms import box_direction, placed
 from scenarios.ros.messages import DetectionMessage
 from smartmot.detection_input import MAX_POSITION_M, MAX_SIZE_M, MIN_SIZE_M, detections_from_arrays
 from smartmot.types import BoolArray, Boxes, Detections, FloatArray
@@ -51,7 +51,7 @@ def place(
         stamp_ns: of the frame.
         map_SE3_sensor: (4, 4) pose of the sensor.
         classes: category of each class name.
-        velocity_frame: one of `scenarios.live.settings.VELOCITY_FRAMES`.
+        velocity_frame: one of `scenarios.ros.messages.VELOCITY_FRAMES`.
         counts: where to count.
     """
     counts.boxes += len(message)
@@ -88,16 +88,6 @@ def _categories(message: DetectionMessage, classes: ClassMap, counts: Counts) ->
             counts.other_classes += 1
     kept = np.array([bool(category) for category in names], dtype=np.bool_)
     return [category for category in names if category], kept
-
-
-def box_direction(quaternion: FloatArray) -> FloatArray:
-    """(N, 3) directions of the x axes of (N, 4) rotations w, x, y, z; NaN for those of length 0."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        squared = (quaternion * quaternion).sum(axis=1)
-        w, x, y, z = quaternion.T
-        along = np.column_stack((w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)))
-        direction: FloatArray = along / squared[:, None]
-    return direction
 
 
 def _velocities(sent_mps: FloatArray, map_SE3_sensor: FloatArray, velocity_frame: str) -> FloatArray | None:

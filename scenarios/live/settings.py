@@ -13,13 +13,12 @@ from scenarios.recorded import nuscenes
 from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.simbev import reader as simbev
 from scenarios.recorded.vehicles import Vehicle
+from scenarios.ros.frames.poses import CARRY_S
+from scenarios.ros.messages import VELOCITY_FRAMES
 from scenarios.settings import Settings, preset_with
 from smartmot.decision.shipped import PAPER_RULE
 from smartmot.tracking.settings import TrackerConfig
 from smartmot.types import CATEGORIES
-
-VELOCITY_FRAMES = ("ignore", "sensor", "world")
-"""Axes of the detector's velocities: those of the sensor, those of the odometry's frame, or not used."""
 
 OUTPUT_FRAMES = ("map", "sensor")
 """In which frame tracks are published: that of the odometry, or that of the detections."""
@@ -32,10 +31,6 @@ names go with each of them."""
 
 WAIT_S = 0.05
 """A frame waits so long for a pose that is not older: one interval of an odometry with 20 Hz."""
-
-CARRY_S = 0.2
-"""The last pose is carried on for so long. With a turn rate that is off by 0.1 rad/s and an acceleration of
-4 m/s2 unknown to it, it is off by 8 cm then, and the direction by 1.1 degrees."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ from smartmot.types import FloatArray, IntArray, StrArray, frozen
 NO_CLASS_ID = -1
 """In place of a class index where the message has none."""
 
+VELOCITY_FRAMES = ("ignore", "sensor", "world")
+"""Axes of the detector's velocities: those of the sensor, those of the odometry's frame, or not used."""
+
 FLAT_HEIGHT_M = 1.5
 """Height of boxes that come without one, that of a car."""
 

@@ -44,6 +44,9 @@ def command(
     ] = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
+    topic: options.BagTopic = None,
+    odometry: options.BagOdometry = None,
+    velocity_frame: options.VelocityFrame = None,
     strategy: Annotated[
         str | None,
         typer.Option(
@@ -138,7 +141,7 @@ def command(
         sees=options.parse_name(sees, SEES, "--detections") if sees else None,
         map_file=map_file,
         vehicle=None if ego is None else parse_vehicle(ego),
-        columns=options.table_columns(columns, frame_rate),
+        columns=options.source_reading(columns, frame_rate, topic, odometry, velocity_frame),
     )
     asked = Options(
         source,

@@ -61,6 +61,9 @@ def command(
     ] = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
+    topic: options.BagTopic = None,
+    odometry: options.BagOdometry = None,
+    velocity_frame: options.VelocityFrame = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Write simulated runs or recorded drives as a data set in another layout, or one as a scenario."""
@@ -68,12 +71,12 @@ def command(
     from evaluation.studies.mot.openscenario import write_scenario
 
     form = options.parse_name(form, (*LAYOUTS, OPENSCENARIO), "--format")
-    pairs = options.table_columns(columns, frame_rate)
+    reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     if form != OPENSCENARIO:
         if map_file is not None or ego is not None:
             raise ArgumentError(f"--map and --ego: for --format openscenario, not for {form}")
-        written, notes = write_layout(source, form, out, seed, sequence, pairs)
+        written, notes = write_layout(source, form, out, seed, sequence, reading)
     else:
         vehicle = None if ego is None else parse_vehicle(ego)
-        written, notes = write_scenario(source, out, map_file, sequence, pairs, vehicle)
+        written, notes = write_scenario(source, out, map_file, sequence, reading, vehicle)
     print_written([written], notes, quiet)

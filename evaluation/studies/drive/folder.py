@@ -32,8 +32,9 @@ from evaluation.views.traces.run import LoggedRun
 from opendrive import OpenDriveError
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.reading import ReadError, read_json, read_text, shown
+from scenarios.recorded.bags.reader import BagReading
 from scenarios.recorded.dataset import Sequence
-from scenarios.recorded.formats import READERS, read_dataset
+from scenarios.recorded.formats import READERS, Reading, read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map
 from scenarios.recorded.tables.columns import Columns
 from scenarios.recorded.vehicles import Vehicle
@@ -257,7 +258,11 @@ def _stored(path: Path) -> tuple[dict[str, StoredRecording], dict[tuple[str, str
     content = object_of(read_json(file), "the file")
     stored = object_of(content.get("configuration"), "configuration")
     columns = stored.get("columns")
-    own_columns = None if columns is None else decode(Columns, columns, "columns")
+    reading: Reading | None = None
+    if isinstance(columns, dict) and "velocity_frame" in columns:
+        reading = decode(BagReading, columns, "columns")
+    elif columns is not None:
+        reading = decode(Columns, columns, "columns")
     recordings: dict[str, StoredRecording] = {}
     data_sets: dict[tuple[str, str], dict[str, Sequence]] = {}
     maps: dict[str, DriveMap] = {}
@@ -277,7 +282,7 @@ def _stored(path: Path) -> tuple[dict[str, StoredRecording], dict[tuple[str, str
         if form not in READERS:
             raise ReadError(f"{file}: unknown format {shown(form)}")
         if (data, form) not in data_sets:
-            dataset = read_dataset(path / data, form, own_columns)
+            dataset = read_dataset(path / data, form, reading)
             data_sets[data, form] = {s.name: s for s in dataset.sequences}
         if map_file is not None and map_file not in maps:
             maps[map_file] = load_drive_map(path / map_file)

@@ -12,9 +12,8 @@ from evaluation.studies.drive.measures import ALL
 from evaluation.studies.mot.run import chosen
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Sequence
-from scenarios.recorded.formats import read_dataset, recognised
+from scenarios.recorded.formats import Reading, form_of, read_dataset, recognised
 from scenarios.recorded.maps.drive_map import map_of
-from scenarios.recorded.tables.columns import Columns
 from scenarios.recorded.vehicles import Vehicle, vehicle_of
 
 
@@ -29,7 +28,7 @@ class Source:
         sees: labels or detections; None: detections where there are any.
         map_file: a map in the frame of the poses; None: the recordings' own, if they have one.
         vehicle: the recording vehicle; None: that of the format.
-        columns: what the columns of a table mean; None: it has ours.
+        columns: what the columns of a table mean, or which topics of a bag are read; None: ours, all.
     """
 
     folder: Path
@@ -38,7 +37,7 @@ class Source:
     sees: str | None = None
     map_file: Path | None = None
     vehicle: Vehicle | None = None
-    columns: Columns | None = None
+    columns: Reading | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +115,7 @@ def read_recordings(source: Source) -> Recordings:
     return Recordings(recordings, sees, (*notes, *left_out, seen_note))
 
 
-def data_sets_of(folder: Path, form: str | None, columns: Columns | None) -> tuple[list[Path], list[str]]:
+def data_sets_of(folder: Path, form: str | None, columns: Reading | None) -> tuple[list[Path], list[str]]:
     """The data sets that a folder is or holds, and what is said of what it holds besides.
 
     Raises:
@@ -128,7 +127,7 @@ def data_sets_of(folder: Path, form: str | None, columns: Columns | None) -> tup
         inside = sorted(path for path in folder.iterdir() if path.is_dir() and path.name[0] != ".")
     except OSError as error:
         raise DatasetError(f"{folder}: {error.strerror}") from None
-    wanted = form or (None if columns is None else "csv")
+    wanted = form or form_of(columns)
     forms = {path: recognised(path) for path in inside}
     data_sets = [path for path, shown in forms.items() if shown and wanted in (None, shown)]
     if not data_sets:  # what is missing is then said of the folder itself

@@ -13,10 +13,9 @@ from evaluation.results.rows import read_runs
 from evaluation.runs.recordings import is_run, recording_of_run, recordings_of_runs
 from evaluation.studies.mot.run import chosen
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
-from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.formats import Reading, read_dataset
 from scenarios.recorded.layouts.nuscenes import VERSION, nuscenes_files, without_category
 from scenarios.recorded.layouts.simbev import frame_grid, simbev_files, without_class
-from scenarios.recorded.tables.columns import Columns
 from scenarios.recorded.vehicles import vehicle_of
 
 Files = Callable[[Many[Sequence], int], Iterator[tuple[str, bytes]]]
@@ -29,7 +28,7 @@ LAYOUTS: dict[str, tuple[str, Files]] = {
 
 
 def write_layout(
-    source: Path, form: str, out: Path, seed: int, name: str | None = None, columns: Columns | None = None
+    source: Path, form: str, out: Path, seed: int, name: str | None = None, columns: Reading | None = None
 ) -> tuple[Path, tuple[str, ...]]:
     """Write every run, or every sequence of a drive, as a scene.
 
@@ -39,7 +38,7 @@ def write_layout(
         out: folder of the data set.
         seed: of the splits.
         name: which sequences of a drive, comma-separated; None: all.
-        columns: what the columns of a table mean; None: it has ours.
+        columns: what the columns of a table mean, or which topics of a bag are read; None: ours, all.
 
     Returns:
         The folder that was written, and what a user should know, a line each.

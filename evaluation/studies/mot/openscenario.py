@@ -12,8 +12,7 @@ from evaluation.studies.mot.run import chosen
 from evaluation.studies.mot.tracking import track_sequence
 from opendrive import load_map
 from scenarios.errors import DatasetError
-from scenarios.recorded.formats import read_dataset
-from scenarios.recorded.tables.columns import Columns
+from scenarios.recorded.formats import Reading, read_dataset
 from scenarios.recorded.to_openscenario import openscenario_bytes
 from scenarios.recorded.vehicles import Vehicle, vehicle_of
 from smartmot.tracking.configs import tracker_config
@@ -25,7 +24,7 @@ def write_scenario(
     out: Path,
     map_file: Path | None = None,
     name: str | None = None,
-    columns: Columns | None = None,
+    columns: Reading | None = None,
     vehicle: Vehicle | None = None,
 ) -> tuple[Path, tuple[str, ...]]:
     """Write a run or a drive as a scenario; see `run_bytes` and `drive_bytes`.
@@ -35,7 +34,7 @@ def write_scenario(
         out: file to write.
         map_file: OpenDRIVE file; None: that of the run; of a drive none.
         name: which sequence of a drive; None: the only one.
-        columns: what the columns of a table mean; None: it has ours.
+        columns: what the columns of a table mean, or which topics of a bag are read; None: ours, all.
         vehicle: that recorded a drive; None: that of the format.
 
     Returns:
@@ -98,7 +97,7 @@ def drive_bytes(
     out: Path,
     map_file: Path | None,
     name: str | None,
-    columns: Columns | None,
+    columns: Reading | None,
     vehicle: Vehicle | None = None,
 ) -> tuple[bytes, tuple[str, ...]]:
     """The file of a recorded drive, and how it was read. Without labels the others are tracks.
@@ -108,7 +107,7 @@ def drive_bytes(
         out: where the file is to be.
         map_file: OpenDRIVE file; None: a plane.
         name: which sequence; None: the only one.
-        columns: what the columns of a table mean; None: it has ours.
+        columns: what the columns of a table mean, or which topics of a bag are read; None: ours, all.
         vehicle: the recording vehicle; None: that of the format.
 
     Raises:

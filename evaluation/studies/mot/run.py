@@ -21,9 +21,8 @@ from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
-from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.formats import Reading, read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, map_of
-from scenarios.recorded.tables.columns import Columns
 from smartmot.plugins import Plugin
 from smartmot.tracking.own import ObjectTracker, own
 from smartmot.tracking.tracker import Tracker, TrackerConfig
@@ -80,7 +79,7 @@ def prepare(
     names: str | None = None,
     map_file: Path | None = None,
     by_map: bool = False,
-    columns: Columns | None = None,
+    columns: Reading | None = None,
 ) -> MotStudy:
     """Read recordings, and choose from them.
 
@@ -91,7 +90,7 @@ def prepare(
         names: Only these sequences, comma-separated; None: all.
         map_file: OpenDRIVE file, or vector map; None: the recording's own, if it has one.
         by_map: Keep only what is on lanes that matter to the vehicle.
-        columns: What the columns of a table mean; None: it has ours.
+        columns: What the columns of a table mean, or which topics of a bag are read; None: ours, all.
 
     Raises:
         ArgumentError: There is no map to keep it by.

@@ -53,6 +53,13 @@ class Bag:
         """Topics of some types."""
         return tuple(topic for topic in self.topics if topic.type_name in type_names)
 
+    def count(self, name: str) -> int | None:
+        """Messages of a topic, as metadata.yaml or the files' own statistics say; None: neither does."""
+        if self.counts is not None:
+            return self.counts[name]
+        counts = [file.counts for _, file in self.files]
+        return None if None in counts else sum(count[name] for count in counts if count is not None)
+
     def raw(self, choice: Choice = None) -> Iterator[RawMessage]:
         """Messages of some topics as they are stored, in the order of the files.
 
@@ -127,8 +134,11 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 def is_bag(path: Path) -> bool:
     """Whether a path looks like a bag."""
-    if path.is_dir():
-        return (path / METADATA).is_file() or bool(_stored(path))
+    try:
+        if path.is_dir():
+            return (path / METADATA).is_file() or bool(_stored(path))
+    except OSError:
+        return False
     return path.name == METADATA or _form(path) in _OPENERS
 
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.live.poses import PoseBuffer
 from scenarios.live.ways import MOST_CURVATURE_PM, PATH_M, arc_ahead
 from scenarios.recorded.poses import heading
+from scenarios.ros.frames.poses import PoseBuffer
 from smartmot.types import EgoState
 from tests.scenarios.live.streams_made import ns, odometry
 

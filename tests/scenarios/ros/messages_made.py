@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
+
+import numpy as np
 
 
 def header(time_ns: int = 0, frame_id: str = "") -> Any:
@@ -37,7 +40,11 @@ def predictions(*rows: Any, time_ns: int = 0, frame_id: str = "") -> Any:
 
 
 def hypothesis(class_id: str, score: float) -> Any:
-    return SimpleNamespace(hypothesis=SimpleNamespace(class_id=class_id, score=score))
+    pose = SimpleNamespace(position=xyz(), orientation=wxyz())
+    return SimpleNamespace(
+        hypothesis=SimpleNamespace(class_id=class_id, score=score),
+        pose=SimpleNamespace(pose=pose, covariance=np.zeros(36)),
+    )
 
 
 def detection_3d(position: Any, orientation: Any, size: Any, *results: Any, frame_id: str = "") -> Any:
@@ -52,3 +59,37 @@ def detection_3d(position: Any, orientation: Any, size: Any, *results: Any, fram
 
 def detections_3d(*rows: Any, time_ns: int = 0, frame_id: str = "") -> Any:
     return SimpleNamespace(header=header(time_ns, frame_id), detections=list(rows))
+
+
+def about_z(angle_rad: float) -> Any:
+    return wxyz(math.cos(0.5 * angle_rad), 0.0, 0.0, math.sin(0.5 * angle_rad))
+
+
+def odometry(
+    time_ns: int,
+    position: Any,
+    orientation: Any,
+    linear: Any | None = None,
+    frame_id: str = "map",
+    child_frame_id: str = "base_link",
+) -> Any:
+    pose = SimpleNamespace(position=position, orientation=orientation)
+    twist = SimpleNamespace(linear=linear or xyz(), angular=xyz())
+    return SimpleNamespace(
+        header=header(time_ns, frame_id),
+        child_frame_id=child_frame_id,
+        pose=SimpleNamespace(pose=pose, covariance=np.zeros(36)),
+        twist=SimpleNamespace(twist=twist, covariance=np.zeros(36)),
+    )
+
+
+def transform(time_ns: int, parent: str, child: str, translation: Any, rotation: Any) -> Any:
+    return SimpleNamespace(
+        header=header(time_ns, parent),
+        child_frame_id=child,
+        transform=SimpleNamespace(translation=translation, rotation=rotation),
+    )
+
+
+def transforms(*rows: Any) -> Any:
+    return SimpleNamespace(transforms=list(rows))

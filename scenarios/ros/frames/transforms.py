@@ -14,7 +14,7 @@ from smartmot.detection_input import MAX_POSITION_M
 from smartmot.types import FloatArray
 
 KEEP = 4096
-"""So many transforms of a frame are remembered at most: 10 s at 200 Hz, twice."""
+"""So many transforms of a frame are remembered of a stream: 10 s at 200 Hz, twice."""
 
 
 @dataclass(slots=True, eq=False)
@@ -23,6 +23,7 @@ class _Edge:
 
     parent: str
     static: bool
+    keep: int | None
     stamps: list[int] = field(default_factory=list)
     parent_SE3_child: list[FloatArray] = field(default_factory=list)  # noqa: N815
 
@@ -35,8 +36,8 @@ class _Edge:
             return
         self.stamps.insert(k, stamp_ns)
         self.parent_SE3_child.insert(k, transform)
-        if len(self.stamps) > KEEP:
-            del self.stamps[: KEEP // 2], self.parent_SE3_child[: KEEP // 2]
+        if self.keep is not None and len(self.stamps) > self.keep:
+            del self.stamps[: self.keep // 2], self.parent_SE3_child[: self.keep // 2]
 
     def at(self, stamp_ns: int, hold: bool) -> FloatArray | None:
         k = bisect_left(self.stamps, stamp_ns)
@@ -54,12 +55,16 @@ class _Edge:
 class TransformTree:
     """Frames and their parents.
 
+    Args:
+        keep: so many transforms of a frame are remembered at most; None: all.
+
     Attributes:
         refused: transforms that are not finite, or of a frame to itself.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, keep: int | None = KEEP) -> None:
         self.refused = 0
+        self._keep = keep
         self._edges: dict[str, _Edge] = {}
 
     def add(self, message: TransformMessage, static: bool) -> None:
@@ -78,7 +83,7 @@ class TransformTree:
                 continue
             edge = self._edges.get(child)
             if edge is None or edge.parent != parent or edge.static != static:
-                edge = self._edges[child] = _Edge(parent, static)
+                edge = self._edges[child] = _Edge(parent, static, self._keep)
             transform = np.eye(4)
             transform[:3, :3] = rotation_matrix(message.quaternion[k])
             transform[:3, 3] = message.position_m[k]
@@ -92,6 +97,10 @@ class TransformTree:
                 del edge.stamps[cut:], edge.parent_SE3_child[cut:]
                 if not edge.stamps:
                     del self._edges[child]
+
+    def frames(self) -> list[str]:
+        """Names of all frames."""
+        return sorted({*self._edges, *(edge.parent for edge in self._edges.values())})
 
     def connected(self, dst: str, src: str) -> bool:
         """Whether there is a way between two frames."""
@@ -165,3 +174,13 @@ def placed(pose: FloatArray, point_m: FloatArray) -> FloatArray:
     """(N, 3) points seen from another frame: `dst_SE3_src` applied to them."""
     points: FloatArray = point_m @ pose[:3, :3].T + pose[:3, 3]
     return points
+
+
+def box_direction(quaternion: FloatArray) -> FloatArray:
+    """(N, 3) directions of the x axes of (N, 4) rotations w, x, y, z; NaN for those of length 0."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        squared = (quaternion * quaternion).sum(axis=1)
+        w, x, y, z = quaternion.T
+        along = np.column_stack((w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)))
+        direction: FloatArray = along / squared[:, None]
+    return direction

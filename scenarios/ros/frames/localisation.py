@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 
-from scenarios.live.poses import RATE_WINDOW_S, PoseBuffer, VehiclePose
-from scenarios.live.settings import LiveSettings
-from scenarios.live.transforms import TransformTree
+from scenarios.ros.frames.poses import RATE_WINDOW_S, PoseBuffer, VehiclePose
+from scenarios.ros.frames.transforms import TransformTree
 from scenarios.ros.messages import OdometryMessage, TransformMessage
 from smartmot.types import FloatArray
 
@@ -21,6 +21,26 @@ ODOM_FRAME = "odom"
 _NS = 1e-9
 
 
+class FrameSettings(Protocol):
+    """What has to be said of frames."""
+
+    @property
+    def sensor_pose(self) -> tuple[float, float, float, float] | None:
+        """x, y, z (m) and yaw (rad) of the sensor in the vehicle's frame; None: as the transforms say."""
+
+    @property
+    def map_frame(self) -> str:
+        """Frame of the poses where transforms alone have them."""
+
+    @property
+    def base_frame(self) -> str:
+        """The vehicle's frame where transforms alone have it; an odometry names its own."""
+
+    @property
+    def carry_s(self) -> float:
+        """How long the last pose is carried on with its velocity and turn rate."""
+
+
 class Localisation:
     """Knows pose and sensor, and says when there is nothing left to wait for.
 
@@ -28,6 +48,7 @@ class Localisation:
 
     Args:
         settings: frames, sensor and times.
+        keep_all: whether all poses and transforms are remembered; else those of the last seconds.
 
     Attributes:
         poses: of the odometry.
@@ -36,9 +57,9 @@ class Localisation:
         assumed: names of sensors that were taken to be at the vehicle's origin.
     """
 
-    def __init__(self, settings: LiveSettings) -> None:
-        self.poses = PoseBuffer(settings.carry_s)
-        self.tree = TransformTree()
+    def __init__(self, settings: FrameSettings, keep_all: bool = False) -> None:
+        self.poses = PoseBuffer(settings.carry_s, None) if keep_all else PoseBuffer(settings.carry_s)
+        self.tree = TransformTree(None) if keep_all else TransformTree()
         self.source: str | None = None
         self.assumed: set[str] = set()
         self._settings = settings

@@ -1,0 +1,1 @@
+"""Where vehicle and sensor are at a time: transforms, odometry, both together."""
