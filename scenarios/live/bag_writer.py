@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import sqlite3
-from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
 
-from scenarios.errors import DatasetError
 from scenarios.live.perception import Output
 from scenarios.live.published import MessageMaker, published_time_ns, rosbags_make
 from scenarios.live.topics import PUBLISHED
-from scenarios.ros.definitions import ros2_types
-from scenarios.ros.libraries import require_libraries
-
-if TYPE_CHECKING:
-    from rosbags.interfaces import Qos
-
-STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
-"""Storage plug-ins of rosbag2, and the suffixes of their files."""
+from scenarios.ros.bags.writer import MessageWriter
 
 
-class BagWriter:
-    """Writes a bag, message by message, that is only there once it is complete.
-
-    Topics, types and their hashes, definitions, quality of service and numbers of messages stand in the bag
-    and its metadata.yaml. Equal outputs give equal bytes in MCAP.
+class BagWriter(MessageWriter):
+    """A bag of all topics of perception; see `MessageWriter`.
 
     How to use it::
 
@@ -37,116 +20,19 @@ class BagWriter:
                 bag.write(output)
 
     Args:
-        path: folder to be made; with a suffix of `STORAGES` a single file, which needs no metadata.yaml.
-        storage: one of `STORAGES`; None: as the suffix says, mcap for a folder.
+        path: folder or single file to be made.
+        storage: mcap, sqlite3, or None: as the suffix says.
 
     Raises:
-        DatasetError: the path is there already or cannot be written, the storage is unknown or another than
-            the suffix says, or the extra `ros` is not installed.
-
-    Attributes:
-        count: messages written so far.
+        DatasetError: see `MessageWriter`.
     """
 
     def __init__(self, path: Path, storage: str | None = None) -> None:
-        require_libraries()
-        from rosbags.rosbag2 import StoragePlugin, Writer
-
-        storage = _storage(path, storage)
-        if path.exists():
-            raise DatasetError(f"{path}: is there already; name another one or remove it")
-        self.path, self.count = path, 0
-        self._types = ros2_types()
+        super().__init__(path, PUBLISHED, storage)
         self._maker = MessageMaker(rosbags_make(self._types))
-        # rosbags names the file after the folder, which is therefore made inside another
-        self._scratch = path.parent / f".{path.name}.unfinished"
-        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-        with _telling(path):
-            shutil.rmtree(self._scratch, ignore_errors=True)
-            self._scratch.mkdir(parents=True)
-            self._writer = Writer(self._scratch / path.name, version=9, storage_plugin=plugin)
-            self._writer.open()
-        self._connections = {
-            topic: self._writer.add_connection(
-                topic.name,
-                topic.type_name,
-                typestore=self._types,
-                offered_qos_profiles=[_quality(topic.depth)],
-            )
-            for topic in PUBLISHED
-        }
 
     def write(self, output: Output) -> None:
         """Write what is published of an output, at the time at which its detections were received."""
         time_ns = published_time_ns(output)
         for topic, message in self._maker.messages(output):
-            data = self._types.serialize_cdr(message, topic.type_name)
-            with _telling(self.path):
-                self._writer.write(self._connections[topic], time_ns, data)
-            self.count += 1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Finish the bag; after an error nothing of it stays."""
-        try:
-            if kind is None:
-                with _telling(self.path):
-                    self._finish()
-            else:
-                with contextlib.suppress(Exception):  # the first error is the one to tell
-                    self._writer.abort()
-        finally:
-            shutil.rmtree(self._scratch, ignore_errors=True)
-
-    def _finish(self) -> None:
-        if not self.count:  # rosbags would write the greatest of all times
-            self._writer.min_timestamp = 0
-        self._writer.close()
-        folder = self._scratch / self.path.name
-        single = self.path.suffix in STORAGES.values()
-        (next(folder.glob(f"*{self.path.suffix}")) if single else folder).rename(self.path)
-
-
-@contextlib.contextmanager
-def _telling(path: Path) -> Iterator[None]:
-    """Faults of the disk as a `DatasetError` with the bag's path."""
-    try:
-        yield
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
-    except sqlite3.Error as error:
-        raise DatasetError(f"{path}: cannot be written ({error})") from None
-
-
-def _storage(path: Path, asked: str | None) -> str:
-    """The storage of a bag."""
-    by_suffix = next((name for name, suffix in STORAGES.items() if suffix == path.suffix), None)
-    storage = asked or by_suffix or next(iter(STORAGES))
-    if storage not in STORAGES:
-        raise DatasetError(f"storage: unknown {storage!r}; use one of: {', '.join(STORAGES)}")
-    if by_suffix not in (None, storage):
-        raise DatasetError(f"{path}: a file {path.suffix} is of storage {by_suffix}, not {storage}")
-    return storage
-
-
-def _quality(depth: int) -> Qos:
-    """Quality of service as the topics have it: reliable, volatile, the last messages kept."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-
-    # as rosbag2 writes unlimited times
-    unlimited = QosTime(9223372036, 854775807)
-    return Qos(
-        QosHistory.KEEP_LAST,
-        depth,
-        QosReliability.RELIABLE,
-        QosDurability.VOLATILE,
-        unlimited,
-        unlimited,
-        QosLiveliness.AUTOMATIC,
-        unlimited,
-        False,
-    )
+            self.put(topic, time_ns, message)

@@ -21,9 +21,11 @@ from scenarios.ros.definitions import (
     MONITORED_LANES,
     ODOMETRY,
     OLD_TRANSFORMS,
+    POINT_CLOUD,
     PREDICTION_ARRAY,
     TRANSFORMS,
 )
+from scenarios.ros.point_rows import CloudMessage, point_rows
 from smartmot.types import FloatArray, IntArray, StrArray, frozen
 
 NO_CLASS_ID = -1
@@ -202,7 +204,7 @@ class LaneMessage:
         return self.received_ns if self.stamp_ns is None else self.stamp_ns
 
 
-Message = DetectionMessage | OdometryMessage | TransformMessage | LaneMessage
+Message = DetectionMessage | OdometryMessage | TransformMessage | LaneMessage | CloudMessage
 
 
 def stamp_ns(header: Any) -> int | None:
@@ -350,6 +352,16 @@ def read_lanes(message: Any, received_ns: int) -> LaneMessage:
     )
 
 
+def read_point_cloud(message: Any, received_ns: int) -> CloudMessage:
+    """Points of a sensor_msgs/PointCloud2 with any fields.
+
+    Raises:
+        ReadError: fields lie outside a point, or there are fewer bytes than points.
+    """
+    frame_id = _frame_name(message.header.frame_id)
+    return CloudMessage(stamp_ns(message.header), frame_id, received_ns, point_rows(message))
+
+
 Reader = Callable[[Any, int], Message]
 
 READERS: dict[str, Reader] = {
@@ -360,6 +372,7 @@ READERS: dict[str, Reader] = {
     TRANSFORMS: read_transforms,
     OLD_TRANSFORMS: read_transforms,
     MONITORED_LANES: read_lanes,
+    POINT_CLOUD: read_point_cloud,
 }
 """What reads a deserialised message, by its type; called with the message and the time of its receipt."""
 

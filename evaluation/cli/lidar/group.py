@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from evaluation.cli.lidar import convert
+
 app = typer.Typer(
     name="lidar",
     help="Point clouds: convert files, score boxes.",
@@ -12,6 +14,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 # in the order of the help
+app.command("convert", epilog=convert.EXAMPLES)(convert.command)
 
 
 @app.callback()

@@ -105,9 +105,9 @@ def command(
 
     from evaluation.results.tables import rich_table
     from evaluation.studies.bag import BagOptions, request_table, see_bag, summary_table
-    from scenarios.live.bag_writer import STORAGES
     from scenarios.live.settings import DATASETS, OUTPUT_FRAMES, LiveSettings
     from scenarios.recorded.vehicles import Vehicle
+    from scenarios.ros.bags.writer import STORAGES
     from scenarios.ros.messages import VELOCITY_FRAMES
     from scenarios.settings import PARAMETERS
 

@@ -1,0 +1,128 @@
+"""Clouds without headers: KITTI's and nuScenes' float32, and NumPy's archives."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.clouds.fields import NamedCloud, cloud_from_rows
+from smartmot.pointcloud import PointCloud
+
+NUSCENES_SUFFIX = ".pcd.bin"
+KITTI_FIELDS = ("x", "y", "z", "intensity")
+"""Source: KITTI object development kit, readme.txt."""
+NUSCENES_FIELDS = (*KITTI_FIELDS, "ring")
+"""Source: nuscenes-devkit, `LidarPointCloud.from_file`."""
+
+_MOST_BYTES = 2**32
+"""Of an array in an archive: a few bytes can claim any size."""
+
+_COLUMNS = ("intensity", "ring", "time_offset_s")
+
+
+def read_bin(path: Path) -> NamedCloud:
+    """Read float32 rows: five numbers per point in a file `.pcd.bin` (nuScenes), four in any other `.bin`.
+
+    Raises:
+        DatasetError: the file's length is no whole number of points, or a ring is no whole number.
+    """
+    nuscenes = path.name.endswith(NUSCENES_SUFFIX)
+    fields = NUSCENES_FIELDS if nuscenes else KITTI_FIELDS
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DatasetError(f"{path}: {error.strerror or error}") from None
+    size = 4 * len(fields)
+    if len(data) % size:
+        hint = "" if nuscenes or len(data) % 20 else f"; name nuScenes' sweeps {NUSCENES_SUFFIX}"
+        raise DatasetError(f"{path}: {len(data)} bytes are no whole number of points of {size} bytes{hint}")
+    rows = np.frombuffer(data, dtype=[(name, "<f4") for name in fields])
+    name = path.name.removesuffix(NUSCENES_SUFFIX) if nuscenes else path.stem
+    try:
+        named = cloud_from_rows(rows, name)
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from None
+    axes = ("axes of nuScenes kept: x right, y ahead",) if nuscenes else ()
+    return replace(named, notes=(*named.notes, *axes))
+
+
+def bin_bytes(cloud: PointCloud, nuscenes: bool = False) -> bytes:
+    """A cloud as float32 rows; 0 where it has no intensity or ring (`clouds.files.losses` says so).
+
+    Raises:
+        DatasetError: a number is too great for float32.
+    """
+    rows = np.zeros((len(cloud), 5 if nuscenes else 4), dtype="<f4")
+    with np.errstate(over="ignore"):
+        rows[:, :3] = cloud.xyz_m
+    if cloud.intensity is not None:
+        rows[:, 3] = cloud.intensity
+    if nuscenes and cloud.ring is not None:
+        if len(cloud) and np.abs(cloud.ring).max() > 2**24:
+            raise DatasetError("a ring is too great for float32")
+        rows[:, 4] = cloud.ring
+    if not np.isfinite(rows).all():
+        raise DatasetError("a number of the cloud is too great for float32")
+    return rows.tobytes()
+
+
+def read_npz(path: Path) -> NamedCloud:
+    """Read an archive as `npz_bytes` writes it.
+
+    Raises:
+        DatasetError: it is no archive, holds Python objects, or an array is missing or wrong.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > _MOST_BYTES:
+                raise DatasetError(f"{path}: more than {_MOST_BYTES} bytes")
+            content = {
+                entry.filename.removesuffix(".npy"): _array(archive.read(entry), entry.filename)
+                for entry in archive.infolist()
+            }
+        if "xyz_m" not in content:
+            raise DatasetError(f"no array xyz_m; there are {', '.join(sorted(content)) or 'none'}")
+        stamp = content.get("stamp_s")
+        cloud = PointCloud(
+            content["xyz_m"],
+            content.get("intensity"),
+            content.get("ring"),
+            content.get("time_offset_s"),
+            str(content.get("frame", "")),
+            None if stamp is None else float(stamp),
+        )
+    except OSError as error:
+        raise DatasetError(f"{path}: {error.strerror or error}") from None
+    except DatasetError as error:
+        raise DatasetError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+    except Exception as error:  # zipfile's and zlib's own on damaged archives, and those of the cloud
+        raise DatasetError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
+    rest = sorted(set(content) - {"xyz_m", *_COLUMNS, "frame", "stamp_s"})
+    return NamedCloud(path.stem, cloud, notes=(f"arrays not kept: {', '.join(rest)}",) if rest else ())
+
+
+def _array(data: bytes, name: str) -> NDArray[Any]:
+    """An array whose header claims no more than there is."""
+    try:
+        array: NDArray[Any] = np.load(io.BytesIO(data), allow_pickle=False)
+    except MemoryError:
+        raise DatasetError(f"array {name}: its header claims more than the file holds") from None
+    return array
+
+
+def npz_bytes(cloud: PointCloud) -> bytes:
+    """A cloud with all that it has, as an archive of NumPy."""
+    arrays: dict[str, Any] = {"xyz_m": cloud.xyz_m, "frame": np.array(cloud.frame)}
+    arrays |= {name: getattr(cloud, name) for name in _COLUMNS if getattr(cloud, name) is not None}
+    if cloud.stamp_s is not None:
+        arrays["stamp_s"] = np.array(cloud.stamp_s)
+    content = io.BytesIO()
+    np.savez_compressed(content, **arrays)
+    return content.getvalue()
