@@ -104,8 +104,8 @@ def read_npz(path: Path) -> NamedCloud:
         raise DatasetError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
     except Exception as error:  # zipfile's and zlib's own on damaged archives, and those of the cloud
         raise DatasetError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
-    rest = sorted(set(content) - {"xyz_m", *_COLUMNS, "frame", "stamp_s"})
-    return NamedCloud(path.stem, cloud, notes=(f"arrays not kept: {', '.join(rest)}",) if rest else ())
+    unused = sorted(set(content) - {"xyz_m", *_COLUMNS, "frame", "stamp_s"})
+    return NamedCloud(path.stem, cloud, notes=(f"arrays not kept: {', '.join(unused)}",) if unused else ())
 
 
 def _array(data: bytes, name: str) -> NDArray[Any]:

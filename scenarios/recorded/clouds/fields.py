@@ -76,9 +76,9 @@ def cloud_from_rows(
     dropped = int(np.count_nonzero(~finite))
     if dropped:
         columns = {field: column[finite] for field, column in columns.items()}
-    rest = [field for field in names if field not in used and not field.startswith("_")]
-    if rest:
-        notes.append(f"fields not kept: {', '.join(rest)}")
+    unused = [field for field in names if field not in used and not field.startswith("_")]
+    if unused:
+        notes.append(f"fields not kept: {', '.join(unused)}")
     offset = None
     if chosen["time"]:
         offset, first_s = _time_offset_s(columns[chosen["time"]])
