@@ -17,7 +17,7 @@ How to use it::
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,6 +68,14 @@ Output = FrameOutput | Diagnostics
 """What is published: for a frame, or once a second."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Waiting:
+    """A frame that waits, and when the vehicle was where it saw it."""
+
+    message: DetectionMessage
+    pose_ns: int
+
+
 class LivePerception:
     """Perception and decision of a stream.
 
@@ -93,7 +101,7 @@ class LivePerception:
         self._ways = Ways(settings, lane_map)
         self._status = DiagnosticWatch()
         self._boxes, self._areas = MarkerBoard(), MarkerBoard()
-        self._waiting: list[DetectionMessage] = []
+        self._waiting: list[_Waiting] = []
         self._now_ns: int | None = None
         self._status_ns = 0
         self._sensor = ""
@@ -180,38 +188,39 @@ class LivePerception:
             self._waiting.clear()
             self._begin()
         self._late_ns = []
-        later = [k for k, other in enumerate(self._waiting) if other.time_ns > stamp_ns]
-        self._waiting.insert(later[0] if later else len(self._waiting), message)
+        later = [k for k, other in enumerate(self._waiting) if other.message.time_ns > stamp_ns]
+        waiting = _Waiting(message, self.localisation.pose_time_ns(message))
+        self._waiting.insert(later[0] if later else len(self._waiting), waiting)
 
     def _answers(self, now_ns: int | None) -> list[FrameOutput]:
         """Answers to the frames that need not wait any longer; None: to all."""
         answers = []
         wait_ns = round(self.settings.wait_s / _NS)
         while self._waiting:
-            message = self._waiting[0]
+            message, pose_ns = self._waiting[0].message, self._waiting[0].pose_ns
             sensor = message.frame_id or self._sensor
             waits = (
                 now_ns is not None
                 and now_ns - message.received_ns < wait_ns
                 and len(self._waiting) <= MOST_WAITING
             )
-            if waits and not self.localisation.complete(sensor, message.time_ns):
+            if waits and not self.localisation.complete(sensor, pose_ns):
                 break
             del self._waiting[0]
-            answer = self._answer(message, sensor)
+            answer = self._answer(message, pose_ns, sensor)
             if answer is not None:
                 answers.append(answer)
         return answers
 
-    def _answer(self, message: DetectionMessage, sensor: str) -> FrameOutput | None:
+    def _answer(self, message: DetectionMessage, pose_ns: int, sensor: str) -> FrameOutput | None:
         """Track and judge a frame; None: it is late, or nobody knows where it is."""
         stamp_ns, counts = message.time_ns, self.counts
         if self._last_ns is not None and stamp_ns <= self._last_ns:
             counts.late += 1
             return None
         self._sensor = sensor
-        self.localisation.decide(sensor, stamp_ns)
-        pose = self.localisation.pose(stamp_ns)
+        self.localisation.decide(sensor, pose_ns)
+        pose = self.localisation.pose(pose_ns)
         if pose is None:
             counts.without_pose += 1
             if self._has_pose:  # tracks live in another frame than this one's boxes
@@ -222,7 +231,7 @@ class LivePerception:
         self._has_pose = True
         counts.carried += pose.carried
         counts.without_transform += sensor in self.localisation.assumed
-        sensor_pose = pose.map_SE3_base @ self.localisation.base_SE3_sensor(sensor, stamp_ns)
+        sensor_pose = pose.map_SE3_base @ self.localisation.base_SE3_sensor(sensor, pose_ns)
         return self._seen(message, stamp_ns, pose, sensor_pose)
 
     def _forget_tracks(self) -> None:

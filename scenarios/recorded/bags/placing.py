@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -40,45 +39,30 @@ class Places:
     """Poses of vehicle and sensor at the frames of a bag, all of whose messages are known.
 
     Args:
-        received: messages in the order of their receipt.
+        received: messages in the order of their receipt, the frames among them.
     """
 
     def __init__(self, received: Iterable[tuple[Topic, Message]]) -> None:
         self.localisation = Localisation(_FrameSettings(), keep_all=True)
-        self._received_ns: dict[type, list[int]] = {OdometryMessage: [], TransformMessage: []}
-        self._newest_ns: dict[type, list[int]] = {OdometryMessage: [], TransformMessage: []}
+        self._pose_ns: dict[int, int] = {}  # of frames without a stamp, by their times of receipt
         for topic, message in received:
             static = topic.name.endswith(STATIC)
             if isinstance(message, OdometryMessage):
                 self.localisation.add_odometry(message)
-                self._note_newest(message, message.time_ns)
             elif isinstance(message, TransformMessage):
                 self.localisation.add_transforms(message, static)
-                if not static and len(message):
-                    self._note_newest(message, int(message.stamp_ns.max()))
-
-    def _note_newest(self, message: OdometryMessage | TransformMessage, time_ns: int) -> None:
-        newest = self._newest_ns[type(message)]
-        newest.append(max(time_ns, newest[-1]) if newest else time_ns)
-        self._received_ns[type(message)].append(message.received_ns)
+            elif isinstance(message, DetectionMessage) and message.stamp_ns is None:
+                self._pose_ns.setdefault(message.received_ns, self.localisation.pose_time_ns(message))
 
     def at(self, frame: DetectionMessage, sensor: str) -> tuple[FloatArray, FloatArray] | None:
         """(4, 4) `map_SE3_base` and `map_SE3_sensor` of a frame; None: no pose is near enough."""
-        time_ns = self._pose_time_ns(frame)
+        time_ns = self._pose_ns[frame.received_ns] if frame.stamp_ns is None else frame.stamp_ns
         self.localisation.decide(sensor, time_ns)
         pose = self.localisation.pose(time_ns)
         if pose is None:
             return None
         sensor_pose = pose.map_SE3_base @ self.localisation.base_SE3_sensor(sensor, time_ns)
         return pose.map_SE3_base, sensor_pose
-
-    def _pose_time_ns(self, frame: DetectionMessage) -> int:
-        """When the vehicle was where the frame saw it: its stamp, without one that of the newest pose."""
-        if frame.stamp_ns is not None:
-            return frame.stamp_ns
-        kind = OdometryMessage if self._newest_ns[OdometryMessage] else TransformMessage
-        known = bisect_right(self._received_ns[kind], frame.received_ns)
-        return self._newest_ns[kind][known - 1] if known else frame.received_ns
 
     @property
     def any(self) -> bool:

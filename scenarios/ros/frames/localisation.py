@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.ros.frames.poses import RATE_WINDOW_S, PoseBuffer, VehiclePose
 from scenarios.ros.frames.transforms import TransformTree
-from scenarios.ros.messages import OdometryMessage, TransformMessage
+from scenarios.ros.messages import DetectionMessage, OdometryMessage, TransformMessage
 from smartmot.types import FloatArray
 
 ODOMETRY, TRANSFORMS = "odometry", "transforms"
@@ -66,6 +66,8 @@ class Localisation:
         self._fixed = None if settings.sensor_pose is None else _flat(*settings.sensor_pose)
         self._map_frame = settings.map_frame
         self._nothing_came = False
+        self._newest_ns: int | None = None
+        self._newest_received_ns = 0
 
     @property
     def frame_id(self) -> str:
@@ -80,17 +82,43 @@ class Localisation:
     def add_odometry(self, message: OdometryMessage) -> None:
         """Take an odometry."""
         self.poses.add(message)
+        self._note_newest(message.received_ns)
         self._nothing_came = False
 
     def add_transforms(self, message: TransformMessage, static: bool) -> None:
         """Take transforms; see `TransformTree.add`."""
         self.tree.add(message, static)
+        self._note_newest(message.received_ns)
         self._nothing_came = False
 
     def forget_after(self, stamp_ns: int) -> None:
         """Forget what is newer than a time, after that has gone back."""
         self.poses.forget_after(stamp_ns)
         self.tree.forget_after(stamp_ns)
+        self._newest_ns = None
+
+    def pose_time_ns(self, frame: DetectionMessage) -> int:
+        """When the vehicle was where a frame saw it, asked when the frame is received.
+
+        The frame's stamp. Without one that of the newest pose, as tf2 has it for stamp 0; the time of receipt
+        where the newest pose was not received within the time for which poses are carried on.
+        """
+        if frame.stamp_ns is not None:
+            return frame.stamp_ns
+        away_s = abs(frame.received_ns - self._newest_received_ns) * _NS
+        if self._newest_ns is None or away_s > self._settings.carry_s:
+            return frame.received_ns
+        return self._newest_ns
+
+    def _note_newest(self, received_ns: int) -> None:
+        """Note a pose that is newer than all before, and when it was received."""
+        newest = None if self.source == TRANSFORMS else self.poses.newest_ns
+        if newest is None and self.source != ODOMETRY:
+            newest = self.tree.newest_ns(self._map_frame, self.base_frame)
+            if newest is None and self.source is None:
+                newest = self.tree.newest_ns(ODOM_FRAME, self.base_frame)
+        if newest != self._newest_ns:
+            self._newest_ns, self._newest_received_ns = newest, received_ns
 
     def complete(self, sensor: str, stamp_ns: int) -> bool:
         """Whether a frame need not wait: its sensor's place is known, and a pose that is not older."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +15,16 @@ from hypothesis import strategies as st
 
 from opendrive import load_map
 from scenarios.errors import ScenarioError
+from scenarios.live import perception as core
 from scenarios.live.counts import ERROR, OK, WARN, Diagnostics
 from scenarios.live.outputs import ADD, ARROW, CUBE, DELETE, LINE_STRIP, TEXT, FrameOutput
 from scenarios.live.perception import LATE_LIMIT, LivePerception
+from scenarios.live.placing import PlacedFrame, place
 from scenarios.live.settings import LiveSettings
 from scenarios.presets import PHYSICAL
+from scenarios.recorded.bags.reader import read_bag
 from scenarios.recorded.vehicles import Vehicle
+from scenarios.ros.bags.bag import open_bag
 from scenarios.ros.messages import DetectionMessage, LaneMessage, Message, OdometryMessage
 from tests.scenarios.live.streams_made import (
     BASE,
@@ -35,6 +41,7 @@ from tests.scenarios.live.streams_made import (
     straight,
     transform,
 )
+from tests.scenarios.ros.bags_made import DATA, MCAP
 
 STREET = Path(__file__).parents[3] / "scenarios" / "maps" / "urban_street.xodr"
 SETTINGS = LiveSettings(preset="physical", strategy="all")
@@ -284,6 +291,55 @@ def test_an_empty_header_counts_as_received_and_in_the_last_frame_that_was_named
     assert perception.counts.unstamped == 1
     assert frames[5].stamp_ns == fifth.received_ns
     assert {f.frame_id for f in frames} == {LIDAR}
+
+
+def test_boxes_are_placed_where_they_were_and_where_the_reader_of_bags_has_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Frame 7 has no header and comes 3 ms after its stamp: the pose is the newest, as with tf2's stamp 0."""
+    frames: list[PlacedFrame] = []
+
+    def seen(*arguments: Any) -> PlacedFrame:
+        frames.append(place(*arguments))
+        return frames[-1]
+
+    monkeypatch.setattr(core, "place", seen)
+    with open_bag(MCAP) as bag:
+        names = [topic.name for topic in bag.topics]
+        perception = LivePerception(SETTINGS)
+        for topic, message in bag.messages(*names):
+            perception.take(message, topic.name == "/tf_static")
+        perception.finish()
+    assert perception.counts.unstamped == 1
+    truth = json.loads((DATA / "truth.json").read_text())
+    expected = [[(b["x_m"], b["y_m"], b["yaw_rad"]) for b in frame["objects"]] for frame in truth]
+    center = np.array([frame.detections.boxes.center_m for frame in frames])
+    yaw = np.array([frame.detections.boxes.yaw_rad for frame in frames])
+    np.testing.assert_allclose(center, np.array(expected)[:, :, :2], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(yaw, np.array(expected)[:, :, 2], rtol=0, atol=1e-6)
+    recorded = read_bag(MCAP).sequences[0].detections
+    np.testing.assert_array_equal(np.concatenate(center), recorded.center_m)
+
+
+@pytest.mark.parametrize(
+    ("newest_s", "clock_s", "pose_x_m"),
+    [
+        (0.9, 0.0, 9.0),  # the newest pose, not carried on to 1.0 s
+        (0.9, 500.0, 9.0),  # stamps of a simulation, receipt by another clock
+        (0.7, 0.0, None),  # no pose came for 0.3 s: there is none at the time of receipt
+    ],
+)
+def test_without_a_header_the_newest_pose_counts_as_long_as_poses_come(
+    newest_s: float, clock_s: float, pose_x_m: float | None
+) -> None:
+    poses = [odometry(t, (10.0 * t, 0.0, 0.0), 10.0, after_s=clock_s) for t in (0.5, 0.6, newest_s)]
+    frame = replace(boxes(1.0, [car(20.0, 0.0)], after_s=clock_s), stamp_ns=None)
+    sensor = replace(SETTINGS, sensor_pose=(0.0, 0.0, 0.0, 0.0))
+    frames, perception = frames_of([*poses, frame], sensor)
+    assert perception.counts.without_pose == (pose_x_m is None)
+    assert perception.counts.carried == 0
+    if pose_x_m is not None:
+        assert frames[0].tracks.center_m[0, 0] == pytest.approx(pose_x_m + 20.0)
 
 
 def test_impossible_boxes_and_unknown_classes_are_counted() -> None:

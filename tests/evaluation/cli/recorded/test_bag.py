@@ -116,7 +116,6 @@ def test_the_shared_bags_give_the_same_tracks_in_both_storages(tmp_path: Path, c
     for (_, message), frame in zip(tracks[0], truth, strict=True):
         for detection, labelled in zip(message.detections, frame["objects"], strict=True):
             center = detection.bbox.center.position
-            # the frame without a stamp counts as measured when it was received, 3 ms later
             assert np.hypot(center.x - labelled["x_m"], center.y - labelled["y_m"]) < 0.12
             assert detection.results[0].hypothesis.class_id == labelled["category"]
             assert (detection.bbox.size.x, detection.bbox.size.y) == pytest.approx(
