@@ -121,6 +121,32 @@ class Bodies:
         velocity = np.zeros((len(parts), 2)) if velocity_mps is None else velocity_mps
         return cls(position_m, yaw_rad, velocity, Parts(*columns), first)
 
+    def take(self, rows: IntArray) -> Bodies:
+        """Some of the bodies."""
+        count = self.first[rows + 1] - self.first[rows]
+        first = np.concatenate(([0], np.cumsum(count)))
+        number = np.arange(first[-1]) + np.repeat(self.first[rows] - first[:-1], count)
+        parts = self.parts
+        chosen = Parts(
+            parts.kind[number], parts.center_m[number], parts.half_m[number], parts.reflectivity[number]
+        )
+        return Bodies(self.position_m[rows], self.yaw_rad[rows], self.velocity_mps[rows], chosen, first)
+
+    def seen_from(self, place_m: FloatArray, yaw_rad: float) -> Bodies:
+        """The bodies in a frame that lies at (2,) a horizontal place and is turned; heights stay."""
+        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+        turn = np.array([[c, -s], [s, c]])
+        position = self.position_m.copy()
+        position[:, :2] = (position[:, :2] - place_m) @ turn
+        return Bodies(position, self.yaw_rad - yaw_rad, self.velocity_mps @ turn, self.parts, self.first)
+
+    @property
+    def radius_m(self) -> FloatArray:
+        """(B,) how far each reaches from its position, horizontally."""
+        low, high = self.bounds()
+        reach: FloatArray = np.hypot(*np.maximum(np.abs(low), np.abs(high))[:, :2].T)
+        return reach
+
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """(B, 3) lowest and (B, 3) highest corner of the parts of each body, frame of the body."""
         if not len(self):

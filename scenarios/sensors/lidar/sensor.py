@@ -1,0 +1,182 @@
+"""The LiDAR as a sensor of the closed loop: the world in, a cloud of points out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scenarios.sensors.interfaces import Timing
+from scenarios.sensors.lidar.bodies import road_users
+from scenarios.sensors.lidar.casting import GROUND, Hits, Motion, RayTable, cast
+from scenarios.sensors.lidar.config import LidarConfig, Mount
+from scenarios.sensors.lidar.patterns import Rays
+from scenarios.sensors.lidar.shapes import Bodies, joined
+from scenarios.sensors.lidar.street import BARE, Street
+from scenarios.sensors.world import World
+from smartmot.arrays import FloatArray, IntArray
+from smartmot.pointcloud import PointCloud
+from smartmot.types import EgoState
+
+GROUND_REFLECTIVITY = 0.15
+"""Of asphalt, near infrared: assumed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LidarMeasurement:
+    """A cloud and where it was measured from.
+
+    Args:
+        stamp_s: time of the last ray, seconds.
+        number: of the cloud.
+        cloud: its points, sensor's frame. Intensities from 0 to 1: reflectivity times the cosine of the angle
+            of incidence.
+        ego: pose and motion at the stamp.
+        mount: where the sensor is on the ego.
+    """
+
+    stamp_s: float
+    number: int
+    cloud: PointCloud
+    ego: EgoState
+    mount: Mount
+
+    @property
+    def is_truth(self) -> bool:
+        """False: it is what a LiDAR gives."""
+        return False
+
+
+class LidarSensor:
+    """Casts the rays of a LiDAR against road users, the ground, kerbs and street furniture.
+
+    Errors of cloud k are the same whatever is in the scene. The ego is level and has no body of its own.
+
+    Args:
+        config: the LiDAR.
+        seed: of noise and dropout.
+        street: what stands along the road; `BARE`: nothing, and the road has no kerbs.
+        compiled: see `casting.cast`.
+    """
+
+    def __init__(
+        self, config: LidarConfig, seed: int = 0, street: Street = BARE, *, compiled: bool | None = None
+    ) -> None:
+        self.config, self.seed, self.street, self.compiled = config, seed, street, compiled
+        self.timing = Timing(config.pattern.rate_hz, config.phase_s, config.latency_s)
+
+    def measure(self, world: World, ego: EgoState) -> LidarMeasurement:
+        """The cloud that ends with the world's time."""
+        return self.label(world, ego)[0]
+
+    def label(self, world: World, ego: EgoState) -> tuple[LidarMeasurement, IntArray]:
+        """The cloud, and (N,) the row in the world of the road user on which each point is, or -1.
+
+        The second is ground truth: it is for labels and tests, and no detector gets it.
+        """
+        number = self.timing.number_at(world.time_s)
+        rays = self.config.pattern.rays(number)
+        table, order = _table(rays, self.config.mount.pitch_rad)
+        ground = float(world.surface.elevation_m(np.array([[ego.x_m, ego.y_m]]), np.array([ego.yaw_rad]))[0])
+        rows = np.flatnonzero(world.seen & world.exists)
+        bodies = self._bodies(world, rows, ego)
+        mount = self.config.mount
+        motion = Motion(ground + mount.height_m, ego.speed_mps, ego.yaw_rate_radps, mount.forward_m)
+        hits = cast(table, motion, bodies, ground, compiled=self.compiled)
+        range_m, echo = self._echoes(hits, order, number)
+        cloud = self._cloud(rays, order, table, motion, hits, range_m, echo, bodies, world.time_s)
+        body = hits.body[echo]
+        user = (body >= 0) & (body < len(rows))
+        labels = np.full(len(body), -1, dtype=np.int64)
+        labels[user] = rows[body[user]]
+        return LidarMeasurement(world.time_s, number, cloud, ego, mount), labels
+
+    def _bodies(self, world: World, rows: IntArray, ego: EgoState) -> Bodies:
+        """Road users, then the street around the ego, in the frame of the stamp."""
+        boxes = world.boxes[rows]
+        bottom = world.surface.elevation_m(boxes.center_m, boxes.yaw_rad)
+        bottom = bottom + self.street.raised_m(boxes.center_m)
+        users = road_users(
+            world.category[rows],
+            np.column_stack((boxes.size_m, world.height_m[rows])),
+            np.column_stack((boxes.center_m, bottom)),
+            boxes.yaw_rad,
+            world.velocity_mps[rows],
+        )
+        near = self.street.near(ego.x_m, ego.y_m, self.config.range_m)
+        c, s = np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)
+        sensor = np.array(
+            [ego.x_m + self.config.mount.forward_m * c, ego.y_m + self.config.mount.forward_m * s]
+        )
+        return joined([users, near]).seen_from(sensor, ego.yaw_rad)
+
+    def _echoes(self, hits: Hits, order: IntArray, number: int) -> tuple[FloatArray, IntArray]:
+        """(N,) ranges with noise, and which rays have an echo, in the order of the pattern."""
+        config = self.config
+        range_m, count = hits.range_m, len(hits.range_m)
+        rng = np.random.default_rng((self.seed, number))
+        echo = (range_m >= config.blind_m) & (range_m <= config.range_m)
+        if config.range_sigma_m > 0.0:
+            range_m = range_m + config.range_sigma_m * rng.standard_normal(count)[order]
+        if config.dropout > 0.0:
+            echo &= rng.random(count)[order] >= config.dropout
+        kept = np.flatnonzero(echo)
+        return range_m, kept[np.argsort(order[kept], kind="stable")]
+
+    def _cloud(
+        self,
+        rays: Rays,
+        order: IntArray,
+        table: RayTable,
+        motion: Motion,
+        hits: Hits,
+        range_m: FloatArray,
+        echo: IntArray,
+        bodies: Bodies,
+        stamp_s: float,
+    ) -> PointCloud:
+        """The points of the rays that have an echo."""
+        given = order[echo]
+        points = rays.direction[given] * range_m[echo, None]
+        if self.config.motion_compensated and not motion.stands:
+            level = table.direction[echo] * range_m[echo, None]
+            place, turn = motion.pose(table.time_s[echo])
+            c, s = np.cos(turn), np.sin(turn)
+            level = np.column_stack(
+                (
+                    place[:, 0] + c * level[:, 0] - s * level[:, 1],
+                    place[:, 1] + s * level[:, 0] + c * level[:, 1],
+                    level[:, 2],
+                )
+            )
+            points = _pitched(level, -self.config.mount.pitch_rad)
+        part = hits.part[echo]
+        reflectivity = np.where(hits.body[echo] == GROUND, GROUND_REFLECTIVITY, 0.0)
+        met = part >= 0
+        reflectivity[met] = bodies.parts.reflectivity[part[met]]
+        intensity = (reflectivity * hits.cosine[echo]).astype(np.float32)
+        return PointCloud(
+            points.astype(np.float32),
+            intensity,
+            rays.ring[given],
+            rays.time_offset_s[given].astype(np.float32),
+            "lidar",
+            stamp_s,
+        )
+
+
+@lru_cache(maxsize=64)
+def _table(rays: Rays, pitch_rad: float) -> tuple[RayTable, IntArray]:
+    """The rays in the level frame; tabulated once."""
+    return RayTable.of(_pitched(rays.direction, pitch_rad), rays.time_offset_s)
+
+
+def _pitched(points: FloatArray, pitch_rad: float) -> FloatArray:
+    """(N, 3) points of a frame that is pitched nose down, in the level frame."""
+    if pitch_rad == 0.0:
+        return points
+    c, s = np.cos(pitch_rad), np.sin(pitch_rad)
+    return np.column_stack(
+        (c * points[:, 0] + s * points[:, 2], points[:, 1], c * points[:, 2] - s * points[:, 0])
+    )
