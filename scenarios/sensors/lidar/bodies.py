@@ -105,6 +105,13 @@ def unit_body(shape: str) -> Parts:
     )
 
 
+@lru_cache(maxsize=1)
+def _unit_bodies() -> Bodies:
+    """One of each shape."""
+    count = len(SHAPES)
+    return Bodies.of([unit_body(shape) for shape in SHAPES], np.zeros((count, 3)), np.zeros(count))
+
+
 def shape_of(category: str, height_m: float) -> str:
     """The shape of a road user: a pedestrian's depends on its height, those without one are boxes."""
     if category == "pedestrian":
@@ -131,9 +138,13 @@ def road_users(
         velocity_mps: (N, 2) horizontal velocities; None: they stand.
         single_box: each is its box and nothing else.
     """
+    names = list(SHAPES)
     shapes = [
         "unknown" if single_box else shape_of(name, height)
         for name, height in zip(category.tolist(), size_m[:, 2].tolist(), strict=True)
     ]
-    parts = [unit_body(shape).scaled(size) for shape, size in zip(shapes, size_m, strict=True)]
-    return Bodies.of(parts, position_m, yaw_rad, velocity_mps)
+    count = len(shapes)
+    units = _unit_bodies().take(np.array([names.index(shape) for shape in shapes], dtype=np.int64))
+    stretch = np.repeat(size_m.reshape(count, 3), np.diff(units.first), axis=0)
+    velocity = np.zeros((count, 2)) if velocity_mps is None else velocity_mps
+    return Bodies(position_m, yaw_rad, velocity, units.parts.scaled(stretch), units.first)

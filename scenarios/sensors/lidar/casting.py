@@ -32,11 +32,6 @@ TINY = 1e-300
 SMALLEST_SQUARE = 1e-200
 """Square of a direction along the axis of a cylinder: inside it, the side is far away."""
 
-Loops = Callable[
-    [FloatArray, FloatArray, float, FloatArray, Bodies, IntArray, IntArray], tuple[FloatArray, IntArray]
-]
-"""See `nearest_parts`."""
-
 
 @dataclass(frozen=True)
 class RayTable:
@@ -63,9 +58,23 @@ class RayTable:
         return azimuth
 
     @cached_property
+    def slope(self) -> FloatArray:
+        """(N,) rise over horizontal distance."""
+        x, y, z = self.direction.T
+        with np.errstate(divide="ignore"):
+            slope: FloatArray = z / np.hypot(x, y)
+        return slope
+
+    @cached_property
+    def moments(self) -> tuple[FloatArray, IntArray]:
+        """(M,) times at which something is shot, ascending, and (N,) which of them is a ray's."""
+        times, which = np.unique(self.time_s, return_inverse=True)
+        return times, which.astype(np.int64)
+
+    @property
     def earliest_s(self) -> float:
         """Time of the first shot."""
-        return float(self.time_s.min(initial=0.0))
+        return float(min(self.moments[0][0], 0.0)) if len(self.time_s) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,95 +147,129 @@ def cast(
     Raises:
         ScenarioError: compiled loops are asked for and numba is missing.
     """
-    place, turn = motion.pose(rays.time_s)
-    direction = rays.direction
-    if motion.yaw_rate_radps != 0.0:
-        c, s = np.cos(turn), np.sin(turn)
-        x, y = direction[:, 0], direction[:, 1]
-        direction = np.column_stack((c * x - s * y, s * x + c * y, direction[:, 2]))
-    first, last = sectors(rays, motion, bodies)
-    loops = _loops(compiled)
-    range_m, part = loops(direction, place, motion.height_m, rays.time_s, bodies, first, last)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        below = np.where(
-            direction[:, 2] < 0.0, -(motion.height_m - (ground_m or 0.0)) / direction[:, 2], np.inf
-        )
-    if ground_m is None or motion.height_m <= ground_m:
-        below = np.full(len(direction), np.inf)
-    return _hits(direction, place, motion.height_m, rays.time_s, bodies, range_m, part, below)
+    level = -math.inf if ground_m is None else ground_m
+    return _caster(compiled)(rays, motion, bodies, level, sectors(rays, motion, bodies))
 
 
-def sectors(rays: RayTable, motion: Motion, bodies: Bodies) -> tuple[IntArray, IntArray]:
-    """(B, 2) first and (B, 2) last row, exclusive, of the rays that can reach each body; two ranges.
+@dataclass(frozen=True, slots=True, eq=False)
+class Sectors:
+    """Which rays can reach each of B bodies.
+
+    Args:
+        first: (B, 2) first rows of two ranges; the second is what lies beyond an azimuth of pi.
+        last: (B, 2) rows before which they end.
+        low_slope: (B,) least slope of a ray that can reach it.
+        high_slope: (B,) greatest.
+    """
+
+    first: IntArray
+    last: IntArray
+    low_slope: FloatArray
+    high_slope: FloatArray
+
+
+def sectors(rays: RayTable, motion: Motion, bodies: Bodies) -> Sectors:
+    """Which rays can reach each body.
 
     The rectangle around a body is seen from the sensor in the middle of the cloud's time. Relative to the
-    sensor it moves until first and last shot by no more than `reach`, which widens it all round. The second
-    range is what lies beyond an azimuth of pi.
+    sensor it moves until first and last shot by no more than `reach`, which widens it all round.
     """
     count = len(bodies)
     first, last = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
     if not count or not len(rays.time_s):
-        return first, last
+        return Sectors(first, last, np.zeros(count), np.zeros(count))
     half_s = -0.5 * rays.earliest_s
-    low, high = bodies.bounds()
+    low, high = bodies.bounds
     place, turn = motion.pose(np.array([-half_s]))
-    c, s = np.cos(bodies.yaw_rad)[:, None], np.sin(bodies.yaw_rad)[:, None]
+    c, s = bodies.turned[:, :1], bodies.turned[:, 1:]
     along = np.column_stack((low[:, 0], high[:, 0], high[:, 0], low[:, 0]))
     across = np.column_stack((low[:, 1], low[:, 1], high[:, 1], high[:, 1]))
     middle = bodies.position_m[:, :2] - half_s * bodies.velocity_mps - place
     x = middle[:, :1] + c * along - s * across
     y = middle[:, 1:] + s * along + c * across
     distance = np.hypot(x, y)
-    rate, swing = abs(motion.yaw_rate_radps), motion.yaw_rate_radps * motion.forward_m
-    sensor = motion.speed_mps * np.array([math.cos(turn[0]), math.sin(turn[0])])
-    sensor += swing * np.array([-math.sin(turn[0]), math.cos(turn[0])])
-    relative = (
-        np.hypot(*(bodies.velocity_mps - sensor).T) + math.hypot(motion.speed_mps, swing) * rate * half_s
-    )
-    reach = half_s * (relative * (1.0 + rate * half_s) + rate * distance.max(axis=1)) + 1e-6
-    # the nearest point of the rectangle, in the body's axes
+    farthest = distance.max(axis=1)
+    reach = _reach(motion, bodies, float(turn[0]), half_s, farthest)
+    # from the sensor to the nearest point of the rectangle, in the body's axes
     own_x = -(c[:, 0] * middle[:, 0] + s[:, 0] * middle[:, 1])
     own_y = s[:, 0] * middle[:, 0] - c[:, 0] * middle[:, 1]
     gap_x = np.maximum(np.maximum(low[:, 0] - own_x, own_x - high[:, 0]), 0.0)
     gap_y = np.maximum(np.maximum(low[:, 1] - own_y, own_y - high[:, 1]), 0.0)
-    around = np.hypot(gap_x, gap_y) <= reach
+    gap = np.hypot(gap_x, gap_y) - reach
     bearing = np.arctan2(y.mean(axis=1), x.mean(axis=1))
     corner = wrap_angle(np.arctan2(y, x) - bearing[:, None])
     spread = np.arcsin(np.minimum(reach[:, None] / np.maximum(distance, reach[:, None]), 1.0))
-    start = wrap_angle(bearing + (corner - spread).min(axis=1) - turn[0])
-    width = (corner + spread).max(axis=1) - (corner - spread).min(axis=1)
-    around |= width >= 2.0 * math.pi
-    end = start + width
+    right, left = (corner - spread).min(axis=1), (corner + spread).max(axis=1)
+    start = wrap_angle(bearing + right - turn[0])
+    end = start + (left - right)
     azimuth = rays.azimuth_rad
     first[:, 0] = np.searchsorted(azimuth, start, side="left")
     last[:, 0] = np.searchsorted(azimuth, end, side="right")
     last[:, 1] = np.searchsorted(azimuth, end - 2.0 * math.pi, side="right")
+    around = (gap <= 0.0) | (left - right >= 2.0 * math.pi)
     first[around, 0], last[around, 0], last[around, 1] = 0, len(azimuth), 0
-    return first, last
+    under = bodies.position_m[:, 2] + low[:, 2] - motion.height_m
+    over = bodies.position_m[:, 2] + high[:, 2] - motion.height_m
+    near, far = np.maximum(gap, 1e-12), farthest + reach
+    low_slope = np.where(under < 0.0, under / near, under / far) - 1e-9
+    high_slope = np.where(over > 0.0, over / near, over / far) + 1e-9
+    low_slope[around], high_slope[around] = -np.inf, np.inf
+    return Sectors(first, last, low_slope, high_slope)
 
 
-def _loops(compiled: bool | None) -> Loops:
+def _reach(motion: Motion, bodies: Bodies, turn: float, half_s: float, farthest: FloatArray) -> FloatArray:
+    """(B,) how far bodies move in the sensor's axes from the middle of the cloud's time to its ends."""
+    rate, swing = abs(motion.yaw_rate_radps), motion.yaw_rate_radps * motion.forward_m
+    sensor = motion.speed_mps * np.array([math.cos(turn), math.sin(turn)])
+    sensor += swing * np.array([-math.sin(turn), math.cos(turn)])
+    relative = np.hypot(*(bodies.velocity_mps - sensor).T)
+    relative += math.hypot(motion.speed_mps, swing) * rate * half_s  # its own velocity turns
+    reach: FloatArray = half_s * (relative * (1.0 + rate * half_s) + rate * farthest) + 1e-6
+    return reach
+
+
+Caster = Callable[[RayTable, Motion, Bodies, float, Sectors], Hits]
+"""See `cast_arrays`."""
+
+
+def _caster(compiled: bool | None) -> Caster:
     if compiled is None:
         compiled = find_spec("numba") is not None
     if not compiled:
-        return nearest_parts
+        return cast_arrays
     try:
-        from scenarios.sensors.lidar.compiled import nearest_parts as compiled_loops
+        from scenarios.sensors.lidar.compiled import cast_loops
     except ModuleNotFoundError as error:
         raise ScenarioError(
             "lidar: compiled ray casting needs numba; install the extra: pip install 'smartmot[fast]'"
         ) from error
-    return compiled_loops
+    return cast_loops
+
+
+def cast_arrays(rays: RayTable, motion: Motion, bodies: Bodies, ground_m: float, tried: Sectors) -> Hits:
+    """What each ray meets first, by array operations; see `cast`."""
+    moments, which = rays.moments
+    place, turn = motion.pose(moments)
+    place, direction = place[which], rays.direction
+    if motion.yaw_rate_radps != 0.0:
+        c, s = np.cos(turn)[which], np.sin(turn)[which]
+        x, y, z = direction.T
+        direction = np.column_stack((c * x - s * y, s * x + c * y, z))
+    range_m, part = nearest_parts(direction, place, motion.height_m, rays, bodies, tried)
+    below = np.full(len(direction), np.inf)
+    if motion.height_m > ground_m:
+        down = np.flatnonzero(direction[:, 2] < 0.0)
+        below[down] = (ground_m - motion.height_m) / direction[down, 2]
+    return _hits(direction, place, motion.height_m, rays.time_s, bodies, range_m, part, below)
 
 
 def nearest_parts(
     direction: FloatArray,
     place: FloatArray,
     height_m: float,
-    time_s: FloatArray,
+    rays: RayTable,
     bodies: Bodies,
-    first: IntArray,
-    last: IntArray,
+    tried: Sectors,
 ) -> tuple[FloatArray, IntArray]:
     """(N,) ranges to the first part that each ray meets, infinite for none, and (N,) that part, or -1.
 
@@ -234,15 +277,18 @@ def nearest_parts(
         direction: (N, 3) unit vectors, frame of the stamp.
         place: (N, 2) where each ray starts, at one height.
         height_m: that height.
-        time_s: (N,) when each is shot.
+        rays: their times and slopes.
         bodies: what they may meet.
-        first: (B, 2) rows from which rays are tried with each body; see `sectors`.
-        last: (B, 2) rows before which they end.
+        tried: which rays are tried with each body.
     """
+    time_s = rays.time_s
     range_m, part = np.full(len(direction), np.inf), np.full(len(direction), -1, dtype=np.int64)
-    ray, owner = _spans(first.ravel(), last.ravel())
+    ray, owner = _spans(tried.first.ravel(), tried.last.ravel())
     owner //= 2
-    low, high = bodies.bounds()
+    slope = rays.slope[ray]
+    steep = np.flatnonzero((slope >= tried.low_slope[owner]) & (slope <= tried.high_slope[owner]))
+    ray, owner = ray[steep], owner[steep]
+    low, high = bodies.bounds
     origin, ahead = _in_body(direction, place, height_m, time_s, bodies, ray, owner)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + 1e-9
     near, far = _block((origin - middle[owner]) / half[owner], ahead / half[owner])
@@ -283,7 +329,7 @@ def _in_body(
     owner: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
     """(M, 3) starts and (M, 3) directions of rays in the frames of bodies."""
-    c, s = np.cos(bodies.yaw_rad)[owner], np.sin(bodies.yaw_rad)[owner]
+    c, s = bodies.turned[owner].T
     rel = place[ray] - (bodies.position_m[owner, :2] + bodies.velocity_mps[owner] * time_s[ray, None])
     given = direction[ray]
     origin, ahead = np.empty((len(ray), 3)), np.empty((len(ray), 3))
@@ -300,8 +346,8 @@ def _in_body(
 def _slab(origin: FloatArray, ahead: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Where rays enter and leave the space from -1 to 1 along an axis."""
     with np.errstate(over="ignore"):
-        one, other = (-1.0 - origin) / ahead, (1.0 - origin) / ahead
-    return np.minimum(one, other), np.maximum(one, other)
+        at_low, at_high = (-1.0 - origin) / ahead, (1.0 - origin) / ahead
+    return np.minimum(at_low, at_high), np.maximum(at_low, at_high)
 
 
 def _block(origin: FloatArray, ahead: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Rays against bodies in loops that numba compiles: the same arithmetic as `casting.nearest_parts`.
+"""Rays against bodies in loops that numba compiles: the same hits and ranges as `casting.cast_arrays`.
 
 Imported where numba is installed (extra `fast`).
 """
@@ -12,7 +12,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numba import njit
 
-from scenarios.sensors.lidar.casting import SMALLEST_SQUARE, TINY
+from scenarios.sensors.lidar.casting import (
+    GROUND,
+    NO_BODY,
+    SMALLEST_SQUARE,
+    TINY,
+    Hits,
+    Motion,
+    RayTable,
+    Sectors,
+)
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, Bodies
 from smartmot.arrays import FloatArray, IntArray
 
@@ -24,40 +33,54 @@ def _compiled(function: F) -> F:
     return loops
 
 
-def nearest_parts(
-    direction: FloatArray,
-    place: FloatArray,
-    height_m: float,
-    time_s: FloatArray,
-    bodies: Bodies,
-    first: IntArray,
-    last: IntArray,
-) -> tuple[FloatArray, IntArray]:
-    """See `casting.nearest_parts`."""
-    range_m, part = np.full(len(direction), np.inf), np.full(len(direction), -1, dtype=np.int64)
-    low, high = bodies.bounds()
-    turned = np.column_stack((np.cos(bodies.yaw_rad), np.sin(bodies.yaw_rad)))
-    _try_all(
-        direction, place, height_m, time_s, bodies.position_m, turned, bodies.velocity_mps,
-        0.5 * (low + high), 0.5 * (high - low) + 1e-9, bodies.first,
-        bodies.parts.kind, bodies.parts.center_m, bodies.parts.half_m, first, last, range_m, part,
+def cast_loops(rays: RayTable, motion: Motion, bodies: Bodies, ground_m: float, tried: Sectors) -> Hits:
+    """See `casting.cast_arrays`."""
+    moments, which = rays.moments
+    place, turn = motion.pose(moments)
+    heading = np.column_stack((np.cos(turn), np.sin(turn)))
+    count = len(rays.time_s)
+    turns = motion.yaw_rate_radps != 0.0
+    ahead = np.empty((count, 3)) if turns else rays.direction
+    range_m, cosine = np.empty(count), np.empty(count)
+    body, part = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    low, high = bodies.bounds
+    bounds = np.column_stack((low - 1e-9, high + 1e-9))
+    parts = bodies.parts
+    over_m = motion.height_m - ground_m
+    _start(rays.direction, which, heading, over_m, turns, ahead, range_m, body, part, cosine)
+    _try_bodies(
+        ahead, place, which, moments, rays.slope, motion.height_m, bodies.position_m, bodies.turned,
+        bodies.velocity_mps, bounds, bodies.first, parts.kind, parts.center_m, parts.half_m,
+        tried.first, tried.last, tried.low_slope, tried.high_slope, range_m, body, part,
     )  # fmt: skip
-    return range_m, part
+    _incidence(
+        ahead, place, which, moments, motion.height_m, bodies.position_m, bodies.turned, bodies.velocity_mps,
+        parts.kind, parts.center_m, parts.half_m, range_m, body, part, cosine,
+    )  # fmt: skip
+    return Hits(range_m, body, part, cosine)
 
 
 @_compiled
-def _slab(origin: float, ahead: float) -> tuple[float, float]:
-    one, other = (-1.0 - origin) / ahead, (1.0 - origin) / ahead
-    return min(one, other), max(one, other)
+def _start(
+    direction: FloatArray, which: IntArray, heading: FloatArray, over_ground_m: float, turns: bool,
+    ahead: FloatArray, range_m: FloatArray, body: IntArray, part: IntArray, cosine: FloatArray,
+) -> None:  # fmt: skip
+    """Turn rays as the vehicle turns, and let them meet the ground."""
+    for ray in range(len(direction)):
+        z = direction[ray, 2]
+        if turns:
+            c, s = heading[which[ray], 0], heading[which[ray], 1]
+            x, y = direction[ray, 0], direction[ray, 1]
+            ahead[ray, 0], ahead[ray, 1], ahead[ray, 2] = c * x - s * y, s * x + c * y, z
+        range_m[ray], body[ray], part[ray], cosine[ray] = math.inf, NO_BODY, -1, 0.0
+        if z < 0.0 < over_ground_m < math.inf:
+            range_m[ray], body[ray], cosine[ray] = -over_ground_m / z, GROUND, -z
 
 
 @_compiled
-def _block(x: float, y: float, z: float, dx: float, dy: float, dz: float) -> tuple[float, float]:
-    near, far = _slab(x, dx)
-    enter, leave = _slab(y, dy)
-    near, far = max(near, enter), min(far, leave)
-    enter, leave = _slab(z, dz)
-    return max(near, enter), min(far, leave)
+def _slab(low: float, high: float, slowness: float) -> tuple[float, float]:
+    at_low, at_high = low * slowness, high * slowness
+    return (at_low, at_high) if at_low < at_high else (at_high, at_low)
 
 
 @_compiled
@@ -73,53 +96,108 @@ def _round(x: float, y: float, z: float, dx: float, dy: float, dz: float) -> tup
 
 
 @_compiled
-def _entered(kind: int, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> tuple[float, float]:
-    if kind == BLOCK:
-        return _block(x, y, z, dx, dy, dz)
+def _entered(
+    kind: int, x: float, y: float, z: float, dx: float, dy: float, dz: float,
+    sx: float, sy: float, sz: float, hx: float, hy: float, hz: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Where a ray from x, y, z enters and leaves a part; s are the inverses of d, h half of its extents."""
     if kind == ELLIPSOID:
-        return _round(x, y, z, dx, dy, dz)
-    if kind == COLUMN:
-        enter, leave = _slab(z, dz)
-        near, far = _round(x, y, 0.0, dx, dy, 0.0)
+        return _round(x / hx, y / hy, z / hz, dx / hx, dy / hy, dz / hz)
+    if kind == BLOCK:
+        near, far = _slab(-hx - x, hx - x, sx)
+        enter, leave = _slab(-hy - y, hy - y, sy)
+        near, far = max(near, enter), min(far, leave)
+        enter, leave = _slab(-hz - z, hz - z, sz)
+    elif kind == COLUMN:
+        enter, leave = _slab(-hz - z, hz - z, sz)
+        near, far = _round(x / hx, y / hy, 0.0, dx / hx, dy / hy, 0.0)
     else:
-        enter, leave = _slab(y, dy)
-        near, far = _round(x, z, 0.0, dx, dz, 0.0)
+        enter, leave = _slab(-hy - y, hy - y, sy)
+        near, far = _round(x / hx, z / hz, 0.0, dx / hx, dz / hz, 0.0)
     return max(near, enter), min(far, leave)
 
 
 @_compiled
-def _try_all(
-    direction: FloatArray, place: FloatArray, height_m: float, time_s: FloatArray,
-    position: FloatArray, turned: FloatArray, velocity: FloatArray, middle: FloatArray, reach: FloatArray,
-    part_of: IntArray, kind: IntArray, center: FloatArray, half: FloatArray,
-    first: IntArray, last: IntArray, range_m: FloatArray, part: IntArray,
+def _try_bodies(
+    ahead: FloatArray, place: FloatArray, which: IntArray, moments: FloatArray, slope: FloatArray,
+    height_m: float, position: FloatArray, turned: FloatArray, velocity: FloatArray, bounds: FloatArray,
+    part_of: IntArray, kind: IntArray, center: FloatArray, half: FloatArray, first: IntArray, last: IntArray,
+    low_slope: FloatArray, high_slope: FloatArray, range_m: FloatArray, body: IntArray, part: IntArray,
 ) -> None:  # fmt: skip
-    for body in range(len(position)):
-        c, s = turned[body, 0], turned[body, 1]
-        oz = height_m - position[body, 2]
+    for b in range(len(position)):
+        c, s = turned[b, 0], turned[b, 1]
+        oz = height_m - position[b, 2]
         for span in range(2):
-            for ray in range(first[body, span], last[body, span]):
-                rx = place[ray, 0] - (position[body, 0] + velocity[body, 0] * time_s[ray])
-                ry = place[ray, 1] - (position[body, 1] + velocity[body, 1] * time_s[ray])
+            for ray in range(first[b, span], last[b, span]):
+                if slope[ray] < low_slope[b] or slope[ray] > high_slope[b]:
+                    continue
+                t = which[ray]
+                rx = place[t, 0] - (position[b, 0] + velocity[b, 0] * moments[t])
+                ry = place[t, 1] - (position[b, 1] + velocity[b, 1] * moments[t])
                 ox, oy = c * rx + s * ry, c * ry - s * rx
-                gx, gy, dz = direction[ray, 0], direction[ray, 1], direction[ray, 2]
+                gx, gy, dz = ahead[ray, 0], ahead[ray, 1], ahead[ray, 2]
                 dx, dy = c * gx + s * gy, c * gy - s * gx
                 dx = TINY if dx == 0.0 else dx
                 dy = TINY if dy == 0.0 else dy
                 dz = TINY if dz == 0.0 else dz
-                hx, hy, hz = reach[body, 0], reach[body, 1], reach[body, 2]
-                near, far = _block(
-                    (ox - middle[body, 0]) / hx, (oy - middle[body, 1]) / hy, (oz - middle[body, 2]) / hz,
-                    dx / hx, dy / hy, dz / hz,
-                )  # fmt: skip
-                if not (near <= far and far > 0.0) or near >= range_m[ray]:
+                sx, sy, sz = 1.0 / dx, 1.0 / dy, 1.0 / dz
+                near, far = _slab(bounds[b, 0] - ox, bounds[b, 3] - ox, sx)
+                enter, leave = _slab(bounds[b, 1] - oy, bounds[b, 4] - oy, sy)
+                near, far = max(near, enter), min(far, leave)
+                enter, leave = _slab(bounds[b, 2] - oz, bounds[b, 5] - oz, sz)
+                near, far = max(near, enter), min(far, leave)
+                if near > far or not far > 0.0 or near >= range_m[ray]:
                     continue
-                for p in range(part_of[body], part_of[body + 1]):
-                    hx, hy, hz = half[p, 0], half[p, 1], half[p, 2]
+                for p in range(part_of[b], part_of[b + 1]):
                     near, far = _entered(
-                        kind[p],
-                        (ox - center[p, 0]) / hx, (oy - center[p, 1]) / hy, (oz - center[p, 2]) / hz,
-                        dx / hx, dy / hy, dz / hz,
+                        kind[p], ox - center[p, 0], oy - center[p, 1], oz - center[p, 2], dx, dy, dz,
+                        sx, sy, sz, half[p, 0], half[p, 1], half[p, 2],
                     )  # fmt: skip
                     if near <= far and 0.0 < near < range_m[ray]:
-                        range_m[ray], part[ray] = near, p
+                        range_m[ray], body[ray], part[ray] = near, b, p
+
+
+@_compiled
+def _incidence(
+    ahead: FloatArray, place: FloatArray, which: IntArray, moments: FloatArray, height_m: float,
+    position: FloatArray, turned: FloatArray, velocity: FloatArray,
+    kind: IntArray, center: FloatArray, half: FloatArray,
+    range_m: FloatArray, body: IntArray, part: IntArray, cosine: FloatArray,
+) -> None:  # fmt: skip
+    """Cosines of the angles of incidence on bodies."""
+    for ray in range(len(range_m)):
+        p = part[ray]
+        if p < 0:
+            continue
+        b, t = body[ray], which[ray]
+        c, s = turned[b, 0], turned[b, 1]
+        rx = place[t, 0] - (position[b, 0] + velocity[b, 0] * moments[t])
+        ry = place[t, 1] - (position[b, 1] + velocity[b, 1] * moments[t])
+        dx, dy = c * ahead[ray, 0] + s * ahead[ray, 1], c * ahead[ray, 1] - s * ahead[ray, 0]
+        dz = ahead[ray, 2]
+        x = (c * rx + s * ry + range_m[ray] * dx - center[p, 0]) / half[p, 0]
+        y = (c * ry - s * rx + range_m[ray] * dy - center[p, 1]) / half[p, 1]
+        z = (height_m - position[b, 2] + range_m[ray] * dz - center[p, 2]) / half[p, 2]
+        nx, ny, nz = x, y, z
+        if kind[p] == BLOCK:
+            ax, ay, az = abs(x), abs(y), abs(z)
+            nx, ny, nz = 0.0, 0.0, 0.0
+            if ax >= ay and ax >= az:
+                nx = 1.0
+            elif ay >= az:
+                ny = 1.0
+            else:
+                nz = 1.0
+        elif kind[p] == COLUMN:
+            if z * z > x * x + y * y:
+                nx, ny = 0.0, 0.0
+            else:
+                nz = 0.0
+        elif kind[p] != ELLIPSOID:
+            if y * y > x * x + z * z:
+                nx, nz = 0.0, 0.0
+            else:
+                ny = 0.0
+        nx, ny, nz = nx / half[p, 0], ny / half[p, 1], nz / half[p, 2]
+        dot = nx * dx + ny * dy + nz * dz
+        cosine[ray] = min(abs(dot) / math.sqrt(nx * nx + ny * ny + nz * nz), 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,11 +55,11 @@ class Parts:
         return len(self.kind)
 
     def scaled(self, factor: FloatArray) -> Parts:
-        """The parts stretched along the three axes of the body."""
+        """The parts stretched along the three axes of the body, by (3,) or (P, 3) factors."""
         return Parts(self.kind, self.center_m * factor, self.half_m * factor, self.reflectivity)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Bodies:
     """B upright bodies of P parts, in any level frame.
 
@@ -89,8 +90,8 @@ class Bodies:
             raise ShapeError("bodies: a position, yaw or velocity is not finite")
         if first[0] != 0 or first[-1] != len(self.parts) or (np.diff(first) <= 0).any():
             raise ShapeError(f"first: expected to ascend from 0 to {len(self.parts)}, got {first.tolist()}")
-        columns = (position, yaw, velocity, self.parts, first)
-        for name, column in zip(self.__slots__, columns, strict=True):
+        checked = {"position_m": position, "yaw_rad": yaw, "velocity_mps": velocity, "first": first}
+        for name, column in checked.items():
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
@@ -143,10 +144,16 @@ class Bodies:
     @property
     def radius_m(self) -> FloatArray:
         """(B,) how far each reaches from its position, horizontally."""
-        low, high = self.bounds()
+        low, high = self.bounds
         reach: FloatArray = np.hypot(*np.maximum(np.abs(low), np.abs(high))[:, :2].T)
         return reach
 
+    @cached_property
+    def turned(self) -> FloatArray:
+        """(B, 2) cosines and sines of the headings."""
+        return np.column_stack((np.cos(self.yaw_rad), np.sin(self.yaw_rad)))
+
+    @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """(B, 3) lowest and (B, 3) highest corner of the parts of each body, frame of the body."""
         if not len(self):

@@ -40,7 +40,7 @@ def test_bodies_are_stretched_to_their_boxes() -> None:
     size = np.array([[4.3, 1.8, 1.5], [0.6, 0.5, 1.8], [1.0, 1.0, 1.0]])
     position = np.array([[1.0, 2.0, 0.1], [5.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
     bodies = road_users(np.array(["car", "pedestrian", "unknown"]), size, position, np.zeros(3))
-    low, high = bodies.bounds()
+    low, high = bodies.bounds
     assert (high - low)[[0, 2]] == pytest.approx(size[[0, 2]])
     assert (high - low)[1, 1:] == pytest.approx(size[1, 1:])
     assert bodies.velocity_mps.tolist() == [[0.0, 0.0]] * 3

@@ -16,8 +16,9 @@ from scenarios.sensors.lidar.casting import (
     Hits,
     Motion,
     RayTable,
+    Sectors,
     cast,
-    nearest_parts,
+    cast_arrays,
     sectors,
 )
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, KINDS, ROLLER, Bodies, Parts, joined
@@ -51,7 +52,7 @@ def fan(
 
 
 def aimed(*targets: tuple[float, float, float]) -> RayTable:
-    """Rays from (0, 0, 1.5) through points, at the stamp, each a table of its own order."""
+    """Rays from (0, 0, 1.5) through points of ascending azimuth, at the stamp."""
     rel = np.array(targets, float) - (0.0, 0.0, 1.5)
     return RayTable(rel / np.linalg.norm(rel, axis=1)[:, None], np.zeros(len(rel)))
 
@@ -111,7 +112,7 @@ def test_sphere(compiled: bool) -> None:
 @pytest.mark.parametrize("compiled", LOOPS)
 def test_upright_cylinder(compiled: bool) -> None:
     """Its side from a circle in the plane; its top from a plane."""
-    rays = aimed((10.0, 0.2, 1.2), (10.0, 0.0, 0.7), (11.0, 1.1, 1.0), (10.0, 0.0, 2.2))
+    rays = aimed((10.0, 0.0, 0.7), (10.0, 0.0, 2.2), (10.0, 0.2, 1.2), (11.0, 1.1, 1.0))
     hits = cast(
         rays, Motion(1.5), one(part(COLUMN, (0.5, 0.5, 0.5), (0, 0, 0.5)), 10.0, 0.0), None, compiled=compiled
     )
@@ -119,9 +120,9 @@ def test_upright_cylinder(compiled: bool) -> None:
     flat = np.hypot(d[:, 0], d[:, 1])
     toward = 10.0 * d[:, 0] / flat
     side = (toward - np.sqrt(np.maximum(0.25 - (100.0 - toward**2), 0.0))) / flat
-    assert hits.range_m[1] == pytest.approx(side[1], abs=1e-9)  # 0.75 m up at the side
-    assert 1.5 + side[0] * d[0, 2] > 1.0  # passes over the near rim
-    assert np.isinf(hits.range_m[[0, 2, 3]]).all()
+    assert hits.range_m[0] == pytest.approx(side[0], abs=1e-9)  # 0.75 m up at the side
+    assert 1.5 + side[2] * d[2, 2] > 1.0  # passes over the near rim
+    assert np.isinf(hits.range_m[1:]).all()
     top = cast(
         aimed((10.1, 0.2, 1.0)), Motion(1.5), one(part(COLUMN, (0.5, 0.5, 0.5), (0, 0, 0.5)), 10.0, 0.0), None
     )
@@ -171,16 +172,11 @@ def test_no_hit_is_lost_by_the_sectors(seed: int, motion: Motion) -> None:
     """All bodies tried with all rays give the same as each with the rays of its sector."""
     bodies, rays = scene(np.random.default_rng(seed), 8), fan(181, span_s=0.2)
     hits = cast(rays, motion, bodies, None, compiled=False)
-    place, turn = motion.pose(rays.time_s)
-    c, s = np.cos(turn), np.sin(turn)
-    x, y, z = rays.direction.T
-    direction = np.column_stack((c * x - s * y, s * x + c * y, z))
-    everything = np.tile((len(x), 0), (8, 1))
-    range_m, part_of = nearest_parts(
-        direction, place, motion.height_m, rays.time_s, bodies, np.zeros((8, 2), np.int64), everything
-    )
-    assert hits.range_m.tolist() == range_m.tolist()
-    assert hits.part.tolist() == part_of.tolist()
+    everything = np.tile((len(rays.time_s), 0), (8, 1))
+    always = Sectors(np.zeros((8, 2), np.int64), everything, np.full(8, -np.inf), np.full(8, np.inf))
+    expected = cast_arrays(rays, motion, bodies, -math.inf, always)
+    assert hits.range_m.tolist() == expected.range_m.tolist()
+    assert hits.part.tolist() == expected.part.tolist()
 
 
 @pytest.mark.skipif(not HAS_NUMBA, reason="numba is not installed")
@@ -192,6 +188,7 @@ def test_compiled_loops_give_the_same(seed: int, motion: Motion) -> None:
     assert plain.part.tolist() == fast.part.tolist()
     assert plain.body.tolist() == fast.body.tolist()
     assert fast.range_m == pytest.approx(plain.range_m, abs=1e-9)
+    assert fast.cosine == pytest.approx(plain.cosine, abs=1e-7)
 
 
 @settings(max_examples=25, deadline=None)
@@ -256,14 +253,14 @@ def test_the_sensor_moves_on_the_arc_of_its_vehicle() -> None:
 
 
 def test_few_rays_are_tried() -> None:
-    """A pedestrian at 20 m is tried with about its angle of the turn, a body around the sensor with all."""
+    """A person at 20 m is tried with the 1.75 deg of its near side, a body around the sensor with all."""
     rays = fan(3600, (0.0,))
-    first, last = sectors(rays, Motion(1.5), one(part(BLOCK, (0.3, 0.3, 0.9)), 20.0, 0.0))
-    assert (last - first).sum() == pytest.approx(3600 * math.atan(0.3 / 19.7) / math.pi, abs=3)
-    first, last = sectors(rays, Motion(1.5), one(part(BLOCK, (0.3, 0.3, 0.9)), -20.0, 0.0))
-    assert (last - first).sum() == pytest.approx(3600 * math.atan(0.3 / 19.7) / math.pi, abs=3)
-    first, last = sectors(rays, Motion(1.5), one(part(BLOCK, (0.3, 0.3, 0.9)), 0.1, 0.0))
-    assert (last - first).sum() == 3600
+    for x, count in ((20.0, 17.45), (-20.0, 17.45), (0.1, 3600)):
+        tried = sectors(rays, Motion(1.5), one(part(BLOCK, (0.3, 0.3, 0.9)), x, 0.0))
+        assert (tried.last - tried.first).sum() == pytest.approx(count, abs=3)
+    person = sectors(rays, Motion(1.5), one(part(BLOCK, (0.3, 0.3, 0.9), (0, 0, 0.9)), 20.0, 0.0))
+    assert person.low_slope[0] == pytest.approx(-1.5 / 19.7, rel=1e-4)
+    assert person.high_slope[0] == pytest.approx(0.3 / 19.7, rel=1e-4)
 
 
 @pytest.mark.skipif(HAS_NUMBA, reason="numba is installed")
