@@ -16,6 +16,8 @@ PACKAGES = (
     Path(__file__).parent / "packages" / "vision_msgs",
 )
 BEGIN_NS, PERIOD_S, FRAMES, BOXES = 1_700_000_000_000_000_000, 0.05, 200, 20
+ANSWER_S = 60.0
+"""A loaded machine may take so long for an answer."""
 
 
 def stamp(frame: int) -> dict[str, int]:
@@ -73,8 +75,12 @@ def test_20_boxes_at_20_hz_are_all_answered(tmp_path: Path) -> None:
                 predictions = [prediction(k, driven_m) for k in range(BOXES)]
                 boxes.send({"header": {**header, "frame_id": "lidar"}, "predictions": predictions})
                 # rosless keeps what is not read, but not without limit
-                while (left := begin + (frame + 1) * PERIOD_S - time.monotonic()) > 0.0:
-                    if (message := tracks.read(timeout=left)) is not None:
+                due = begin + (frame + 1) * PERIOD_S
+                late = time.monotonic() + ANSWER_S
+                # a slow machine slows the sender down: the node keeps the last ten frames
+                while (left := due - time.monotonic()) > 0.0 or len(answers) < frame - 5:
+                    assert time.monotonic() < late, process.output
+                    if (message := tracks.read(timeout=max(left, 0.05))) is not None:
                         answers.append(message)
             while len(answers) < FRAMES and (message := tracks.read(timeout=10.0)) is not None:
                 answers.append(message)
