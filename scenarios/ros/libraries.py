@@ -13,7 +13,7 @@ def require_libraries() -> None:
     Raises:
         DatasetError: it is not; the message says how to install it.
     """
-    for name in ("rosbags.typesys", "mcap.records", "zstandard", "lz4.frame"):
+    for name in ("rosbags.typesys", "zstandard", "lz4.frame"):
         try:
             import_module(name)
         except ImportError as error:
