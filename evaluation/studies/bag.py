@@ -14,14 +14,15 @@ from scenarios.live.counts import Counts
 from scenarios.live.outputs import FrameOutput
 from scenarios.live.perception import LivePerception, Output
 from scenarios.live.settings import LiveSettings
-from scenarios.live.topics import READ, STATIC_TRANSFORMS
+from scenarios.live.topics import STATIC_TRANSFORMS
 from scenarios.reading import ReadError
+from scenarios.recorded.bags.reader import bag_classes
 from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.ros.bags.bag import Bag, open_bag
+from scenarios.ros.bags.chosen import chosen_topics
 from scenarios.ros.bags.decoding import decoded, require_readable
 from scenarios.ros.bags.topics import RawMessage
-from scenarios.ros.definitions import ODOMETRY, TRANSFORMS
-from scenarios.ros.messages import DETECTION_TYPES, Message
+from scenarios.ros.messages import Message
 from scenarios.sources.requests import Request
 
 WINDOW_NS = 1_000_000_000
@@ -39,8 +40,8 @@ class BagOptions:
         path: the bag.
         out: the bag to be written.
         storage: see `BagWriter`.
-        detections: topic of the boxes; None: the only one with boxes.
-        odometry: topic of the odometry; None: the only one, or the first of `scenarios.live.topics.READ`.
+        topic: of the boxes; None: the only one of their types.
+        odometry: topic of the poses; None: the only one of its type, else transforms.
         settings: how it is seen and judged.
         map_file: map in the frame of the odometry.
     """
@@ -48,7 +49,7 @@ class BagOptions:
     path: Path
     out: Path
     storage: str | None = None
-    detections: str | None = None
+    topic: str | None = None
     odometry: str | None = None
     settings: LiveSettings = field(default_factory=LiveSettings)
     map_file: Path | None = None
@@ -87,12 +88,13 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
         ScenarioError, smartmot.errors.SmartMotError, opendrive.OpenDriveError: a setting or the map is wrong.
     """
     lane_map = None if options.map_file is None else load_drive_map(options.map_file)
-    perception = LivePerception(options.settings, lane_map)
+    classes = bag_classes(options.path, options.settings.classes)
+    perception = LivePerception(options.settings, lane_map, classes)
     requests: list[Request] = []
     start_ns: int | None = None
     with open_bag(options.path) as bag:
-        detections, poses, transforms = chosen_topics(bag, options.detections, options.odometry)
-        names = {detections, *([] if poses is None else [poses]), *transforms}
+        topics = chosen_topics(bag, options.topic, options.odometry)
+        names = set(topics.names)
         stream = _Stream(bag, names, progress)
         with BagWriter(options.out, options.storage) as written:
             for output in _answers(perception, stream):
@@ -101,7 +103,7 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
                     start_ns = output.stamp_ns if start_ns is None else start_ns
                     requests += output.decision.requests if output.decision else ()
             if not perception.counts.frames:
-                raise DatasetError(f"{options.path}: topic {detections} holds no message")
+                raise DatasetError(f"{options.path}: topic {topics.boxes} has no messages")
         notes = [*bag.notes, *_read_notes(bag, names), *stream.notes(), *perception_notes(perception)]
     return BagResult(
         perception.counts, perception.strategy, start_ns, tuple(requests), written.count, tuple(notes)
@@ -113,38 +115,6 @@ def _answers(perception: LivePerception, stream: _Stream) -> Iterator[Output]:
     for message, static in stream:
         yield from perception.take(message, static)
     yield from perception.finish()
-
-
-def chosen_topics(
-    bag: Bag, detections: str | None, odometry: str | None
-) -> tuple[str, str | None, tuple[str, ...]]:
-    """Topics of boxes, of the odometry if there is one, and of transforms.
-
-    Raises:
-        DatasetError: there is no topic of boxes, or several and none is named; the same of the odometry.
-    """
-    boxes = _chosen(bag, DETECTION_TYPES, detections, "--detections", "boxes")
-    if boxes is None:
-        held = ", ".join(f"{t.name} ({t.type_name})" for t in bag.topics[:_SHOWN_NAMES]) or "no topics"
-        raise DatasetError(
-            f"{bag.path}: no topic with boxes ({', '.join(DETECTION_TYPES)}); there is: {held}"
-        )
-    poses = _chosen(bag, (ODOMETRY,), odometry, "--odometry", "odometry")
-    return boxes, poses, tuple(sorted({topic.name for topic in bag.of_type(TRANSFORMS)}))
-
-
-def _chosen(bag: Bag, types: tuple[str, ...], asked: str | None, option: str, noun: str) -> str | None:
-    """The topic of some types that is asked for, or the only one, or the one with the usual name."""
-    names = sorted({topic.name for topic in bag.of_type(*types)})
-    if asked is not None:
-        if asked not in names:
-            listed = f"; there is: {', '.join(names)}" if names else ""
-            raise DatasetError(f"{option}: {bag.path} has no topic {asked} with {noun}{listed}")
-        return asked
-    usual = [topic.name for topic in READ if topic.type_name in types and topic.name in names]
-    if len(names) > 1 and len(usual) != 1:
-        raise DatasetError(f"{bag.path}: several topics with {noun}: {', '.join(names)}; name one ({option})")
-    return next(iter(usual or names), None)
 
 
 class _Stream:
@@ -240,7 +210,10 @@ def perception_notes(perception: LivePerception) -> list[str]:
             counts.off_map,
             f"frames beside the map's driving lanes: {counts.off_map}; the rectangle is monitored there",
         ),
-        (unknown, f"boxes of classes that {settings.dataset} does not have are left out: {unknown}"),
+        (
+            unknown,
+            f"boxes of classes that are not known ({settings.dataset}), left out: {unknown}",
+        ),
         (counts.other_classes, f"boxes of classes that are no road users, left out: {counts.other_classes}"),
         (counts.under_threshold, f"boxes with a score under the threshold: {counts.under_threshold}"),
         (refused, f"poses or transforms that are not finite, repeated or in another frame: {refused}"),

@@ -35,6 +35,7 @@ from scenarios.live.placing import Heights, PlacedFrame, place
 from scenarios.live.settings import LiveSettings
 from scenarios.live.velocities import VelocityCheck
 from scenarios.live.ways import Ways
+from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.poses import heading
 from scenarios.ros.frames.localisation import Localisation
 from scenarios.ros.frames.poses import VehiclePose
@@ -82,6 +83,7 @@ class LivePerception:
     Args:
         settings: how.
         lane_map: the map, in the frame of the odometry; None: there is none.
+        classes: category of each class, in small letters; None: as the settings say.
 
     Raises:
         ScenarioError, smartmot.errors.SmartMotError: a setting is wrong, or the strategy needs a map.
@@ -93,11 +95,13 @@ class LivePerception:
         velocities: whether the detector's velocities are in the axes that were chosen.
     """
 
-    def __init__(self, settings: LiveSettings, lane_map: LaneMap | None = None) -> None:
+    def __init__(
+        self, settings: LiveSettings, lane_map: LaneMap | None = None, classes: ClassMap | None = None
+    ) -> None:
         self.settings, self.counts = settings, Counts()
         self.localisation = Localisation(settings)
         self.velocities = VelocityCheck()
-        self._classes = settings.classes
+        self._classes = settings.classes if classes is None else classes
         self._ways = Ways(settings, lane_map)
         self._status = DiagnosticWatch()
         self._boxes, self._areas = MarkerBoard(), MarkerBoard()

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from scenarios.errors import ScenarioError
 from scenarios.presets import Preset, named_preset
 from scenarios.recorded import nuscenes
+from scenarios.recorded.bags.reader import CLASSES
 from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.simbev import reader as simbev
 from scenarios.recorded.vehicles import Vehicle
@@ -24,10 +25,14 @@ OUTPUT_FRAMES = ("map", "sensor")
 """In which frame tracks are published: that of the odometry, or that of the detections."""
 
 DATASETS: Mapping[str, ClassMap] = MappingProxyType(
-    {"simbev": simbev.CATEGORY_OF_CLASS, "nuscenes": nuscenes.CATEGORY_OF_CLASS}
+    {
+        "any": CLASSES,
+        "simbev": simbev.CATEGORY_OF_CLASS,
+        "nuscenes": nuscenes.CATEGORY_OF_CLASS,
+    }
 )
-"""Classes of the data sets that detectors are trained on, as the tracker's categories. The tracker's own
-names go with each of them."""
+"""Classes of the data sets that detectors are trained on, as the tracker's categories; `any`: of both, as
+recordings have them. The tracker's own names go with each of them."""
 
 WAIT_S = 0.05
 """A frame waits so long for a pose that is not older: one interval of an odometry with 20 Hz."""
@@ -65,7 +70,7 @@ class LiveSettings:
     settings: Settings = ()
     max_age: int | None = None
     detection_th: float | None = None
-    dataset: str = "simbev"
+    dataset: str = "any"
     velocity_frame: str = "ignore"
     output_frame: str = "map"
     vehicle: Vehicle = field(default_factory=Vehicle)

@@ -33,12 +33,8 @@ def command(
     storage: Annotated[
         str | None, typer.Option(help="mcap or sqlite3. Default: as the file's suffix says, else mcap.")
     ] = None,
-    detections: Annotated[
-        str | None, typer.Option(help="Topic of the boxes. Default: the only one.", metavar="TOPIC")
-    ] = None,
-    odometry: Annotated[
-        str | None, typer.Option(help="Topic of the odometry. Default: the only one.", metavar="TOPIC")
-    ] = None,
+    topic: options.BagTopic = None,
+    odometry: options.BagOdometry = None,
     map_file: Annotated[
         Path | None,
         typer.Option("--map", help="OpenDRIVE file in the frame of the odometry.", metavar="FILE"),
@@ -67,8 +63,8 @@ def command(
         typer.Option(min=0, max=1, help="Boxes with a lower score are dropped. Default: the preset's, 0.3."),
     ] = None,
     dataset: Annotated[
-        str, typer.Option(help="Whose classes the boxes have: simbev or nuscenes.")
-    ] = "simbev",
+        str, typer.Option(help="Whose classes the boxes have: simbev, nuscenes, or any: of both.")
+    ] = "any",
     velocity_frame: Annotated[
         str,
         typer.Option(help="Axes of the boxes' velocities: sensor, world, or ignore: they are not used."),
@@ -126,7 +122,7 @@ def command(
         base_frame=base_frame,
     )
     stored = None if storage is None else options.parse_name(storage, tuple(STORAGES), "--storage")
-    asked = BagOptions(path, out, stored, detections, odometry, settings, map_file)
+    asked = BagOptions(path, out, stored, topic, odometry, settings, map_file)
     console = rich.console.Console(quiet=quiet)
     with counting("reading the bag", quiet) as progress:
         result = see_bag(asked, progress)

@@ -35,7 +35,7 @@ PARAMETERS: Mapping[str, NodeParameter] = MappingProxyType(
     {
         "max_age": NodeParameter(WHOLE, "frames without a match that a track survives"),
         "detection_th": NodeParameter(NUMBER, "detections with a lower score are dropped"),
-        "dataset": NodeParameter(TEXT, "whose classes the detections have: simbev, nuscenes"),
+        "dataset": NodeParameter(TEXT, "whose classes the detections have: any (of both), simbev, nuscenes"),
         "map": NodeParameter(TEXT, "OpenDRIVE file or Argoverse 2 map, in the frame of the odometry"),
         "preset": NodeParameter(TEXT, "brakes, areas and tracker: paper, physical, real"),
         "strategy": NodeParameter(

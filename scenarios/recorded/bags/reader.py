@@ -18,10 +18,10 @@ from scenarios.recorded.classes import ClassMap, read_classes
 from scenarios.recorded.dataset import Dataset, Sequence, finished
 from scenarios.recorded.nuscenes import CATEGORY_OF_CLASS as NUSCENES_CLASSES
 from scenarios.recorded.simbev.reader import CATEGORY_OF_CLASS as SIMBEV_CLASSES
-from scenarios.ros.bags.bag import Bag, open_bag
-from scenarios.ros.definitions import MONITORED_LANES, ODOMETRY, OLD_TRANSFORMS, TRANSFORMS
+from scenarios.ros.bags.bag import open_bag
+from scenarios.ros.bags.chosen import chosen_topics
+from scenarios.ros.definitions import MONITORED_LANES
 from scenarios.ros.messages import (
-    DETECTION_TYPES,
     VELOCITY_FRAMES,
     DetectionMessage,
 )
@@ -73,45 +73,33 @@ def read_bag(path: Path, reading: BagReading | None = None) -> Dataset:
     """
     reading = reading or BagReading()
     with open_bag(path) as bag:
-        detections = _chosen(bag, reading.topic, DETECTION_TYPES, "boxes", "--topic")
-        odometry = _chosen(bag, reading.odometry, (ODOMETRY,), "odometry", "--odometry")
-        if detections is None:
-            raise DatasetError(f"{path}: no topic of {' or '.join(DETECTION_TYPES)}{_held(bag)}")
-
-        transforms = [topic.name for topic in bag.of_type(TRANSFORMS, OLD_TRANSFORMS)]
-        names = [detections, *([] if odometry is None else [odometry]), *transforms]
-        received = bag.messages(*names)
+        topics = chosen_topics(bag, reading.topic, reading.odometry)
+        received = bag.messages(*topics.names)
         notes = list(bag.notes)
         lanes = [topic.name for topic in bag.of_type(MONITORED_LANES)]
     if lanes:
         notes.append(f"monitored lanes of {', '.join(lanes)} are not used: areas are made from a map")
     frames = _sorted(path, [m for _, m in received if isinstance(m, DetectionMessage)], notes)
     if not frames:
-        raise DatasetError(f"{path}: topic {detections} has no messages")
-    own = path if path.is_dir() else path.parent
-    classes = {name.lower(): category for name, category in read_classes(own, CLASSES).items()}
+        raise DatasetError(f"{path}: topic {topics.boxes} has no messages")
+    classes = bag_classes(path, CLASSES)
     name = path.resolve().name if path.is_dir() else path.name.partition(".")[0]
     sequence = _sequence(name, frames, Places(received), classes, reading.velocity_frame, notes)
     return finished("bag", [sequence], tuple(notes))
 
 
-def _chosen(bag: Bag, name: str | None, types: tuple[str, ...], what: str, option: str) -> str | None:
-    """Name of the topic with some types; None: there is none."""
-    candidates = {topic.name: topic.type_name for topic in bag.of_type(*types) if bag.count(topic.name) != 0}
-    if name is not None:
-        if name not in candidates:
-            others = ", ".join(candidates) or "none"
-            raise DatasetError(f"{bag.path}: {option} {name}: not a topic with {what}; there are: {others}")
-        return name
-    if len(candidates) > 1:
-        listed = ", ".join(f"{topic} ({type_name})" for topic, type_name in candidates.items())
-        raise DatasetError(f"{bag.path}: several topics with {what}: {listed}; name one with {option}")
-    return next(iter(candidates), None)
+def bag_classes(path: Path, own: ClassMap) -> ClassMap:
+    """Classes with those of the user's file beside a bag, in small letters.
 
+    Args:
+        path: folder or file of the bag.
+        own: the classes that count otherwise.
 
-def _held(bag: Bag) -> str:
-    listed = ", ".join(f"{topic.name} ({topic.type_name})" for topic in bag.topics)
-    return f"; it has {listed}" if listed else "; it is empty"
+    Raises:
+        DatasetError: the file is wrong.
+    """
+    classes = read_classes(path if path.is_dir() else path.parent, own)
+    return {name.lower(): category for name, category in classes.items()}
 
 
 def _sorted(path: Path, frames: list[DetectionMessage], notes: list[str]) -> list[DetectionMessage]:

@@ -83,17 +83,25 @@ class Bag:
                     "the bag is damaged, or a file of it is missing"
                 )
 
-    def messages(self, *names: str) -> list[tuple[Topic, Message]]:
-        """Messages of some topics as values, in the order in which they were received.
+    def require_one_type(self, *names: str) -> None:
+        """Demand that topics are there, with one type each.
 
         Raises:
-            DatasetError: see `raw`; or a topic is missing, has two types, or holds what cannot be read.
+            DatasetError: a topic is missing, or has two types.
         """
         for name in names:
             types = sorted({topic.type_name for topic in self.topics if topic.name == name})
             if len(types) != 1:
                 listed = f"the types {' and '.join(types)}" if types else "no messages"
                 raise DatasetError(f"{self.path}: topic {name} has {listed}")
+
+    def messages(self, *names: str) -> list[tuple[Topic, Message]]:
+        """Messages of some topics as values, in the order in which they were received.
+
+        Raises:
+            DatasetError: see `raw`; or a topic is missing, has two types, or holds what cannot be read.
+        """
+        self.require_one_type(*names)
         with _naming(self.path):
             for topic in self.topics:
                 if topic.name in names:

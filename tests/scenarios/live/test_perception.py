@@ -20,9 +20,9 @@ from scenarios.live.counts import ERROR, OK, WARN, Diagnostics
 from scenarios.live.outputs import ADD, ARROW, CUBE, DELETE, LINE_STRIP, TEXT, FrameOutput
 from scenarios.live.perception import LATE_LIMIT, LivePerception
 from scenarios.live.placing import PlacedFrame, place
-from scenarios.live.settings import LiveSettings
+from scenarios.live.settings import DATASETS, LiveSettings
 from scenarios.presets import PHYSICAL
-from scenarios.recorded.bags.reader import read_bag
+from scenarios.recorded.bags.reader import CLASSES, read_bag
 from scenarios.recorded.vehicles import Vehicle
 from scenarios.ros.bags.bag import open_bag
 from scenarios.ros.messages import DetectionMessage, LaneMessage, Message, OdometryMessage
@@ -340,6 +340,16 @@ def test_without_a_header_the_newest_pose_counts_as_long_as_poses_come(
     assert perception.counts.carried == 0
     if pose_x_m is not None:
         assert frames[0].tracks.center_m[0, 0] == pytest.approx(pose_x_m + 20.0)
+
+
+def test_classes_are_those_of_recordings_unless_a_data_set_is_named() -> None:
+    assert LiveSettings().classes == CLASSES
+    rows = [(name, 20.0, 3.0 * k, 0.0, 4.0, 1.8, 0.9) for k, name in enumerate(("trailer", "rider", "car"))]
+    unknown = {
+        name: frames_of([boxes(1.0, rows)], replace(SETTINGS, dataset=name))[1].counts.unknown_classes
+        for name in DATASETS
+    }
+    assert unknown == {"any": {}, "simbev": {"trailer": 1}, "nuscenes": {"rider": 1}}
 
 
 def test_impossible_boxes_and_unknown_classes_are_counted() -> None:

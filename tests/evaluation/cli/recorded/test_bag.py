@@ -167,14 +167,14 @@ def test_frames_without_boxes(tmp_path: Path, command: Command) -> None:
 @pytest.mark.parametrize(
     ("drive", "words", "says"),
     [
-        ({"boxes": False}, (), "topic /bevfusion_detections holds no message"),
-        ({"boxes": False, "poses": False}, (), "topic /bevfusion_detections holds no message"),
+        ({"boxes": False}, (), "topic /bevfusion_detections has no messages"),
+        ({"boxes": False, "poses": False}, (), "topic /bevfusion_detections has no messages"),
         (
             {},
-            ("--detections", "/boxes"),
-            "--detections: {bag} has no topic /boxes with boxes; there is: /bev",
+            ("--topic", "/boxes"),
+            "{bag}: --topic /boxes: not a topic with boxes; there are: /bevfusion_detections",
         ),
-        ({}, ("--odometry", "/tf"), "--odometry: {bag} has no topic /tf with odometry; there is: /odom"),
+        ({}, ("--odometry", "/tf"), "{bag}: --odometry /tf: not a topic with odometry; there are: /odom"),
         ({}, ("--strategy", "map"), "strategy map: needs a map"),
         ({}, ("--strategy", "map,all"), "--strategy: expected one, got 2"),
         ({}, ("--velocity-frame", "ego"), "--velocity-frame: unknown 'ego'"),
@@ -195,6 +195,54 @@ def test_mistakes_are_one_line_and_leave_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
+def test_classes_of_the_users_own_count(tmp_path: Path, command: Command) -> None:
+    bag = write_drive(tmp_path / "bag", 20)
+    (bag / "classes.csv").write_text("class,category\nPedestrian,cyclist\n")
+    assert command(bag, "--out", tmp_path / "seen")[0] == 0
+    _, last = published(tmp_path / "seen", TRACKS.name)[-1]
+    assert [d.results[0].hypothesis.class_id for d in last.detections] == ["cyclist"]
+
+
+@pytest.mark.parametrize("subcommand", ["bag", "mot", "drive"])
+def test_topics_are_chosen_alike(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    subcommand: str,
+) -> None:
+    """Usual names do not decide, and topics without messages do not compete."""
+    types = ros2_types()
+    make = rosbags_make(types)
+
+    def write(path: Path, *filled: str) -> Path:
+        with Writer(path, version=9) as bag:
+            for name in ("/bevfusion_detections", "/near", "/far"):
+                topic = bag.add_connection(name, PREDICTION_ARRAY, typestore=types)
+                stamp = make("builtin_interfaces/msg/Time", sec=START_NS // 10**9)
+                header = make("std_msgs/msg/Header", stamp=stamp, frame_id="lidar")
+                message = types.serialize_cdr(make(PREDICTION_ARRAY, header=header), PREDICTION_ARRAY)
+                if name in filled:
+                    bag.write(topic, START_NS, message)
+        return path
+
+    def run(*words: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["smartmot-eval", subcommand, *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        return int(stop.value.code or 0), capsys.readouterr().err
+
+    bag = write(tmp_path / "several", "/bevfusion_detections", "/near")
+    kind = f"({PREDICTION_ARRAY})"
+    status, error = run(bag, "--out", tmp_path / "refused")
+    assert status == 2
+    assert error == (
+        f"smartmot-eval: {bag}: several topics with boxes: /bevfusion_detections {kind}, /near {kind}; "
+        "name one with --topic\n"
+    )
+    for number, words in enumerate(((bag, "--topic", "/near"), (write(tmp_path / "single", "/near"),))):
+        assert "topic" not in run(*words, "--out", tmp_path / f"out{number}")[1]
+
+
 def test_an_output_that_is_there_stays(tmp_path: Path, command: Command) -> None:
     bag = write_drive(tmp_path / "bag", 3)
     status, _, error = command(bag, "--out", bag)
@@ -209,5 +257,5 @@ def test_a_bag_without_boxes_tells_what_there_is(tmp_path: Path, command: Comman
         bag.write(topic, START_NS, types.serialize_cdr(text, "std_msgs/msg/String"))
     status, _, error = command(tmp_path / "bag", "--out", tmp_path / "seen")
     assert status == 2
-    assert "no topic with boxes" in error
-    assert "there is: /chatter (std_msgs/msg/String)" in error
+    assert "no topic of bevfusion_msgs/msg/PredictionArray or" in error
+    assert "it has /chatter (std_msgs/msg/String)" in error
