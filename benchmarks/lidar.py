@@ -4,8 +4,8 @@
 
 The same rays meet the same 30 boxes on a plane in both programs, on one thread; ranges must agree. Then come
 bodies of several parts, kerbs and furniture of a shipped street. Open3D runs in an environment of its own,
-which is made for the occasion unless an interpreter that has it is named. Exits with 1 if ranges differ or, where
-numba is installed, a goal is missed.
+which is made for the occasion unless an interpreter that has it is named. Exits with 1 if ranges differ or,
+where numba is installed, a goal is missed.
 """
 
 from __future__ import annotations

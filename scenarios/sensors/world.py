@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -56,6 +57,17 @@ class MapSurface:
     @cached_property
     def _lane_types(self) -> tuple[str, ...]:
         return tuple(sorted({str(kind) for kind in self._network.lanes.lane_type}))
+
+    @cached_property
+    def is_level(self) -> bool:
+        """Whether all roads lie at one height: looked at every 5 m on reference lines and beside these."""
+        heights = [
+            self._network.road_point(road_id, s, t).z_m
+            for road_id, road in self._network.roads.items()
+            for s in (np.linspace(0.0, road.length_m, max(math.ceil(road.length_m / 5.0), 1) + 1),)
+            for t in (-5.0, 0.0, 5.0)
+        ]
+        return not heights or float(np.ptp(np.concatenate(heights))) < 1e-9
 
     def elevation_m(self, points_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
         """(N,) height of the road's surface; see `RoadSurface`.

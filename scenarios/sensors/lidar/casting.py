@@ -20,6 +20,7 @@ import numpy as np
 
 from scenarios.errors import ScenarioError
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, ROLLER, Bodies
+from scenarios.sensors.lidar.terrain import Relief
 from smartmot.arrays import FloatArray, IntArray
 from smartmot.geometry import wrap_angle
 
@@ -131,7 +132,7 @@ def cast(
     rays: RayTable,
     motion: Motion,
     bodies: Bodies,
-    ground_m: float | None = 0.0,
+    ground: float | Relief | None = 0.0,
     *,
     compiled: bool | None = None,
 ) -> Hits:
@@ -141,14 +142,40 @@ def cast(
         rays: N rays.
         motion: of the sensor, which is at the origin at the stamp.
         bodies: frame of the stamp.
-        ground_m: height of the ground; None: there is none.
+        ground: height of the ground, or its relief; None: there is none.
         compiled: with the compiled loops of the extra `fast`; None: where numba is installed.
 
     Raises:
         ScenarioError: compiled loops are asked for and numba is missing.
     """
-    level = -math.inf if ground_m is None else ground_m
-    return _caster(compiled)(rays, motion, bodies, level, sectors(rays, motion, bodies))
+    level = ground if isinstance(ground, float | int) else -math.inf
+    hits = _caster(compiled)(rays, motion, bodies, level, sectors(rays, motion, bodies))
+    return _on_relief(hits, rays, motion, ground) if isinstance(ground, Relief) else hits
+
+
+def _on_relief(hits: Hits, rays: RayTable, motion: Motion, relief: Relief) -> Hits:
+    """The hits, where the ground is nearer on it."""
+    place, direction = _moved(rays, motion)
+    below, cosine = relief.meet(place, motion.height_m, direction)
+    nearer = below < hits.range_m
+    return Hits(
+        np.where(nearer, below, hits.range_m),
+        np.where(nearer, GROUND, hits.body),
+        np.where(nearer, -1, hits.part),
+        np.where(nearer, cosine, hits.cosine),
+    )
+
+
+def _moved(rays: RayTable, motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """(N, 2) places where rays start and their (N, 3) directions, frame of the stamp."""
+    moments, which = rays.moments
+    place, turn = motion.pose(moments)
+    place, direction = place[which], rays.direction
+    if motion.yaw_rate_radps != 0.0:
+        c, s = np.cos(turn)[which], np.sin(turn)[which]
+        x, y, z = direction.T
+        direction = np.column_stack((c * x - s * y, s * x + c * y, z))
+    return place, direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,18 +275,12 @@ def _caster(compiled: bool | None) -> Caster:
 
 def cast_arrays(rays: RayTable, motion: Motion, bodies: Bodies, ground_m: float, tried: Sectors) -> Hits:
     """What each ray meets first, by array operations; see `cast`."""
-    moments, which = rays.moments
-    place, turn = motion.pose(moments)
-    place, direction = place[which], rays.direction
-    if motion.yaw_rate_radps != 0.0:
-        c, s = np.cos(turn)[which], np.sin(turn)[which]
-        x, y, z = direction.T
-        direction = np.column_stack((c * x - s * y, s * x + c * y, z))
-    range_m, part = nearest_parts(direction, place, motion.height_m, rays, bodies, tried)
+    place, direction = _moved(rays, motion)
     below = np.full(len(direction), np.inf)
     if motion.height_m > ground_m:
         down = np.flatnonzero(direction[:, 2] < 0.0)
         below[down] = (ground_m - motion.height_m) / direction[down, 2]
+    range_m, part = nearest_parts(direction, place, motion.height_m, rays, bodies, tried, below)
     return _hits(direction, place, motion.height_m, rays.time_s, bodies, range_m, part, below)
 
 
@@ -270,6 +291,7 @@ def nearest_parts(
     rays: RayTable,
     bodies: Bodies,
     tried: Sectors,
+    below: FloatArray,
 ) -> tuple[FloatArray, IntArray]:
     """(N,) ranges to the first part that each ray meets, infinite for none, and (N,) that part, or -1.
 
@@ -280,6 +302,7 @@ def nearest_parts(
         rays: their times and slopes.
         bodies: what they may meet.
         tried: which rays are tried with each body.
+        below: (N,) ranges to the ground; parts behind it may be left out.
     """
     time_s = rays.time_s
     range_m, part = np.full(len(direction), np.inf), np.full(len(direction), -1, dtype=np.int64)
@@ -292,7 +315,7 @@ def nearest_parts(
     origin, ahead = _in_body(direction, place, height_m, time_s, bodies, ray, owner)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + 1e-9
     near, far = _block((origin - middle[owner]) / half[owner], ahead / half[owner])
-    met = np.flatnonzero((near <= far) & (far > 0.0))
+    met = np.flatnonzero((near <= far) & (far > 0.0) & (near < below[ray]))
     if not len(met):
         return range_m, part
     number, pair = _spans(bodies.first[owner[met]], bodies.first[owner[met] + 1])

@@ -14,6 +14,7 @@ from scenarios.sensors.lidar.config import LidarConfig, Mount
 from scenarios.sensors.lidar.patterns import Rays
 from scenarios.sensors.lidar.shapes import Bodies, joined
 from scenarios.sensors.lidar.street import BARE, Street
+from scenarios.sensors.lidar.terrain import Terrain
 from scenarios.sensors.world import World
 from smartmot.arrays import FloatArray, IntArray
 from smartmot.pointcloud import PointCloud
@@ -64,6 +65,7 @@ class LidarSensor:
         self, config: LidarConfig, seed: int = 0, street: Street = BARE, *, compiled: bool | None = None
     ) -> None:
         self.config, self.seed, self.street, self.compiled = config, seed, street, compiled
+        self._terrain: Terrain | None = None
         self.timing = Timing(config.pattern.rate_hz, config.phase_s, config.latency_s)
 
     def measure(self, world: World, ego: EgoState) -> LidarMeasurement:
@@ -83,7 +85,9 @@ class LidarSensor:
         bodies = self._bodies(world, rows, ego)
         mount = self.config.mount
         motion = Motion(ground + mount.height_m, ego.speed_mps, ego.yaw_rate_radps, mount.forward_m)
-        hits = cast(table, motion, bodies, ground, compiled=self.compiled)
+        terrain = self._terrain_of(world)
+        relief = None if terrain.is_flat else terrain.around(ego, mount.forward_m, self.config.range_m)
+        hits = cast(table, motion, bodies, ground if relief is None else relief, compiled=self.compiled)
         range_m, echo = self._echoes(hits, order, number)
         cloud = self._cloud(rays, order, table, motion, hits, range_m, echo, bodies, world.time_s)
         body = hits.body[echo]
@@ -91,6 +95,12 @@ class LidarSensor:
         labels = np.full(len(body), -1, dtype=np.int64)
         labels[user] = rows[body[user]]
         return LidarMeasurement(world.time_s, number, cloud, ego, mount), labels
+
+    def _terrain_of(self, world: World) -> Terrain:
+        """The ground of the world; heights that have been sampled are kept while it is the same."""
+        if self._terrain is None or self._terrain.surface is not world.surface:
+            self._terrain = Terrain(world.surface)
+        return self._terrain
 
     def _bodies(self, world: World, rows: IntArray, ego: EgoState) -> Bodies:
         """Road users, then the street around the ego, in the frame of the stamp."""

@@ -26,6 +26,9 @@ KERB_M = 0.12
 FLATNESS_M = 0.02
 """How far the border of a sidewalk may be from the blocks it is made of."""
 
+STEEPNESS_M = 0.03
+"""How far the height of a sidewalk on a slope may be from that of its blocks, if these are over 1 m long."""
+
 FOOT_M = 0.3
 """How far blocks of the sidewalk reach under the road."""
 
@@ -220,7 +223,7 @@ def _sidewalks(network: RoadNetwork, surface: MapSurface) -> Bodies:
     lanes = network.lanes
     parts, place, yaw = [], [], []
     for lane in np.flatnonzero(lanes.lane_type == "sidewalk").tolist():
-        for s0, s1, inner, outer in _cells(network, lane):
+        for s0, s1, inner, outer in _cells(network, lane, surface):
             middle, width = 0.5 * (inner + outer), np.hypot(*(outer - inner).T)
             along = middle[1] - middle[0]
             length = math.hypot(*along)
@@ -239,15 +242,26 @@ def _sidewalks(network: RoadNetwork, surface: MapSurface) -> Bodies:
     return Bodies.of(parts, np.column_stack((at, bottom)), heading)
 
 
-def _cells(network: RoadNetwork, lane: int) -> list[tuple[float, float, FloatArray, FloatArray]]:
-    """Stretches of a lane that are rectangles within `FLATNESS_M`: s from and to, (2, 2) ends of borders."""
+def _cells(
+    network: RoadNetwork, lane: int, surface: MapSurface
+) -> list[tuple[float, float, FloatArray, FloatArray]]:
+    """Stretches of a lane that are level rectangles within `FLATNESS_M` and `STEEPNESS_M`, or 1 m long.
+
+    Each with s from and to, and (2, 2) ends of the inner and of the outer border.
+    """
     low, high = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
     s = np.linspace(low, high, max(math.ceil(high - low), 1) + 1)
     inner, outer = _inner_outer(network, lane, s)
+    height = np.zeros(len(s))
+    if not surface.is_level:
+        heading = network.center_line(np.full(len(s), lane), s)[3]
+        height = surface.elevation_m(0.5 * (inner + outer), heading)
     cells, open_spans = [], [(0, len(s) - 1)]
     while open_spans:
         a, b = open_spans.pop()
-        if b - a > 1 and _bend(inner[a : b + 1], outer[a : b + 1]) > FLATNESS_M:
+        part = slice(a, b + 1)
+        uneven = _bend(inner[part], outer[part]) > FLATNESS_M or np.ptp(height[part]) > 2.0 * STEEPNESS_M
+        if b - a > 1 and uneven:
             middle = (a + b) // 2
             open_spans += [(middle, b), (a, middle)]
         else:

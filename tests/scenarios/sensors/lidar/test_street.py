@@ -124,6 +124,17 @@ def test_the_map_s_own_height_of_a_sidewalk_counts(tmp_path: Path) -> None:
     assert street.raised_m(np.array([[50.0, -5.0], [50.0, -2.0]])).tolist() == pytest.approx([0.2, 0.0])
 
 
+def test_blocks_of_a_sidewalk_climb_with_the_road(tmp_path: Path) -> None:
+    """5 % over 100 m: each block is within 3 cm of the slope, at its ends too."""
+    climb = '<elevationProfile><elevation s="0" a="0" b="0.05" c="0" d="0"/></elevationProfile><lanes>'
+    (tmp_path / "climb.xodr").write_text(STATED.replace("<lanes>", climb))
+    blocks = furnished_street(load_map(tmp_path / "climb.xodr"), 0.0).bodies
+    top = blocks.position_m[:, 2] + 2.0 * blocks.parts.half_m[:, 2]
+    assert len(blocks) >= 90
+    assert top == pytest.approx(0.05 * blocks.position_m[:, 0] + 0.2, abs=1e-6)
+    assert 0.05 * blocks.parts.half_m[:, 0].max() <= 0.031
+
+
 def test_the_lidar_sees_kerbs_and_people_stand_on_them(tmp_path: Path) -> None:
     """Sidewalk at its height, road at its own, kerb between them; feet on the sidewalk."""
     (tmp_path / "stated.xodr").write_text(STATED)
