@@ -10,8 +10,9 @@ import numpy as np
 
 from smartmot.arrays import FloatArray, IntArray, frozen, part, positions, shared_by_copies, unchecked
 from smartmot.errors import ShapeError
-from smartmot.geometry import corners, near_pairs
+from smartmot.geometry import circles_touch, corners, near_pairs
 from smartmot.overlap import intersection_area
+from smartmot.pointcloud.cloud import RealArray
 from smartmot.types import Boxes
 
 
@@ -85,7 +86,7 @@ class Boxes3D:
         points[:, 4:, 2] = (self.bottom_m + self.size_m[:, 2])[:, None]
         return points
 
-    def point_counts(self, xyz_m: FloatArray, margin_m: float = 0.0) -> IntArray:
+    def point_counts(self, xyz_m: RealArray, margin_m: float = 0.0) -> IntArray:
         """(N,) points in each box, those on its faces included.
 
         Args:
@@ -125,7 +126,23 @@ def overlaps(a: Boxes3D, b: Boxes3D) -> tuple[FloatArray, FloatArray]:
     i, j = near_pairs(a.center_m[:, :2], b.center_m[:, :2], radius_a, radius_b)
     if not len(i):
         return bev, space
-    near_a, near_b = a[i], b[j]
+    bev[i, j], space[i, j] = pair_overlaps(a[i], b[j])
+    return bev, space
+
+
+def pair_overlaps(a: Boxes3D, b: Boxes3D) -> tuple[FloatArray, FloatArray]:
+    """Intersection over union of aligned pairs, from above and in space.
+
+    Args:
+        a: P boxes.
+        b: P boxes.
+
+    Returns:
+        (P,) and (P,) values in [0, 1].
+    """
+    bev, space = np.zeros(len(a)), np.zeros(len(a))
+    near = circles_touch(a.center_m[:, :2], a.size_m[:, :2], b.center_m[:, :2], b.size_m[:, :2])
+    near_a, near_b = a[near], b[near]
     area = intersection_area(
         near_a.center_m[:, :2], near_a.size_m[:, :2], near_a.yaw_rad,
         near_b.center_m[:, :2], near_b.size_m[:, :2], near_b.yaw_rad,
@@ -133,6 +150,6 @@ def overlaps(a: Boxes3D, b: Boxes3D) -> tuple[FloatArray, FloatArray]:
     area_a, area_b = near_a.size_m[:, :2].prod(axis=1), near_b.size_m[:, :2].prod(axis=1)
     top = np.minimum(near_a.bottom_m + near_a.size_m[:, 2], near_b.bottom_m + near_b.size_m[:, 2])
     common = area * np.maximum(top - np.maximum(near_a.bottom_m, near_b.bottom_m), 0.0)
-    bev[i, j] = np.minimum(area / (area_a + area_b - area), 1.0)
-    space[i, j] = np.minimum(common / (near_a.volume_m3 + near_b.volume_m3 - common), 1.0)
+    bev[near] = np.minimum(area / (area_a + area_b - area), 1.0)
+    space[near] = np.minimum(common / (near_a.volume_m3 + near_b.volume_m3 - common), 1.0)
     return bev, space

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from evaluation.cli.lidar import convert
+from evaluation.cli.lidar import convert, score
 
 app = typer.Typer(
     name="lidar",
@@ -15,6 +15,7 @@ app = typer.Typer(
 )
 # in the order of the help
 app.command("convert", epilog=convert.EXAMPLES)(convert.command)
+app.command("score", epilog=score.EXAMPLES)(score.command)
 
 
 @app.callback()

@@ -1,0 +1,1 @@
+"""How well boxes in space were detected: KITTI's, the thesis' and nuScenes' measures."""

@@ -1,0 +1,1 @@
+"""Studies of clouds and of boxes detected in them."""

@@ -1,0 +1,1 @@
+"""KITTI object labels, results and calibration; boxes between camera and LiDAR."""
