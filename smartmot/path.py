@@ -85,10 +85,16 @@ class PlannedPath:
         dx = points_m[:, 0, None] - self.center_m[:-1, 0]
         dy = points_m[:, 1, None] - self.center_m[:-1, 1]
         ux, uy = self._unit[:, 0], self._unit[:, 1]
-        along, lateral = dx * ux + dy * uy, ux * dy - uy * dx
+        along, lateral = dx * ux, ux * dy
+        along += np.multiply(dy, uy, out=dy)
+        lateral -= np.multiply(dx, uy, out=dx)
         # the foot on each segment; the nearest of all feet is that on the path
-        foot = np.minimum(np.maximum(along, self._low_m), self._high_m)
-        k = np.argmin((along - foot) ** 2 + lateral**2, axis=1)
+        foot = np.maximum(along, self._low_m)
+        np.minimum(foot, self._high_m, out=foot)
+        apart = np.subtract(along, foot, out=dx)
+        apart *= apart
+        apart += np.multiply(lateral, lateral, out=dy)
+        k = apart.argmin(axis=1)
         rows = np.arange(len(k))
         foot, offset = foot[rows, k], lateral[rows, k]
         beyond = along[rows, k] - foot  # outside a corner the nearest point is the corner itself

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,10 @@ JITTER_M = 0.5
 
 LEAST_STEP_S = 1e-3
 """Velocities are differences over no less: stamps that are rounded may be equal."""
+
+
+_ROUNDING_M = 1e-6
+"""Places between two labels may be rounded."""
 
 
 class EgoMotion:
@@ -131,6 +136,7 @@ class ObjectMotion:
         size_m: (R, 2) lengths and widths.
         yaw_rad: (R,) headings, without jumps.
         velocity_mps: (2,) at the last label.
+        bounds_m: (4,) left, low, right, high of a rectangle that holds its outline at every time.
     """
 
     object_id: int
@@ -140,12 +146,23 @@ class ObjectMotion:
     size_m: FloatArray
     yaw_rad: FloatArray
     velocity_mps: FloatArray
+    bounds_m: FloatArray
 
     def boxes(self, time_s: FloatArray) -> Boxes:
         """T boxes at (T,) times; before its first and after its last label it stands."""
-        columns = (*self.center_m.T, *self.size_m.T, self.yaw_rad)
-        x, y, length, width, yaw = (np.interp(time_s, self.time_s, column) for column in columns)
+        x, y, length, width, yaw = self._columns_at(time_s)
         return Boxes(np.column_stack((x, y)), np.column_stack((length, width)), yaw)
+
+    def _columns_at(self, time_s: FloatArray) -> list[FloatArray]:
+        columns = (*self.center_m.T, *self.size_m.T, self.yaw_rad)
+        return [np.interp(time_s, self.time_s, column) for column in columns]
+
+
+def boxes_at(objects: list[ObjectMotion], time_s: float) -> Boxes:
+    """K boxes of objects at one time; before its first and after its last label an object stands."""
+    at = np.array([time_s])
+    columns = np.array([o._columns_at(at) for o in objects]).reshape(len(objects), 5)
+    return Boxes(columns[:, :2], columns[:, 2:4], columns[:, 4])
 
 
 class LabelMotion:
@@ -171,15 +188,12 @@ class LabelMotion:
         identity, self.index = np.unique(labels.object_id, return_inverse=True)
         self.rows = labels.frame_rows(len(time_s))
         by_object = np.lexsort((labels.frame, self.index))
-        start = np.searchsorted(self.index[by_object], np.arange(len(identity) + 1)).tolist()
-        stamp_s = time_s[labels.frame]
+        start = np.searchsorted(self.index[by_object], np.arange(len(identity) + 1))
+        moving, stamp_s = _ByObject.of(labels, by_object), time_s[labels.frame[by_object]]
+        velocity_mps = _velocities(time_s, labels.frame[by_object], moving.center_m, start)
         self.velocity_mps: FloatArray = np.zeros((len(labels), 2))
-        objects = []
-        for low, high in pairwise(start):
-            rows = by_object[low:high]
-            self.velocity_mps[rows] = _velocities(stamp_s[rows], labels.center_m[rows])
-            objects.append(_object(labels, rows, stamp_s[rows], self.velocity_mps[rows[-1]]))
-        self.objects = tuple(objects)
+        self.velocity_mps[by_object] = velocity_mps
+        self.objects = objects = _objects(moving, stamp_s, velocity_mps, start)
         self._first_s = np.array([o.time_s[0] for o in objects])
         self._last_s = np.array([o.time_s[-1] for o in objects])
 
@@ -201,28 +215,68 @@ class LabelMotion:
         return [self.objects[k] for k in np.flatnonzero(there).tolist()]
 
 
-def _velocities(time_s: FloatArray, center_m: FloatArray) -> FloatArray:
-    """(R, 2) velocities at the labels of an object; that of its first label is the second's."""
-    if len(time_s) < 2:
-        return np.zeros((len(time_s), 2))
-    since = np.searchsorted(time_s, time_s - LEAST_WINDOW_S - 1e-6)
-    since = np.minimum(since, np.maximum(np.arange(len(time_s)) - 1, 0))
-    last = np.maximum(np.arange(len(time_s)), 1)
-    elapsed = np.maximum(time_s[last] - time_s[since], LEAST_STEP_S)
-    velocity: FloatArray = (center_m[last] - center_m[since]) / elapsed[:, None]
+class _ByObject(NamedTuple):
+    """Columns of the labels, object by object in the order of time."""
+
+    object_id: IntArray
+    category: StrArray
+    center_m: FloatArray
+    size_m: FloatArray
+    yaw_rad: FloatArray
+
+    @classmethod
+    def of(cls, labels: Objects, by_object: IntArray) -> _ByObject:
+        return cls(*(getattr(labels, name)[by_object] for name in cls._fields))
+
+
+def _velocities(time_s: FloatArray, frame: IntArray, center_m: FloatArray, start: IntArray) -> FloatArray:
+    """(L, 2) velocities at labels; that of an object's first label is the second's.
+
+    Args:
+        time_s: (F,) times of the frames.
+        frame: (L,) of the labels, object by object.
+        center_m: (L, 2) their centres.
+        start: (K + 1,) first label of each object, and their number.
+    """
+    count, row = np.diff(start), np.arange(len(frame))
+    first, last = (np.repeat(ends, count) for ends in (start[:-1], start[1:] - 1))
+    # an object's labels of the window: numbers of frames ascend as their times do
+    key = len(time_s) * first + frame
+    since_frame = np.searchsorted(time_s, time_s - LEAST_WINDOW_S - 1e-6)
+    since = np.searchsorted(key, len(time_s) * first + since_frame[frame])
+    since = np.minimum(since, np.maximum(row - 1, first))
+    until = np.minimum(np.maximum(row, first + 1), last)
+    elapsed = np.maximum(time_s[frame[until]] - time_s[frame[since]], LEAST_STEP_S)
+    velocity: FloatArray = (center_m[until] - center_m[since]) / elapsed[:, None]
     return velocity
 
 
-def _object(labels: Objects, rows: IntArray, time_s: FloatArray, velocity_mps: FloatArray) -> ObjectMotion:
-    return ObjectMotion(
-        int(labels.object_id[rows[0]]),
-        str(labels.category[rows[0]]),
-        time_s,
-        labels.center_m[rows],
-        labels.size_m[rows],
-        np.unwrap(labels.yaw_rad[rows]),
-        velocity_mps,
-    )
+def _objects(
+    moving: _ByObject, stamp_s: FloatArray, velocity_mps: FloatArray, start: IntArray
+) -> tuple[ObjectMotion, ...]:
+    """The K objects from their labels."""
+    if not len(stamp_s):
+        return ()
+    reach_m = 0.5 * np.hypot(*moving.size_m.T)[:, None] + _ROUNDING_M
+    low_m = np.minimum.reduceat(moving.center_m - reach_m, start[:-1])
+    high_m = np.maximum.reduceat(moving.center_m + reach_m, start[:-1])
+    jumps = np.concatenate(([0], np.cumsum(np.abs(np.diff(moving.yaw_rad)) >= np.pi)))
+    objects = []
+    for k, (low, high) in enumerate(pairwise(start.tolist())):
+        rows, yaw_rad = slice(low, high), moving.yaw_rad[low:high]
+        objects.append(
+            ObjectMotion(
+                int(moving.object_id[low]),
+                str(moving.category[low]),
+                stamp_s[rows],
+                moving.center_m[rows],
+                moving.size_m[rows],
+                np.unwrap(yaw_rad) if jumps[high - 1] > jumps[low] else yaw_rad,
+                velocity_mps[high - 1],
+                np.concatenate((low_m[k], high_m[k])),
+            )
+        )
+    return tuple(objects)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,8 +52,9 @@ class Way:
         """(N,) distances ahead along the way and (N,) offsets to its left of points, (N, 2) map frame."""
         if self.path is None:
             return ego_frame(points_m, self.ego)
-        station, offset = self.path.place(points_m)
-        return station - self.path.project(self.ego.x_m, self.ego.y_m)[0], offset
+        own = np.array([[self.ego.x_m, self.ego.y_m]])
+        station, offset = self.path.place(np.concatenate((own, points_m)))
+        return station[1:] - station[0], offset[1:]
 
     def points(self, ahead_m: FloatArray, aside_m: float) -> FloatArray:
         """(K, 2) points beside the way (left positive) at (K,) distances ahead, map frame."""

@@ -257,14 +257,16 @@ class StripSet:
         ux, uy = self._ux[segments], self._uy[segments]
         dx = points_m[:, 0, None] - self._x[segments]
         dy = points_m[:, 1, None] - self._y[segments]
-        u = dx * ux + dy * uy
-        lateral = ux * dy - uy * dx
-        before, beyond = -u, u - self._length[segments]
+        u, lateral = dx * ux, ux * dy
+        u += np.multiply(dy, uy, out=dy)
+        lateral -= np.multiply(dx, uy, out=dx)
+        # what is not needed any more is written over: fresh memory takes as long as the sums
+        before, beyond = np.negative(u, out=dx), np.subtract(u, self._length[segments], out=dy)
         if self._bends:
             aside = np.abs(lateral)
-            before = before - aside * self._wedge_start[segments]
-            beyond = beyond - aside * self._wedge_end[segments]
-        return u, lateral, np.maximum(before, beyond) <= 1e-9
+            before -= aside * self._wedge_start[segments]
+            beyond -= np.multiply(aside, self._wedge_end[segments], out=aside)
+        return u, lateral, np.maximum(before, beyond, out=before) <= 1e-9
 
 
 def _half_turns(center_m: FloatArray) -> FloatArray:

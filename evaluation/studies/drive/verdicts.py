@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from scenarios.brakes import BrakeConfig, stop_time_s
-from scenarios.recorded.motion import ObjectMotion, RecordedMotion
+from scenarios.recorded.motion import ObjectMotion, RecordedMotion, boxes_at
 from smartmot.area import is_vulnerable
 from smartmot.decision.rules import STANDING_MPS
 from smartmot.geometry import corners, to_frame
@@ -44,6 +44,13 @@ and tracks are carried on where nothing is seen any more (assumed)."""
 _SAME_S, _SAME_MPS2 = 1e-6, 1e-6
 
 Polygons = NDArray[np.object_]
+
+
+class _Swept(NamedTuple):
+    """T outlines that the vehicle was yet to cover, and (4,) what bounds them: left, low, right, high."""
+
+    outlines: Polygons
+    bounds_m: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +113,8 @@ def judge(
     around = [] if motion.labels is None else motion.labels.between(time_s, last_s)
     gone = [] if motion.labels is None else motion.labels.between(time_s - GONE_S, last_s)
     driven = ego.boxes(times)
-    swept = _polygons(driven)
+    outlines = _polygons(driven)
+    swept = _Swept(outlines, shapely.total_bounds(outlines))
     entered = next((o for o in around if _enters(o, times, swept)), None)
     vanished = next((o for o in gone if _may_enter(o, times, swept)), None) if entered is None else None
     reason = ""
@@ -156,26 +164,34 @@ def _labelled(o: ObjectMotion, times: FloatArray) -> BoolArray:
     return inside
 
 
-def _enters(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
+def _enters(o: ObjectMotion, times: FloatArray, swept: _Swept) -> bool:
     """Whether an object is at some time where the vehicle's outline is then or later."""
+    if _apart(o.bounds_m, swept.bounds_m) > 0.0:
+        return False
     inside = np.flatnonzero(_labelled(o, times))
     if not len(inside):
         return False
     boxes = o.boxes(times[inside])
     if not _comes_near(boxes, swept, 0.0):
         return False
-    later = np.arange(len(swept)) >= inside[:, None]
-    return bool((later & shapely.intersects(_polygons(boxes)[:, None], swept[None, :])).any())
+    later = np.arange(len(swept.outlines)) >= inside[:, None]
+    return bool((later & shapely.intersects(_polygons(boxes)[:, None], swept.outlines[None, :])).any())
 
 
-def _comes_near(boxes: Boxes, swept: Polygons, reach_m: float) -> bool:
-    """Whether one of the boxes may be as near to one of the polygons: a quick test that misses none."""
-    left, low, right, high = shapely.total_bounds(swept)
+def _apart(a_m: FloatArray, b_m: FloatArray) -> float:
+    """Free distance of two upright rectangles, each left, low, right, high; 0 where they meet."""
+    (left, low, right, high), (b_left, b_low, b_right, b_high) = a_m.tolist(), b_m.tolist()
+    return math.hypot(max(left - b_right, b_left - right, 0.0), max(low - b_high, b_low - high, 0.0))
+
+
+def _comes_near(boxes: Boxes, swept: _Swept, reach_m: float) -> bool:
+    """Whether one of the boxes may be as near to one of the outlines: a quick test that misses none."""
+    left, low, right, high = swept.bounds_m.tolist()
     out = np.maximum(np.array([left, low]) - boxes.center_m, boxes.center_m - np.array([right, high]))
     return bool((out.max(axis=1) <= reach_m + 0.5 * np.hypot(*boxes.size_m.T)).any())
 
 
-def _may_enter(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
+def _may_enter(o: ObjectMotion, times: FloatArray, swept: _Swept) -> bool:
     """Whether an object whose labels end may go where the vehicle's outline is later.
 
     Whoever it is may keep the last velocity; persons may also go anywhere at walking pace.
@@ -188,11 +204,15 @@ def _may_enter(o: ObjectMotion, times: FloatArray, swept: Polygons) -> bool:
     moved = Boxes(boxes.center_m + gone_s[:, None] * o.velocity_mps, boxes.size_m, boxes.yaw_rad)
     vulnerable = bool(is_vulnerable(np.array([o.category]))[0])
     reach_m = WALKS_MPS * gone_s if vulnerable else np.zeros(len(gone_s))
-    later = np.arange(len(swept)) >= after[:, None]
+    later = np.arange(len(swept.outlines)) >= after[:, None]
+
+    def reached(places: Boxes) -> bool:
+        apart_m = shapely.distance(_polygons(places)[:, None], swept.outlines[None, :])
+        return bool((later & (apart_m <= reach_m[:, None])).any())
+
     # a person may also turn round where they were last seen
     return any(
-        _comes_near(places, swept, float(reach_m[-1]))
-        and (later & (shapely.distance(_polygons(places)[:, None], swept[None, :]) <= reach_m[:, None])).any()
+        _comes_near(places, swept, float(reach_m[-1])) and reached(places)
         for places in ((moved, boxes) if vulnerable else (moved,))
     )
 
@@ -218,30 +238,24 @@ def _sides(
     """Objects that are not behind the vehicle at the request, and those that are."""
     x, y = ego.center_m[0].tolist()
     rear = -0.5 * float(ego.size_m[0, 0])
-    behind = []
-    for o in around:
-        box = o.boxes(np.array([max(time_s, float(o.time_s[0]))]))
-        ring = corners(box.center_m, box.size_m, box.yaw_rad)[0]
-        behind.append(bool(to_frame(ring, x, y, float(ego.yaw_rad[0]))[:, 0].max() < rear))
-    sides = list(zip(around, behind, strict=True))
+    boxes = boxes_at(around, time_s)
+    rings = corners(boxes.center_m, boxes.size_m, boxes.yaw_rad)
+    behind = to_frame(rings, x, y, float(ego.yaw_rad[0]))[..., 0].max(axis=1) < rear
+    sides = list(zip(around, behind.tolist(), strict=True))
     return [o for o, is_behind in sides if not is_behind], [o for o, is_behind in sides if is_behind]
 
 
 def _least_gap(objects: list[ObjectMotion], times: FloatArray, vehicle: Boxes) -> float | None:
     """Least distance between the vehicle's outline and objects at the same times; None without any."""
     outlines = _polygons(vehicle)
-    candidates: list[tuple[float, Boxes, Polygons]] = []
-    for o in objects:
-        inside = _labelled(o, times)
+    around_m = shapely.total_bounds(outlines)
+    bounds_m = [_apart(o.bounds_m, around_m) for o in objects]
+    least = math.inf
+    for k in np.argsort(bounds_m, kind="stable").tolist():
+        if bounds_m[k] >= least:
+            break  # nowhere on its way was it as near
+        inside = _labelled(objects[k], times)
         if inside.any():
-            boxes = o.boxes(times[inside])
-            apart = np.hypot(*(boxes.center_m - vehicle.center_m[inside]).T)
-            radii = 0.5 * (np.hypot(*boxes.size_m.T) + np.hypot(*vehicle.size_m[inside].T))
-            candidates.append((float((apart - radii).min()), boxes, outlines[inside]))
-    least = None
-    for bound_m, boxes, at_once in sorted(candidates, key=lambda candidate: candidate[0]):
-        if least is not None and bound_m >= least:
-            break  # their circles are farther apart already
-        gap = float(shapely.distance(_polygons(boxes), at_once).min())
-        least = gap if least is None else min(least, gap)
-    return least
+            boxes = objects[k].boxes(times[inside])
+            least = min(least, float(shapely.distance(_polygons(boxes), outlines[inside]).min()))
+    return None if math.isinf(least) else least

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -138,9 +137,9 @@ class _Record:
     def line(self, name: str, least: int) -> FloatArray:
         """(P, 3) points; a height that is NaN, as in some of the data set's maps, is that between others."""
         points = self._get(name)
-        if not isinstance(points, list) or len(points) < least or not all(map(_is_point, points)):
+        line = _line(points) if isinstance(points, list) and len(points) >= least else None
+        if line is None:
             raise self._wrong(name, f"{least} or more points with x, y and z within {MAX_POSITION_M:g} m")
-        line = np.array([[point[axis] for axis in "xyz"] for point in points], dtype=np.float64)
         known = np.flatnonzero(np.isfinite(line[:, 2]))
         if len(known) < len(line):
             row = np.arange(len(line))
@@ -152,22 +151,20 @@ def _is_whole(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _is_point(value: object) -> bool:
-    if not isinstance(value, Mapping):
-        return False
-    height = value.get("z")
-    level = isinstance(height, float) and math.isnan(height)
-    return (
-        _is_coordinate(value.get("x"))
-        and _is_coordinate(value.get("y"))
-        and (level or _is_coordinate(height))
-    )
-
-
-def _is_coordinate(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    return math.isfinite(value) and abs(value) <= MAX_POSITION_M
+def _line(points: list[Any]) -> FloatArray | None:
+    """(P, 3) points, of which a height may be NaN; None: these are none."""
+    if not all(isinstance(point, dict) for point in points):
+        return None
+    values = [point.get(axis) for point in points for axis in "xyz"]
+    if not set(map(type, values)) <= {int, float}:  # neither texts nor truth values
+        return None
+    try:
+        line = np.array(values, dtype=np.float64).reshape(-1, 3)
+    except OverflowError:  # a whole number of any length
+        return None
+    within = np.abs(line) <= MAX_POSITION_M
+    within[:, 2] |= np.isnan(line[:, 2])
+    return line if within.all() else None
 
 
 def _lane(record: _Record) -> VectorLane:

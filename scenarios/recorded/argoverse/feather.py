@@ -57,10 +57,7 @@ def read_feather(
         if kind != pa.float64() and column.null_count:
             row = int(np.argmax(column.is_null().to_numpy())) + 1
             raise DatasetError(f"{path}:{row}: field {name!r} is missing")
-        columns[name] = column.to_numpy()
-        if kind == pa.string():
-            _require_short(path, name, columns[name])
-            columns[name] = columns[name].astype(np.str_)
+        columns[name] = _texts(path, name, column) if kind == pa.string() else column.to_numpy()
     return TextTable(path, np.arange(1, table.num_rows + 1, dtype=np.int64), columns)
 
 
@@ -88,7 +85,12 @@ def _table(path: Path, needed: Collection[str]) -> Any:
         return table
 
 
-def _require_short(path: Path, name: str, texts: NDArray[Any]) -> None:
-    long = [k for k, text in enumerate(texts.tolist(), 1) if len(text) > LONGEST_TEXT]
-    if long:
-        raise DatasetError(f"{path}:{long[0]}: field {name!r} must have {LONGEST_TEXT} characters or fewer")
+def _texts(path: Path, name: str, column: Any) -> NDArray[Any]:
+    """(K,) texts of a column, each of which is there many times."""
+    encoded = column.combine_chunks().dictionary_encode()
+    texts, index = encoded.dictionary.to_pylist(), encoded.indices.to_numpy()
+    if any(len(text) > LONGEST_TEXT for text in texts):
+        row = int(np.argmax(np.array([len(text) > LONGEST_TEXT for text in texts])[index])) + 1
+        raise DatasetError(f"{path}:{row}: field {name!r} must have {LONGEST_TEXT} characters or fewer")
+    made: NDArray[Any] = np.array(texts, dtype=np.str_)[index]
+    return made

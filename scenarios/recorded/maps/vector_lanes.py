@@ -192,17 +192,17 @@ def edge_strips(
     drivable = union.buffer(_SLIVER_M, join_style="mitre").buffer(-_SLIVER_M, join_style="mitre")
     roadway_rows = np.array([k for k, lane in enumerate(lanes) if lane.kind in ROADWAY], dtype=np.int64)
     roadway = shapely.STRtree([areas[k] for k in roadway_rows.tolist()])
-    made: list[tuple[int, Side, tuple[Ribbon, Ribbon]]] = []
-    for row, lane in enumerate(lanes):
-        for side in SIDES:
-            if side in lane.beside:  # also one that the map does not have
-                continue
-            course = _sampled(ribbons[row], side)
-            near = shapely.box(*shapely.total_bounds(shapely.linestrings(course.rays_m)))
-            edge_m = _edge_distance(course, drivable.intersection(near), row, roadway, roadway_rows)
-            if np.isfinite(edge_m).any():
-                made.append((row, side, _strips(course, edge_m, side)))
-    return made
+    # a lane beside that the map does not have is one too
+    sides = [(row, side) for row, lane in enumerate(lanes) for side in SIDES if side not in lane.beside]
+    if not sides:
+        return []
+    courses = [_sampled(ribbons[row], side) for row, side in sides]
+    edges_m = _edge_distances(courses, [row for row, _ in sides], drivable, roadway, roadway_rows)
+    return [
+        (row, side, _strips(course, edge_m, side))
+        for (row, side), course, edge_m in zip(sides, courses, edges_m, strict=True)
+        if np.isfinite(edge_m).any()
+    ]
 
 
 class _Course(NamedTuple):
@@ -227,20 +227,35 @@ def _sampled(ribbon: Ribbon, side: Side) -> _Course:
     return _Course(along, border, z, outward, rays)
 
 
-def _edge_distance(
-    course: _Course, drivable: shapely.Geometry, row: int, roadway: shapely.STRtree, roadway_rows: IntArray
-) -> FloatArray:
-    """(P,) distances from a lane's border to the edge; NaN where there is none, or a lane before it."""
-    outside = shapely.difference(shapely.linestrings(course.rays_m), drivable)
-    distance = np.asarray(shapely.distance(shapely.points(course.border_m), outside))  # NaN of nothing
+def _edge_distances(
+    courses: Sequence[_Course],
+    rows: Sequence[int],
+    drivable: shapely.Geometry,
+    roadway: shapely.STRtree,
+    roadway_rows: IntArray,
+) -> list[FloatArray]:
+    """(P,) distances from each border to the edge; NaN where there is none, or a lane before it."""
+    counts = [len(course.along_m) for course in courses]
+    start = np.cumsum([0, *counts[:-1]])
+    border_m, outward, rays_m = (
+        np.concatenate([getattr(course, name) for course in courses])
+        for name in ("border_m", "outward", "rays_m")
+    )
+    low, high = (
+        least.reduceat(least.reduce(rays_m, axis=1), start, axis=0) for least in (np.minimum, np.maximum)
+    )
+    near = np.asarray(shapely.intersection(drivable, shapely.box(*low.T, *high.T)), dtype=np.object_)
+    outside = shapely.difference(shapely.linestrings(rays_m), np.repeat(near, counts))
+    distance: FloatArray = np.asarray(shapely.distance(shapely.points(border_m), outside))  # NaN of nothing
     ends = np.flatnonzero(np.isfinite(distance))
-    if not len(ends):
-        return distance
-    beyond = course.border_m[ends] + course.outward[ends] * np.minimum(_BESIDE_M, distance[ends])[:, None]
-    edge = course.border_m[ends] + course.outward[ends] * distance[ends, None]
-    ray, lane = roadway.query(shapely.linestrings(np.stack((beyond, edge), axis=1)), predicate="intersects")
-    distance[ends[ray[roadway_rows[lane] != row]]] = np.nan
-    return distance
+    if len(ends):
+        beyond = border_m[ends] + outward[ends] * np.minimum(_BESIDE_M, distance[ends])[:, None]
+        edge = border_m[ends] + outward[ends] * distance[ends, None]
+        lines = shapely.linestrings(np.stack((beyond, edge), axis=1))
+        ray, lane = roadway.query(lines, predicate="intersects")
+        own = np.repeat(rows, counts)[ends[ray]]
+        distance[ends[ray[roadway_rows[lane] != own]]] = np.nan
+    return np.split(distance, start[1:])
 
 
 def _strips(course: _Course, edge_m: FloatArray, side: Side) -> tuple[Ribbon, Ribbon]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from scenarios.recorded.dataset import Objects
-from scenarios.recorded.motion import EgoMotion, LabelMotion
+from scenarios.recorded.motion import EgoMotion, LabelMotion, boxes_at
+from smartmot.geometry import corners
 
 TIME_S = np.arange(41) / 10.0
 
@@ -63,6 +64,48 @@ def test_objects_move_from_label_to_label_and_their_speeds_are_those_of_half_a_s
     assert motion.speed_mps[motion.index == 0] == pytest.approx([0.0])
     assert [o.object_id for o in motion.between(0.35, 0.9)] == [7]
     assert motion.between(1.1, 2.0) == []
+
+
+def test_velocities_are_those_of_each_object_on_its_own() -> None:
+    rng = np.random.default_rng(5)
+    rows = [(f, o, float(rng.normal())) for o in range(6) for f in range(len(TIME_S)) if rng.random() < 0.6]
+    together = LabelMotion(labels(rows), TIME_S)
+    for k, o in enumerate(together.objects):
+        alone = LabelMotion(labels([row for row in rows if row[1] == o.object_id]), TIME_S)
+        assert (together.velocity_mps[together.index == k] == alone.velocity_mps).all()
+        for j, (time_s, center_m) in enumerate(zip(o.time_s, o.center_m, strict=True)):
+            # from the first label of the half second before, or from the one before
+            since = min(int(np.argmax(o.time_s >= time_s - 0.5 - 1e-6)), max(j - 1, 0))
+            if j:
+                expected = (center_m - o.center_m[since]) / (time_s - o.time_s[since])
+                assert alone.velocity_mps[j] == pytest.approx(expected, rel=1e-12)
+
+
+def test_bounds_hold_an_object_at_every_time_and_its_boxes_are_those_of_all_at_once() -> None:
+    rng = np.random.default_rng(6)
+    yaw = rng.uniform(-3.1, 3.1, 60)
+    given = Objects.of(
+        np.repeat(np.arange(20), 3),
+        rng.normal(scale=9.0, size=(60, 2)),
+        object_id=np.tile([4, 8, 9], 20),
+        size_m=rng.uniform(0.5, 9.0, (60, 2)),
+        yaw_rad=yaw,
+    )
+    motion = LabelMotion(given, TIME_S)
+    for o, of_object in zip(motion.objects, (yaw[k::3] for k in range(3)), strict=True):
+        assert (o.yaw_rad == np.unwrap(of_object)).all()
+        boxes = o.boxes(np.linspace(-1.0, 5.0, 200))
+        ring = corners(boxes.center_m, boxes.size_m, boxes.yaw_rad)
+        assert (ring.min(axis=(0, 1)) >= o.bounds_m[:2]).all()
+        assert (ring.max(axis=(0, 1)) <= o.bounds_m[2:]).all()
+    for time_s in (-1.0, 0.73, 1.2, 9.0):
+        together = boxes_at(list(motion.objects), time_s)
+        for k, o in enumerate(motion.objects):
+            alone = o.boxes(np.array([time_s]))
+            assert (together.center_m[k] == alone.center_m[0]).all()
+            assert (together.size_m[k] == alone.size_m[0]).all()
+            assert together.yaw_rad[k] == alone.yaw_rad[0]
+    assert len(boxes_at([], 0.0)) == 0
 
 
 def test_no_labels_at_all() -> None:
