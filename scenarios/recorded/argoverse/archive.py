@@ -158,10 +158,7 @@ def _line(points: list[Any]) -> FloatArray | None:
     values = [point.get(axis) for point in points for axis in "xyz"]
     if not set(map(type, values)) <= {int, float}:  # neither texts nor truth values
         return None
-    try:
-        line = np.array(values, dtype=np.float64).reshape(-1, 3)
-    except OverflowError:  # a whole number of any length
-        return None
+    line = np.array(values, dtype=np.float64).reshape(-1, 3)
     within = np.abs(line) <= MAX_POSITION_M
     within[:, 2] |= np.isnan(line[:, 2])
     return line if within.all() else None

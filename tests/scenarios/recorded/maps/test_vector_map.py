@@ -490,6 +490,26 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
         _first(left_lane_boundary=[{"x": math.nan, "y": 0, "z": 0}, {"x": 9, "y": 0, "z": 0}]),
         "'left_lane_boundary' must be 2 or more points",
     ),
+    "a place that is true": (
+        _first(left_lane_boundary=[{"x": True, "y": 0, "z": 0}, {"x": 9, "y": 0, "z": 0}]),
+        "'left_lane_boundary' must be 2 or more points",
+    ),
+    "a place as text": (
+        _first(left_lane_boundary=[{"x": "1", "y": 0, "z": 0}, {"x": 9, "y": 0, "z": 0}]),
+        "'left_lane_boundary' must be 2 or more points",
+    ),
+    "a place of 400 digits": (
+        _first(left_lane_boundary=[{"x": 10**400, "y": 0, "z": 0}, {"x": 9, "y": 0, "z": 0}]),
+        "number out of range",
+    ),
+    "a point as a list": (
+        _first(left_lane_boundary=[[0, 0, 0], [9, 0, 0]]),
+        "'left_lane_boundary' must be 2 or more points",
+    ),
+    "height without end": (
+        _first(left_lane_boundary=[{"x": 0, "y": 0, "z": math.inf}, {"x": 9, "y": 0, "z": 0}]),
+        "'left_lane_boundary' must be 2 or more points",
+    ),
     "point far away": (_first(left_lane_boundary=FAR), "'left_lane_boundary' must be 2 or more points"),
     "no length": (_first(left_lane_boundary=POINT, right_lane_boundary=POINT), "lane 10: it has no length"),
     "too long": (
