@@ -155,7 +155,7 @@ def cast(
 
 def _on_relief(hits: Hits, rays: RayTable, motion: Motion, relief: Relief) -> Hits:
     """The hits, where the ground is nearer on it."""
-    place, direction = _moved(rays, motion)
+    place, direction = moved(rays, motion)
     below, cosine = relief.meet(place, motion.height_m, direction)
     nearer = below < hits.range_m
     return Hits(
@@ -166,7 +166,7 @@ def _on_relief(hits: Hits, rays: RayTable, motion: Motion, relief: Relief) -> Hi
     )
 
 
-def _moved(rays: RayTable, motion: Motion) -> tuple[FloatArray, FloatArray]:
+def moved(rays: RayTable, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """(N, 2) places where rays start and their (N, 3) directions, frame of the stamp."""
     moments, which = rays.moments
     place, turn = motion.pose(moments)
@@ -275,7 +275,7 @@ def _caster(compiled: bool | None) -> Caster:
 
 def cast_arrays(rays: RayTable, motion: Motion, bodies: Bodies, ground_m: float, tried: Sectors) -> Hits:
     """What each ray meets first, by array operations; see `cast`."""
-    place, direction = _moved(rays, motion)
+    place, direction = moved(rays, motion)
     below = np.full(len(direction), np.inf)
     if motion.height_m > ground_m:
         down = np.flatnonzero(direction[:, 2] < 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.sensors.interfaces import Timing
 from scenarios.sensors.lidar.bodies import road_users
-from scenarios.sensors.lidar.casting import GROUND, Hits, Motion, RayTable, cast
+from scenarios.sensors.lidar.casting import GROUND, Hits, Motion, RayTable, cast, moved
 from scenarios.sensors.lidar.config import LidarConfig, Mount
 from scenarios.sensors.lidar.patterns import Rays
 from scenarios.sensors.lidar.shapes import Bodies, joined
@@ -79,7 +79,7 @@ class LidarSensor:
         """
         number = self.timing.number_at(world.time_s)
         rays = self.config.pattern.rays(number)
-        table, order = _table(rays, self.config.mount.pitch_rad)
+        table, row_of = _table(rays, self.config.mount.pitch_rad)
         ground = float(world.surface.elevation_m(np.array([[ego.x_m, ego.y_m]]), np.array([ego.yaw_rad]))[0])
         rows = np.flatnonzero(world.seen & world.exists)
         bodies = self._bodies(world, rows, ego)
@@ -88,9 +88,10 @@ class LidarSensor:
         terrain = self._terrain_of(world)
         relief = None if terrain.is_flat else terrain.around(ego, mount.forward_m, self.config.range_m)
         hits = cast(table, motion, bodies, ground if relief is None else relief, compiled=self.compiled)
-        range_m, echo = self._echoes(hits, order, number)
-        cloud = self._cloud(rays, order, table, motion, hits, range_m, echo, bodies, world.time_s)
-        body = hits.body[echo]
+        ray, range_m = self._echoes(hits, row_of, number)
+        row = row_of[ray]
+        cloud = self._cloud(rays, table, motion, hits, (ray, row, range_m), bodies, world.time_s)
+        body = hits.body[row]
         user = (body >= 0) & (body < len(rows))
         labels = np.full(len(body), -1, dtype=np.int64)
         labels[user] = rows[body[user]]
@@ -121,56 +122,53 @@ class LidarSensor:
         )
         return joined([users, near]).seen_from(sensor, ego.yaw_rad)
 
-    def _echoes(self, hits: Hits, order: IntArray, number: int) -> tuple[FloatArray, IntArray]:
-        """(N,) ranges with noise, and which rays have an echo, in the order of the pattern."""
-        config = self.config
-        range_m, count = hits.range_m, len(hits.range_m)
+    def _echoes(self, hits: Hits, row: IntArray, number: int) -> tuple[IntArray, FloatArray]:
+        """(M,) rays of the pattern that have an echo, and (M,) their ranges with noise.
+
+        Args:
+            hits: of the table of rays.
+            row: (N,) the row of each ray of the pattern in that table.
+            number: of the cloud.
+        """
+        config, count = self.config, len(row)
         rng = np.random.default_rng((self.seed, number))
-        echo = (range_m >= config.blind_m) & (range_m <= config.range_m)
-        if config.range_sigma_m > 0.0:
-            range_m = range_m + config.range_sigma_m * rng.standard_normal(count)[order]
+        echo = ((hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m))[row]
+        # drawn for all rays, so that what one meets changes no other's error
+        noise = rng.standard_normal(count) if config.range_sigma_m > 0.0 else None
         if config.dropout > 0.0:
-            echo &= rng.random(count)[order] >= config.dropout
-        kept = np.flatnonzero(echo)
-        return range_m, kept[np.argsort(order[kept], kind="stable")]
+            echo &= rng.random(count) >= config.dropout
+        ray = np.flatnonzero(echo)
+        range_m = hits.range_m[row[ray]]
+        return ray, range_m if noise is None else range_m + config.range_sigma_m * noise[ray]
 
     def _cloud(
         self,
         rays: Rays,
-        order: IntArray,
         table: RayTable,
         motion: Motion,
         hits: Hits,
-        range_m: FloatArray,
-        echo: IntArray,
+        echo: tuple[IntArray, IntArray, FloatArray],
         bodies: Bodies,
         stamp_s: float,
     ) -> PointCloud:
-        """The points of the rays that have an echo."""
-        given = order[echo]
-        points = rays.direction[given] * range_m[echo, None]
+        """The points of the echoes: their rays in the pattern and in the table, and their ranges."""
+        ray, row, range_m = echo
         if self.config.motion_compensated and not motion.stands:
-            level = table.direction[echo] * range_m[echo, None]
-            place, turn = motion.pose(table.time_s[echo])
-            c, s = np.cos(turn), np.sin(turn)
-            level = np.column_stack(
-                (
-                    place[:, 0] + c * level[:, 0] - s * level[:, 1],
-                    place[:, 1] + s * level[:, 0] + c * level[:, 1],
-                    level[:, 2],
-                )
-            )
+            place, direction = moved(table, motion)
+            level = direction[row] * range_m[:, None]
+            level[:, :2] += place[row]
             points = _pitched(level, -self.config.mount.pitch_rad)
-        part = hits.part[echo]
-        reflectivity = np.where(hits.body[echo] == GROUND, GROUND_REFLECTIVITY, 0.0)
+        else:
+            points = rays.direction[ray] * range_m[:, None]
+        part = hits.part[row]
+        reflectivity = np.where(hits.body[row] == GROUND, GROUND_REFLECTIVITY, 0.0)
         met = part >= 0
         reflectivity[met] = bodies.parts.reflectivity[part[met]]
-        intensity = (reflectivity * hits.cosine[echo]).astype(np.float32)
         return PointCloud(
             points.astype(np.float32),
-            intensity,
-            rays.ring[given],
-            rays.time_offset_s[given].astype(np.float32),
+            (reflectivity * hits.cosine[row]).astype(np.float32),
+            rays.ring[ray],
+            rays.time_offset_s[ray].astype(np.float32),
             "lidar",
             stamp_s,
         )
@@ -178,8 +176,11 @@ class LidarSensor:
 
 @lru_cache(maxsize=64)
 def _table(rays: Rays, pitch_rad: float) -> tuple[RayTable, IntArray]:
-    """The rays in the level frame; tabulated once."""
-    return RayTable.of(_pitched(rays.direction, pitch_rad), rays.time_offset_s)
+    """The rays in the level frame, and (N,) the row of each in the table; tabulated once."""
+    table, order = RayTable.of(_pitched(rays.direction, pitch_rad), rays.time_offset_s)
+    row = np.empty(len(order), dtype=np.int64)
+    row[order] = np.arange(len(order))
+    return table, row
 
 
 def _pitched(points: FloatArray, pitch_rad: float) -> FloatArray:
