@@ -84,9 +84,12 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
         progress: called with the messages read so far, and their number if the bag says it.
 
     Raises:
-        DatasetError: the bag cannot be read or written, or does not hold what is needed.
+        DatasetError: the bag cannot be read or written, does not hold what is needed, or would be written
+            into the folder that is read.
         ScenarioError, smartmot.errors.SmartMotError, opendrive.OpenDriveError: a setting or the map is wrong.
     """
+    if options.path.is_dir() and options.path.resolve() in options.out.resolve().parents:
+        raise DatasetError(f"{options.out}: lies in the bag that is read; name a place outside of it")
     lane_map = None if options.map_file is None else load_drive_map(options.map_file)
     classes = bag_classes(options.path, options.settings.classes)
     perception = LivePerception(options.settings, lane_map, classes)

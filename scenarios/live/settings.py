@@ -123,8 +123,8 @@ class LiveSettings:
         if self.detection_th is not None:
             tracker = replace(tracker, score_threshold=self.detection_th)
         if self.max_age is not None:
-            lifecycle = replace(
-                tracker.lifecycle, max_age_s=self.max_age * interval_s, tentative_max_age_s=None
-            )
+            # halfway to the next frame: stamps are not exactly one interval apart
+            max_age_s = (self.max_age + 0.5) * interval_s
+            lifecycle = replace(tracker.lifecycle, max_age_s=max_age_s, tentative_max_age_s=None)
             tracker = replace(tracker, lifecycle=lifecycle)
         return replace(preset, pipeline=replace(preset.pipeline, tracker=tracker))

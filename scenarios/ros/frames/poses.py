@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.recorded.poses import rotation_matrix
-from scenarios.ros.frames.transforms import between
+from scenarios.ros.frames.transforms import KEEP_S, between, gone_back
 from scenarios.ros.messages import OdometryMessage
 from smartmot.detection_input import MAX_POSITION_M, MAX_SPEED_MPS
 from smartmot.types import FloatArray
 
-KEEP_S = 10.0
-"""Older poses of a stream than that before the newest are forgotten."""
 GAP_S = 1.0
 """Between poses farther apart than that nothing is interpolated: 10 m at 10 m/s may hold a turn."""
 CARRY_S = 0.2
@@ -88,6 +86,8 @@ class PoseBuffer:
         if sample is None or known or elsewhere:
             self.refused += 1
             return
+        if self._keep_ns is not None and gone_back(self._stamps, message.time_ns):
+            self.forget_after(message.time_ns)
         self.frame_id, self.child_frame_id = message.frame_id, message.child_frame_id
         self.insert(message.time_ns, sample.map_SE3_base, sample.twist)
 

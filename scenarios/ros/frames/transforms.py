@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,8 +14,12 @@ from scenarios.ros.messages import TransformMessage
 from smartmot.detection_input import MAX_POSITION_M
 from smartmot.types import FloatArray
 
+KEEP_S = 10.0
+"""Of a stream, what is older than that before the newest is of no use, as in tf2's buffer."""
 KEEP = 4096
 """So many transforms of a frame are remembered of a stream: 10 s at 200 Hz, twice."""
+
+_NS = 1e-9
 
 
 @dataclass(slots=True, eq=False)
@@ -31,6 +36,8 @@ class _Edge:
         if self.static:
             self.stamps, self.parent_SE3_child = [stamp_ns], [transform]
             return
+        if self.keep is not None and gone_back(self.stamps, stamp_ns):
+            self.forget_after(stamp_ns)
         k = bisect_left(self.stamps, stamp_ns)
         if k < len(self.stamps) and self.stamps[k] == stamp_ns:
             return
@@ -38,6 +45,10 @@ class _Edge:
         self.parent_SE3_child.insert(k, transform)
         if self.keep is not None and len(self.stamps) > self.keep:
             del self.stamps[: self.keep // 2], self.parent_SE3_child[: self.keep // 2]
+
+    def forget_after(self, stamp_ns: int) -> None:
+        cut = bisect_right(self.stamps, stamp_ns)
+        del self.stamps[cut:], self.parent_SE3_child[cut:]
 
     def at(self, stamp_ns: int, hold: bool) -> FloatArray | None:
         k = bisect_left(self.stamps, stamp_ns)
@@ -93,8 +104,7 @@ class TransformTree:
         """Forget transforms newer than a time, after that has gone back; static ones stay."""
         for child, edge in list(self._edges.items()):
             if not edge.static:
-                cut = bisect_left(edge.stamps, stamp_ns + 1)
-                del edge.stamps[cut:], edge.parent_SE3_child[cut:]
+                edge.forget_after(stamp_ns)
                 if not edge.stamps:
                     del self._edges[child]
 
@@ -152,6 +162,14 @@ class TransformTree:
         while (edge := self._edges.get(line[-1])) is not None and edge.parent not in line:
             line.append(edge.parent)
         return line
+
+
+def gone_back(stamps: Sequence[int], stamp_ns: int) -> bool:
+    """Whether a time of a stream is so long before the newest stamp that time has gone back.
+
+    Either that, or the newest was a single stamp of the future: it must not hide what comes after it.
+    """
+    return bool(stamps) and stamp_ns < stamps[-1] - round(KEEP_S / _NS)
 
 
 def between(a: FloatArray, b: FloatArray, share: float) -> FloatArray:

@@ -440,6 +440,27 @@ def test_max_age_counts_frames_of_the_stream() -> None:
     assert [lived(age) for age in (0, 2, 5)] == [0, 2, 5]
 
 
+@pytest.mark.parametrize("max_age", [0, 1, 3])
+def test_max_age_counts_frames_whose_stamps_are_not_even(max_age: int) -> None:
+    """Each is up to 4 ms off, so that three intervals are 150 +- 8 ms."""
+    rng = np.random.default_rng(max_age)
+    messages: list[Message] = []
+    for k in range(40):
+        time_s = 0.05 * k + rng.uniform(-0.004, 0.004)
+        messages += [odometry(time_s, (0.0, 0.0, 0.0)), boxes(time_s, [car(30.0, 4.0)] if k < 20 else [])]
+    frames, _ = frames_of(messages, replace(SETTINGS, max_age=max_age))
+    assert [len(f.tracks) for f in frames] == [1] * (20 + max_age) + [0] * (20 - max_age)
+
+
+def test_a_single_pose_of_the_future_hides_none_of_the_next() -> None:
+    messages = straight(40, lambda t: [car(40.0, 4.0)])
+    wrong = replace(odometry(0.0, (0.0, 0.0, 0.0)), stamp_ns=ns(1000.0), received_ns=ns(1.0))
+    frames, perception = frames_of(received([*messages, wrong]), SETTINGS)
+    assert perception.counts.without_pose <= 1
+    assert frames[-1].stamp_ns == ns(1.95)
+    assert frames[-1].tracks.center_m[0] == pytest.approx([40.0, 4.0, 0.8], abs=0.05)
+
+
 def test_detections_under_the_threshold_are_dropped() -> None:
     messages = straight(5, lambda t: [car(30.0, 4.0, score=0.4)])
     assert [len(f.tracks) for f in frames_of(messages, SETTINGS)[0]] == [1] * 5

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from evaluation.cli.entry import main
@@ -17,7 +18,15 @@ from scenarios.live.published import rosbags_make
 from scenarios.live.topics import COLLISION, TRACKS
 from scenarios.presets import PHYSICAL
 from scenarios.ros.bags.bag import open_bag
-from scenarios.ros.definitions import ODOMETRY, PREDICTION_ARRAY, ros2_types
+from scenarios.ros.definitions import (
+    BEV_DETECTIONS,
+    ODOMETRY,
+    OLD_TRANSFORMS,
+    PREDICTION_ARRAY,
+    TRANSFORMS,
+    ros1_types,
+    ros2_types,
+)
 
 DATA = Path(__file__).parents[3] / "data" / "ros2" / "bevfusion"
 START_NS = 1_700_000_000_000_000_000
@@ -247,6 +256,70 @@ def test_an_output_that_is_there_stays(tmp_path: Path, command: Command) -> None
     bag = write_drive(tmp_path / "bag", 3)
     status, _, error = command(bag, "--out", bag)
     assert (status, "is there already" in error) == (2, True)
+
+
+@pytest.mark.parametrize("name", ["seen", "seen.mcap", "deep/seen"])
+def test_an_output_in_the_bag_that_is_read_is_refused(tmp_path: Path, command: Command, name: str) -> None:
+    """Without metadata.yaml it would be a file of that bag from then on."""
+    bag = write_drive(tmp_path / "bag", 3)
+    files = sorted(path.name for path in bag.iterdir())
+    status, _, error = command(bag, "--out", bag / name)
+    assert (status, "lies in the bag that is read" in error) == (2, True)
+    assert sorted(path.name for path in bag.iterdir()) == files
+
+
+def write_ros1_drive(path: Path, transforms: str) -> Path:
+    """The paper's boxes of a standing car, 30 m ahead at first; poses of a vehicle with 10 m/s in /tf."""
+    types = ros1_types()
+    make = rosbags_make(types)
+    with Ros1Writer(path) as bag:
+        names = (("/merged_obstacles", BEV_DETECTIONS), ("/tf", transforms), ("/tf_static", transforms))
+        topics = {name: bag.add_connection(name, kind, typestore=types) for name, kind in names}
+
+        def header(time_ns: int, frame_id: str) -> Any:
+            stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+            return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+        def write_transform(topic: str, time_ns: int, parent: str, child: str, x_m: float) -> None:
+            moved = make(
+                "geometry_msgs/msg/Transform",
+                translation=make("geometry_msgs/msg/Vector3", x=x_m),
+                rotation=make("geometry_msgs/msg/Quaternion", w=1.0),
+            )
+            stamped = make(
+                "geometry_msgs/msg/TransformStamped",
+                header=header(time_ns, parent),
+                child_frame_id=child,
+                transform=moved,
+            )
+            message = make(transforms, transforms=[stamped])
+            bag.write(topics[topic], time_ns, types.serialize_ros1(message, transforms))
+
+        write_transform("/tf_static", START_NS, "/base_link", "/lidar", 1.5)
+        for k in range(20):
+            time_ns, x_m = START_NS + k * 50_000_000, 0.5 * k
+            write_transform("/tf", time_ns, "/map", "/base_link", x_m)
+            box = make(
+                "t4ac_msgs/msg/BEV_detection", type="Car", score=0.9, x=-4.0, y=x_m - 30.0, l=4.5, w=1.8
+            )
+            boxes = make(BEV_DETECTIONS, header=header(time_ns, "/lidar"), bev_detections_list=[box])
+            bag.write(topics["/merged_obstacles"], time_ns, types.serialize_ros1(boxes, BEV_DETECTIONS))
+    return path
+
+
+@pytest.mark.parametrize("transforms", [TRANSFORMS, OLD_TRANSFORMS])
+def test_poses_of_a_bag_of_ros_1_come_from_transforms_old_and_new(
+    tmp_path: Path, command: Command, transforms: str
+) -> None:
+    bag = write_ros1_drive(tmp_path / "drive.bag", transforms)
+    status, text, _ = command(bag, "--out", tmp_path / "seen")
+    assert status == 0
+    assert row_of(text) == ["20", "20", "1", "0", "0", "0", "0"]
+    _, message = published(tmp_path / "seen", TRACKS.name)[-1]
+    assert message.header.frame_id == "map"
+    # 30 m ahead of the lidar, 4 m to its left
+    center = message.detections[0].bbox.center.position
+    assert (center.x, center.y) == pytest.approx((31.5, 4.0), abs=0.01)
 
 
 def test_a_bag_without_boxes_tells_what_there_is(tmp_path: Path, command: Command) -> None:

@@ -173,3 +173,13 @@ def test_loops_and_impossible_transforms_end() -> None:
     assert frames.refused == 3
     frames.add(transform(0.0, "lidar", "map", 0.0, 0.0, 0.0), static=True)
     assert frames.at("map", "a", ns(0.0)) is None
+
+
+def test_of_a_stream_a_single_transform_of_the_future_is_forgotten_with_the_next_one() -> None:
+    frames = TransformTree()
+    for time_s, x_m in ((0.9, 9.0), (1.0, 10.0), (1000.0, 0.0), (1.1, 11.0)):
+        frames.add(transform(time_s, "odom", "base_link", x_m, 0.0, 0.0), static=False)
+    assert frames.newest_ns("odom", "base_link") == ns(1.1)
+    pose = frames.at("odom", "base_link", ns(1.05))
+    assert pose is not None
+    assert pose[0, 3] == pytest.approx(10.5)
