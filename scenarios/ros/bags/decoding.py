@@ -23,6 +23,9 @@ _PLAIN_CDR = (b"\x00\x00", b"\x00\x01")
 _XCDR2 = range(0x06, 0x0C)
 """Representation identifiers of XCDR version 2 (OMG DDS-XTypes 1.3, 7.6.2.1.2)."""
 
+_END_NS = 2**31 * 1_000_000_000
+"""End of the times that a stamp can hold: seconds are int32 (builtin_interfaces/Time)."""
+
 _MAX_ARRAY = 10_000
 """Elements of a fixed array; rosbags writes code for each."""
 
@@ -31,12 +34,14 @@ def decoded(message: RawMessage) -> Message:
     """A stored message as a value.
 
     Raises:
-        ReadError: it is of no type that is read, serialised in another way, or damaged.
+        ReadError: it is of no type that is read, serialised in another way, damaged, or of no possible time.
     """
     topic = message.topic
     types = _types(topic)
     data = message.data
     try:
+        if not 0 <= message.received_ns < _END_NS:
+            raise ReadError("a time before 1970 or after 2038, which stamps of ROS 2 cannot hold")
         if data.startswith(ZSTD_MAGIC):  # no CDR begins so: messages compressed one by one
             data = expand(data, "zstd")
         return READERS[topic.type_name](_deserialised(types, topic, data), message.received_ns)

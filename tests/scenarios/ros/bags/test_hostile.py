@@ -55,6 +55,18 @@ def changed(path: Path, index: int, change: Callable[[bytes], bytes], topic: str
     return made.write_sqlite(path, rows)
 
 
+@pytest.mark.parametrize("time_ns", [-1, 2**31 * 10**9])
+def test_times_that_no_stamp_can_hold_are_refused(tmp_path: Path, time_ns: int) -> None:
+    """An answer to an empty header would have such a stamp, whose seconds are int32."""
+    rows = made.stored()
+    path = made.write_sqlite(tmp_path / "a.db3", [replace(rows[0], received_ns=time_ns)])
+    text = refusal(path, rows[0].topic)
+    assert f"topic {rows[0].topic}, message received at {time_ns} ns" in text
+    assert "2038" in text
+    path = made.write_sqlite(tmp_path / "b.db3", [replace(rows[0], received_ns=2**31 * 10**9 - 1)])
+    assert messages(path, rows[0].topic)[0].received_ns == 2**31 * 10**9 - 1
+
+
 # files that are cut off, or longer than they say
 
 
