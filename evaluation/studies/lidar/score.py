@@ -83,6 +83,11 @@ def score_files(label_path: Path, detection_path: Path, options: ScoreOptions) -
         kinds = ", ".join(sorted(set(detections.type_name[others].tolist())))
         notes.append(f"{np.count_nonzero(others)} detections of other classes not scored ({kinds})")
     summary = f"{len(labels.frames)} frames, {np.count_nonzero(np.isin(labels.type_name, names))} labels, "
+    flat = detections.image_box_px[:, 3] <= detections.image_box_px[:, 1]
+    if options.protocol == "kitti" and flat.any():
+        notes.append(
+            f"{np.count_nonzero(flat)} detections have image boxes without height, which KITTI's rule ignores"
+        )
     notes.insert(0, f"{summary}{len(detections) - np.count_nonzero(others)} detections")
     tables = [_TABLES[options.protocol](labels, detections, names, options)]
     tables += [_group_table(labels, detections, names, options, by) for by in options.by]

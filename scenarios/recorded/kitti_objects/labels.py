@@ -109,6 +109,10 @@ def read_objects(path: Path) -> ObjectLines:
         files = [path]
     parts = [_lines(file) for file in files]
     frames = sorted({name for part in parts for name in part.frames})
+    if any("/" in name for name in frames):
+        # an empty file does not show its layout: beside files of sequences it is one of them
+        filled = {name for part in parts for name in part.frame.tolist()}
+        frames = [name for name in frames if "/" in name or name in filled]
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
     }

@@ -50,6 +50,15 @@ def test_labels_scored_against_themselves_are_all_right(tmp_path: Path, capsys: 
     assert "8 frames" in capsys.readouterr().out
 
 
+def test_detections_that_kittis_rule_cannot_see_are_said(tmp_path: Path, capsys: Capture) -> None:
+    text = (DATA / "results" / "000000.txt").read_text()
+    (tmp_path / "000000.txt").write_text(text.replace("100 100 200 200", "-1 -1 -1 -1"))
+    assert call(DATA / "labels", tmp_path) == 0
+    output = capsys.readouterr().out
+    assert f"{len(text.splitlines())} detections have image boxes without height" in output
+    assert "7 of 8 frames with labels have no detections" in output
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

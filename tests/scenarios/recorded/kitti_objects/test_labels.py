@@ -46,6 +46,12 @@ def test_frames_of_sequences_and_of_ab3dmot_have_the_same_names(tmp_path: Path) 
     assert read_objects(write(tmp_path / "by_class", detection, name="Car.txt")).frames == ("/000012",)
 
 
+def test_an_empty_file_beside_sequences_is_no_frame(tmp_path: Path) -> None:
+    write(tmp_path, "12,2,500,150,600,250,7.5,1.5,1.6,3.9,1.0,1.7,10.0,-1.4,-1.5", name="Car.txt")
+    write(tmp_path, name="Pedestrian.txt")
+    assert read_objects(tmp_path).frames == ("/000012",)
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
