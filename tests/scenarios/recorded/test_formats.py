@@ -1,5 +1,6 @@
 """Which format a folder has."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from scenarios.errors import DatasetError
 from scenarios.recorded.formats import FORMATS, read_dataset
 from tests.scenarios.recorded import argoverse_log
+from tests.scenarios.ros import bags_made
 
 HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad\n"
 
@@ -22,6 +24,7 @@ def test_the_files_show_the_format(tmp_path: Path) -> None:
     (folders["simbev"] / "infos").mkdir()
     (folders["simbev"] / "infos" / "simbev_infos_val.json").write_text('{"data": {}}')
     argoverse_log.log(folders["argoverse"])
+    shutil.copytree(bags_made.MCAP, folders["bag"], dirs_exist_ok=True)
     assert {name: read_dataset(folder).kind for name, folder in folders.items()} == {
         name: name for name in FORMATS
     }
