@@ -18,7 +18,8 @@ from evaluation.runs import workers
 from evaluation.runs.workers import execute_all
 
 SCRIPT = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it
 from tests_workers_job import mark
 from evaluation.runs.workers import execute_all
 list(execute_all(mark, [sys.argv[1]] * 40, 2))
