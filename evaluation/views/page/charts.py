@@ -40,6 +40,11 @@ _NOTE = {
     "showarrow": False,
 }  # fmt: skip
 
+_DIAGRAM_PX = 640.0
+"""Width of the diagram's axes that names have to fit in; of a narrower page they may come closer."""
+_NAME_PX, _MARKER_PX = 6.5, 6.0
+"""Mean width of a letter of the names (11 px), and their distance from the marker."""
+
 Spec = dict[str, Any]
 """Figure as plotly.js takes it: `data` and `layout`; or a part of one."""
 
@@ -89,23 +94,18 @@ def temporal_spec(frames: LogFrames, run: Run) -> Spec:
 
 
 def _events(events: Sequence[Event], end_s: float) -> Spec:
-    """Markers with names: the first of a layer towards the middle, others to the right if there is room."""
-    named: set[str] = set()
-    places = []
-    for time, layer, _ in events:
-        if layer in named:
-            places.append("top right" if time < 0.9 * end_s else "bottom left")
-        else:
-            places.append("top left" if time > 0.5 * end_s else "top right")
-        named.add(layer)
+    """Markers, with names where there is room; the name of every one is shown under the pointer."""
+    names = [html.escape(event_text(name)) for _, _, name in events]  # plotly reads some HTML
+    places = _places(events, end_s)
     instant = [layer == "monitors" for _, layer, _ in events]
     colours = [STATE_COLOURS.get(name, GREY) for _, _, name in events]
     return {
         "type": "scatter", "name": "events", "mode": "markers+text",
         "x": _rounded([time for time, _, _ in events], 3),
         "y": [LAYER_HEIGHTS[layer] for _, layer, _ in events],
-        "text": [html.escape(event_text(name)) for _, _, name in events],  # plotly reads some HTML
-        "textposition": places,
+        "text": [name if place else "" for name, place in zip(names, places, strict=True)],
+        "textposition": [place or "top right" for place in places],
+        "hovertext": names,
         "textfont": {"size": 11},
         "marker": {
             "size": 10,
@@ -113,9 +113,35 @@ def _events(events: Sequence[Event], end_s: float) -> Spec:
             "color": [BLUE if over_at_once else c for over_at_once, c in zip(instant, colours, strict=True)],
             "line": {"color": "white", "width": 1},
         },
-        "hovertemplate": "%{text}<br>%{x:.2f} s<extra></extra>",
+        "hovertemplate": "%{hovertext}<br>%{x:.2f} s<extra></extra>",
         "cliponaxis": False,
     }  # fmt: skip
+
+
+def _places(events: Sequence[Event], end_s: float) -> list[str]:
+    """Where each name stands, or nothing: between two layers it covers no other name and no arrow."""
+    of_px = 1.04 * end_s / _DIAGRAM_PX
+    taken: dict[float, list[tuple[float, float]]] = {}
+    for (cause_s, above, _), (time_s, layer, _) in arrows_of(events):
+        low, high = sorted((LAYER_HEIGHTS[above], LAYER_HEIGHTS[layer]))
+        for height in range(low, high):
+            taken.setdefault(height + 0.5, []).append((cause_s, time_s))
+    places = []
+    for time, layer, name in events:
+        width = (_NAME_PX * len(event_text(name)) + _MARKER_PX) * of_px
+        spans = {"right": (time, time + width), "left": (time - width, time)}
+        free = [
+            (f"{side} {way}", gap, spans[way])
+            for way in ("right", "left")
+            for side, gap in (("top", LAYER_HEIGHTS[layer] + 0.5), ("bottom", LAYER_HEIGHTS[layer] - 0.5))
+            if spans[way][0] >= -0.02 * end_s and spans[way][1] <= 1.02 * end_s
+            if all(spans[way][1] <= low or high <= spans[way][0] for low, high in taken.get(gap, []))
+        ]
+        place, gap, span = free[0] if free else ("", 0.0, (0.0, 0.0))
+        if place:
+            taken.setdefault(gap, []).append(span)
+        places.append(place)
+    return places
 
 
 def _marks(time_s: FloatArray, speed_kmh: FloatArray, run: Run) -> list[Spec]:

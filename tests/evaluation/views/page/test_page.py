@@ -249,6 +249,6 @@ def test_the_diagram_shows_the_events_of_the_log(folder: Path) -> None:
         events = log[log["kind"] == "event"]
         trace = next(t for t in unpack(view.packed)["diagram"]["data"] if t.get("name") == "events")
         shown = events["label"].replace("collision", "collision predicted")
-        assert trace["text"] == shown.tolist()
+        assert trace["hovertext"] == trace["text"] == shown.tolist()
         assert (events["label"] == "collision").any()
         assert trace["x"] == pytest.approx(events["time_s"].tolist(), abs=0.0006)
