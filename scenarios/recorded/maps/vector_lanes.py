@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from scenarios.errors import DatasetError
 from smartmot.maps.lane_map import Side
@@ -25,8 +26,12 @@ _EDGE_STEP_M = 0.5
 """Spacing at which the edge of the drivable area is looked for: that at which lanes are sampled."""
 _BESIDE_M = 0.3
 """Lanes that overlap by less only meet."""
+_PAST_M = 1e-3
+"""Lanes before the edge are looked for up to so far past it."""
 _SLIVER_M = 0.1
 """Cracks between drivable areas, twice so wide, are none; their coordinates are given in centimetres."""
+_ROUNDING = 1e-9
+"""Shares of a ray or an edge that differ by less are the same: some nanometres."""
 ROADWAY = ("driving", "bus")
 """Types beyond which no edge is looked for."""
 MAX_LANE_M = 10_000.0
@@ -155,14 +160,18 @@ def _normals(points_m: FloatArray) -> FloatArray:
     return np.column_stack((-tangent[:, 1], tangent[:, 0]))
 
 
+def outlines(ribbons: Sequence[Ribbon]) -> NDArray[np.object_]:
+    """Rings around lanes; some cross themselves."""
+    if not ribbons:
+        return np.empty(0, dtype=np.object_)
+    points_m = [ribbon.outline() for ribbon in ribbons]
+    owner = np.repeat(np.arange(len(ribbons)), [len(points) for points in points_m])
+    return np.asarray(shapely.linearrings(np.concatenate(points_m), indices=owner), dtype=np.object_)
+
+
 def surfaces(ribbons: Sequence[Ribbon]) -> list[shapely.Geometry]:
     """Polygons of lanes; outlines that cross themselves are made valid."""
-    outlines = [ribbon.outline() for ribbon in ribbons]
-    if not outlines:
-        return []
-    owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
-    rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
-    areas = np.asarray(shapely.polygons(rings), dtype=object)
+    areas = np.asarray(shapely.polygons(outlines(ribbons)), dtype=np.object_)
     crossed = np.flatnonzero(~shapely.is_valid(areas))
     areas[crossed] = shapely.make_valid(areas[crossed])
     polygons: list[shapely.Geometry] = areas.tolist()
@@ -236,26 +245,57 @@ def _edge_distances(
 ) -> list[FloatArray]:
     """(P,) distances from each border to the edge; NaN where there is none, or a lane before it."""
     counts = [len(course.along_m) for course in courses]
-    start = np.cumsum([0, *counts[:-1]])
     border_m, outward, rays_m = (
         np.concatenate([getattr(course, name) for course in courses])
         for name in ("border_m", "outward", "rays_m")
     )
-    low, high = (
-        least.reduceat(least.reduce(rays_m, axis=1), start, axis=0) for least in (np.minimum, np.maximum)
-    )
-    near = np.asarray(shapely.intersection(drivable, shapely.box(*low.T, *high.T)), dtype=np.object_)
-    outside = shapely.difference(shapely.linestrings(rays_m), np.repeat(near, counts))
-    distance: FloatArray = np.asarray(shapely.distance(shapely.points(border_m), outside))  # NaN of nothing
+    distance = np.hypot(*(_ways_out(rays_m, drivable) - border_m).T)
     ends = np.flatnonzero(np.isfinite(distance))
     if len(ends):
-        beyond = border_m[ends] + outward[ends] * np.minimum(_BESIDE_M, distance[ends])[:, None]
-        edge = border_m[ends] + outward[ends] * distance[ends, None]
+        # a lane that ends at the edge is not before it, whichever way that is rounded
+        to_edge = distance[ends] + _PAST_M
+        beyond, edge = (
+            border_m[ends] + outward[ends] * at[:, None]
+            for at in (np.minimum(_BESIDE_M + _PAST_M, to_edge), to_edge)
+        )
         lines = shapely.linestrings(np.stack((beyond, edge), axis=1))
         ray, lane = roadway.query(lines, predicate="intersects")
         own = np.repeat(rows, counts)[ends[ray]]
         distance[ends[ray[roadway_rows[lane] != own]]] = np.nan
-    return np.split(distance, start[1:])
+    return np.split(distance, np.cumsum(counts[:-1]))
+
+
+def _ways_out(rays_m: FloatArray, area: shapely.Geometry) -> FloatArray:
+    """(R, 2) where each of (R, 2, 2) rays first leaves an area; NaN where it stays inside.
+
+    Whether a ray is inside changes only where it meets the boundary: between two such places one point tells.
+    """
+    points, part = shapely.get_coordinates(shapely.get_parts(shapely.boundary(area)), return_index=True)
+    edges_m = np.stack((points[:-1], points[1:]), axis=1)[part[:-1] == part[1:]]
+    ray, edge = shapely.STRtree(shapely.linestrings(edges_m)).query(shapely.linestrings(rays_m))
+    run, step = rays_m[:, 1] - rays_m[:, 0], edges_m[edge, 1] - edges_m[edge, 0]
+    offset = edges_m[edge, 0] - rays_m[ray, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # along an edge, the edges at its ends are met
+        share, on_edge = (_cross(offset, each) / _cross(run[ray], step) for each in (step, run[ray]))
+    met = (share > 0.0) & (share < 1.0) & (np.abs(on_edge - 0.5) <= 0.5 + _ROUNDING)
+    own = np.arange(len(rays_m))
+    ray = np.concatenate((own, ray[met], own))
+    share = np.concatenate((np.zeros(len(own)), share[met], np.ones(len(own))))
+    order = np.lexsort((share, ray))
+    ray, share = ray[order], share[order]
+    stretch = np.flatnonzero((ray[:-1] == ray[1:]) & (np.diff(share) > _ROUNDING))
+    middle = 0.5 * (share[stretch] + share[stretch + 1])
+    shapely.prepare(area)
+    inside = shapely.intersects_xy(area, rays_m[ray[stretch], 0] + run[ray[stretch]] * middle[:, None])
+    leaving = stretch[~inside][::-1]  # the last one written is the first of a ray
+    out = np.full(len(rays_m), np.nan)
+    out[ray[leaving]] = share[leaving]
+    return np.asarray(rays_m[:, 0] + out[:, None] * run)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(N,) cross products of (N, 2) vectors."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _strips(course: _Course, edge_m: FloatArray, side: Side) -> tuple[Ribbon, Ribbon]:

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -29,6 +29,7 @@ from scenarios.recorded.maps.vector_lanes import (
     VectorLane,
     edge_strips,
     opposite,
+    outlines,
     ribbon_between,
     same_way,
     surfaces,
@@ -86,11 +87,11 @@ class VectorMap:
         lengths = np.array([ribbon.length_m for ribbon in ribbons])
         road_m = np.bincount(road, lengths) / np.maximum(np.bincount(road), 1)
         first = [min(lane.id for k, lane in enumerate(lanes) if road[k] == r) for r in range(len(road_m))]
-        self._lane_areas = surfaces(ribbons)
-        junction = self._junctions()
+        lane_areas = surfaces(ribbons)
+        junction = self._junctions(lane_areas)
         owner = list(range(len(lanes)))  # lane on whose road a row lies
         kinds = [lane.kind for lane in lanes]
-        for row, side, strips in edge_strips(self._given, ribbons, self._lane_areas, drivable_m):
+        for row, side, strips in edge_strips(self._given, ribbons, lane_areas, drivable_m):
             inner = row
             for kind, strip in zip(("shoulder", "sidewalk"), strips, strict=True):
                 outer = len(ribbons)
@@ -101,6 +102,7 @@ class VectorMap:
                 self._neighbour[outer, opposite(side)] = inner
                 inner = outer
         self._ribbons, self._owner = tuple(ribbons), owner
+        self._made = dict(enumerate(lane_areas))
         own = np.array(owner, dtype=np.int64)
         strips_from = len(lanes)
         columns = {
@@ -116,7 +118,7 @@ class VectorMap:
         }
         self.lanes: LaneColumns = SimpleNamespace(**columns)
         self._successors, self._predecessors = self._links()
-        self._trees: dict[tuple[str, ...] | None, tuple[IntArray, shapely.STRtree]] = {}
+        self._trees: dict[tuple[str, ...], tuple[IntArray, shapely.STRtree]] = {}
         self.crosswalks = self._crossed(crosswalks_m or {})
 
     # --- making --------------------------------------------------------------------------------------
@@ -160,13 +162,13 @@ class VectorMap:
             count += 1
         return road, sign
 
-    def _junctions(self) -> list[str | None]:
+    def _junctions(self, lane_areas: Sequence[shapely.Geometry]) -> list[str | None]:
         """L junctions: lanes in one that overlap each other."""
         inside = [row for row, lane in enumerate(self._given) if lane.in_junction]
         junction: list[str | None] = [None] * len(self._given)
         if not inside:
             return junction
-        areas = [self._lane_areas[row] for row in inside]
+        areas = [lane_areas[row] for row in inside]
         a, b = shapely.STRtree(areas).query(areas, predicate="intersects")
         graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(inside), len(inside)))
         _, group = connected_components(graph, directed=False)
@@ -209,17 +211,23 @@ class VectorMap:
         return [shapely.LineString(ribbon.center_m[:, :2]) for ribbon in self._ribbons]
 
     @cached_property
-    def _areas(self) -> list[shapely.Geometry]:
-        return [*self._lane_areas, *surfaces(self._ribbons[len(self._given) :])]
+    def _outlines(self) -> shapely.STRtree:
+        """Index of the outlines of all lanes."""
+        return shapely.STRtree(outlines(self._ribbons))
+
+    def _areas(self, rows: IntArray) -> NDArray[np.object_]:
+        """Surfaces of lanes; that of a strip beside a lane is made when it is first asked for."""
+        missing = [row for row in np.unique(rows).tolist() if row not in self._made]
+        self._made.update(zip(missing, surfaces([self._ribbons[row] for row in missing]), strict=True))
+        return np.array([self._made[row] for row in rows.tolist()], dtype=np.object_)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """Least and greatest coordinates of all lanes: xmin, ymin, xmax, ymax, metres."""
         if not self._ribbons:
             return (0.0, 0.0, 0.0, 0.0)
-        points = np.concatenate([ribbon.outline() for ribbon in self._ribbons])
-        low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-        return (low[0], low[1], high[0], high[1])
+        x_min, y_min, x_max, y_max = shapely.total_bounds(self._outlines.geometries).tolist()
+        return (x_min, y_min, x_max, y_max)
 
     def _share(self, lane: int, s_m: ArrayLike) -> FloatArray:
         """Share of the way along a lane at some s."""
@@ -294,17 +302,20 @@ class VectorMap:
     def locate(self, xy_m: ArrayLike) -> PlacedPoints:
         """See `LaneMap`."""
         xy = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
-        rows, tree = self._tree(None)
-        point, position = tree.query(shapely.points(xy), predicate="intersects")
-        order = np.lexsort((position, point))
-        point, lane = point[order], rows[position[order]]
+        places = np.asarray(shapely.points(xy))
+        point, lane = self._outlines.query(places)
+        inside = shapely.intersects(self._areas(lane), places[point])
+        point, lane = point[inside], lane[inside]
+        order = np.lexsort((lane, point))
+        point, lane = point[order], lane[order]
         s_m, margin_m = np.zeros(len(lane)), np.zeros(len(lane))
         for row in np.unique(lane).tolist():
             on_it = lane == row
-            places, ribbon = shapely.points(xy[point[on_it]]), self._ribbons[row]
+            ribbon = self._ribbons[row]
             s_m[on_it] = self._s_of(row, xy[point[on_it]])
             borders = (shapely.LineString(ribbon.left_m), shapely.LineString(ribbon.right_m))
-            margin_m[on_it] = np.minimum(*(shapely.distance(places, border) for border in borders))
+            to_border_m = (shapely.distance(places[point[on_it]], border) for border in borders)
+            margin_m[on_it] = np.minimum(*to_border_m)
         placed: PlacedPoints = SimpleNamespace(point=point, lane=lane, s_m=s_m, margin_m=margin_m)
         return placed
 
@@ -333,13 +344,11 @@ class VectorMap:
         )
         return made
 
-    def _tree(self, lane_types: tuple[str, ...] | None) -> tuple[IntArray, shapely.STRtree]:
-        """Rows of some types, or all, and an index of their surfaces."""
+    def _tree(self, lane_types: tuple[str, ...]) -> tuple[IntArray, shapely.STRtree]:
+        """Rows of some types, and an index of their surfaces."""
         if lane_types not in self._trees:
-            rows = np.arange(len(self._ribbons))
-            if lane_types is not None:
-                rows = np.flatnonzero(np.isin(self.lanes.lane_type, list(lane_types)))
-            self._trees[lane_types] = (rows, shapely.STRtree([self._areas[row] for row in rows.tolist()]))
+            rows = np.flatnonzero(np.isin(self.lanes.lane_type, list(lane_types)))
+            self._trees[lane_types] = (rows, shapely.STRtree(self._areas(rows)))
         return self._trees[lane_types]
 
     # --- rules ---------------------------------------------------------------------------------------

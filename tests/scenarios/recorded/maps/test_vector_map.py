@@ -281,6 +281,53 @@ def test_cracks_between_drivable_areas_are_no_edge(tmp_path: Path) -> None:
     assert (distance.tolist(), there) == ([pytest.approx(3.0)], True)
 
 
+def turned(content: dict[str, Any], yaw_rad: float) -> dict[str, Any]:
+    """A map far from the origin in another direction, so that none of its coordinates is exact."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    lines = [each["area_boundary"] for each in content["drivable_areas"].values()]
+    for lane in content["lane_segments"].values():
+        lines += [lane["left_lane_boundary"], lane["right_lane_boundary"]]
+    for point in (point for line in lines for point in line):
+        x, y = point["x"], point["y"]
+        point.update(x=5000.0 + c * x - s * y, y=-2000.0 + s * x + c * y)
+    return content
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.3, 1.1, 2.5, -0.7])
+def test_a_lane_that_ends_at_the_edge_is_not_before_it(tmp_path: Path, yaw_rad: float) -> None:
+    """As where lanes of a junction part: the border of one lies on the edge, that of the other near it."""
+    lanes = (made.straight(1, 0, 60, 0.0, -3.5), made.straight(2, 0, 60, 0.0, -3.55))
+    area = [(-1, 3), (61, 3), (61, -3.55), (-1, -3.55)]
+    network = load(tmp_path, turned(with_lanes(*lanes, area=area), yaw_rad))
+    for row, across_m in ((0, 0.05), (1, 0.0)):
+        beside = network.right_neighbour(row)
+        assert beside is not None
+        sidewalk = network.right_neighbour(beside)
+        assert sidewalk is not None
+        s_m = np.linspace(0.0, 60.0, 121)
+        assert network.lane_width(beside, s_m) == pytest.approx(np.full(121, across_m), abs=1e-9)
+        assert network.lane_width(sidewalk, s_m) == pytest.approx(np.full(121, 1.5))
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.3, 1.1, 2.5, -0.7])
+def test_the_edge_is_where_the_drivable_area_first_ends(tmp_path: Path, yaw_rad: float) -> None:
+    """Bays of all depths, and behind a gap another drivable area, into which the deeper ones open."""
+    deep_m = 3.3 + 0.5 * np.random.default_rng(3).integers(0, 14, 30)
+    border = [(2 * k + at, -deep) for k, deep in enumerate(deep_m.tolist()) for at in (-1, 1)]
+    one = made.straight(1, 0, 58, 0.0, -3.5)
+    content = with_lanes(one, area=[*border, (59, 3), (-1, 3)])
+    behind = made.points((-1, -8.05), (61, -8.05), (61, -8.6), (-1, -8.6))
+    content["drivable_areas"]["2"] = {"area_boundary": behind, "id": 2}
+    network = load(tmp_path, turned(content, yaw_rad))
+    shoulder = network.right_neighbour(0)
+    assert shoulder is not None
+    ends_m = np.where((deep_m > 8.05) & (deep_m < 8.6), 8.6, deep_m) - 3.5
+    expected = np.where(ends_m <= 5.5, np.maximum(ends_m, 0.0), 0.0)
+    width_m = network.lane_width(shoulder, np.arange(0.0, 60.0, 2.0))
+    assert width_m == pytest.approx(expected, abs=1e-9)
+    assert {0.0, 0.3, 5.1} <= set(np.round(width_m, 6).tolist())
+
+
 # --- what perception makes of it ------------------------------------------------------------------------
 
 
