@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenarios.live.perception import Output
-from scenarios.live.published import MessageMaker, published_time_ns, rosbags_make
+from scenarios.live.published import published, published_time_ns
 from scenarios.live.topics import PUBLISHED
 from scenarios.ros.bags.writer import MessageWriter
 
@@ -29,10 +29,9 @@ class BagWriter(MessageWriter):
 
     def __init__(self, path: Path, storage: str | None = None) -> None:
         super().__init__(path, PUBLISHED, storage)
-        self._maker = MessageMaker(rosbags_make(self._types))
 
     def write(self, output: Output) -> None:
         """Write what is published of an output, at the time at which its detections were received."""
         time_ns = published_time_ns(output)
-        for topic, message in self._maker.messages(output):
-            self.put(topic, time_ns, message)
+        for topic, data in published(output):
+            self.put_serialised(topic, time_ns, data)

@@ -1,4 +1,4 @@
-"""What perception publishes, as ROS messages: topics, types, and messages of any peer's classes.
+"""What perception publishes, as serialised ROS messages by topic.
 
 Sources: visualization_msgs, vision_msgs 4.x, std_msgs and diagnostic_msgs of ROS 2; topics of the PREMOVE
 document and of the SmartMOT authors.
@@ -7,162 +7,74 @@ document and of the SmartMOT authors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from collections.abc import Iterable, Sequence
+from struct import Struct
 
 from scenarios.live.counts import Diagnostics
 from scenarios.live.outputs import FrameOutput, Marker, TrackedBoxes
 from scenarios.live.perception import Output
-from scenarios.live.topics import (
-    AREA,
-    COLLISION,
-    DIAGNOSTICS,
-    MARKER_ARRAY,
-    MARKERS,
-    NEAREST,
-    TRACKS,
-    PublishedTopic,
-)
-from scenarios.ros.definitions import DETECTION_3D_ARRAY
-
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
+from scenarios.live.topics import AREA, COLLISION, DIAGNOSTICS, MARKERS, NEAREST, TRACKS, PublishedTopic
+from scenarios.ros.cdr import HEAD, CdrWriter
 
 NO_OBJECT_M = 50_000.0
 """Distance of the nearest object on the wire where there is none (SmartMOT authors)."""
 
 DIAGNOSTIC_NAME = "smartmot: perception"
+HARDWARE_ID = "smartmot"
 
 _NS_PER_S = 1_000_000_000
 _MAX_ID = 2**31
 """Numbers of markers are int32."""
 
+_EMPTY_TEXT = b"\x01\x00\x00\x00\x00"
+"""A string without characters: the length counts the zero at its end."""
+_NONE = b"\x00\x00\x00\x00"
+"""A sequence without elements."""
 
-Make = Callable[..., Any]
-"""Makes a message from the name of its type and its fields; those not given have their defaults."""
+_BOOL, _BYTE, _DOUBLE = Struct("<?"), Struct("<B"), Struct("<d")
+_STAMP = Struct("<iI")
+_NUMBERS = Struct("<iii")
+"""id, type and action of a Marker."""
+_POSE_SCALE = Struct("<10d")
+"""pose and scale of a Marker."""
+_COLOUR_LIFETIME = Struct("<4fiI?")
+"""color, lifetime and frame_locked of a Marker."""
+_POINT = Struct("<3d")
+_RESULT_BOX = Struct("<d7d36d7d3d")
+"""score, pose and covariance of the result, bbox of a Detection3D: all float64."""
+
+_UNSET_BEFORE_TEXT = (
+    _NONE  # colors
+    + _EMPTY_TEXT + bytes(3)  # texture_resource
+    + bytes(8) + _EMPTY_TEXT + bytes(3)  # header of texture
+    + _EMPTY_TEXT + bytes(3) + _NONE  # format and data of texture
+    + _NONE  # uv_coordinates
+)  # fmt: skip
+"""Fields of a Marker between points and text that are never set."""
+_UNSET_AFTER_TEXT = (
+    _EMPTY_TEXT + bytes(3)  # mesh_resource
+    + _EMPTY_TEXT + bytes(3) + _NONE  # mesh_file: filename, data
+    + b"\x00"  # mesh_use_embedded_materials
+)  # fmt: skip
+"""Fields of a Marker after its text, none of which is set."""
+_NO_COVARIANCE = (0.0,) * 36
 
 
-class MessageMaker:
-    """Makes messages of what perception puts out.
-
-    Args:
-        make: makes one message, as `make("std_msgs/msg/Bool", data=True)`.
-        byte: a number as the peer's type for a field of type `byte`.
-    """
-
-    def __init__(self, make: Make, byte: Callable[[int], Any] = int) -> None:
-        self._make, self._byte = make, byte
-
-    def messages(self, output: Output) -> list[tuple[PublishedTopic, Any]]:
-        """Topics and messages of one output; without a decision there is no message of one."""
-        if isinstance(output, Diagnostics):
-            return [(DIAGNOSTICS, self._diagnostics(output))]
-        header = self._header(output.stamp_ns, output.frame_id)
-        made = [
-            (MARKERS, self._markers(output.markers, header)),
-            (TRACKS, self._tracks(output.tracks, header)),
+def published(output: Output) -> list[tuple[PublishedTopic, bytes]]:
+    """Topics and messages of one output; without a decision there is no message of one."""
+    if isinstance(output, Diagnostics):
+        return [(DIAGNOSTICS, _diagnostics(output))]
+    header = _header(output.stamp_ns, output.frame_id)
+    messages = [(MARKERS, _markers(output.markers, header)), (TRACKS, _tracks(output.tracks, header))]
+    decision = output.decision
+    if decision is not None:
+        nearest_m = NO_OBJECT_M if decision.nearest_m is None else decision.nearest_m
+        messages += [
+            (COLLISION, HEAD + _BOOL.pack(decision.predicted_collision)),
+            (NEAREST, HEAD + _DOUBLE.pack(nearest_m)),
+            (AREA, _markers(output.area_markers, header)),
         ]
-        decision = output.decision
-        if decision is not None:
-            nearest_m = NO_OBJECT_M if decision.nearest_m is None else decision.nearest_m
-            made += [
-                (COLLISION, self._make(COLLISION.type_name, data=bool(decision.predicted_collision))),
-                (NEAREST, self._make(NEAREST.type_name, data=float(nearest_m))),
-                (AREA, self._markers(output.area_markers, header)),
-            ]
-        return made
-
-    def _header(self, stamp_ns: int, frame_id: str) -> Any:
-        sec, nanosec = divmod(stamp_ns, _NS_PER_S)
-        stamp = self._make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
-        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
-
-    def _point(self, xyz: tuple[float, ...], name: str = "geometry_msgs/msg/Point") -> Any:
-        x, y, z = xyz
-        return self._make(name, x=x, y=y, z=z)
-
-    def _pose(self, position_m: tuple[float, ...], yaw_rad: float) -> Any:
-        turn = self._make(
-            "geometry_msgs/msg/Quaternion",
-            x=0.0,
-            y=0.0,
-            z=math.sin(0.5 * yaw_rad),
-            w=math.cos(0.5 * yaw_rad),
-        )
-        return self._make("geometry_msgs/msg/Pose", position=self._point(position_m), orientation=turn)
-
-    def _markers(self, markers: tuple[Marker, ...], header: Any) -> Any:
-        return self._make(MARKER_ARRAY, markers=[self._marker(marker, header) for marker in markers])
-
-    def _marker(self, marker: Marker, header: Any) -> Any:
-        red, green, blue, opacity = marker.colour
-        sec = int(marker.lifetime_s)
-        return self._make(
-            "visualization_msgs/msg/Marker",
-            header=header,
-            ns=marker.ns,
-            id=marker.marker_id % _MAX_ID,
-            type=marker.kind,
-            action=marker.action,
-            pose=self._pose(marker.position_m, marker.yaw_rad),
-            scale=self._point(marker.scale_m, "geometry_msgs/msg/Vector3"),
-            color=self._make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=opacity),
-            lifetime=self._make(
-                "builtin_interfaces/msg/Duration",
-                sec=sec,
-                nanosec=min(round((marker.lifetime_s - sec) * _NS_PER_S), _NS_PER_S - 1),
-            ),
-            points=[self._point(point) for point in marker.points_m],
-            text=marker.text,
-        )
-
-    def _tracks(self, tracks: TrackedBoxes, header: Any) -> Any:
-        rows = zip(
-            tracks.track_id.tolist(),
-            tracks.category.tolist(),
-            tracks.score.tolist(),
-            tracks.center_m.tolist(),
-            tracks.size_m.tolist(),
-            tracks.yaw_rad.tolist(),
-            strict=True,
-        )
-        detections = []
-        for number, name, score, center, size, yaw in rows:
-            pose = self._pose(center, yaw)
-            result = self._make(
-                "vision_msgs/msg/ObjectHypothesisWithPose",
-                hypothesis=self._make("vision_msgs/msg/ObjectHypothesis", class_id=name, score=score),
-                pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=pose),
-            )
-            box = self._make(
-                "vision_msgs/msg/BoundingBox3D",
-                center=pose,
-                size=self._point(size, "geometry_msgs/msg/Vector3"),
-            )
-            detections.append(
-                self._make(
-                    "vision_msgs/msg/Detection3D", header=header, results=[result], bbox=box, id=str(number)
-                )
-            )
-        return self._make(DETECTION_3D_ARRAY, header=header, detections=detections)
-
-    def _diagnostics(self, status: Diagnostics) -> Any:
-        values = [
-            self._make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in status.values
-        ]
-        made = self._make(
-            "diagnostic_msgs/msg/DiagnosticStatus",
-            level=self._byte(status.level),
-            name=DIAGNOSTIC_NAME,
-            message=status.message,
-            hardware_id="smartmot",
-            values=values,
-        )
-        header = self._header(status.stamp_ns, "")
-        return self._make(DIAGNOSTICS.type_name, header=header, status=[made])
+    return messages
 
 
 def published_time_ns(output: Output) -> int:
@@ -170,29 +82,74 @@ def published_time_ns(output: Output) -> int:
     return output.received_ns if isinstance(output, FrameOutput) else output.stamp_ns
 
 
-def rosbags_make(types: Typestore) -> Make:
-    """Makes messages of a store of rosbags, whose classes know no defaults."""
-
-    @cache
-    def defaults(name: str) -> dict[str, Any]:
-        return {field: default(kind, what) for field, (kind, what) in types.fielddefs[name][1]}
-
-    def default(kind: Any, what: Any) -> Any:
-        if kind.name == "BASE":
-            return _BASE_DEFAULTS.get(what[0], 0)
-        if kind.name == "NAME":
-            return types.types[what](**defaults(what))
-        (inner_kind, inner), length = what
-        count = length if kind.name == "ARRAY" else 0
-        if inner_kind.name == "BASE" and inner[0] != "string":
-            return np.zeros(count, dtype=_DTYPES.get(inner[0], inner[0]))
-        return [default(inner_kind, inner) for _ in range(count)]
-
-    def make(name: str, /, **fields: Any) -> Any:
-        return types.types[name](**{**defaults(name), **fields})
-
-    return make
+def _header(stamp_ns: int, frame_id: str) -> bytes:
+    """A std_msgs/Header, which may stand wherever something is aligned to 4."""
+    writer = CdrWriter()
+    writer.values(_STAMP, 4, *divmod(stamp_ns, _NS_PER_S))
+    writer.text(frame_id)
+    return bytes(writer.data[len(HEAD) :])
 
 
-_BASE_DEFAULTS = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
-_DTYPES = {"byte": "uint8", "octet": "uint8", "char": "uint8"}
+def _pose(position_m: Sequence[float], yaw_rad: float) -> tuple[float, ...]:
+    """Position, and x, y, z and w of a turn about z."""
+    return (*position_m, 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
+
+
+def _markers(markers: Sequence[Marker], header: bytes) -> bytes:
+    """A visualization_msgs/MarkerArray."""
+    writer = CdrWriter()
+    writer.count(len(markers))
+    for marker in markers:
+        writer.copied(header)
+        writer.text(marker.ns)
+        writer.values(_NUMBERS, 4, marker.marker_id % _MAX_ID, marker.kind, marker.action)
+        writer.values(_POSE_SCALE, 8, *_pose(marker.position_m, marker.yaw_rad), *marker.scale_m)
+        sec = int(marker.lifetime_s)
+        nanosec = min(round((marker.lifetime_s - sec) * _NS_PER_S), _NS_PER_S - 1)
+        writer.values(_COLOUR_LIFETIME, 4, *marker.colour, sec, nanosec, False)
+        writer.count(len(marker.points_m))
+        for point_m in marker.points_m:
+            writer.values(_POINT, 8, *point_m)
+        writer.copied(_UNSET_BEFORE_TEXT)
+        writer.text(marker.text)
+        writer.copied(_UNSET_AFTER_TEXT)
+    return bytes(writer.data)
+
+
+def _tracks(tracks: TrackedBoxes, header: bytes) -> bytes:
+    """A vision_msgs/Detection3DArray: one result and the identifier of the track in each."""
+    rows: Iterable[tuple[int, str, float, list[float], list[float], float]] = zip(
+        tracks.track_id.tolist(),
+        tracks.category.tolist(),
+        tracks.score.tolist(),
+        tracks.center_m.tolist(),
+        tracks.size_m.tolist(),
+        tracks.yaw_rad.tolist(),
+        strict=True,
+    )
+    writer = CdrWriter()
+    writer.copied(header)
+    writer.count(len(tracks))
+    for number, name, score, center_m, size_m, yaw_rad in rows:
+        pose = _pose(center_m, yaw_rad)
+        writer.copied(header)
+        writer.count(1)
+        writer.text(name)
+        writer.values(_RESULT_BOX, 8, score, *pose, *_NO_COVARIANCE, *pose, *size_m)
+        writer.text(str(number))
+    return bytes(writer.data)
+
+
+def _diagnostics(status: Diagnostics) -> bytes:
+    """A diagnostic_msgs/DiagnosticArray with one status."""
+    writer = CdrWriter()
+    writer.copied(_header(status.stamp_ns, ""))
+    writer.count(1)
+    writer.values(_BYTE, 1, status.level)
+    for text in (DIAGNOSTIC_NAME, status.message, HARDWARE_ID):
+        writer.text(text)
+    writer.count(len(status.values))
+    for key, value in status.values:
+        writer.text(key)
+        writer.text(value)
+    return bytes(writer.data)

@@ -24,13 +24,13 @@ from scenarios.live.node.command import COMMAND, Interruption, NodeError
 from scenarios.live.node.parameters import PARAMETERS, live_settings
 from scenarios.live.node.warm_up import warm_up
 from scenarios.live.perception import LivePerception, Output
-from scenarios.live.published import MessageMaker, rosbags_make
+from scenarios.live.published import published
 from scenarios.live.topics import PUBLISHED, READ, STATIC_TRANSFORMS, PublishedTopic
 from scenarios.reading import ReadError
 from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.ros.bags.decoding import decoded
 from scenarios.ros.bags.topics import RawMessage, Topic
-from scenarios.ros.definitions import PREDICTION_ARRAY, ros2_types
+from scenarios.ros.definitions import PREDICTION_ARRAY
 from scenarios.ros.messages import DETECTION_TYPES, TransformMessage
 from smartmot.errors import SmartMotError
 
@@ -115,8 +115,6 @@ class LiveNode:
         settings, map_file = live_settings(given_parameters(node))
         lane_map = None if map_file is None else load_drive_map(map_file)
         self._perception = LivePerception(settings, lane_map)
-        self._types = ros2_types()
-        self._maker = MessageMaker(rosbags_make(self._types))
         self._detections = ""
         self._refused, self._lost, self._second = 0, 0, 0
         self._number = 0  # of the last frame, as its publisher counts
@@ -216,9 +214,8 @@ class LiveNode:
         for output in outputs:
             if isinstance(output, Diagnostics):
                 output = self._with_own(output)
-            for topic, message in self._maker.messages(output):
-                data = self._types.serialize_cdr(message, topic.type_name)
-                self._publishers[topic].publish(bytes(data))
+            for topic, data in published(output):
+                self._publishers[topic].publish(data)
 
     def _with_own(self, status: Diagnostics) -> Diagnostics:
         """The status with what only the node knows."""

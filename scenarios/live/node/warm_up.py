@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.live.perception import LivePerception
-from scenarios.live.published import MessageMaker, rosbags_make
+from scenarios.live.published import published
 from scenarios.live.settings import LiveSettings
 from scenarios.live.topics import READ
 from scenarios.ros.bags.decoding import decoded
 from scenarios.ros.bags.topics import RawMessage, Topic
 from scenarios.ros.definitions import ros2_types
+from scenarios.ros.making import rosbags_make
 from scenarios.ros.messages import DetectionMessage, OdometryMessage
 from smartmot.maps.lane_map import LaneMap
 from smartmot.plugins import is_plugin
@@ -39,12 +40,10 @@ def warm_up(settings: LiveSettings, lane_map: LaneMap | None) -> None:
         settings = replace(settings, strategy=None)
     if is_plugin(settings.rule):
         settings = replace(settings, rule="paper")
-    maker = MessageMaker(make)
     perception = LivePerception(settings, lane_map)
     for message in _messages(_start(lane_map)):
         for output in perception.take(message):
-            for published, made in maker.messages(output):
-                types.serialize_cdr(made, published.type_name)
+            published(output)
 
 
 def _start(lane_map: LaneMap | None) -> tuple[float, float, float]:

@@ -90,7 +90,10 @@ class MessageWriter:
 
     def put(self, topic: WrittenTopic, time_ns: int, message: Any) -> None:
         """Write a message of rosbags' classes at the time of its receipt."""
-        data = self._types.serialize_cdr(message, topic.type_name)
+        self.put_serialised(topic, time_ns, self._types.serialize_cdr(message, topic.type_name))
+
+    def put_serialised(self, topic: WrittenTopic, time_ns: int, data: bytes | memoryview) -> None:
+        """Write a message as CDR at the time of its receipt."""
         with _telling(self.path):
             self._writer.write(self._connections[topic.name], time_ns, data)
         self.count += 1

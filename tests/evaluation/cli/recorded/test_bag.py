@@ -14,7 +14,6 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from evaluation.cli.entry import main
-from scenarios.live.published import rosbags_make
 from scenarios.live.topics import COLLISION, TRACKS
 from scenarios.presets import PHYSICAL
 from scenarios.ros.bags.bag import open_bag
@@ -27,6 +26,7 @@ from scenarios.ros.definitions import (
     ros1_types,
     ros2_types,
 )
+from scenarios.ros.making import rosbags_make
 
 DATA = Path(__file__).parents[3] / "data" / "ros2" / "bevfusion"
 START_NS = 1_700_000_000_000_000_000
