@@ -27,7 +27,7 @@ def lane_table(
     successors: Sequence[tuple[int, ...]],
     polygons: NDArray[np.object_],
 ) -> dict[str, Any]:
-    """Return all lanes as columns of equal length, with outlines as shapely polygons in the map frame.
+    """Return all lanes as columns of equal length, with outlines as shapely geometries in the map frame.
 
     ``geopandas.GeoDataFrame(network.lane_table(), geometry="geometry")`` makes a table of it.
 
@@ -77,25 +77,30 @@ def to_geojson(
         GeoReferenceError: the geoReference is not understood, or pyproj is not installed.
         OSError: the file cannot be written.
     """
-    rings = shapely.get_exterior_ring(columns["geometry"])
-    xy_m, owner = shapely.get_coordinates(rings, return_index=True)
+    outlines: NDArray[np.object_] = columns["geometry"]
     collection: dict[str, Any] = {"type": "FeatureCollection", "name": name}
     if to_geographic is not None:
-        latitude, longitude = to_geographic(xy_m)
-        coordinates = np.stack([longitude, latitude], axis=1).round(_DEGREE_DECIMALS).tolist()
+        xy_m = shapely.get_coordinates(outlines)
+        latitude, longitude = to_geographic(xy_m) if len(xy_m) else (xy_m, xy_m)
+        degrees = np.stack([longitude, latitude], axis=-1).reshape(-1, 2)
+        exact = shapely.set_coordinates(outlines.copy(), degrees)
+        outlines = shapely.set_coordinates(outlines.copy(), degrees.round(_DEGREE_DECIMALS))
+        # Rounding may fold slivers; snapping them to the same grid is slower, but keeps them valid.
+        folded = ~shapely.is_valid(outlines)
+        outlines[folded] = shapely.orient_polygons(
+            shapely.set_precision(exact[folded], 10.0**-_DEGREE_DECIMALS)
+        )
     else:
         collection["coordinateFrame"] = LOCAL_FRAME
-        coordinates = xy_m.tolist()
-    first = np.searchsorted(owner, np.arange(len(rings) + 1)).tolist()
     plain = {key: _plain(values) for key, values in columns.items() if key != "geometry"}
     collection["features"] = [
         {
             "type": "Feature",
             "id": lane,
             "properties": {key: values[lane] for key, values in plain.items()},
-            "geometry": {"type": "Polygon", "coordinates": [coordinates[first[lane] : first[lane + 1]]]},
+            "geometry": geometry,
         }
-        for lane in range(len(rings))
+        for lane, geometry in enumerate(map(json.loads, shapely.to_geojson(outlines).tolist()))
     ]
     if path is not None:
         Path(path).write_text(json.dumps(collection, allow_nan=False), encoding="utf-8")

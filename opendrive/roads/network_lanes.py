@@ -134,7 +134,11 @@ class NetworkLanes:
         return lane_polygon(self._geometry, lane, s0, s1, margins, tolerance_m)
 
     def lane_polygons(self, tolerance_m: float = 0.05) -> NDArray[np.object_]:
-        """Return the outlines of all lanes as shapely polygons, (L,), counter-clockwise.
+        """Return the outlines of all lanes as shapely geometries, (L,), counter-clockwise.
+
+        All are valid. Most are polygons; a lane that is nowhere wide in between is a multi-polygon, one that
+        is nowhere wide an empty polygon. In a bend that is tighter than a lane is far out, the lane ends at
+        the centre of the bend. Where neither is the case, the area is that of the lane within 0.1 %.
 
         Args:
             tolerance_m: greatest distance between border and outline.

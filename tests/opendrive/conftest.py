@@ -99,6 +99,13 @@ def network_of(shared: Path) -> Callable[[str], RoadNetwork]:
 
 
 @pytest.fixture(scope="session")
+def field_map() -> Callable[[str], RoadNetwork]:
+    """Load a map of the field cases by name."""
+    folder = Path(__file__).parents[1] / "data" / "field" / "opendrive"
+    return lambda name: load_map(folder / f"{name}.xodr")
+
+
+@pytest.fixture(scope="session")
 def oracle(shared: Path) -> Callable[[str, str], dict[str, Any]]:
     """Read reference values of a map: oracle(name, kind)."""
 

@@ -52,8 +52,10 @@ def lanes_near(network: DriveMap, way_m: FloatArray) -> NearLanes:
     shown = np.asarray(network.lanes.lane_type) != "none"
     meets = (bounds[:, 2:] >= low).all(axis=1) & (bounds[:, :2] <= high).all(axis=1)
     near = np.flatnonzero(shown & meets)
-    rings = tuple(shapely.get_coordinates(outline)[:-1] for outline in outlines[near])
-    return NearLanes(near, rings, int(shown.sum()) - len(near))
+    # A lane that is nowhere wide in between has several outlines.
+    parts, owner = shapely.get_parts(outlines[near], return_index=True)
+    rings = tuple(shapely.get_coordinates(ring)[:-1] for ring in shapely.get_exterior_ring(parts))
+    return NearLanes(near[owner], rings, int(shown.sum()) - len(near))
 
 
 @functools.lru_cache(maxsize=1)
