@@ -73,6 +73,10 @@ def test_20_boxes_at_20_hz_are_all_answered(peer: Peer, begin_ns: int) -> None:
     ]
     assert len({d.id for message in tracks[-100:] for d in message.detections}) == 20
     assert len(status) >= 8  # once a second
+    told = counts(status[-1])
+    answered_ms = [told[name] for name in told if name.startswith("receiving to publishing")]
+    assert len(answered_ms) == 2
+    assert 0.0 < answered_ms[0] <= answered_ms[1]
 
 
 @pytest.mark.usefixtures("shared_node")

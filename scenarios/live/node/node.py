@@ -20,9 +20,11 @@ from typing import Any
 from opendrive import OpenDriveError
 from scenarios.errors import DatasetError, ScenarioError
 from scenarios.live.counts import Diagnostics
+from scenarios.live.node.answer_times import FRAMES, AnswerTimes
 from scenarios.live.node.command import COMMAND, Interruption, NodeError
 from scenarios.live.node.parameters import PARAMETERS, live_settings
 from scenarios.live.node.warm_up import warm_up
+from scenarios.live.outputs import FrameOutput
 from scenarios.live.perception import LivePerception, Output
 from scenarios.live.published import published
 from scenarios.live.topics import PUBLISHED, READ, STATIC_TRANSFORMS, PublishedTopic
@@ -31,12 +33,15 @@ from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.ros.bags.decoding import decoded
 from scenarios.ros.bags.topics import RawMessage, Topic
 from scenarios.ros.definitions import PREDICTION_ARRAY
-from scenarios.ros.messages import DETECTION_TYPES, TransformMessage
+from scenarios.ros.messages import DETECTION_TYPES, DetectionMessage, TransformMessage
 from smartmot.errors import SmartMotError
 
 NODE = "smartmot"
 REPEAT_S = 10.0
 """A warning is repeated so often at most."""
+ANSWERED = f"receiving to publishing in the last {FRAMES} frames"
+"""Beginning of the names of these times in a status."""
+LONGEST_STEP = "longest step since the last status, ms"
 TICK_S = 0.01
 """Frames that wait for a pose are looked at so often: a fifth of the time that they wait."""
 
@@ -119,6 +124,7 @@ class LiveNode:
         self._refused, self._lost, self._second = 0, 0, 0
         self._number = 0  # of the last frame, as its publisher counts
         self._slowest_s = 0.0
+        self._times = AnswerTimes()
         warm_up(settings, lane_map)
         node.add_on_set_parameters_callback(_refuse_changes)
         self._publishers = {topic: self._publisher(topic) for topic in PUBLISHED}
@@ -182,6 +188,8 @@ class LiveNode:
             self._refused += 1
             self._log.warning(f"a message is refused: {error}", throttle_duration_sec=REPEAT_S)
             return
+        if isinstance(message, DetectionMessage):
+            self._times.receive(message, information["received_timestamp"] or 0)
         self._publish(self._perception.take(message, static=topic.name == STATIC_TRANSFORMS))
         self._slowest_s = max(self._slowest_s, time.perf_counter() - begin)
 
@@ -216,6 +224,8 @@ class LiveNode:
                 output = self._with_own(output)
             for topic, data in published(output):
                 self._publishers[topic].publish(data)
+            if isinstance(output, FrameOutput):
+                self._times.answer(output)
 
     def _with_own(self, status: Diagnostics) -> Diagnostics:
         """The status with what only the node knows."""
@@ -223,9 +233,15 @@ class LiveNode:
             ("messages refused", str(self._refused)),
             ("frames lost", str(self._lost)),
             ("frames of a second source", str(self._second)),
-            ("longest step since the last status, ms", f"{1e3 * self._slowest_s:.1f}"),
+            (LONGEST_STEP, f"{1e3 * self._slowest_s:.1f}"),
         )
         self._slowest_s = 0.0
+        answered_ms = self._times.percentiles_ms()
+        if answered_ms is not None:
+            values += tuple(
+                (f"{ANSWERED}, {name}, ms", f"{number:.1f}")
+                for name, number in zip(("median", "99th percentile"), answered_ms, strict=True)
+            )
         return replace(status, values=status.values + values)
 
 
