@@ -24,6 +24,7 @@ from scenarios.ros.bags.decoding import decoded, require_readable
 from scenarios.ros.bags.topics import RawMessage
 from scenarios.ros.messages import Message
 from scenarios.sources.requests import Request
+from smartmot.maps.follow import MAX_FROM_LANE_M
 
 WINDOW_NS = 1_000_000_000
 """Recorders write messages of several topics out of order by less than that."""
@@ -84,8 +85,8 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
         progress: called with the messages read so far, and their number if the bag says it.
 
     Raises:
-        DatasetError: the bag cannot be read or written, does not hold what is needed, or would be written
-            into the folder that is read.
+        DatasetError: the bag cannot be read or written, does not hold what is needed, would be written
+            into the folder that is read, or is in no frame on the map.
         ScenarioError, smartmot.errors.SmartMotError, opendrive.OpenDriveError: a setting or the map is wrong.
     """
     if options.path.is_dir() and options.path.resolve() in options.out.resolve().parents:
@@ -107,6 +108,11 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
                     requests += output.decision.requests if output.decision else ()
             if not perception.counts.frames:
                 raise DatasetError(f"{options.path}: topic {topics.boxes} has no messages")
+            if perception.counts.nowhere_on_map:
+                raise DatasetError(
+                    f"{options.map_file}: the vehicle of {options.path} is in no frame within "
+                    f"{MAX_FROM_LANE_M:g} m of a driving lane; is the map in the frame of the odometry?"
+                )
         notes = [*bag.notes, *_read_notes(bag, names), *stream.notes(), *perception_notes(perception)]
     return BagResult(
         perception.counts, perception.strategy, start_ns, tuple(requests), written.count, tuple(notes)

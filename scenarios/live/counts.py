@@ -50,6 +50,11 @@ class Counts:
     restarts: int = 0
     other_messages: int = 0
 
+    @property
+    def nowhere_on_map(self) -> bool:
+        """Whether frames were decided on, and all of them were off the map."""
+        return 0 < self.decided == self.off_map
+
 
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -88,12 +93,16 @@ class DiagnosticWatch:
             ("frames late", counts.late - before.late),
             ("frames without pose", missing),
             ("frames with a pose carried on", counts.carried - before.carried),
+            ("frames off the map", counts.off_map - before.off_map),
             ("boxes rejected", counts.rejected - before.rejected),
             ("boxes of unknown classes", unknown - sum(before.unknown_classes.values())),
             ("times time went back", counts.restarts - before.restarts),
         )
         wrong = [f"{what}: {number}" for what, number in new if number]
-        level = ERROR if frames and missing == frames else WARN if wrong or not frames else OK
+        if counts.nowhere_on_map:
+            wrong.append("no frame so far is on the map; is it in the frame of the odometry?")
+        failed = counts.nowhere_on_map or (frames and missing == frames)
+        level = ERROR if failed else WARN if wrong or not frames else OK
         values = {
             "frames": counts.frames,
             "frames tracked": counts.tracked,

@@ -145,6 +145,7 @@ class LiveNode:
             ("tracked", counts.tracked),
             ("late", counts.late),
             ("without pose", counts.without_pose),
+            ("off the map", counts.off_map),
             ("boxes rejected", counts.rejected),
             ("messages refused", self._refused),
             ("frames lost", self._lost),
@@ -229,7 +230,7 @@ class LiveNode:
 
     def _with_own(self, status: Diagnostics) -> Diagnostics:
         """The status with what only the node knows."""
-        values = (
+        values: tuple[tuple[str, str], ...] = (
             ("messages refused", str(self._refused)),
             ("frames lost", str(self._lost)),
             ("frames of a second source", str(self._second)),

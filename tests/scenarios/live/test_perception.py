@@ -519,6 +519,23 @@ def test_with_a_map_the_area_lies_along_the_lanes() -> None:
     assert perception.counts.off_map == len(far) == 1
 
 
+def test_a_status_is_an_error_as_long_as_no_frame_is_on_the_map() -> None:
+    def drive(y_m: tuple[float, ...]) -> list[Diagnostics]:
+        messages: list[Message] = []
+        for k, y in enumerate(y_m):
+            messages += [odometry(k * 0.4, (100.0 + 4.0 * k, y, 0.0), 10.0), boxes(k * 0.4, [])]
+        outputs, _ = outputs_of(messages, None, load_map(STREET))
+        return [o for o in outputs if isinstance(o, Diagnostics)]
+
+    lane, field = -1.75, 500.0
+    assert [s.level for s in drive((field,) * 5)] == [ERROR, ERROR]
+    assert "is it in the frame of the odometry?" in drive((field,) * 5)[-1].message
+    assert [s.level for s in drive((lane,) * 5)] == [OK, OK]
+    beside = drive((lane, lane, lane, field, field))
+    assert [s.level for s in beside] == [OK, WARN]
+    assert beside[-1].message == "frames off the map: 2"
+
+
 def test_the_outline_is_measured_from_the_vehicles_frame() -> None:
     """With the rear axle as the vehicle's frame, the front is nearer to the object."""
     ahead = replace(SETTINGS, vehicle=Vehicle(4.4, 1.8, 1.4))

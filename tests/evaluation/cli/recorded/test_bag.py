@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -171,6 +172,19 @@ def test_frames_without_boxes(tmp_path: Path, command: Command) -> None:
     status, text, _ = command(write_drive(tmp_path / "bag", 10, walks=False), "--out", tmp_path / "seen")
     assert status == 0
     assert row_of(text) == ["10", "0", "0", "0", "0", "0", "0"]
+
+
+def test_a_map_of_another_place_is_refused_as_by_drive(tmp_path: Path, command: Command) -> None:
+    bag = write_drive(tmp_path / "bag", 3)
+    street = (Path(__file__).parents[4] / "scenarios" / "maps" / "urban_street.xodr").read_text()
+    network = tmp_path / "elsewhere.xodr"
+    network.write_text(re.sub(r'(<geometry s="[^"]*" x=")[^"]*(" y=")[^"]*', r"\g<1>5000\g<2>5000", street))
+    status, _, error = command(bag, "--out", tmp_path / "seen", "--map", network)
+    assert (status, len(error.splitlines())) == (2, 1)
+    assert f"{network}: the vehicle of {bag} is in no frame within 3 m of a driving lane" in error
+    assert not (tmp_path / "seen").exists()
+    # another monitored area does not ask where the lanes are
+    assert command(bag, "--out", tmp_path / "path", "--map", network, "--strategy", "path")[0] == 0
 
 
 @pytest.mark.parametrize(
