@@ -1,0 +1,44 @@
+"""The detectors behind one function."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smartmot.arrays import BoolArray, frozen
+from smartmot.errors import ConfigError
+from smartmot.lidar.detections import BoxDetections
+from smartmot.lidar.plain import PlainConfig, detect_plain
+from smartmot.pointcloud import PointCloud
+
+METHODS = {"plain": PlainConfig}
+"""Detectors by name, and the parameters of each."""
+
+
+def detect(
+    cloud: PointCloud,
+    config: PlainConfig,
+    *,
+    monitored: BoolArray | None = None,
+    sensor_height_m: float | None = None,
+) -> BoxDetections:
+    """Boxes of road users in a cloud, in its frame.
+
+    Args:
+        cloud: P points, x ahead, y left, z up.
+        config: parameters; their class says which detector it is.
+        monitored: (P,) points that may be of a road user, the others are only looked at for the ground; None:
+            all.
+        sensor_height_m: of the sensor over the ground, as the mount says; None: not known. The cloud has the
+            last word.
+
+    Raises:
+        ConfigError: the height is not positive.
+        ShapeError: `monitored` has another length than the cloud.
+    """
+    if sensor_height_m is not None and not 0.0 < sensor_height_m < math.inf:
+        raise ConfigError(f"sensor_height_m: must be positive, got {sensor_height_m:g} m")
+    if monitored is not None:
+        monitored = frozen(monitored, np.bool_, (len(cloud),), "monitored")
+    return detect_plain(cloud, config, monitored=monitored, sensor_height_m=sensor_height_m)
