@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from smartmot.arrays import BoolArray, FloatArray, IntArray
+from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
 from smartmot.errors import ConfigError
 from smartmot.lidar.detections import GROUND, LOOSE, OFF_AREA, OUT_OF_REACH, BoxDetections, StageClock
 from smartmot.pointcloud import Boxes3D, PointCloud
@@ -171,7 +171,7 @@ def _clusters(xyz_m: FloatArray, gap_m: float) -> tuple[IntArray, IntArray]:
     return label, np.bincount(label)
 
 
-def _boxes(xyz_m: FloatArray, number: IntArray) -> tuple[Boxes3D, list[str], list[int]]:
+def _boxes(xyz_m: FloatArray, number: IntArray) -> tuple[Boxes3D, StrArray, IntArray]:
     """Boxes of the clusters that pass a rule, their classes and their clusters' numbers."""
     centers, sizes, yaws, category, box_cluster = [], [], [], [], []
     order = np.argsort(number, kind="stable")
@@ -190,7 +190,7 @@ def _boxes(xyz_m: FloatArray, number: IntArray) -> tuple[Boxes3D, list[str], lis
         category.append(rule.category)
         box_cluster.append(cluster)
     boxes = Boxes3D(np.array(centers).reshape(-1, 3), np.array(sizes).reshape(-1, 3), np.array(yaws))
-    return boxes, category, box_cluster
+    return boxes, np.array(category, dtype=np.str_), np.array(box_cluster, dtype=np.int64)
 
 
 def _rule(extent: FloatArray, height_m: float) -> SizeRule | None:
