@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.model.entities import Environment
+from scenarios.openscenario.model.entities import Controller, Environment
 from scenarios.openscenario.model.positions import Position, Route, Trajectory
 
 SpeedShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal"]
@@ -115,6 +115,12 @@ class AssignRouteAction(Element, group="RoutingAction"):
     route: Route
 
 
+class AcquirePositionAction(Element, group="RoutingAction"):
+    """Drive to a place along lanes."""
+
+    position: Annotated[Position, Child("Position")]
+
+
 class TeleportAction(Element):
     """Be at a place at once."""
 
@@ -136,6 +142,34 @@ class LightStateAction(
 
     light: str
     mode: str
+
+
+class ActivateControllerAction(Element):
+    """Let a controller drive an entity, or no longer; None: as before.
+
+    `controller` None: the one that was assigned last. `where` is its place in the file.
+    """
+
+    controller: str | None
+    lateral: bool | None
+    longitudinal: bool | None
+    where: str = ""
+
+
+class ControllerAction(Element):
+    """What concerns the controllers of an entity.
+
+    Args:
+        assigned: a further controller; None: none.
+        activated: which controller drives; None: as before.
+        overridden: pedals and wheels whose values the scenario sets from now on.
+        where: its place in the file.
+    """
+
+    assigned: Controller | None
+    activated: ActivateControllerAction | None
+    overridden: tuple[str, ...]
+    where: str = ""
 
 
 class EnvironmentAction(Element):
@@ -180,7 +214,10 @@ PrivateAction: TypeAlias = (
     | TeleportAction
     | FollowTrajectoryAction
     | AssignRouteAction
+    | AcquirePositionAction
     | LightStateAction
+    | ActivateControllerAction
+    | ControllerAction
 )
 GlobalAction: TypeAlias = (
     EnvironmentAction | AddEntityAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction

@@ -17,6 +17,13 @@ class Performance(
     max_deceleration_mps2: Annotated[float, Attribute("maxDeceleration", sign="not negative")]
 
 
+class Controller(Element):
+    """A controller as a file describes it: a name, and properties that only its makers know."""
+
+    name: str
+    properties: tuple[tuple[str, str], ...] = ()
+
+
 class EntityDefinition(Element):
     """A road user or obstacle. The reference point of a vehicle is the middle of its rear axle on the ground.
 
@@ -27,6 +34,7 @@ class EntityDefinition(Element):
         length_m, width_m, height_m: bounding box.
         center_x_m, center_y_m: centre of the box in front of and to the left of the reference point.
         performance: what a vehicle can do, if the file says so.
+        controllers: those that the file gives it from the start, none of them active.
     """
 
     name: str
@@ -38,6 +46,7 @@ class EntityDefinition(Element):
     center_x_m: float
     center_y_m: float
     performance: Performance | None = None
+    controllers: tuple[Controller, ...] = ()
 
 
 class Environment(Element):

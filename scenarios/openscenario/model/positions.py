@@ -152,11 +152,12 @@ class Polyline(Element, children="Vertex"):
 
 
 class ClothoidSegment(
-    Element, tag="ClothoidSplineSegment", attributes="curvatureStart curvatureEnd length hOffset"
+    Element, tag="ClothoidSplineSegment", attributes="curvatureStart curvatureEnd length hOffset timeStart"
 ):
     """Piece of a clothoid spline; curvature changes linearly along it.
 
-    `start` moves the piece there; without it the piece starts where the one before ends.
+    `start` moves the piece there; without it the piece starts where the one before ends. `time_start_s` is
+    when it begins, if the trajectory has times.
     """
 
     length_m: Annotated[float, Attribute("length", sign="positive")]
@@ -164,6 +165,7 @@ class ClothoidSegment(
     curvature_end_per_m: Annotated[float, Attribute("curvatureEnd")]
     start: Annotated[Position | None, Child("PositionStart")]
     heading_offset_rad: Annotated[float, Attribute("hOffset", 0.0)]
+    time_start_s: Annotated[float | None, Attribute("timeStart")] = None
 
 
 class ClothoidSpline(Element, attributes="timeEnd", children="ClothoidSplineSegment"):

@@ -76,6 +76,7 @@ class ScenarioDefinition(Element):
         stories: the storyboard.
         stop: stop trigger of the storyboard.
         files: every file that was read for it: the scenario, all files of its catalog directories, the map.
+        notes: lines about what the file has and the run does not use.
     """
 
     path: Path
@@ -88,6 +89,7 @@ class ScenarioDefinition(Element):
     stories: tuple[Story, ...]
     stop: Trigger | None
     files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def events(self) -> Iterator[Event]:
         """All events, in the order of the file."""

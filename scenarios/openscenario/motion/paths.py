@@ -48,7 +48,16 @@ class Path(Immutable):
         station_m: (K,) arc length at the points; None: measured along the chords.
     """
 
-    __slots__ = ("_chord_yaw", "_chords", "_ends", "_station", "_yaw", "length_m", "points_m")
+    __slots__ = (
+        "_chord_yaw",
+        "_chords",
+        "_ends",
+        "_station",
+        "_yaw",
+        "length_m",
+        "points_m",
+        "vertex_places",
+    )
 
     def __init__(
         self,
@@ -75,6 +84,8 @@ class Path(Immutable):
         else:
             self._yaw = np.asarray(yaw_rad, float).tolist()
         self.length_m: float = self._station[-1]
+        self.vertex_places: list[int] | None = None
+        """Which point each vertex of a polyline is, where some are at the same place; None: each its own."""
 
     def pose(self, station_m: float) -> tuple[float, float, float]:
         """x, y and heading at an arc length, which may lie beyond the ends."""
@@ -96,16 +107,35 @@ class Path(Immutable):
 
     def project(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Arc length of the nearest point, also beyond the ends, and the offset to the left of it."""
-        points = self.points_m
+        return self._project(x_m, y_m, 0, len(self._station))
+
+    def project_near(self, x_m: float, y_m: float, station_m: float, within_m: float) -> tuple[float, float]:
+        """As `project`, on the part of the curve that lies within a distance of an arc length.
+
+        Its cost does not grow with the length of the curve.
+        """
+        stations = self._station
+        first = max(bisect_right(stations, station_m - within_m) - 1, 0)
+        last = min(bisect_right(stations, station_m + within_m) + 1, len(stations))
+        first = min(first, len(stations) - 2)
+        return self._project(x_m, y_m, first, max(last, first + 2))
+
+    def _project(self, x_m: float, y_m: float, first: int, last: int) -> tuple[float, float]:
+        points = self.points_m[first:last]
         step = np.diff(points, axis=0)
         squared = (step**2).sum(axis=1)
         offset = np.array([x_m, y_m]) - points[:-1]
         part = (offset * step).sum(axis=1) / squared
-        part[1:] = np.maximum(part[1:], 0.0)
-        part[:-1] = np.minimum(part[:-1], 1.0)
+        # the first chord of the curve goes on before it, the last one after it
+        low, high = np.zeros(len(part)), np.ones(len(part))
+        if first == 0:
+            low[0] = -np.inf
+        if last == len(self._station):
+            high[-1] = np.inf
+        part = np.clip(part, low, high)
         miss = offset - part[:, None] * step
-        i = int(((miss**2).sum(axis=1)).argmin())
-        station = self._station[i] + float(part[i]) * (self._station[i + 1] - self._station[i])
+        i = int(((miss**2).sum(axis=1)).argmin()) + first
+        station = self._station[i] + float(part[i - first]) * (self._station[i + 1] - self._station[i])
         foot_x, foot_y, heading = self.pose(station)
         return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
 
@@ -156,8 +186,10 @@ class Path(Immutable):
         return sum(abs(math.remainder(b - a, 2 * math.pi)) for a, b in pairwise(headings))
 
     def station_of_vertices(self) -> list[float]:
-        """Arc length at every point."""
-        return list(self._station)
+        """Arc length at every point, or at every vertex of a polyline."""
+        if self.vertex_places is None:
+            return list(self._station)
+        return [self._station[place] for place in self.vertex_places]
 
 
 def straight(pose: Pose, length_m: float = 1000.0) -> Path:

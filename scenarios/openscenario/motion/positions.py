@@ -144,11 +144,7 @@ class Locator:
             return known_legs
         places: list[LanePlace] = []
         for waypoint in route.waypoints:
-            if isinstance(waypoint, LanePosition):
-                lane = self.roads.lane(waypoint.road_id, waypoint.lane_id, waypoint.s_m)
-                places.append(LanePlace(lane, waypoint.road_id, waypoint.lane_id, waypoint.s_m, 0.0, 0.0, 1))
-                continue
-            place = self.roads.place(self.pose(waypoint))
+            place = self.lane_place(waypoint)
             if place is None:
                 raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
             places.append(place)
@@ -156,6 +152,13 @@ class Locator:
         if not referred(route):
             self._kept[route] = legs
         return legs
+
+    def lane_place(self, position: Position) -> LanePlace | None:
+        """The lane of a position; None if it is in none."""
+        if isinstance(position, LanePosition):
+            lane = self.roads.lane(position.road_id, position.lane_id, position.s_m)
+            return LanePlace(lane, position.road_id, position.lane_id, position.s_m, 0.0, 0.0, 1)
+        return self.roads.place(self.pose(position))
 
     def trajectory(self, trajectory: Trajectory, entity: str | None) -> Path:
         """Path of a trajectory; one without start begins at the entity.

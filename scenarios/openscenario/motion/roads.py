@@ -187,6 +187,11 @@ class Roads(Immutable):
         turn = float(heading[1] - heading[0]) * along
         return round(abs(math.remainder(turn, 2 * math.pi)), 6)
 
+    def start_of(self, leg: Leg) -> LanePlace:
+        """Where a leg begins, in the middle of its lane."""
+        key = self.network.lanes.key[leg.lane]
+        return LanePlace(leg.lane, key.road_id, key.lane_id, leg.s_start_m, 0.0, 0.0, leg.along_s)
+
     def route_legs(self, waypoints: list[LanePlace]) -> list[Leg]:
         """Legs of a route through waypoints, along lanes.
 

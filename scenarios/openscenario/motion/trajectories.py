@@ -11,13 +11,16 @@ from opendrive.geometry.curves import clothoid
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import ClothoidSpline, Nurbs, Polyline, Position, Shape, Trajectory
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose
-from smartmot.types import FloatArray, IntArray
+from smartmot.types import FloatArray
 
 MAX_POINTS = 200_000
 """A trajectory that needs more points is refused."""
 
 SAME_PLACE_M = 1e-6
 """Vertices in a row that are nearer are at the same place."""
+
+JOINED_M, JOINED_RAD = 0.05, 0.01
+"""Pieces that meet within this are one curve: files give starts with two decimals."""
 
 MAX_TURN_RAD = 1000.0
 """A piece that turns further is refused."""
@@ -51,43 +54,36 @@ def _build(shape: Shape, pose_of: Callable[[Position], Pose], entity_pose: Pose 
             if shape.headed:
                 return _headed(shape)
             poses = [pose_of(vertex.position) for vertex in shape.vertices]
-            x, y = [pose.x_m for pose in poses], [pose.y_m for pose in poses]
-            if min(math.dist(a, b) for a, b in zip(zip(x, y), zip(x[1:], y[1:]))) < SAME_PLACE_M:  # noqa: B905
-                raise RunError("two vertices in a row are at the same place")
-            return Path(x, y)
+            return _chain(np.array([(pose.x_m, pose.y_m, 0.0) for pose in poses]), headed=False)
         case ClothoidSpline():
             return _spline(shape, pose_of, entity_pose)
         case Nurbs():
             return _nurbs(shape, pose_of)
 
 
-def vertex_stations(shape: Polyline, path: Path) -> list[float]:
-    """Arc length at every vertex of a polyline on its path."""
-    if not shape.headed:
-        return path.station_of_vertices()
-    stations = path.station_of_vertices()
-    return [stations[place] for place in _places(shape)[1].tolist()]
-
-
-def _places(shape: Polyline) -> tuple[FloatArray, IntArray]:
-    """(K, 3) x, y and heading of the places of a headed polyline, and (V,) the place of each vertex.
-
-    Where an entity stands, its last heading there counts.
-    """
-    rows = np.array(
-        [(v.position.x_m, v.position.y_m, v.position.heading_rad) for v in shape.vertices]  # type: ignore[union-attr]
-    )
-    moves = np.hypot(*np.diff(rows[:, :2], axis=0).T) >= SAME_PLACE_M
-    place = np.concatenate(([0], np.cumsum(moves)))
-    last = np.flatnonzero(np.append(moves, True))
-    return np.column_stack((rows[last, :2], np.unwrap(rows[:, 2])[last])), place
-
-
 def _headed(shape: Polyline) -> Path:
-    places, _ = _places(shape)
-    if len(places) < 2:
+    rows = [(v.position.x_m, v.position.y_m, v.position.heading_rad) for v in shape.vertices]  # type: ignore[union-attr]
+    return _chain(np.array(rows), headed=True)
+
+
+def _chain(rows: FloatArray, headed: bool) -> Path:
+    """Path through vertices; an entity stands between those that are at the same place.
+
+    Where it stands, its last heading there counts.
+
+    Args:
+        rows: (V, 3) x, y and heading.
+        headed: whether the headings hold; else those of the chords do.
+    """
+    moves = np.hypot(*np.diff(rows[:, :2], axis=0).T) >= SAME_PLACE_M
+    last = np.flatnonzero(np.append(moves, True))
+    if len(last) < 2:
         raise RunError("all its vertices are at the same place")
-    return Path(places[:, 0], places[:, 1], places[:, 2])
+    yaw = np.unwrap(rows[:, 2])[last] if headed else None
+    path = Path(rows[last, 0], rows[last, 1], yaw)
+    if len(last) < len(rows):
+        path.vertex_places = np.concatenate(([0], np.cumsum(moves))).tolist()
+    return path
 
 
 def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
@@ -100,11 +96,20 @@ def _spline(shape: ClothoidSpline, pose_of: Callable[[Position], Pose], entity_p
     stations: list[FloatArray] = []
     station = 0.0
     for number, segment in enumerate(shape.segments):
+        offset_rad = segment.heading_offset_rad
         if segment.start is not None:
-            if number and math.dist((pose.x_m, pose.y_m), _xy(pose_of(segment.start))) > 1e-3:
+            begin = pose_of(segment.start)
+            if number and math.dist(_xy(pose), _xy(begin)) > JOINED_M:
                 raise RunError(f"piece {number + 1} does not start where the one before ends")
-            pose = pose_of(segment.start)
-        pose = pose.moved(0.0, 0.0, segment.heading_offset_rad)
+            # an offset counts from the end of the piece before, and the position says the same in another way
+            turn = math.remainder(pose.yaw_rad + offset_rad - begin.yaw_rad, 2 * math.pi)
+            if offset_rad and abs(turn) > JOINED_RAD:
+                raise RunError(
+                    f"piece {number + 1}: hOffset and PositionStart give headings {turn:.3g} rad apart"
+                )
+            pose = begin
+        else:
+            pose = pose.moved(0.0, 0.0, offset_rad)
         rate = (segment.curvature_end_per_m - segment.curvature_start_per_m) / segment.length_m
         turn = max(abs(segment.curvature_start_per_m), abs(segment.curvature_end_per_m)) * segment.length_m
         if turn > MAX_TURN_RAD:

@@ -58,9 +58,17 @@ def _speed(node: Node, context: Context) -> SpeedAction:
     dynamics.choice("followingMode", "position follow", "position")
     shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
     dimension = dynamics.choice("dynamicsDimension", "time rate distance")
-    value = dynamics.positive("value", zero=shape == "step" or dimension != "rate")
+    value = amount(dynamics, dimension, shape)
     target = _speed_target(node.need("SpeedActionTarget"), context)
     return SpeedAction(cast(SpeedShape, shape), cast(Dimension, dimension), value, target)
+
+
+def amount(dynamics: Node, dimension: str, shape: str) -> float:
+    """The value of dynamics: a duration, a distance, or a rate, whose sign follows from the change."""
+    zero = shape == "step" or dimension != "rate"
+    if dimension == "rate" and dynamics.number("value") < 0.0:
+        return -dynamics.number("value")
+    return dynamics.positive("value", zero=zero)
 
 
 def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:

@@ -33,6 +33,9 @@ class Catalogs:
         """Every file of the directories, in the order in which they were read."""
         self._entries: dict[tuple[str, str], tuple[Path, Element]] = {}
         self._names: list[str] = []
+        self._missing: list[str] = []
+        self.notes: dict[str, None] = {}
+        """Lines about what is not there and not needed, or there twice."""
         if node is None:
             return
         node.allow(children=" ".join(LOCATIONS))
@@ -45,7 +48,8 @@ class Catalogs:
     def _load(self, node: Node) -> None:
         directory = node.path("path")
         if not directory.is_dir():
-            raise CatalogError(f"{node.where} catalog directory {directory} does not exist")
+            self._missing.append(f"{node.where} catalog directory {directory} does not exist")
+            return
         for file in sorted(directory.glob("*.xosc")):
             if file in self.files:
                 continue
@@ -55,6 +59,10 @@ class Catalogs:
                 self._names.append(name)
                 for entry in catalog:
                     self._entries.setdefault((name, entry.get("name", "")), (file, entry))
+
+    def note_missing(self) -> None:
+        """Take note of directories that are missing, once nothing has asked for them."""
+        self.notes |= {f"{line}; nothing needs it": None for line in self._missing}
 
     def entry(self, reference: Node, tags: str) -> Node:
         """The entry that a CatalogReference element names, seeing its own parameters.
@@ -73,7 +81,10 @@ class Catalogs:
         if located is None:
             if name not in self._names:
                 listed = ", ".join(sorted(set(self._names))) or "none"
-                raise CatalogError(f"{reference.where} no catalog '{name}'; catalogs found: {listed}")
+                missing = "".join(f"; {line}" for line in self._missing)
+                raise CatalogError(
+                    f"{reference.where} no catalog '{name}'; catalogs found: {listed}{missing}"
+                )
             entries = ", ".join(sorted(e for c, e in self._entries if c == name))
             raise CatalogError(
                 f"{reference.where} no entry '{entry_name}' in catalog '{name}'; entries there: {entries}"
@@ -85,7 +96,7 @@ class Catalogs:
         node = Node(element, file, {})
         given = assignments(reference.get("ParameterAssignments"))
         try:
-            scope = Declarations(node.get("ParameterDeclarations"), given, {}).scope()
+            scope = Declarations(node.get("ParameterDeclarations"), given, {}, self.notes).scope()
         except ParameterError as error:
             message = str(error)
             if message.startswith("parameter "):
@@ -106,7 +117,7 @@ def assignments(node: Node | None) -> Scope:
     node.allow(children="ParameterAssignment")
     for child in node:
         child.allow("parameterRef value")
-        name = child.text("parameterRef")
+        name = child.name("parameterRef")
         if name in values:
             raise ContentError(f"{child.where} assigns '{name}' a second time")
         values[name] = child.value("value")

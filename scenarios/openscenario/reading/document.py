@@ -253,6 +253,17 @@ class Node:
         """Attribute as text."""
         return as_text(self.value(name, default))
 
+    def name(self, attribute: str) -> str:
+        """Attribute that names a parameter or variable, which some tools write with a `$` before it.
+
+        Raises:
+            ContentError: it is missing.
+        """
+        text = self.element.get(attribute)
+        if text is None:
+            raise ContentError(f"{self.where} needs an attribute '{attribute}'")
+        return text.strip().removeprefix("$")
+
     def path(self, name: str) -> Path:
         """Attribute as a path, which counts from the folder of the file."""
         return self.file.parent / self.text(name)
@@ -303,7 +314,7 @@ class Node:
             ContentError: it is neither.
         """
         value = self.value(name, default)
-        truth = value if isinstance(value, bool) else TRUTH.get(as_text(value))
+        truth = as_truth(value)
         if truth is None:
             raise ContentError(f"{self.where} {name}: expected true or false, got '{as_text(value)}'")
         return truth
@@ -317,6 +328,9 @@ class Node:
         value = self.text(name, default)
         words = _names(options)
         if value not in words:
+            same = [word for word in words if word.lower() == value.lower()]
+            if len(same) == 1:  # other tools write other letters in capitals
+                return same[0]
             raise UnsupportedError(
                 f"{self.where} {name}='{value}' is not supported; supported: {', '.join(words)}"
             )
@@ -337,6 +351,11 @@ def as_text(value: Value) -> str:
     if isinstance(value, float):
         return format(value, ".15g")
     return value
+
+
+def as_truth(value: Value) -> bool | None:
+    """Value as a truth value, in whatever letters it is written; None if it is none."""
+    return value if isinstance(value, bool) else TRUTH.get(as_text(value).lower())
 
 
 def as_number(value: Value) -> float | None:

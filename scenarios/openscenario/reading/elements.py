@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -31,11 +32,17 @@ class Context:
         catalogs: entries by name.
         entities: names of the entities.
         variables: start values by name.
+        notes: lines about what is read and not used, each once.
     """
 
     catalogs: Catalogs
     entities: Collection[str]
     variables: Mapping[str, Value]
+    notes: dict[str, None] = dataclasses.field(default_factory=dict)
+
+    def note(self, node: Node, line: str) -> None:
+        """Take note of what an element has that is not used, at its place."""
+        self.notes[f"{node.where} {line}"] = None
 
     def entity(self, node: Node, attribute: str = "entityRef") -> str:
         """Name of an entity that exists.

@@ -8,7 +8,7 @@ from typing import Any
 
 from scenarios.openscenario.errors import ExpressionError, ParameterError
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.reading.document import TRUTH, Node, Scope, as_number, as_text, resolve
+from scenarios.openscenario.reading.document import Node, Scope, as_number, as_text, as_truth, resolve
 
 TYPES = "integer int double string unsignedInt unsignedShort boolean dateTime"
 RULES = "equalTo notEqualTo greaterThan greaterOrEqual lessThan lessOrEqual"
@@ -32,7 +32,7 @@ def typed(value: Value, kind: str) -> Value:
     if kind in ("string", "dateTime"):
         return as_text(value)
     if kind == "boolean":
-        truth = value if isinstance(value, bool) else TRUTH.get(as_text(value))
+        truth = as_truth(value)
         if truth is not None:
             return truth
     else:
@@ -68,9 +68,16 @@ class Declarations:
         node: the element, or None.
         given: values from outside (catalog reference, variation, command line) in place of the declared ones.
         outer: parameters of the surrounding scope.
+        notes: takes lines about what stands twice.
     """
 
-    def __init__(self, node: Node | None, given: Mapping[str, Value], outer: Scope) -> None:
+    def __init__(
+        self,
+        node: Node | None,
+        given: Mapping[str, Value],
+        outer: Scope,
+        notes: dict[str, None] | None = None,
+    ) -> None:
         self._given, self._outer = given, outer
         self._declared: dict[str, Node] = {}
         self._open: list[str] = []
@@ -79,10 +86,13 @@ class Declarations:
             node.allow(children="ParameterDeclaration")
             for child in node:
                 child.allow("name parameterType value", "ConstraintGroup")
-                name = str(child.element.get("name", "")).strip()
+                name = str(child.element.get("name", "")).strip().removeprefix("$")
                 if not name:
                     raise ParameterError(f"{child.where} needs an attribute 'name'")
                 if name in self._declared:
+                    if _same(child, self._declared[name]) and notes is not None:
+                        notes[f"{child.where} declares '{name}' a second time, with the same value"] = None
+                        continue
                     raise ParameterError(f"{child.where} declares '{name}' a second time")
                 self._declared[name] = child
         unknown = [name for name in given if name not in self._declared]
@@ -155,6 +165,12 @@ class Declarations:
         raise ParameterError(
             f"{node.where} {name} = {as_text(value)} breaks its constraints: {' or '.join(texts)}"
         )
+
+
+def _same(node: Node, other: Node) -> bool:
+    """Whether two elements have the same attributes and nothing in them."""
+    a, b = node.element, other.element
+    return sorted(a.items()) == sorted(b.items()) and len(a) + len(b) == 0
 
 
 def variables(node: Node | None) -> dict[str, Value]:

@@ -63,9 +63,9 @@ def scoped(node: Node) -> Node:
     return node.within(Declarations(node.get("ParameterDeclarations"), {}, node.scope).scope())
 
 
-def referenced(parent: Node, tag: str, context: Context) -> Node:
+def referenced(parent: Node, tag: str, context: Context, attributes: str = "") -> Node:
     """The element `tag` inside `parent`, or the catalog entry in its place; seeing its own parameters."""
-    child = parent.one_of(f"{tag} CatalogReference")
+    child = parent.one_of(f"{tag} CatalogReference", attributes)
     return context.catalogs.entry(child, tag) if child.tag == "CatalogReference" else scoped(child)
 
 
@@ -114,15 +114,6 @@ def _polyline(node: Node, context: Context) -> Polyline:
     return Polyline(vertices)
 
 
-@reads(ClothoidSegment)
-def _segment(node: Node, context: Context) -> ClothoidSegment:
-    allow(ClothoidSegment, node)
-    start = node.get("PositionStart")
-    if node.has("hOffset") and start is not None:
-        raise UnsupportedError(f"{node.where} hOffset together with PositionStart is not supported")
-    return declared(ClothoidSegment, node, context)
-
-
 @reads(ClothoidSpline)
 def _clothoid_spline(node: Node, context: Context) -> ClothoidSpline:
     if node.tag == "Clothoid":
@@ -137,12 +128,13 @@ def _clothoid_spline(node: Node, context: Context) -> ClothoidSpline:
 def _clothoid(node: Node, context: Context) -> ClothoidSpline:
     """A single clothoid is a spline of one piece; 1.0 calls the change of curvature `curvatureDot`."""
     node.allow("curvature curvatureDot curvaturePrime length startTime stopTime", "Position")
-    if node.has("startTime") or node.has("stopTime"):
-        raise UnsupportedError(f"{node.where} times of a Clothoid are not supported; use a ClothoidSpline")
+    begin_s = node.number("startTime") if node.has("startTime") else None
+    end_s = node.number("stopTime") if node.has("stopTime") else None
     rate = node.number("curvaturePrime" if node.has("curvaturePrime") else "curvatureDot")
     length, curvature = node.positive("length", zero=False), node.number("curvature")
     start = position(node.need("Position"), context)
-    return ClothoidSpline((ClothoidSegment(length, curvature, curvature + rate * length, start, 0.0),), None)
+    piece = ClothoidSegment(length, curvature, curvature + rate * length, start, 0.0, begin_s)
+    return ClothoidSpline((piece,), end_s)
 
 
 @reads(Nurbs)

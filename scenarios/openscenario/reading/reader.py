@@ -16,6 +16,7 @@ from scenarios.openscenario.model import (
     KINDS,
     Act,
     Action,
+    Controller,
     EntityDefinition,
     Event,
     Maneuver,
@@ -32,6 +33,7 @@ from scenarios.openscenario.model import (
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.conditions import entity_references, trigger
+from scenarios.openscenario.reading.controllers import controller
 from scenarios.openscenario.reading.document import Node, parse
 from scenarios.openscenario.reading.elements import Context, read
 from scenarios.openscenario.reading.parameters import Declarations, variables
@@ -85,7 +87,8 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     header = root.need("FileHeader")
     header.allow("revMajor revMinor date author description", "License Properties")
     try:
-        declared = Declarations(root.get("ParameterDeclarations"), parameters or {}, {})
+        notes: dict[str, None] = {}
+        declared = Declarations(root.get("ParameterDeclarations"), parameters or {}, {}, notes)
     except ParameterError as error:
         raise ParameterError(
             f"{file}: {error}" if str(error).startswith("parameter ") else str(error)
@@ -94,20 +97,23 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     root = root.within(scope)
     start_values = variables(root.get("VariableDeclarations"))
     catalogs = Catalogs(root.get("CatalogLocations"))
-    bare = Context(catalogs, (), start_values)
+    catalogs.notes |= notes
+    bare = Context(catalogs, (), start_values, catalogs.notes)
     objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")
     entities = tuple(_entity(node, bare) for node in objects)
     names = [entity.name for entity in entities]
     for name in names:
         if names.count(name) > 1:
             raise ContentError(f"{root.need('Entities').where} two entities have the same name, '{name}'")
-    context = Context(catalogs, names, start_values)
+    context = Context(catalogs, names, start_values, catalogs.notes)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
     stop = trigger(storyboard.get("StopTrigger"), context)
     _check_element_references(file, stories, stop)
     map_path = _map_path(root.need("RoadNetwork"))
+    init = tuple(_init(storyboard.need("Init"), context))
+    catalogs.note_missing()
     return ScenarioDefinition(
         path=file,
         description=header.text("description", ""),
@@ -115,10 +121,11 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
         variables=start_values,
         map_path=map_path,
         entities=entities,
-        init=tuple(_init(storyboard.need("Init"), context)),
+        init=init,
         stories=stories,
         stop=stop,
         files=(file, *catalogs.files, *(() if map_path is None else (map_path,))),
+        notes=tuple(catalogs.notes),
     )
 
 
@@ -140,18 +147,25 @@ def _map_path(node: Node) -> Path | None:
 
 def _entity(node: Node, context: Context) -> EntityDefinition:
     name = node.text("name")
-    child = node.one_of("CatalogReference Vehicle Pedestrian MiscObject", "name")
+    kinds = "Vehicle Pedestrian MiscObject"
+    node.allow("name", f"CatalogReference {kinds} ObjectController")
+    child = node.without("ObjectController").one_of(f"CatalogReference {kinds}")
+    controllers = tuple(controller(held, context) for held in node.all("ObjectController") if any(held))
     if child.tag == "CatalogReference":
-        return _object(name, context.catalogs.entry(child, "Vehicle Pedestrian MiscObject"), context)
-    return _object(name, scoped(child), context)
+        return _object(name, context.catalogs.entry(child, kinds), context, controllers)
+    return _object(name, scoped(child), context, controllers)
 
 
-def _object(name: str, node: Node, context: Context) -> EntityDefinition:
+def _object(
+    name: str, node: Node, context: Context, controllers: tuple[Controller, ...] = ()
+) -> EntityDefinition:
     if node.tag == "Vehicle":
         node.allow(
             "name vehicleCategory mass role model3d",
-            "ParameterDeclarations BoundingBox Performance Axles Properties",
+            "ParameterDeclarations BoundingBox Performance Axles Properties "
+            "TrailerHitch TrailerCoupler Trailer",
         )
+        _uncoupled(name, node, context)
         category = _VEHICLES[node.choice("vehicleCategory", " ".join(_VEHICLES))]
     elif node.tag == "Pedestrian":
         node.allow(
@@ -177,7 +191,26 @@ def _object(name: str, node: Node, context: Context) -> EntityDefinition:
         center_x_m=center.number("x"),
         center_y_m=center.number("y"),
         performance=None if limits is None else read(Performance, limits, context),
+        controllers=controllers,
     )
+
+
+def _uncoupled(name: str, node: Node, context: Context) -> None:
+    """Take note of hitches and couplers, which nothing is coupled to.
+
+    Raises:
+        UnsupportedError: a trailer is coupled.
+    """
+    trailer = node.get("Trailer")
+    if trailer is not None:
+        trailer.allow(children="Trailer TrailerRef")
+        reference = trailer.get("TrailerRef")
+        if trailer.get("Trailer") is not None or (reference is not None and reference.text("entityRef", "")):
+            raise UnsupportedError(f"{trailer.where} is not supported: a trailer coupled to '{name}'")
+    for tag in ("TrailerHitch", "TrailerCoupler"):
+        hitch = node.get(tag)
+        if hitch is not None:
+            context.note(hitch, f"of '{name}' is not used: no trailer is coupled")
 
 
 # Storyboard

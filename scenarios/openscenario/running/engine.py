@@ -7,6 +7,7 @@ touch inside a step, the instant is found by bisection and the step is split the
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
+from scenarios.openscenario.running import controllers
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.initial import in_order
@@ -83,8 +85,13 @@ class Engine:
         self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
         locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
         self.world = World(
-            self._actors, locator, dict(definition.variables), apply_performance=apply_performance
+            self._actors,
+            locator,
+            dict(definition.variables),
+            apply_performance=apply_performance,
+            ego=self.ego.name,
         )
+        controllers.check(definition, self.ego.name)
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
         self.contact: Contact | None = None
@@ -128,7 +135,8 @@ class Engine:
                     raise RunError(f"entity '{actor.name}' is never given a position in Init")
                 actor.exists = False
         self.ego.controller = controller
-        self.ego.heed(0.0)
+        for actor in self._actors.values():
+            actor.heed(0.0)
         self._check_places()
         self._now = Instant(0.0, self._actors)
         self._first_contact(self._now)
@@ -191,8 +199,8 @@ class Engine:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines about what is not as the file asks for it, so far."""
-        return self.world.notes
+        """Lines about what the file has and is not used, and what is not as it asks for it, so far."""
+        return (*self.definition.notes, *self.world.notes)
 
     # Stepping
 
@@ -222,9 +230,12 @@ class Engine:
         for _ in range(MAX_SPLITS):
             if self.time_s >= end - TOLERANCE_S or self.over:
                 break
-            if self.ego.heed(self.time_s):
+            heeded = [actor.heed(self.time_s) for actor in self._driven()]
+            if any(heeded):
                 self._process()
             if self.storyboard.update(self._now):
+                self._unsettle()
+            if controllers.decide(self._driven(), self._now):
                 self._unsettle()
             if self._kink_s <= self.time_s + TOLERANCE_S:
                 self._kink_s = self._next_kink_s()
@@ -246,9 +257,17 @@ class Engine:
         self._sample()
 
     def _command_s(self) -> float:
-        """When the controller takes command, if that is to come."""
-        controller = self.ego.controller
-        return math.inf if controller is None or self.ego.commanded else controller.commands_from_s
+        """When the next controller takes command, if that is to come."""
+        times = [
+            actor.controller.commands_from_s
+            for actor in self._driven()
+            if actor.controller is not None and not actor.commanded
+        ]
+        return min(times, default=math.inf)
+
+    def _driven(self) -> Iterator[Actor]:
+        """Who has a controller."""
+        return (actor for actor in self._actors.values() if actor.controller is not None)
 
     def _move(self, instant: Instant) -> None:
         self.time_s, self._now = instant.time_s, instant

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
 from scenarios.openscenario.motion.roads import Leg, Roads
-from scenarios.openscenario.motion.trajectories import vertex_stations
 from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import Instant, World
@@ -139,9 +138,15 @@ def timed_profile(
     assert timing is not None
     if isinstance(shape, model.Polyline):
         times = [vertex.time_s for vertex in shape.vertices]
-        stations = vertex_stations(shape, path)
+        stations = path.station_of_vertices()
     elif isinstance(shape, model.ClothoidSpline):
-        times, stations = [0.0, shape.time_end_s], [0.0, path.length_m]
+        starts = [segment.time_start_s for segment in shape.segments]
+        lengths = [segment.length_m for segment in shape.segments]
+        if all(start is None for start in starts[1:]):
+            times, stations = [starts[0] or 0.0, shape.time_end_s], [0.0, path.length_m]
+        else:
+            times = [starts[0] or 0.0, *starts[1:], shape.time_end_s]
+            stations = [0.0, *accumulate(lengths)]
     else:
         times, stations = [None], [0.0]
     base = time_s if timing.relative else 0.0
@@ -172,14 +177,45 @@ class AssignRoute(RunningAction[model.AssignRouteAction]):
     def start(self, time_s: float) -> None:
         """Put the entity on the route."""
         legs = self.world.locator.legs(self.action.route)
-        pose = self.who.state(time_s).pose
-        path = route_way(self.world.locator.roads, legs, pose)
-        if path is None:
-            raise RunError(
-                f"'{self.who.name}' is not on route '{self.action.route.name}', which it is assigned"
-            )
-        self.who.route = legs
-        self.who.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+        take_route(self.who, self.world, time_s, legs, f"route '{self.action.route.name}'")
+
+
+class AcquirePosition(RunningAction[model.AcquirePositionAction]):
+    """AcquirePositionAction: the shortest way along lanes to a place, from where the entity is."""
+
+    domains = frozenset({LATERAL})
+
+    def start(self, time_s: float) -> None:
+        """Put the entity on the way there."""
+        roads = self.world.locator.roads
+        goal = self.world.locator.lane_place(self.action.position)
+        place = roads.place(self.who.state(time_s).pose)
+        if place is None or goal is None:
+            raise RunError(f"'{self.who.name}' is to acquire a position, and one of the two is in no lane")
+        take_route(self.who, self.world, time_s, roads.route_legs([place, goal]), "the way to a position")
+
+
+def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name: str) -> None:
+    """Go on along a route; to one that begins elsewhere, along the lanes that lead to its beginning.
+
+    Raises:
+        RunError: no way leads there.
+    """
+    roads, pose = world.locator.roads, actor.state(time_s).pose
+    path = route_way(roads, legs, pose)
+    if path is None:
+        place = roads.place(pose)
+        if place is None:
+            raise RunError(f"'{actor.name}' is not on {name}, which it is assigned, and in no lane")
+        try:
+            legs = [*roads.route_legs([place, roads.start_of(legs[0])]), *legs]
+        except RunError as error:
+            raise RunError(f"'{actor.name}' is not on {name}, which it is assigned: {error}") from None
+        path = route_way(roads, legs, pose)
+    if path is None:
+        raise RunError(f"'{actor.name}' is not on {name}, which it is assigned")
+    actor.route = legs
+    actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
 
 
 TRAJECTORY_REACH_M = 1.0

@@ -44,7 +44,12 @@ def _sets(action: model.Action) -> frozenset[str]:
 def _asks(action: model.Action) -> frozenset[str]:
     """What an action has to know of the entities that it refers to."""
     match action:
-        case model.TeleportAction() | model.FollowTrajectoryAction() | model.AssignRouteAction():
+        case (
+            model.TeleportAction()
+            | model.FollowTrajectoryAction()
+            | model.AssignRouteAction()
+            | model.AcquirePositionAction()
+        ):
             return frozenset({_PLACE})
         case model.SpeedAction():
             return frozenset({_SPEED})

@@ -13,6 +13,7 @@ from scenarios.openscenario.running import following
 from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
+from scenarios.openscenario.running.controllers import Control
 from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
 
@@ -36,10 +37,14 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
                 return following.FollowTrajectory(world, actor, action)
             case model.AssignRouteAction():
                 return following.AssignRoute(world, actor, action)
+            case model.AcquirePositionAction():
+                return following.AcquirePosition(world, actor, action)
             case model.TeleportAction():
                 return following.Teleport(world, actor, action)
             case model.SynchronizeAction():
                 return Synchronize(world, actor, action)
+            case model.ControllerAction() | model.ActivateControllerAction():
+                return Control(world, actor, action)
     if isinstance(action, model.AddEntityAction):
         return following.AddEntity(world, None, action)
     return Switch(world, actor, action)

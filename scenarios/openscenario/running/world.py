@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.model import Environment
+from scenarios.openscenario.model import Controller, Environment
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.running.actors import Actor, State
 from smartmot.geometry import signed_gap_scalar
@@ -65,6 +65,8 @@ class World:
         element_state: tells whether a storyboard element is in a state or just made a transition.
         environment: light and weather, if the scenario sets them.
         apply_performance: whether entities stay within their Performance, whatever the file asks for.
+        ego: name of the ego.
+        assigned: controllers that actions have given to entities.
     """
 
     actors: dict[str, Actor]
@@ -73,6 +75,8 @@ class World:
     element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
     environment: Environment | None = None
     apply_performance: bool = False
+    ego: str = ""
+    assigned: dict[str, list[Controller]] = field(default_factory=dict)
     _notes: dict[tuple[str, ...], tuple[float, str]] = field(default_factory=dict)
 
     @property

@@ -91,9 +91,7 @@ def test_content(write, old, new, error, texts):
     "action",
     [
         "<LateralAction><LaneChangeAction/></LateralAction>",
-        "<ControllerAction/>",
-        "<ActivateControllerAction/>",
-        "<RoutingAction><AcquirePositionAction/></RoutingAction>",
+        "<RoutingAction><RandomRouteAction/></RoutingAction>",
         "<LongitudinalAction><SpeedProfileAction/></LongitudinalAction>",
         "<AppearanceAction><AnimationAction/></AppearanceAction>",
     ],

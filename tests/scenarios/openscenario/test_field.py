@@ -55,6 +55,28 @@ def test_no_condition_holds_on_a_deleted_entity():
     assert at(run, "Ego", 6)[3] == 10.0
 
 
+def test_an_entity_waits_on_a_trajectory_with_times():
+    run = played("waits_on_trajectory")
+    assert at(run, "Ego", 6)[0] == pytest.approx(100.0)
+    assert at(run, "Ego", 8)[0] == pytest.approx(110.0)
+
+
+def test_a_rate_is_an_amount():
+    run = played("negative_rate")
+    assert at(run, "Ego", 5)[3] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_route_that_begins_ahead_is_driven_to():
+    assert at(played("route_begins_ahead"), "Ego", 4)[0] == pytest.approx(94.0)
+
+
+def test_what_the_file_has_and_nothing_uses_is_noted():
+    engine = Engine(load(FILES / "default_controller.xosc"))
+    run = engine.run()
+    assert at(run, "Ego", 1)[3] == 12.0
+    assert any("<TrailerHitch>" in note and "no trailer is coupled" in note for note in engine.notes)
+
+
 def contact(ahead_m, step_s):
     """Two cars of 4 x 2 m at 20 m/s, at right angles; their corners overlap for (5.95 - ahead_m) / 20 s."""
     base = load(shipped_scenario("crossing"), {"Ego_speed_kmh": 60.0})

@@ -152,9 +152,21 @@ def test_an_entity_off_its_route_is_refused(write):
         f"<PrivateAction><RoutingAction><AssignRouteAction>{THROUGH}</AssignRouteAction>"
         f"</RoutingAction></PrivateAction>"
     )
-    init = private("Ego", teleport(lane_position(50)), assign) + private("Other", teleport(lane_position(60)))
+    other = private("Other", teleport(lane_position(60)))
+    init = private("Ego", teleport(lane_position(50, lane=1)), assign) + other
     with pytest.raises(RunError, match="'Ego' is not on route 'through'"):
         Engine(load(write(init=init)))
+
+
+def test_a_route_that_begins_ahead_and_a_position_to_acquire(play):
+    """Along the lane to where the route begins, and along the route; a position gives the same way."""
+    acquire = "<AcquirePositionAction>" + lane_position(50, lane=1, road_id="B") + "</AcquirePositionAction>"
+    for routing in (f"<AssignRouteAction>{THROUGH}</AssignRouteAction>", acquire):
+        action = f"<PrivateAction><RoutingAction>{routing}</RoutingAction></PrivateAction>"
+        init = private("Ego", teleport(lane_position(50, offset=0.25)), speed(30), action)
+        _, run = play(init=init + private("Other", teleport(lane_position(60))))
+        assert at(run, "Ego", 1.0) == pytest.approx((80, -1.5, 0, 30))
+        assert at(run, "Ego", 10.0) == pytest.approx((350, -1.5, 0, 30))
 
 
 def test_an_entity_against_the_traffic_keeps_its_heading(play):

@@ -1,0 +1,241 @@
+"""Controllers that a file gives to entities: what is carried out of them, and what is not.
+
+The ego is driven by the scenario, or by whoever runs it; controllers that the file gives it are noted. Of the
+others, one that asks for a driver who keeps a distance is the Intelligent Driver Model (`Driver`), one that
+only follows speeds and ways is the default controller, and any other that is to drive is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from scenarios.openscenario import model
+from scenarios.openscenario.control import Motion
+from scenarios.openscenario.errors import RunError, UnsupportedError
+from scenarios.openscenario.motion.paths import Path
+from scenarios.openscenario.running.actions import RunningAction
+from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.world import Instant, World
+
+DRIVERS = ("acc", "alks", "idm", "naturaldriver", "followroute")
+"""Words in the names of controllers that keep a distance from who is ahead, such as esmini's."""
+
+DEFAULTS = (
+    "npc_vehicle_control",
+    "vehicle_longitudinal_control",
+    "simple_vehicle_control",
+    "pedestrian_control",
+)
+"""Modules of CARLA's ScenarioRunner that drive the speeds and the ways that the scenario asks for."""
+
+NAMING = ("name", "esminicontroller", "module", "controllertype")
+"""Properties that say what a controller is; the first is its own name, which its holder may change."""
+
+ACCEL_MPS2, DECEL_MPS2, HEADWAY_S, STANDSTILL_M = 0.73, 1.67, 1.6, 2.0
+"""Intelligent Driver Model: Treiber, Hennecke, Helbing (2000), Physical Review E 62, table I; exponent 4."""
+
+LOOK_AHEAD_M = 300.0
+"""Who is further ahead makes no difference: less than 0.001 m/s2 at 30 m/s."""
+
+BESIDE_M = 0.2
+"""A vehicle is in the way if less than this is left between its side and the own lane's track."""
+
+
+def kind_of(controller: model.Controller) -> str:
+    """What a controller is: `driver`, `default` or `unknown`."""
+    properties = {name.lower(): value.lower() for name, value in controller.properties}
+    words = [controller.name.lower(), *(properties[name] for name in NAMING if name in properties)]
+    if any(word in DEFAULTS for word in words):
+        return "default"
+    return "driver" if any(part in word.replace("_", "") for word in words for part in DRIVERS) else "unknown"
+
+
+def check(definition: model.ScenarioDefinition, ego: str) -> None:
+    """Find controllers that would have to drive somebody and cannot, before anything runs.
+
+    Raises:
+        UnsupportedError: there is one.
+    """
+    held = {entity.name: list(entity.controllers) for entity in definition.entities}
+    for name, action in _by_entity(definition):
+        parts = action if isinstance(action, model.ControllerAction) else None
+        if parts is not None and parts.assigned is not None:
+            held[name].append(parts.assigned)
+        if name == ego:
+            continue
+        if parts is not None and parts.overridden:
+            raise UnsupportedError(
+                f"{parts.where} of '{name}' sets {', '.join(parts.overridden)}: pedals and wheels are not "
+                "modelled; use speed and lateral actions"
+            )
+        activated = parts.activated if parts is not None else action
+        if not isinstance(activated, model.ActivateControllerAction):
+            continue
+        if not (activated.lateral or activated.longitudinal):
+            continue
+        for controller in held[name]:
+            wanted = activated.controller in (None, controller.name)
+            if wanted and kind_of(controller) == "unknown":
+                raise UnsupportedError(
+                    f"{activated.where} controller '{controller.name}' of '{name}' is not known; "
+                    "the ego may have it, or leave it out: entities follow their actions without one"
+                )
+
+
+def _by_entity(
+    definition: model.ScenarioDefinition,
+) -> Iterator[tuple[str, model.ControllerAction | model.ActivateControllerAction]]:
+    kinds = model.ControllerAction | model.ActivateControllerAction
+    for name, action in definition.init:
+        if name is not None and isinstance(action, kinds):
+            yield name, action
+    for event in definition.events():
+        for named in event.actions:
+            if isinstance(named.action, kinds):
+                for name in named.entities:
+                    yield name, named.action
+
+
+class Control(RunningAction["model.ControllerAction | model.ActivateControllerAction"]):
+    """ControllerAction and ActivateControllerAction."""
+
+    def start(self, time_s: float) -> None:
+        """Assign, activate, or give back."""
+        action, who = self.action, self.who
+        activated = action if isinstance(action, model.ActivateControllerAction) else action.activated
+        if isinstance(action, model.ControllerAction) and action.assigned is not None:
+            self.world.assigned.setdefault(who.name, []).append(action.assigned)
+        if activated is None:
+            return
+        if who.name == self.world.ego:
+            self.world.note(
+                f"controllers of '{who.name}' are not used: the ego is driven by the scenario, or by whoever "
+                "runs it"
+            )
+            return
+        if activated.longitudinal is False:
+            if isinstance(who.controller, Driver):
+                who.controller.commands_from_s = math.inf
+            return
+        chosen = self._chosen(activated)
+        if not activated.longitudinal or chosen is None:
+            return
+        if kind_of(chosen) == "default":
+            self.world.note(
+                f"controller '{chosen.name}' of '{who.name}' is the default one: it does as asked"
+            )
+            return
+        self.world.note(f"'{who.name}' is driven by the Intelligent Driver Model for '{chosen.name}'")
+        who.controller = Driver(self.world, who, chosen, time_s)
+
+    def _chosen(self, activated: model.ActivateControllerAction) -> model.Controller | None:
+        """The controller that is meant; None: the default one."""
+        held: list[model.Controller] = [
+            *self.who.definition.controllers,
+            *self.world.assigned.get(self.who.name, ()),
+        ]
+        if activated.controller is None:
+            return held[-1] if held else None
+        named: list[model.Controller] = [
+            controller for controller in held if controller.name == activated.controller
+        ]
+        if not named:
+            names = ", ".join(controller.name for controller in held) or "none"
+            raise RunError(
+                f"'{self.who.name}' has no controller '{activated.controller}' to activate; it has: {names}"
+            )
+        return named[-1]
+
+
+class Driver:
+    """Keeps a distance from who is ahead, and else the speed that the scenario asks for.
+
+    Args:
+        world: in which it drives.
+        actor: whom it drives.
+        controller: may name a speed (`setSpeed`) and a time gap (`timeGap`).
+        time_s: from when on.
+    """
+
+    def __init__(self, world: World, actor: Actor, controller: model.Controller, time_s: float) -> None:
+        self._world, self._actor = world, actor
+        self.commands_from_s = time_s
+        self._speed_mps = self._accel_mps2 = 0.0
+        properties = {name.lower(): value for name, value in controller.properties}
+        self._desired_mps = _number(properties.get("setspeed"), controller)
+        headway_s = _number(properties.get("timegap"), controller)
+        self._headway_s = HEADWAY_S if headway_s is None else headway_s
+
+    def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
+        """Go on from the speed that it has."""
+        self._speed_mps = speed_mps
+        self._decide(time_s)
+
+    def motion(self, time_s: float, duration_s: float) -> Motion:
+        """On with the acceleration that was decided, to a standstill at most."""
+        speed, accel = self._speed_mps, self._accel_mps2
+        moving_s = duration_s
+        if accel < 0.0 and speed + accel * duration_s < 0.0:
+            moving_s = speed / -accel
+        distance = speed * moving_s + 0.5 * accel * moving_s**2
+        return Motion(distance, max(speed + accel * moving_s, 0.0))
+
+    def advance(self, time_s: float, duration_s: float) -> None:
+        """Take over the speed at the end; what follows is decided there."""
+        self._speed_mps = self.motion(time_s, duration_s).speed_mps
+
+    def decide(self, time_s: float) -> None:
+        """Choose the acceleration of the step that begins."""
+        self._decide(time_s)
+
+    def _decide(self, time_s: float) -> None:
+        speed = self._speed_mps
+        desired = self._actor.asked_mps(time_s) if self._desired_mps is None else self._desired_mps
+        free = 1.0 - (speed / desired) ** 4 if desired > 0.0 else -1.0 if speed > 0.0 else 0.0
+        gap_m, leader_mps = self._ahead(time_s)
+        wanted = STANDSTILL_M + speed * self._headway_s
+        wanted += speed * (speed - leader_mps) / (2.0 * math.sqrt(ACCEL_MPS2 * DECEL_MPS2))
+        crowded = (max(wanted, STANDSTILL_M) / max(gap_m, 0.1)) ** 2 if math.isfinite(gap_m) else 0.0
+        # nobody brakes harder than a car can, however near another one appears
+        self._accel_mps2 = max(ACCEL_MPS2 * (free - crowded), -9.0)
+
+    def _ahead(self, time_s: float) -> tuple[float, float]:
+        """Free distance to the nearest one on the way, and its speed along it; infinite if there is none."""
+        actor = self._actor
+        own = actor.state(time_s)
+        nearest_m, speed_mps = math.inf, 0.0
+        for other in self._world.actors.values():
+            if other is actor or not other.exists or not other.placed:
+                continue
+            state = other.state(time_s)
+            if math.hypot(state.x_m - own.x_m, state.y_m - own.y_m) > LOOK_AHEAD_M:
+                continue
+            station, left = actor.path.project_near(state.x_m, state.y_m, own.station_m, LOOK_AHEAD_M)
+            reach = 0.5 * (other.definition.width_m + actor.definition.width_m) + BESIDE_M
+            if station <= own.station_m or abs(left) > reach:
+                continue
+            gap = station - own.station_m - other.rear_m - actor.front_m
+            if gap < nearest_m:
+                along = math.cos(state.yaw_rad - actor.path.pose(station)[2])
+                nearest_m, speed_mps = gap, state.speed_mps * along
+        return nearest_m, speed_mps
+
+
+def _number(text: str | None, controller: model.Controller) -> float | None:
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise RunError(f"controller '{controller.name}' has a property that is no number: '{text}'") from None
+
+
+def decide(actors: Iterator[Actor], instant: Instant) -> bool:
+    """Let drivers choose what they do in the step that begins; whether one of them does."""
+    driven = False
+    for actor in actors:
+        if isinstance(actor.controller, Driver) and actor.commanded:
+            actor.controller.decide(instant.time_s)
+            driven = True
+    return driven

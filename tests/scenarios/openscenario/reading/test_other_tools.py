@@ -1,0 +1,79 @@
+"""What other tools write in their own way, and what they have that nothing needs."""
+
+import pytest
+
+from scenarios.openscenario import CatalogError, Engine, ParameterError, UnsupportedError, load
+from tests.scenarios.openscenario.conftest import CAR, act, at, event, maneuver, speed
+
+TRAILER = CAR.replace("</Vehicle>", "{}</Vehicle>")
+
+
+def changed(path, old, new):
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("word", ["False", "FALSE", "0"])
+def test_truth_values_in_any_letters(write, word):
+    path = changed(write(act(maneuver(event("e", speed(5))))), 'Entities="false"', f'Entities="{word}"')
+    assert len(load(path).stories) == 1
+
+
+def test_words_in_any_letters(write):
+    path = changed(write(act(maneuver(event("e", speed(5, "linear", "time", 2))))), '"linear"', '"Linear"')
+    run = Engine(load(path)).run(3.0)
+    assert at(run, "Other", 1.0)[3] == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("amount", [-2, 2])
+def test_a_rate_is_an_amount_whatever_its_sign(play, amount):
+    _, run = play(act(maneuver(event("e", speed(6, "linear", "rate", amount)))))
+    assert at(run, "Other", 2.0)[3] == pytest.approx(4.0)
+
+
+def test_a_parameter_declared_twice_with_the_same_value_is_noted(write):
+    declared = '<ParameterDeclaration name="p" parameterType="double" value="{}"/>'
+    path = write(parameters=declared.format(1) + declared.format(1))
+    assert any("declares 'p' a second time" in note for note in load(path).notes)
+    with pytest.raises(ParameterError, match="declares 'p' a second time"):
+        load(write(parameters=declared.format(1) + declared.format(2)))
+
+
+def test_names_of_parameters_with_a_dollar(write, tmp_path):
+    (tmp_path / "shelf").mkdir()
+    parameter = '<ParameterDeclaration name="w" parameterType="double" value="2"/>'
+    entry = CAR.replace(
+        "<BoundingBox>", f"<ParameterDeclarations>{parameter}</ParameterDeclarations><BoundingBox>"
+    )
+    (tmp_path / "shelf" / "c.xosc").write_text(
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="0"/><Catalog name="Cars">'
+        + entry.replace('width="2"', 'width="$w"')
+        + "</Catalog></OpenSCENARIO>"
+    )
+    reference = (
+        '<CatalogReference catalogName="Cars" entryName="car"><ParameterAssignments>'
+        '<ParameterAssignment parameterRef="$w" value="1.5"/></ParameterAssignments></CatalogReference>'
+    )
+    catalogs = '<VehicleCatalog><Directory path="shelf"/></VehicleCatalog>'
+    definition = load(write(other=reference, catalogs=catalogs))
+    assert definition.entities[1].width_m == 1.5
+
+
+def test_a_missing_catalog_directory_matters_only_where_it_is_needed(write):
+    catalogs = '<VehicleCatalog><Directory path="nowhere"/></VehicleCatalog>'
+    assert any(
+        "nowhere does not exist; nothing needs it" in note for note in load(write(catalogs=catalogs)).notes
+    )
+    reference = '<CatalogReference catalogName="Cars" entryName="car"/>'
+    with pytest.raises(CatalogError, match=r"no catalog 'Cars'.*nowhere does not exist"):
+        load(write(other=reference, catalogs=catalogs))
+
+
+def test_hitches_are_noted_and_coupled_trailers_refused(write):
+    loose = TRAILER.format('<TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>')
+    assert any("<TrailerHitch> of 'Other' is not used" in note for note in load(write(other=loose)).notes)
+    coupled = TRAILER.format('<TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef="Ego"/></Trailer>')
+    with pytest.raises(UnsupportedError, match=r"<Trailer> is not supported: a trailer coupled to 'Other'"):
+        load(write(other=coupled))
