@@ -14,7 +14,6 @@ from scenarios.live.counts import Counts
 from scenarios.live.outputs import FrameOutput
 from scenarios.live.perception import LivePerception, Output
 from scenarios.live.settings import LiveSettings
-from scenarios.live.topics import STATIC_TRANSFORMS
 from scenarios.reading import ReadError
 from scenarios.recorded.bags.reader import bag_classes
 from scenarios.recorded.maps.drive_map import load_drive_map
@@ -22,6 +21,7 @@ from scenarios.ros.bags.bag import Bag, open_bag
 from scenarios.ros.bags.chosen import chosen_topics
 from scenarios.ros.bags.decoding import decoded, require_readable
 from scenarios.ros.bags.topics import RawMessage
+from scenarios.ros.frames.transforms import is_static
 from scenarios.ros.messages import Message
 from scenarios.sources.requests import Request
 from smartmot.maps.follow import MAX_FROM_LANE_M
@@ -145,7 +145,7 @@ class _Stream:
                 if topic.name in self._names:
                     require_readable(topic)
             for number, raw in enumerate(self._in_order()):
-                yield decoded(raw), raw.topic.name.endswith(STATIC_TRANSFORMS)
+                yield decoded(raw), is_static(raw.topic.name)
                 if number % _TOLD_EVERY == 0:
                     self._progress(number + 1, total)
         except ReadError as error:
@@ -193,6 +193,11 @@ def perception_notes(perception: LivePerception) -> list[str]:
         (
             counts.unstamped,
             f"frames with an empty header: {counts.unstamped}; the time at which they were received counts",
+        ),
+        (
+            counts.unnamed and (settings.output_frame == "sensor" or counts.decided < counts.tracked),
+            f"frames whose header names no sensor: {counts.unnamed}; what is published in the sensor's frame "
+            f"is in {localisation.base_frame} for them",
         ),
         (
             counts.without_transform,

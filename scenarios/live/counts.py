@@ -25,6 +25,7 @@ class Counts:
         without_pose: frames without a pose of the vehicle near enough.
         carried: frames with the last pose carried on.
         unstamped: frames with an empty header; their time of receipt counted.
+        unnamed: frames of a sensor that no header has named.
         without_transform: frames whose sensor was taken to be at the vehicle's origin.
         off_map: frames more than a lane's width beside the map's driving lanes.
         restarts: how often time went back, and all was begun anew.
@@ -45,6 +46,7 @@ class Counts:
     without_pose: int = 0
     carried: int = 0
     unstamped: int = 0
+    unnamed: int = 0
     without_transform: int = 0
     off_map: int = 0
     restarts: int = 0
@@ -111,6 +113,7 @@ class DiagnosticWatch:
             "frames without pose": counts.without_pose,
             "frames with a pose carried on": counts.carried,
             "frames without stamp": counts.unstamped,
+            "frames of a sensor without a name": counts.unnamed,
             "frames off the map": counts.off_map,
             "times time went back": counts.restarts,
             "boxes": counts.boxes,

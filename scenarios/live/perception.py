@@ -43,6 +43,7 @@ from scenarios.ros.frames.transforms import inverse, placed
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
 from scenarios.sources.frames import Frame
 from scenarios.sources.requests import EMERGENCY, RequestWatch, begun_anew
+from smartmot.area.monitored import MonitoredArea, ego_extent
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineState
@@ -223,13 +224,16 @@ class LivePerception:
             counts.late += 1
             return None
         self._sensor = sensor
+        counts.unnamed += not sensor
         self.localisation.decide(sensor, pose_ns)
         pose = self.localisation.pose(pose_ns)
         if pose is None:
             counts.without_pose += 1
             if self._has_pose:  # tracks live in another frame than this one's boxes
                 return None
-            return self._seen(message, stamp_ns, None, np.eye(4))
+            # a sensor without a name has no frame of its own to be shown in
+            own = np.eye(4) if sensor else self.localisation.base_SE3_sensor(sensor, pose_ns)
+            return self._seen(message, stamp_ns, None, own)
         if not self._has_pose:
             self._forget_tracks()
         self._has_pose = True
@@ -271,7 +275,8 @@ class LivePerception:
         if pose is not None:
             self.velocities.see(stamp_ns, result.tracks, frame, map_SE3_sensor)
             decision = self._decide(pipeline, frame, ego, path, result, float(pose.map_SE3_base[2, 3]))
-        return self._output(message, stamp_ns, self._tracked(result.tracks, frame), decision, map_SE3_sensor)
+        shown = pose.map_SE3_base if pose is not None and not self._sensor else map_SE3_sensor
+        return self._output(message, stamp_ns, self._tracked(result.tracks, frame), decision, shown)
 
     def _step(
         self, pipeline: Pipeline, frame: PlacedFrame, ego: EgoState, path: PlannedPath | None
@@ -308,10 +313,12 @@ class LivePerception:
             self._state = replace(self._state, rule=None)
         requests = tuple(self._watch.requests[known:])
         self.counts.requests += sum(request.kind == EMERGENCY for request in requests)
+        monitored = pipeline.area(ego, path)
         gaps = [*result.threats.gap_m.tolist(), *([] if result.lead is None else [result.lead.gap_m])]
+        gaps += _new_gaps_m(monitored, result.tracks, ego)
         area = tuple(
             (role, np.column_stack((ring, np.full(len(ring), level_m))))
-            for role, ring in pipeline.area(ego, path).polygons()
+            for role, ring in monitored.polygons()
         )
         return Decision(result.command.emergency, min(gaps, default=None), area, requests)
 
@@ -339,12 +346,21 @@ class LivePerception:
         stamp_ns: int,
         tracks: TrackedBoxes,
         decision: Decision | None,
-        map_SE3_sensor: FloatArray,
+        map_SE3_own: FloatArray,
     ) -> FrameOutput:
-        """What is published, in the frame that is asked for."""
-        frame_id = self._sensor if decision is None else self.localisation.frame_id
+        """What is published, in the frame that is asked for.
+
+        Args:
+            message: the frame.
+            stamp_ns: of the frame.
+            tracks: frame of the odometry; without a decision that of the sensor.
+            decision: None without a pose.
+            map_SE3_own: (4, 4) pose of the sensor; of the vehicle's frame where the sensor has no name.
+        """
+        own_frame = self._sensor or self.localisation.base_frame
+        frame_id = own_frame if decision is None else self.localisation.frame_id
         if decision is not None and self.settings.output_frame == "sensor":
-            frame_id, back = self._sensor, inverse(map_SE3_sensor)
+            frame_id, back = own_frame, inverse(map_SE3_own)
             tracks = tracks.seen_from(back)
             area = tuple((role, placed(back, ring)) for role, ring in decision.area)
             decision = replace(decision, area=area)
@@ -392,3 +408,17 @@ class LivePerception:
 
     def _lifetime_s(self) -> float:
         return min(LIFETIME_FRAMES * self._interval_s(), _LONGEST_LIFETIME_S)
+
+
+def _new_gaps_m(area: MonitoredArea, tracks: Tracks, ego: EgoState) -> list[float]:
+    """Free distances from the vehicle's front to what is in its way and was seen once.
+
+    Of these no motion is known yet, so that no decision rests on them; where they are is known.
+    """
+    new = (tracks.confirmed & (tracks.age_s <= tracks.coasted_s)).nonzero()[0]
+    if not len(new):
+        return []
+    boxes = tracks.boxes[new]
+    gap_m = ego_extent(boxes, ego)[0] - 0.5 * ego.length_m
+    shown: list[float] = gap_m[area.relevance(boxes, tracks.category[new]).on_way & (gap_m > 0.0)].tolist()
+    return shown

@@ -13,13 +13,10 @@ from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT, Objects
 from scenarios.ros.bags.topics import Topic
 from scenarios.ros.frames.localisation import Localisation
 from scenarios.ros.frames.poses import CARRY_S
-from scenarios.ros.frames.transforms import box_direction, placed
+from scenarios.ros.frames.transforms import box_direction, is_static, placed
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
 from smartmot.detection_input import MAX_SIZE_M, MIN_SIZE_M
 from smartmot.types import FloatArray, IntArray, StrArray
-
-STATIC = "tf_static"
-"""End of the names of topics whose transforms hold at any time."""
 
 _UNKNOWN = "?"
 """In place of a category: the class is not known."""
@@ -46,11 +43,10 @@ class Places:
         self.localisation = Localisation(_FrameSettings(), keep_all=True)
         self._pose_ns: dict[int, int] = {}  # of frames without a stamp, by their times of receipt
         for topic, message in received:
-            static = topic.name.endswith(STATIC)
             if isinstance(message, OdometryMessage):
                 self.localisation.add_odometry(message)
             elif isinstance(message, TransformMessage):
-                self.localisation.add_transforms(message, static)
+                self.localisation.add_transforms(message, is_static(topic.name))
             elif isinstance(message, DetectionMessage) and message.stamp_ns is None:
                 self._pose_ns.setdefault(message.received_ns, self.localisation.pose_time_ns(message))
 

@@ -147,17 +147,34 @@ class Localisation:
         """The vehicle's pose at a time; None: it is not known."""
         if self.source == ODOMETRY:
             return self.poses.at(stamp_ns)
-        newest = self._newest_transform_ns()
-        if self.source is None or newest is None:
+        if self.source is None:
             return None
-        # two poses tell the rates; beyond the newest transform they are carried on as an odometry is
-        last = min(stamp_ns, newest)
+        near_ns = [
+            time_ns for later in (False, True) if (time_ns := self._known_ns(stamp_ns, later)) is not None
+        ]
+        if not near_ns:
+            return None
+        # two poses tell the rates; where none is known they are carried on as an odometry is
+        known_ns = min(near_ns, key=lambda time_ns: abs(time_ns - stamp_ns))
         samples = PoseBuffer(self._settings.carry_s)
-        for time_ns in (last - round(RATE_WINDOW_S / _NS), last):
-            transform = self.tree.at(self._map_frame, self.base_frame, time_ns)
-            if transform is not None:
+        for time_ns in (known_ns, self._another_ns(known_ns)):
+            transform = None if time_ns is None else self.tree.at(self._map_frame, self.base_frame, time_ns)
+            if time_ns is not None and transform is not None:
                 samples.insert(time_ns, transform, None)
         return samples.at(stamp_ns)
+
+    def _another_ns(self, known_ns: int) -> int | None:
+        """A second time at which the transforms tell the pose: a window of rates before, else near it."""
+        window_ns = round(RATE_WINDOW_S / _NS)
+        for asked_ns in (known_ns - window_ns, known_ns + window_ns):
+            for later in (False, True):
+                time_ns = self._known_ns(asked_ns, later)
+                if time_ns is not None and time_ns != known_ns:
+                    return time_ns
+        return None
+
+    def _known_ns(self, stamp_ns: int, later: bool) -> int | None:
+        return self.tree.known_ns(self._map_frame, self.base_frame, stamp_ns, later)
 
     def base_SE3_sensor(self, sensor: str, stamp_ns: int) -> FloatArray:  # noqa: N802
         """(4, 4) pose of a sensor in the vehicle's frame; where nothing tells it, at the origin."""

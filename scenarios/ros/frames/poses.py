@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.recorded.poses import rotation_matrix
-from scenarios.ros.frames.transforms import KEEP_S, between, gone_back
+from scenarios.ros.frames.transforms import GAP_S, KEEP_S, between, gone_back
 from scenarios.ros.messages import OdometryMessage
 from smartmot.detection_input import MAX_POSITION_M, MAX_SPEED_MPS
 from smartmot.types import FloatArray
 
-GAP_S = 1.0
-"""Between poses farther apart than that nothing is interpolated: 10 m at 10 m/s may hold a turn."""
 CARRY_S = 0.2
 """The last pose is carried on for so long. With a turn rate that is off by 0.1 rad/s and an acceleration of
 4 m/s2 unknown to it, it is off by 8 cm then, and the direction by 1.1 degrees."""

@@ -14,12 +14,16 @@ from scenarios.ros.messages import TransformMessage
 from smartmot.detection_input import MAX_POSITION_M
 from smartmot.types import FloatArray
 
+GAP_S = 1.0
+"""Nothing is interpolated between poses or transforms farther apart: 10 m at 10 m/s may hold a turn."""
 KEEP_S = 10.0
 """Of a stream, what is older than that before the newest is of no use, as in tf2's buffer."""
 KEEP = 4096
 """So many transforms of a frame are remembered of a stream: 10 s at 200 Hz, twice."""
 
 _NS = 1e-9
+_GAP_NS = round(GAP_S / _NS)
+_STATIC = "tf_static"
 
 
 @dataclass(slots=True, eq=False)
@@ -54,13 +58,25 @@ class _Edge:
         k = bisect_left(self.stamps, stamp_ns)
         if self.static or (k < len(self.stamps) and self.stamps[k] == stamp_ns):
             return self.parent_SE3_child[0 if self.static else k]
-        if 0 < k < len(self.stamps):
+        if self._bridged(k):
             return between(
                 self.parent_SE3_child[k - 1],
                 self.parent_SE3_child[k],
                 (stamp_ns - self.stamps[k - 1]) / (self.stamps[k] - self.stamps[k - 1]),
             )
-        return self.parent_SE3_child[0 if k == 0 else -1] if hold else None
+        return self.parent_SE3_child[max(k - 1, 0)] if hold else None
+
+    def known_ns(self, stamp_ns: int, later: bool) -> int | None:
+        """The nearest time at which the transform is known, from a time on (`later`) or up to it."""
+        k = bisect_left(self.stamps, stamp_ns)
+        if (k < len(self.stamps) and self.stamps[k] == stamp_ns) or self._bridged(k):
+            return stamp_ns
+        k -= not later
+        return self.stamps[k] if 0 <= k < len(self.stamps) else None
+
+    def _bridged(self, k: int) -> bool:
+        """Whether two stamps are near enough for what lies between: the k-th and the one before."""
+        return 0 < k < len(self.stamps) and self.stamps[k] - self.stamps[k - 1] <= _GAP_NS
 
 
 class TransformTree:
@@ -125,6 +141,33 @@ class TransformTree:
         moving = [self._edges[child] for child in (*up, *down) if not self._edges[child].static]
         return min((edge.stamps[-1] for edge in moving), default=None)
 
+    def known_ns(self, dst: str, src: str, stamp_ns: int, later: bool) -> int | None:
+        """The nearest time at which the transform between two frames is known.
+
+        Args:
+            dst: the one frame.
+            src: the other.
+            stamp_ns: the time that is asked for.
+            later: look from that time on; else up to it.
+
+        Returns:
+            None: there is no way between the frames, or there is no such time.
+        """
+        legs = self._legs(dst, src)
+        if legs is None:
+            return None
+        moving = [self._edges[child] for leg in legs for child in leg if not self._edges[child].static]
+        # every step goes on to a time at which one transform is known, until all are
+        known_ns, asked_ns = stamp_ns, None
+        while known_ns != asked_ns:
+            asked_ns = known_ns
+            for edge in moving:
+                nearest_ns = edge.known_ns(known_ns, later)
+                if nearest_ns is None:
+                    return None
+                known_ns = nearest_ns
+        return known_ns
+
     def at(self, dst: str, src: str, stamp_ns: int, hold: bool = False) -> FloatArray | None:
         """(4, 4) `dst_SE3_src` at a time.
 
@@ -132,7 +175,7 @@ class TransformTree:
             dst: the one frame.
             src: the other.
             stamp_ns: when.
-            hold: take the first or the last transform where none is known that early or late.
+            hold: where none is known at that time, take the last one before, else the first.
 
         Returns:
             None: there is no way between the frames, or it is not known at that time.
@@ -162,6 +205,11 @@ class TransformTree:
         while (edge := self._edges.get(line[-1])) is not None and edge.parent not in line:
             line.append(edge.parent)
         return line
+
+
+def is_static(topic: str) -> bool:
+    """Whether the transforms of a topic hold at any time: `/tf_static`, also in a namespace."""
+    return topic.rpartition("/")[2] == _STATIC
 
 
 def gone_back(stamps: Sequence[int], stamp_ns: int) -> bool:

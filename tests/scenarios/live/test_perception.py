@@ -77,6 +77,17 @@ def test_a_crossing_walker_is_braked_for_when_nearer_than_the_braking_distance()
     assert perception.counts.requests == 1
 
 
+@pytest.mark.parametrize("strategy", ["all", "rectangular", "path"])
+def test_the_nearest_object_is_known_in_the_first_frame_that_shows_it(strategy: str) -> None:
+    beside = car(10.0, 30.0)
+    frames, _ = frames_of(
+        straight(3, lambda t: [car(20.0, 0.0), beside]), replace(SETTINGS, strategy=strategy)
+    )
+    # from the front, 2.2 m ahead of the vehicle's middle, to the rear of the box
+    expected = [20.0 - 4.5 / 2 - 2.2 - 10.0 * 0.05 * k for k in range(3)]
+    assert [f.decision.nearest_m for f in frames if f.decision] == pytest.approx(expected)
+
+
 def test_who_walks_away_is_not_braked_for() -> None:
     frames, perception = frames_of(straight(90, lambda t: [walker(40.0, 5.0 + 1.4 * t)]), SETTINGS)
     assert not any(f.decision.predicted_collision for f in frames if f.decision)
@@ -350,6 +361,24 @@ def test_classes_are_those_of_recordings_unless_a_data_set_is_named() -> None:
         for name in DATASETS
     }
     assert unknown == {"any": {}, "simbev": {"trailer": 1}, "nuscenes": {"rider": 1}}
+
+
+def test_without_any_name_of_the_sensor_the_vehicles_frame_stands_in() -> None:
+    unnamed = boxes(0.0, [car(20.0, 1.0)], frame_id="")
+    (alone,), perception = frames_of([unnamed], SETTINGS)
+    assert (alone.frame_id, perception.counts.unnamed) == (BASE, 1)
+    # a sensor that looks to the left, 2 m ahead of the vehicle's origin
+    turned = replace(SETTINGS, sensor_pose=(2.0, 0.0, 1.0, math.pi / 2), output_frame="sensor")
+    (alone,), _ = frames_of([unnamed], turned)
+    (posed,), _ = frames_of([odometry(0.0, (50.0, 7.0, 0.4)), unnamed], turned)
+    named = boxes(0.0, [car(20.0, 1.0)])
+    (of_sensor,), perception = frames_of([odometry(0.0, (50.0, 7.0, 0.4)), named], turned)
+    assert (of_sensor.frame_id, perception.counts.unnamed) == (LIDAR, 0)
+    for frame in (alone, posed):
+        assert frame.frame_id == BASE
+        assert frame.tracks.center_m[0] == pytest.approx([2.0 - 1.0, 20.0, 1.8])
+        assert frame.tracks.yaw_rad == pytest.approx(math.pi / 2)
+    assert of_sensor.tracks.center_m[0] == pytest.approx([20.0, 1.0, 0.8])
 
 
 def test_impossible_boxes_and_unknown_classes_are_counted() -> None:

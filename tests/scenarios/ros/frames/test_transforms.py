@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.ros.frames.transforms import TransformTree, box_direction, inverse, placed
+from scenarios.ros.frames.transforms import TransformTree, box_direction, inverse, is_static, placed
 from scenarios.ros.messages import read_transforms
 from tests.scenarios.live.streams_made import ns, transform
 from tests.scenarios.ros import messages_made as made
@@ -183,3 +183,44 @@ def test_of_a_stream_a_single_transform_of_the_future_is_forgotten_with_the_next
     pose = frames.at("odom", "base_link", ns(1.05))
     assert pose is not None
     assert pose[0, 3] == pytest.approx(10.5)
+
+
+def test_nothing_is_interpolated_over_more_than_a_second() -> None:
+    frames = TransformTree()
+    for time_s, x_m in ((0.0, 0.0), (1.0, 10.0), (2.1, 21.0), (2.2, 22.0)):
+        frames.add(transform(time_s, "map", "odom", x_m, 0.0, 0.0), static=False)
+    for time_s in (0.0, 0.4, 3.0):
+        frames.add(transform(time_s, "odom", "base_link", 0.0, time_s, 0.0), static=False)
+    near = frames.at("map", "odom", ns(0.5))
+    assert near is not None
+    assert near[0, 3] == pytest.approx(5.0)
+    assert frames.at("map", "odom", ns(1.5)) is None
+    # of sensors, which hardly move, the last place before counts
+    held = frames.at("map", "odom", ns(2.0), hold=True)
+    assert held is not None
+    assert held[0, 3] == 10.0
+
+    def known(time_s: float, later: bool) -> int | None:
+        return frames.known_ns("map", "base_link", ns(time_s), later)
+
+    assert known(0.3, False) == known(0.3, True) == ns(0.3)
+    assert known(0.7, False) == ns(0.4)  # the one is known there, the other is not
+    assert known(2.15, False) == ns(0.4)
+    assert known(2.15, True) is None  # where the one is known again, the other is not any longer
+    assert known(-0.1, True) == ns(0.0)
+    assert known(-0.1, False) is None
+    assert frames.known_ns("map", "camera", ns(0.0), False) is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "static"),
+    [
+        ("/tf_static", True),
+        ("tf_static", True),
+        ("/robot/tf_static", True),
+        ("/tf", False),
+        ("/not_tf_static", False),
+    ],
+)
+def test_static_topics_are_known_by_their_last_name(topic: str, static: bool) -> None:
+    assert is_static(topic) == static
