@@ -179,6 +179,8 @@ class Sequence:
         world_SE3_ego: (F, 4, 4) poses of the vehicle (x ahead, y left, z up), or None without odometry.
         camera: The camera of KITTI data, or None.
         map_path: The recording's own map (`scenarios.recorded.maps.drive_map`), in its world frame, or None.
+        stamp_ns: (F,) the times as whole nanoseconds since 1970, where they were recorded so, or None. In
+            seconds such times are 0.24 us apart.
     """
 
     name: str
@@ -189,6 +191,7 @@ class Sequence:
     world_SE3_ego: FloatArray | None = None  # noqa: N815 - dst_SE3_src is the field's notation
     camera: Camera | None = None
     map_path: Path | None = None
+    stamp_ns: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.stamp_s)

@@ -81,7 +81,7 @@ class StoredRecording:
         sequence: the recording.
         vehicle: that recorded it.
         network: its map; None: there is none.
-        start_s: stamp of its first frame; times of `sequence` count from there.
+        start_s: stamp of its first frame; the times in seconds of `sequence` count from there.
     """
 
     sequence: Sequence
@@ -162,6 +162,7 @@ class DriveFolder:
             self.network(row),
             self._area(row),
             0.0 if recording is None else recording.start_s,
+            frame_ns=None if recording is None else recording.sequence.stamp_ns,
         )
 
     def _row(self, log: str) -> Row:

@@ -22,7 +22,6 @@ from evaluation.views.traces.run import (
     decision_times,
     ego_rows,
     ego_states,
-    nanoseconds,
     rows_of,
 )
 from smartmot.area import MonitoredAreaStrategy
@@ -111,9 +110,8 @@ def _topics(run: LoggedRun, context: Context) -> tuple[list[Messages], tuple[str
     def channel(topic: str) -> SceneUpdateChannel:
         return SceneUpdateChannel(topic, context=context)
 
-    start_ns = run.start_ns
     ego, actors = ego_rows(run.log), actor_rows(run.log)
-    stamps_ns = nanoseconds(ego.time_s, start_ns)
+    stamps_ns = run.stamps_ns(ego.time_s)
     stamps = scene.timestamps(stamps_ns)
     topics: list[Messages] = []
     notes = run.notes
@@ -127,12 +125,12 @@ def _topics(run: LoggedRun, context: Context) -> tuple[list[Messages], tuple[str
         (channel("/actors"), _paired(stamps_ns, scene.actor_scene(actors, stamps))),
         _signals(run, ego, stamps_ns, context),
     ]
-    topics += _perception(run, ego, start_ns, context)
-    events = _events(run, start_ns, context)
+    topics += _perception(run, ego, context)
+    events = _events(run, context)
     return [*topics, events], notes
 
 
-def _perception(run: LoggedRun, ego: TimedRows, start_ns: int, context: Context) -> list[Messages]:
+def _perception(run: LoggedRun, ego: TimedRows, context: Context) -> list[Messages]:
     """What perception made of each frame, and where it looked; nothing where nothing perceives."""
     from foxglove.channels import SceneUpdateChannel
 
@@ -141,7 +139,7 @@ def _perception(run: LoggedRun, ego: TimedRows, start_ns: int, context: Context)
     time_s = decision_times(run.log)
     if not len(time_s):
         return []
-    stamps_ns = nanoseconds(time_s, start_ns)
+    stamps_ns = run.stamps_ns(time_s)
     stamps = scene.timestamps(stamps_ns)
     rows = {
         kind: rows_of(run.log, kind, time_s) for kind in ("detection", "track", "forecast", "ego_forecast")
@@ -154,12 +152,12 @@ def _perception(run: LoggedRun, ego: TimedRows, start_ns: int, context: Context)
     }
     paired = {topic: _paired(stamps_ns, messages) for topic, messages in made.items()}
     if run.strategy is not None:
-        paired["/monitored_area"] = _areas(run.strategy, ego, time_s, start_ns)
+        paired["/monitored_area"] = _areas(run, run.strategy, ego, time_s)
     return [(SceneUpdateChannel(topic, context=context), messages) for topic, messages in paired.items()]
 
 
 def _areas(
-    strategy: MonitoredAreaStrategy, ego: TimedRows, time_s: FloatArray, start_ns: int
+    run: LoggedRun, strategy: MonitoredAreaStrategy, ego: TimedRows, time_s: FloatArray
 ) -> list[tuple[int, Any]]:
     """The monitored area at the decisions for which there is an ego."""
     from evaluation.views.traces import scene
@@ -167,7 +165,7 @@ def _areas(
     decided = np.flatnonzero(np.isin(ego.time_s, time_s))
     states = ego_states(ego)
     areas = [strategy.at(states[k]).polygons() for k in decided.tolist()]
-    stamps_ns = nanoseconds(ego.time_s[decided], start_ns)
+    stamps_ns = run.stamps_ns(ego.time_s[decided])
     return _paired(stamps_ns, scene.area_scene(areas, scene.timestamps(stamps_ns)))
 
 
@@ -185,7 +183,7 @@ def _signals(run: LoggedRun, ego: TimedRows, stamps_ns: Sequence[int], context: 
     return channel, _paired(stamps_ns, signals.encoded(of_signals))
 
 
-def _events(run: LoggedRun, start_ns: int, context: Context) -> Messages:
+def _events(run: LoggedRun, context: Context) -> Messages:
     """Events of the log, and the contact, which the log does not name."""
     from foxglove.channels import LogChannel
 
@@ -196,7 +194,7 @@ def _events(run: LoggedRun, start_ns: int, context: Context) -> Messages:
     if run.contact_time_s is not None:
         events.append((run.contact_time_s, "run", "contact"))
     events.sort(key=lambda event: event[0])
-    stamps_ns = nanoseconds(np.array([time for time, *_ in events], dtype=np.float64), start_ns)
+    stamps_ns = run.stamps_ns(np.array([time for time, *_ in events], dtype=np.float64))
     logs = [
         scene.event_log(stamp, str(layer), str(name))
         for stamp, (_, layer, name) in zip(scene.timestamps(stamps_ns), events, strict=True)

@@ -22,7 +22,6 @@ from evaluation.views.traces.run import (
     actor_rows,
     ego_rows,
     ego_states,
-    nanoseconds,
 )
 from opendrive import RoadNetwork
 from smartmot.types import FloatArray
@@ -112,7 +111,7 @@ def ground_truth(run: LoggedRun) -> tuple[list[GroundTruth], tuple[str, ...]]:
     ego, actors = ego_rows(run.log), actor_rows(run.log)
     if len(actors) and actors["id"].min() < 0:
         raise ResultsError(f"{run.name}: identities must not be negative: {actors['id'].min():g}")
-    stamps_ns = nanoseconds(ego.time_s, run.start_ns)
+    stamps_ns = run.stamps_ns(ego.time_s)
     messages = []
     for stamp in stamps_ns:
         message = GroundTruth()

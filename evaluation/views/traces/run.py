@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NANOSECONDS = 1_000_000_000
+ROUNDING_NS = 1000
+"""Logs have seconds from the first frame on. Differences of doubles of today's date, which are 240 ns apart,
+are off by less than that; no recorder takes two frames within it."""
 LAST_S = 2.0**32 - 1
 """Stamps of foxglove's messages count seconds since 1970 in 32 bits."""
 
@@ -46,6 +49,7 @@ class LoggedRun:
         start_s: stamp of the log's time 0, seconds since 1970; 0 of a simulated run.
         contact_time_s: when the ego touched another road user; None: never, or not known.
         height_m: heights of road users by their identity in the log, as far as known.
+        frame_ns: (F,) ascending stamps of the recording's frames, ns since 1970, where it has whole ones.
     """
 
     name: str
@@ -55,6 +59,7 @@ class LoggedRun:
     start_s: float = 0.0
     contact_time_s: float | None = None
     height_m: Mapping[int, float] = field(default_factory=dict)
+    frame_ns: IntArray | None = None
 
     @property
     def start_ns(self) -> int:
@@ -68,6 +73,22 @@ class LoggedRun:
         if not self._fits(0.0):
             raise ResultsError(f"{self.name}: times must lie in 0 s to 2^32 s, counted from 1970")
         return 0
+
+    def stamps_ns(self, time_s: FloatArray) -> list[int]:
+        """(T,) times of the log as stamps, ns since 1970; those of frames are the recording's own.
+
+        Raises:
+            ResultsError: see `start_ns`.
+        """
+        start_ns = self.start_ns
+        stamps = np.rint(time_s * NANOSECONDS).astype(np.int64) + start_ns
+        frames = self.frame_ns
+        if start_ns and frames is not None and len(frames):
+            after = np.searchsorted(frames, stamps).clip(max=len(frames) - 1)
+            before = (after - 1).clip(min=0)
+            nearest = frames[np.where(stamps - frames[before] < frames[after] - stamps, before, after)]
+            stamps = np.where(np.abs(nearest - stamps) <= ROUNDING_NS, nearest, stamps)
+        return [int(stamp) for stamp in stamps.tolist()]
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -148,11 +169,6 @@ def rows_of(log: pd.DataFrame, kind: str, time_s: FloatArray, one_per: Sequence[
     order = np.flatnonzero(known)[np.argsort(at[known], kind="stable")]
     columns = {str(name): rows[name].to_numpy()[order] for name in rows.columns}
     return TimedRows(time_s, np.searchsorted(at[order], np.arange(len(time_s) + 1)), columns)
-
-
-def nanoseconds(time_s: FloatArray, start_ns: int) -> list[int]:
-    """(T,) times of a log as stamps, ns since 1970."""
-    return [start_ns + value for value in np.rint(time_s * NANOSECONDS).astype(np.int64).tolist()]
 
 
 def ego_rows(log: pd.DataFrame) -> TimedRows:

@@ -172,6 +172,7 @@ def read_argoverse(folder: Path) -> Dataset:
         labels=labels,
         world_SE3_ego=poses.at(stamp_ns),
         map_path=map_archive(folder),
+        stamp_ns=stamp_ns.astype(np.int64),
     )
     return finished("argoverse", [sequence], tuple(notes))
 

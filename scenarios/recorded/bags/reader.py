@@ -161,4 +161,5 @@ def _sequence(
     objects = objects_on_map(kept, sensor_poses, classes, velocity_frame, notes)
     stamps = np.array([frame.time_ns for frame in kept], dtype=np.int64)
     stamp_s = np.asarray(stamps * _NS, dtype=np.float64)
-    return Sequence(name, stamp_s, tuple(map(str, stamps.tolist())), objects, world_SE3_ego=poses)
+    frame_name = tuple(map(str, stamps.tolist()))
+    return Sequence(name, stamp_s, frame_name, objects, world_SE3_ego=poses, stamp_ns=stamps)

@@ -12,9 +12,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from osi3trace.osi_trace import OSITrace
+from rosbags.rosbag2 import Reader
 
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_log
+from scenarios.ros.definitions import PREDICTION_ARRAY, ros2_types
+from tests.scenarios.ros.bags_made import DATA
 
 START_S = 1_532_402_927.6
 
@@ -71,6 +74,31 @@ def test_every_drive_is_written_with_its_own_stamps(
         # seconds since 1970 as doubles are 0.24 us apart
         assert [t - START_S * 1e9 for t, *_ in found] == pytest.approx(ego["time_s"] * 1e9, abs=500)
         assert [place for _, *place in found] == pytest.approx(ego[["x_m", "y_m"]].to_numpy(), abs=1e-9)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_stamps_of_a_bag_are_kept_to_the_nanosecond(
+    run: Callable[..., Any], tmp_path: Path, storage: str
+) -> None:
+    bag, types = DATA / f"tracker_input_{storage}", ros2_types()
+    expected = []
+    with Reader(bag) as reader:
+        frames = [c for c in reader.connections if c.msgtype == PREDICTION_ARRAY]
+        for connection, received_ns, data in reader.messages(frames):
+            stamp = types.deserialize_cdr(data, connection.msgtype).header.stamp
+            expected.append(stamp.sec * 10**9 + stamp.nanosec or received_ns)
+    out = tmp_path / "out"
+    done = run("drive", bag, "--strategy", "path", "--mcap", "--no-page", "--quiet", "--out", out)
+    assert (done.status, done.err) == (0, "")
+    (written,) = (out / "mcap").iterdir()
+    stamps = [stamp for stamp, *_ in transforms(written.read_bytes())]
+    assert stamps == sorted(expected)
+    done = run("replay", out / written.stem, "--osi", tmp_path / "a.osi", "--quiet")
+    assert done.status == 0
+    trace = OSITrace(str(tmp_path / "a.osi"), "GroundTruth")
+    of_osi = [message.timestamp.seconds * 10**9 + message.timestamp.nanos for message in trace]
+    trace.close()
+    assert of_osi == stamps
 
 
 def test_replay_of_a_drive_with_its_map(run: Callable[..., Any], driven: Path, tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -276,6 +278,22 @@ def test_stamps_of_a_recording_are_its_own() -> None:
     assert stamps[0] == pytest.approx(1_532_402_927_647_951_000, abs=500)
     assert stamps[1] - stamps[0] == 100_000_000
     assert notes == ()
+
+
+@given(
+    st.integers(1, 4_000_000_000_000_000_000),
+    st.lists(st.integers(100_000, 2_000_000_000), min_size=1, max_size=20),
+)
+def test_stamps_of_frames_are_kept_to_the_nanosecond(first_ns: int, steps_ns: list[int]) -> None:
+    frame_ns = first_ns + np.concatenate(([0], np.cumsum(steps_ns)))
+    frame_s = frame_ns * 1e-9  # as readers and logs of drives have them
+    time_s = frame_s - frame_s[0]
+    log = made(*(ego_row(t) for t in time_s.tolist()))
+    run = LoggedRun("exact", log, start_s=float(frame_s[0]), frame_ns=frame_ns)
+    assert run.stamps_ns(time_s) == frame_ns.tolist()
+    # between two frames times go on from the first
+    between_s = 0.5 * (time_s[0] + time_s[1])
+    assert run.stamps_ns(np.array([between_s])) == pytest.approx([first_ns + between_s * 1e9], abs=1500)
 
 
 @pytest.mark.parametrize("start_s", [-5.0, 5e9])
