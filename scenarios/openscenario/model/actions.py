@@ -58,6 +58,102 @@ class LongitudinalDistanceAction(
     ]
 
 
+class DynamicConstraints(Element):
+    """Limits of a change, as amounts; None: there is none."""
+
+    max_acceleration_mps2: Annotated[float | None, Attribute("maxAcceleration", sign="not negative")] = None
+    max_deceleration_mps2: Annotated[float | None, Attribute("maxDeceleration", sign="not negative")] = None
+    max_speed_mps: Annotated[float | None, Attribute("maxSpeed", sign="not negative")] = None
+    max_acceleration_rate_mps3: Annotated[
+        float | None, Attribute("maxAccelerationRate", sign="not negative")
+    ] = None
+    max_deceleration_rate_mps3: Annotated[
+        float | None, Attribute("maxDecelerationRate", sign="not negative")
+    ] = None
+
+
+class RelativeLane(Element):
+    """A lane so many to the left of that of an entity, as the entity sees it."""
+
+    entity: EntityName
+    lanes: int
+
+
+class LaneChangeAction(
+    Element,
+    group="LateralAction",
+    attributes="targetLaneOffset",
+    children="LaneChangeActionDynamics LaneChangeTarget",
+):
+    """Change to a lane, which is a lane id or counts from an entity, with given dynamics.
+
+    `offset_m` is that in the target lane, along the t axis of its road.
+    """
+
+    shape: SpeedShape
+    dimension: Dimension
+    value: float
+    target: int | RelativeLane
+    offset_m: float
+
+
+class RelativeOffset(Element):
+    """A place so far to the left of an entity, as the entity sees it."""
+
+    entity: EntityName
+    offset_m: float
+
+
+class LaneOffsetAction(
+    Element,
+    group="LateralAction",
+    attributes="continuous",
+    children="LaneOffsetActionDynamics LaneOffsetTarget",
+):
+    """Take an offset in the lane (along the t axis of its road) or beside an entity, and keep it.
+
+    `max_lateral_mps2` None: at once. `continuous`: the action goes on until something stops it.
+    """
+
+    shape: SpeedShape
+    max_lateral_mps2: float | None
+    target: float | RelativeOffset
+    continuous: bool
+
+
+class LateralDistanceAction(
+    Element,
+    group="LateralAction",
+    attributes="entityRef distance freespace continuous displacement coordinateSystem",
+    children="DynamicConstraints",
+):
+    """Be at a distance beside an entity, and, if continuous, keep it.
+
+    Args:
+        entity: the other.
+        distance_m: None: the one that it has.
+        freespace: between outlines; else between reference points.
+        continuous: the action goes on until something stops it.
+        left: on which side of the entity; None: where it is.
+        constraints: None: at once.
+    """
+
+    entity: EntityName
+    distance_m: Annotated[float | None, Attribute("distance", sign="not negative")]
+    freespace: Annotated[bool, Attribute("freespace")]
+    continuous: Annotated[bool, Attribute("continuous")]
+    left: Annotated[
+        bool | None,
+        Only("coordinateSystem", "entity lane road trajectory", "entity"),
+        Attribute(
+            "displacement",
+            "any",
+            {"any": None, "leftToReferencedEntity": True, "rightToReferencedEntity": False},
+        ),
+    ]
+    constraints: Annotated[DynamicConstraints | None, Child("DynamicConstraints")] = None
+
+
 class SteadyState(Element):
     """Last part of a synchronised approach, at the final speed: a distance or a duration."""
 
@@ -209,6 +305,9 @@ class ModifyVariableAction(Element):
 PrivateAction: TypeAlias = (
     SpeedAction
     | LongitudinalDistanceAction
+    | LaneChangeAction
+    | LaneOffsetAction
+    | LateralDistanceAction
     | VisibilityAction
     | SynchronizeAction
     | TeleportAction

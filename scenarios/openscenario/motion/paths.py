@@ -105,6 +105,21 @@ class Path(Immutable):
             heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
         return x0 + part * dx, y0 + part * dy, heading
 
+    def poses(self, station_m: FloatArray) -> FloatArray:
+        """(K, 3) x, y and heading at (K,) arc lengths, which may lie beyond the ends."""
+        table = np.array(self._chords)
+        stations = np.array(self._station)
+        i = np.clip(np.searchsorted(stations, station_m, side="right") - 1, 0, len(table) - 1)
+        x0, y0, s0, dx, dy, ds = table[i].T
+        part = (station_m - s0) / ds
+        if self._yaw is None:
+            return np.column_stack((x0 + part * dx, y0 + part * dy, np.array(self._chord_yaw)[i]))
+        yaw, inside = np.array(self._yaw), np.clip(part, 0.0, 1.0)
+        heading = yaw[i] + inside * (yaw[i + 1] - yaw[i])
+        beyond = (part - inside) * ds
+        x, y = x0 + inside * dx + beyond * np.cos(heading), y0 + inside * dy + beyond * np.sin(heading)
+        return np.column_stack((x, y, heading))
+
     def project(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Arc length of the nearest point, also beyond the ends, and the offset to the left of it."""
         return self._project(x_m, y_m, 0, len(self._station))

@@ -102,10 +102,7 @@ class Locator:
     def _relative_lane(self, position: RelativeLanePosition) -> Pose:
         """DLane counts lanes to the left of the entity, ds the way ahead of it."""
         place = self._place(position.entity)
-        lane_id = place.lane_id
-        for _ in range(abs(position.d_lane)):
-            lane_id += int(math.copysign(1, position.d_lane)) * place.along_s
-            lane_id += 0 if lane_id else int(math.copysign(1, position.d_lane)) * place.along_s
+        lane_id = place.beside(position.d_lane)
         s = place.s_m + (0.0 if position.along_lane else position.ds_m * place.along_s)
         if position.along_lane:
             lane = self.roads.lane(place.road_id, lane_id, place.s_m)

@@ -56,6 +56,14 @@ class LanePlace(Immutable):
     offset_m: float
     along_s: int
 
+    def beside(self, lanes: int) -> int:
+        """Id of the lane so many to the left, as seen along the heading of the pose; there is no lane 0."""
+        lane_id, side = self.lane_id, (1 if lanes > 0 else -1) * self.along_s
+        for _ in range(abs(lanes)):
+            lane_id += side
+            lane_id += 0 if lane_id else side
+        return lane_id
+
 
 class Roads(Immutable):
     """Queries on one network.
@@ -151,11 +159,17 @@ class Roads(Immutable):
         legs = self._legs_ahead(place.lane, place.s_m, place.along_s)
         return self.path(legs, place.offset_m * place.along_s)
 
+    def lane_way(self, lane: int, s_m: float, along_s: int, roads: frozenset[str] = frozenset()) -> Path:
+        """Way along the middle of a lane and the lanes after it; at forks onto given roads if it can be."""
+        return self.path(self._legs_ahead(lane, s_m, along_s, roads), 0.0)
+
     def _is_driving(self, lane: int) -> bool:
         return str(self.network.lanes.lane_type[lane]) not in ("none", "border", "sidewalk", "shoulder")
 
-    def _legs_ahead(self, lane: int, s_m: float, along_s: int) -> list[Leg]:
-        """Legs from a place on, through the straightest of the lanes that follow."""
+    def _legs_ahead(
+        self, lane: int, s_m: float, along_s: int, roads: frozenset[str] = frozenset()
+    ) -> list[Leg]:
+        """Legs from a place on, through lanes of given roads, or else the straightest that follow."""
         lanes = self.network.lanes
         legs: list[Leg] = []
         length, seen = 0.0, set[int]()
@@ -167,13 +181,13 @@ class Roads(Immutable):
             with_traffic = along_s == self.direction(lane)
             following = self.network.successors(lane) if with_traffic else self.network.predecessors(lane)
             options = [
-                (self._turn(lane, other, along_s, with_traffic), other)
+                (lanes.key[other].road_id not in roads, self._turn(lane, other, along_s, with_traffic), other)
                 for other in following
                 if other not in seen
             ]
             if not options or length > MAX_WAY_M:
                 return legs
-            _, lane = min(options)
+            _, _, lane = min(options)
             along_s = self.direction(lane) if with_traffic else -self.direction(lane)
             s_m = float(lanes.s_start_m[lane] if along_s > 0 else lanes.s_end_m[lane])
 

@@ -14,10 +14,14 @@ from scenarios.openscenario.model import (
     Environment,
     EnvironmentAction,
     FollowTrajectoryAction,
+    LaneChangeAction,
+    LaneOffsetAction,
     LightStateAction,
     LongitudinalDistanceAction,
     ModifyVariableAction,
     PrivateAction,
+    RelativeLane,
+    RelativeOffset,
     RelativeSpeed,
     SetVariableAction,
     SpeedAction,
@@ -81,6 +85,49 @@ def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
         raise UnsupportedError(f"{target.where} continuous='true' is not supported")
     kind = target.choice("speedTargetValueType", "delta factor")
     return RelativeSpeed(context.entity(target), target.number("value"), kind == "factor")
+
+
+@reads(LaneChangeAction)
+def _lane_change(node: Node, context: Context) -> LaneChangeAction:
+    allow(LaneChangeAction, node)
+    dynamics = node.need("LaneChangeActionDynamics")
+    dynamics.allow("dynamicsShape dynamicsDimension value followingMode")
+    dynamics.choice("followingMode", "position follow", "position")
+    shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
+    dimension = dynamics.choice("dynamicsDimension", "time rate distance")
+    goal = node.need("LaneChangeTarget").one_of("AbsoluteTargetLane RelativeTargetLane")
+    target: int | RelativeLane
+    if goal.tag == "AbsoluteTargetLane":
+        goal.allow("value")
+        target = goal.integer("value")
+    else:
+        goal.allow("entityRef value")
+        target = RelativeLane(context.entity(goal), goal.integer("value"))
+    return LaneChangeAction(
+        cast(SpeedShape, shape),
+        cast(Dimension, dimension),
+        amount(dynamics, dimension, shape),
+        target,
+        node.number("targetLaneOffset", 0.0),
+    )
+
+
+@reads(LaneOffsetAction)
+def _lane_offset(node: Node, context: Context) -> LaneOffsetAction:
+    allow(LaneOffsetAction, node)
+    dynamics = node.need("LaneOffsetActionDynamics")
+    dynamics.allow("dynamicsShape maxLateralAcc")
+    shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
+    limit = dynamics.positive("maxLateralAcc", zero=False) if dynamics.has("maxLateralAcc") else None
+    goal = node.need("LaneOffsetTarget").one_of("AbsoluteTargetLaneOffset RelativeTargetLaneOffset")
+    target: float | RelativeOffset
+    if goal.tag == "AbsoluteTargetLaneOffset":
+        goal.allow("value")
+        target = goal.number("value")
+    else:
+        goal.allow("entityRef value")
+        target = RelativeOffset(context.entity(goal), goal.number("value"))
+    return LaneOffsetAction(cast(SpeedShape, shape), limit, target, node.boolean("continuous"))
 
 
 @reads(LongitudinalDistanceAction)

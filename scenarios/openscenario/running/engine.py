@@ -192,7 +192,9 @@ class Engine:
             for action in event.actions:
                 if isinstance(action.action, model.SynchronizeAction):
                     names.extend(action.entities)
-                elif isinstance(action.action, model.SpeedAction | model.FollowTrajectoryAction):
+                elif isinstance(
+                    action.action, model.SpeedAction | model.FollowTrajectoryAction | model.LaneChangeAction
+                ):
                     moved.extend(action.entities)
         names.extend((*moved, *(other.name for other, _ in self._touches)))
         return next((name for name in names if name != self.ego.name), None)

@@ -9,7 +9,7 @@ from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.reading.reader import ends_with
-from scenarios.openscenario.running import following
+from scenarios.openscenario.running import following, lateral
 from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
@@ -37,6 +37,12 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
                 return following.FollowTrajectory(world, actor, action)
             case model.AssignRouteAction():
                 return following.AssignRoute(world, actor, action)
+            case model.LaneChangeAction():
+                return lateral.LaneChange(world, actor, action)
+            case model.LaneOffsetAction():
+                return lateral.LaneOffset(world, actor, action)
+            case model.LateralDistanceAction():
+                return lateral.LateralDistance(world, actor, action)
             case model.AcquirePositionAction():
                 return following.AcquirePosition(world, actor, action)
             case model.TeleportAction():

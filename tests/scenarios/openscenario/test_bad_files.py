@@ -90,7 +90,7 @@ def test_content(write, old, new, error, texts):
 @pytest.mark.parametrize(
     "action",
     [
-        "<LateralAction><LaneChangeAction/></LateralAction>",
+        "<TrailerAction/>",
         "<RoutingAction><RandomRouteAction/></RoutingAction>",
         "<LongitudinalAction><SpeedProfileAction/></LongitudinalAction>",
         "<AppearanceAction><AnimationAction/></AppearanceAction>",

@@ -1,0 +1,347 @@
+"""Actions that move entities sideways: lane changes, lane offsets, lateral distances."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+import numpy as np
+
+from scenarios.openscenario import model
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.lateral import (
+    BENDS,
+    SHAPES,
+    Swerve,
+    by_station,
+    by_way_gone,
+    count_of,
+    too_steep,
+)
+from scenarios.openscenario.motion.paths import Path
+from scenarios.openscenario.motion.profiles import SLOPES, SpeedProfile
+from scenarios.openscenario.motion.roads import LanePlace
+from scenarios.openscenario.running.actions import LATERAL, RunningAction
+from scenarios.openscenario.running.actors import STANDING_MPS
+from scenarios.openscenario.running.following import go_on
+from scenarios.openscenario.running.world import Instant
+from smartmot.types import FloatArray
+
+NO_OFFSET_M = 1e-6
+"""Smaller changes of an offset are none."""
+
+LateralT_co = TypeVar(
+    "LateralT_co",
+    bound="model.LaneChangeAction | model.LaneOffsetAction | model.LateralDistanceAction",
+    covariant=True,
+)
+
+
+class _Sideways(RunningAction[LateralT_co]):
+    """What lateral actions share: a change of the offset from a curve, over a time or over a way.
+
+    A change over a time follows the speed of the entity: it is worked out again where the scenario gives the
+    entity another one. Who is commanded by a controller keeps the way that was worked out at the beginning.
+    """
+
+    domains = frozenset({LATERAL})
+    shape: model.SpeedShape = "step"
+
+    def _begin(self, time_s: float, curve: Path, target_m: float, duration_s: float) -> None:
+        """Begin a change to an offset from a curve over a time."""
+        who = self.who
+        pose = who.state(time_s).pose
+        self._curve, self._begin_s, self._duration_s = curve, time_s, duration_s
+        self._station, self._left = curve.project(pose.x_m, pose.y_m)
+        self._target = target_m
+        self._swerve: Swerve | None = None
+        self._profile: SpeedProfile | None = None
+        self._by_way = False
+        if abs(self._target - self._left) <= NO_OFFSET_M or duration_s <= 0.0:
+            self._jump(time_s)
+            return
+        self._require_forward(time_s)
+        self._plan(time_s)
+
+    def _begin_over_way(self, time_s: float, curve: Path, target_m: float, way_m: float) -> None:
+        """Begin a change over a way along a curve."""
+        self._begin(time_s, curve, target_m, 0.0 if way_m <= 0.0 else math.inf)
+        if self._duration_s > 0.0 and abs(self._target - self._left) > NO_OFFSET_M:
+            self._over_way(time_s, way_m)
+
+    def _require_forward(self, time_s: float) -> None:
+        if self.who.asked_mps(time_s) < -STANDING_MPS:
+            raise RunError(
+                f"'{self.who.name}' is to move sideways in reverse at {time_s:.3f} s: not carried out"
+            )
+
+    def _jump(self, time_s: float) -> None:
+        """Be beside the curve at once."""
+        stations = self._station + np.linspace(0.0, 1.0, 3)
+        self._take(time_s, by_station(self._curve, stations, np.full(3, self._target), (True, True)))
+        self._end_m = 0.0
+
+    def _take(self, time_s: float, swerve: Swerve) -> None:
+        self._swerve = swerve
+        self._end_m = float(swerve.gone_m[-1])
+        self.who.follow(time_s, swerve.path, 0.0, trajectory=False)
+
+    def _done(self, part: FloatArray) -> FloatArray:
+        """Offsets after shares of the time or way."""
+        return self._left + (self._target - self._left) * SHAPES[self.shape](part)
+
+    def _plan(self, time_s: float) -> None:
+        """Work out the way from a time on, for the speed that the scenario has given the entity."""
+        if not math.isfinite(self._duration_s):
+            return
+        who = self.who
+        gone_share = (time_s - self._begin_s) / self._duration_s
+        station = self._station_now(time_s)
+        self._profile = who.profile
+        left_s = self._duration_s * (1.0 - gone_share)
+        speed_mps = who.progress_mps(who.state(time_s))
+        follows = who.tow is None and not who.commanded
+        length = (
+            who.profile.at(time_s + left_s)[0] - who.profile.at(time_s)[0] if follows else speed_mps * left_s
+        )
+        part = np.linspace(gone_share, 1.0, count_of(abs(length)))
+        if follows:
+            before = who.profile.at(time_s)[0]
+            times = time_s + (part - gone_share) * self._duration_s
+            gone = np.array([who.profile.at(t)[0] for t in times.tolist()]) - before
+        else:
+            gone = speed_mps * (part - gone_share) * self._duration_s
+        left = self._done(part)
+        if too_steep(gone, left):
+            # there is not way enough for the time: as soon as the heading stays within 45 degrees
+            way = SLOPES[self.shape] * abs(self._target - self._left) * (1.0 - gone_share)
+            self._over_way(time_s, way, gone_share, station)
+            return
+        self._by_way = False
+        self._take(time_s, by_way_gone(self._curve, station, gone, left, self._smooth(gone_share)))
+
+    def _over_way(
+        self, time_s: float, way_m: float, gone_share: float = 0.0, station_m: float | None = None
+    ) -> None:
+        """Work out the way for what is left of a change over a way."""
+        station = self._station if station_m is None else station_m
+        self._by_way, self._planned_s = True, time_s
+        part = np.linspace(gone_share, 1.0, count_of(way_m))
+        stations = station + (part - gone_share) / (1.0 - gone_share) * way_m
+        self._take(time_s, by_station(self._curve, stations, self._done(part), self._smooth(gone_share)))
+
+    def _smooth(self, gone_share: float) -> tuple[bool, bool]:
+        """Whether what is left of the change begins, and ends, along the curve."""
+        return self.shape != "linear" and gone_share == 0.0, self.shape != "linear"
+
+    def _station_now(self, time_s: float) -> float:
+        """Arc length on the curve beside the entity."""
+        if self._swerve is None:
+            return self._station
+        gone = self.who.state(time_s).station_m
+        return float(np.interp(gone, self._swerve.gone_m, self._swerve.station_m))
+
+    def update(self, instant: Instant) -> bool:
+        """Follow a speed that is new."""
+        time_s, who = instant.time_s, self.who
+        if self._profile is None:
+            return False
+        if self._by_way and time_s > self._planned_s:
+            self._profile = None  # over a way from now on, whatever the speed
+            self.world.note(
+                f"'{who.name}' is too slow to move {abs(self._target - self._left):.3g} m sideways within "
+                f"{self._duration_s:.3g} s at {self._begin_s:.3f} s: it takes longer"
+            )
+            return False
+        if who.profile is self._profile or who.commanded or who.tow is not None:
+            return False
+        if time_s < self._begin_s + self._duration_s:
+            self._plan(time_s)
+            return True
+        return False
+
+    def ended(self, instant: Instant) -> bool:
+        """At the offset."""
+        return instant.state(self.who.name).station_m >= self._end_m - NO_OFFSET_M
+
+    def leave(self, time_s: float) -> None:
+        """Go on along the lane at the present offset."""
+        go_on(self.who, self.world, time_s)
+
+    # Where it is to go
+
+    def _place(self, name: str, time_s: float) -> LanePlace:
+        """Lane of an entity.
+
+        Raises:
+            RunError: it is in none.
+        """
+        place = self.world.locator.roads.place(self.world.actors[name].state(time_s).pose)
+        if place is None:
+            raise RunError(
+                f"'{name}' is on no road at {time_s:.3f} s, which {type(self.action).__name__} needs"
+            )
+        return place
+
+    def _lane_curve(self, place: LanePlace, lane: int) -> Path:
+        """The middle of a lane from beside the entity on; at forks along its route."""
+        roads, route = self.world.locator.roads, self.who.route or ()
+        lanes = roads.network.lanes
+        on_route = frozenset(lanes.key[leg.lane].road_id for leg in route)
+        return roads.lane_way(lane, place.s_m, place.along_s, on_route)
+
+    def _beside(self, name: str, curve: Path, time_s: float) -> tuple[float, float]:
+        """Offset of another entity from a curve, and +1 if it heads along it, -1 if against."""
+        state = self.world.actors[name].state(time_s)
+        station, left = curve.project(state.x_m, state.y_m)
+        return left, math.copysign(1.0, math.cos(curve.pose(station)[2] - state.yaw_rad))
+
+
+class LaneChange(_Sideways[model.LaneChangeAction]):
+    """LaneChangeAction."""
+
+    def start(self, time_s: float) -> None:
+        """Begin the change to the lane."""
+        action, roads = self.action, self.world.locator.roads
+        place = self._place(self.who.name, time_s)
+        target = action.target
+        if isinstance(target, model.RelativeLane):
+            other = self._place(target.entity, time_s)
+            lane_id = other.beside(target.lanes)
+        else:
+            lane_id = target
+        lane = roads.lane(place.road_id, lane_id, place.s_m)
+        curve = self._lane_curve(place, lane)
+        offset = action.offset_m * place.along_s
+        self.shape = action.shape
+        if action.shape == "step":
+            self._begin(time_s, curve, offset, 0.0)
+        elif action.dimension == "distance":
+            self._begin_over_way(time_s, curve, offset, action.value)
+        else:
+            pose = self.who.state(time_s).pose
+            change = abs(offset - curve.project(pose.x_m, pose.y_m)[1])
+            rate = action.dimension == "rate"
+            duration = SLOPES[action.shape] * change / action.value if rate else action.value
+            self._begin(time_s, curve, offset, duration)
+
+
+class _Kept(_Sideways[LateralT_co]):
+    """An offset that may be kept beside an entity."""
+
+    def start(self, time_s: float) -> None:
+        """Begin the change to the offset."""
+        self._place_now = self._place(self.who.name, time_s)
+        self._middle = self._lane_curve(self._place_now, self._place_now.lane)
+        self._begin(time_s, self._middle, *self._asked(time_s))
+
+    def _asked(self, time_s: float) -> tuple[float, float]:
+        """The offset from the lane, and how long the change to it takes."""
+        offset = self._target_m(time_s)
+        pose = self.who.state(time_s).pose
+        return offset, self._duration(abs(offset - self._middle.project(pose.x_m, pose.y_m)[1]))
+
+    def _target_m(self, time_s: float) -> float:
+        raise NotImplementedError
+
+    def _duration(self, change_m: float) -> float:
+        raise NotImplementedError
+
+    def _follows(self) -> bool:
+        """Whether the offset moves with another entity."""
+        raise NotImplementedError
+
+    def update(self, instant: Instant) -> bool:
+        """Follow the other entity."""
+        if self._follows() and instant.time_s > self._begin_s:
+            offset, duration = self._asked(instant.time_s)
+            if abs(offset - self._target) > NO_OFFSET_M and self._reached(instant):
+                self._begin(instant.time_s, self._middle, offset, duration)
+                return True
+        return super().update(instant)
+
+    def _reached(self, instant: Instant) -> bool:
+        return super().ended(instant)
+
+    def ended(self, instant: Instant) -> bool:
+        """At the offset, unless it is to be kept."""
+        return not self.action.continuous and self._reached(instant)  # type: ignore[union-attr]
+
+
+class LaneOffset(_Kept[model.LaneOffsetAction]):
+    """LaneOffsetAction."""
+
+    def start(self, time_s: float) -> None:
+        """Begin the change to the offset."""
+        self.shape = self.action.shape
+        super().start(time_s)
+
+    def _target_m(self, time_s: float) -> float:
+        target = self.action.target
+        if isinstance(target, model.RelativeOffset):
+            left, facing = self._beside(target.entity, self._middle, time_s)
+            return left + facing * target.offset_m
+        return target * self._place_now.along_s
+
+    def _duration(self, change_m: float) -> float:
+        limit = self.action.max_lateral_mps2
+        if limit is None or self.shape == "step":
+            return 0.0
+        return math.sqrt(BENDS[self.shape] * change_m / limit)
+
+    def _follows(self) -> bool:
+        return self.action.continuous and isinstance(self.action.target, model.RelativeOffset)
+
+    def needs(self) -> frozenset[str]:
+        """Whom it stays beside."""
+        target = self.action.target
+        return frozenset({target.entity}) if isinstance(target, model.RelativeOffset) else frozenset()
+
+
+class LateralDistance(_Kept[model.LateralDistanceAction]):
+    """LateralDistanceAction; a change within limits has the shape of a cubic."""
+
+    shape = "cubic"
+
+    def start(self, time_s: float) -> None:
+        """Find the side, and begin the change to the distance."""
+        self._side: float | None = None
+        super().start(time_s)
+
+    def _target_m(self, time_s: float) -> float:
+        action = self.action
+        left, facing = self._beside(action.entity, self._middle, time_s)
+        pose = self.who.state(time_s).pose
+        own = self._middle.project(pose.x_m, pose.y_m)[1]
+        apart = 0.0
+        if action.freespace:
+            apart = 0.5 * (self.who.definition.width_m + self.world.actors[action.entity].definition.width_m)
+        if self._side is None:
+            on_left = own >= left if action.left is None else action.left == (facing > 0.0)
+            self._side = 1.0 if on_left else -1.0
+            self._distance_m = action.distance_m
+            if self._distance_m is None:
+                self._distance_m = max(self._side * (own - left) - apart, 0.0)
+        assert self._distance_m is not None
+        return left + self._side * (self._distance_m + apart)
+
+    def _duration(self, change_m: float) -> float:
+        limits = self.action.constraints
+        if limits is None:
+            return 0.0
+        accelerations = [
+            limit
+            for limit in (limits.max_acceleration_mps2, limits.max_deceleration_mps2)
+            if limit is not None
+        ]
+        durations = [math.sqrt(BENDS["cubic"] * change_m / limit) for limit in accelerations if limit > 0.0]
+        if limits.max_speed_mps:
+            durations.append(SLOPES["cubic"] * change_m / limits.max_speed_mps)
+        return max(durations, default=0.0)
+
+    def _follows(self) -> bool:
+        return self.action.continuous
+
+    def needs(self) -> frozenset[str]:
+        """Whom it stays beside."""
+        return frozenset({self.action.entity})
