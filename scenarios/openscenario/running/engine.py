@@ -19,9 +19,9 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
-from scenarios.openscenario.running import controllers
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
+from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.initial import in_order
 from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only

@@ -9,11 +9,12 @@ from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.reading.reader import ends_with
-from scenarios.openscenario.running import following, lateral
+from scenarios.openscenario.running import following
 from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
-from scenarios.openscenario.running.controllers import Control
+from scenarios.openscenario.running.driving import lateral
+from scenarios.openscenario.running.driving.controllers import Control
 from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
 

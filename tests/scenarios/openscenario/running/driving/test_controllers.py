@@ -5,7 +5,7 @@ import math
 import pytest
 
 from scenarios.openscenario import Engine, UnsupportedError, load
-from scenarios.openscenario.running.controllers import ACCEL_MPS2, HEADWAY_S, STANDSTILL_M
+from scenarios.openscenario.running.driving.controllers import ACCEL_MPS2, HEADWAY_S, STANDSTILL_M
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     act,

@@ -1,0 +1,1 @@
+"""Actions that drive entities: sideways, by controllers."""
