@@ -11,6 +11,9 @@ from typing import TypeVar
 
 from scenarios.presets import PRESETS, Preset
 from scenarios.sensors.boxes import SensorConfig
+from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception
+from scenarios.sensors.lidar.config import SENSORS, lidar_config
+from scenarios.sensors.lidar.street import Furnished
 from scenarios.sensors.suite import whole_steps
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
 from scenarios.simulation.truth import STEP_S
@@ -274,6 +277,67 @@ def _put_errors(preset: Preset, value: Setting) -> Preset:
     return _with(preset, ("sensor", "errors"), NAMED_ERRORS[str(value)])
 
 
+TRUTH = "truth"
+"""Name of the shipped sensor: ground truth with errors."""
+
+STREETS = ("bare", "furnished")
+
+OF_LIDAR = ("perception", "street", "street_density", "street_seed")
+"""Parameters that mean nothing for the shipped sensor."""
+
+OF_TRUTH = ("detector", "sensor_errors", *ERROR_NUMBERS)
+"""Parameters that mean nothing for a LiDAR."""
+
+
+def _sensor_of(preset: Preset) -> str:
+    return TRUTH if preset.lidar is None else preset.lidar.sensor
+
+
+def _put_lidar(preset: Preset, value: Setting) -> Preset:
+    """A LiDAR has its own rate, and none of the errors of the shipped sensor."""
+    if value == TRUTH:
+        return preset
+    rate_hz = lidar_config(str(value)).pattern.rate_hz
+    sensor = replace(preset.sensor, rate_hz=rate_hz, errors=None)
+    return replace(preset, sensor=sensor, lidar=LidarPerception(str(value)))
+
+
+def _perception_of(preset: Preset) -> str:
+    return PERCEPTIONS[0] if preset.lidar is None else preset.lidar.perception_name
+
+
+def _put_perception(preset: Preset, value: Setting) -> Preset:
+    name = str(value)
+    return _with(preset, ("lidar", "perception"), plugin(name) if is_plugin(name) else name)
+
+
+def _put_street(preset: Preset, value: Setting) -> Preset:
+    return replace(preset, street=None if value == STREETS[0] else Furnished())
+
+
+def _furnishing(text: str, unit: str, name: str, field: str) -> Parameter:
+    """The parameter that is one number of a furnished street."""
+
+    def of(preset: Preset) -> Setting:
+        return float(getattr(preset.street or Furnished(), field))
+
+    def put(preset: Preset, value: Setting) -> Preset:
+        if preset.street is None:
+            raise ConfigError(f"{name} is a parameter of street=furnished; the street is bare")
+        kind = type(getattr(preset.street, field))
+        if kind(value) != value:
+            raise ConfigError(f"{name} must be a whole number, got {value}")
+        return _with(preset, ("street", field), kind(value))
+
+    return Parameter(text, unit, STRATEGIES, (), of, put)
+
+
+def meaningful(settings: Settings) -> Settings:
+    """Settings without those of a LiDAR where the sensor is the shipped one, and without the reverse."""
+    idle = OF_LIDAR if dict(settings).get("sensor", TRUTH) == TRUTH else OF_TRUTH
+    return tuple((name, value) for name, value in settings if name not in idle)
+
+
 OF_SENSOR = "sensor"
 """The tracker goes by the sensor's own noise."""
 
@@ -307,6 +371,30 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             lambda preset: preset.rectangular.max_length_m,
             _put_length,
         ),
+        "sensor": Parameter(
+            "sensor", "", STRATEGIES, (TRUTH, *SENSORS), _sensor_of, _put_lidar
+        ),
+        "perception": Parameter(
+            "what makes detections of a LiDAR's clouds",
+            "",
+            STRATEGIES,
+            PERCEPTIONS,
+            _perception_of,
+            _put_perception,
+            own=True,
+        ),
+        "street": Parameter(
+            "what stands along the road",
+            "",
+            STRATEGIES,
+            STREETS,
+            lambda preset: STREETS[preset.street is not None],
+            _put_street,
+        ),
+        "street_density": _furnishing(
+            "pieces of furniture per 100 m of each side", "", "street_density", "density_per_100_m"
+        ),
+        "street_seed": _furnishing("seed of the street", "", "street_seed", "seed"),
         "range_m": _number("range of the sensor", "m", STRATEGIES, "sensor.range_m"),
         "iou_threshold": _number(
             "overlap of forecast boxes that predicts a collision", "", STRATEGIES, "pipeline.iou_threshold"
@@ -437,6 +525,10 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
         if not PARAMETERS[name].admits(value):
             expected = ", ".join(PARAMETERS[name].choices) or "a number"
             raise ConfigError(f"{name}: expected {expected}; got {value!r}")
+    if idle := dict(settings).keys() - dict(meaningful(settings)).keys():
+        chosen = dict(settings).get("sensor", TRUTH)
+        others = ", ".join(SENSORS) if chosen == TRUTH else TRUTH
+        raise ConfigError(f"{', '.join(sorted(idle))}: for sensor={others}; the sensor is {chosen}")
     for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)
     _check_timing(preset.sensor)

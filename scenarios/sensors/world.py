@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -12,7 +12,7 @@ import numpy as np
 from opendrive import RoadNetwork
 from scenarios.errors import ScenarioError
 from smartmot.errors import ShapeError
-from smartmot.types import BoolArray, Boxes, FloatArray, IntArray, StrArray, frozen
+from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, IntArray, StrArray, frozen
 
 
 class RoadSurface(Protocol):
@@ -154,3 +154,13 @@ _COLUMNS = {
     "exists": np.bool_,
     "seen": np.bool_,
 }
+
+
+def reversed_course(odometry: EgoState) -> EgoState:
+    """The state of an ego in reverse as that of a vehicle that drives ahead, with its rear in front."""
+    return replace(
+        odometry,
+        yaw_rad=math.remainder(odometry.yaw_rad + math.pi, 2 * math.pi),
+        speed_mps=-odometry.speed_mps,
+        accel_mps2=-odometry.accel_mps2,
+    )

@@ -46,6 +46,7 @@ from scenarios.simulation.ends import STANDS_MPS, EndReason, EndWatch, StopRule
 from scenarios.simulation.log import RunLog
 from scenarios.simulation.motion_actions import drives_backwards, ego_of
 from scenarios.simulation.outcome import Flag, Milestones, Outcome
+from scenarios.simulation.street import RunStreet
 from scenarios.simulation.truth import STEP_S, Truth, reversed_course
 from scenarios.sources.frames import Frame, StepResult
 from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, faulty_map, map_view
@@ -106,7 +107,10 @@ class Simulation:
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
         self._pose_errors = pose_errors_of(preset, seed)
-        self._chains = sensors_of(preset, seed) if sensors is None else tuple(sensors)
+        street = RunStreet(preset.street, self.network, definition, self.engine.world.locator.roads)
+        self._chains = (
+            sensors_of(preset, seed, street, backwards=backwards) if sensors is None else tuple(sensors)
+        )
         interval_s = min((1.0 / chain.sensor.timing.rate_hz for chain in self._chains), default=1.0)
         self._truth = Truth(self.engine, self._drive, backwards, interval_s)
         self._rule = rule or StopRule()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from scenarios.openscenario.running.engine import Engine
 from scenarios.openscenario.running.results import Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
-from scenarios.sensors.world import FlatGround, MapSurface, RoadSurface, World
+from scenarios.sensors.world import FlatGround, MapSurface, RoadSurface, World, reversed_course
 from scenarios.simulation.drive import Asked, EgoDrive
 from scenarios.simulation.motion_actions import is_motion, is_to_set_off
 from smartmot.area import ego_extent
@@ -180,13 +179,3 @@ class Truth:
                 and any(name in a.entities and is_motion(a.action) for a in element.event.actions)
             ]
         return self._events[name]
-
-
-def reversed_course(odometry: EgoState) -> EgoState:
-    """The state of an ego in reverse as that of a vehicle that drives ahead, with its rear in front."""
-    return replace(
-        odometry,
-        yaw_rad=math.remainder(odometry.yaw_rad + math.pi, 2 * math.pi),
-        speed_mps=-odometry.speed_mps,
-        accel_mps2=-odometry.accel_mps2,
-    )

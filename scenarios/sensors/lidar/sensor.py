@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +9,8 @@ import numpy as np
 from scenarios.sensors.interfaces import Timing
 from scenarios.sensors.lidar.bodies import road_users
 from scenarios.sensors.lidar.casting import GROUND, Hits, Motion, RayTable, cast, moved
-from scenarios.sensors.lidar.config import LidarConfig, Mount
+from scenarios.sensors.lidar.config import LidarConfig
+from scenarios.sensors.lidar.measurement import LidarMeasurement, pitched
 from scenarios.sensors.lidar.patterns import Rays
 from scenarios.sensors.lidar.shapes import Bodies, joined
 from scenarios.sensors.lidar.street import BARE, Street
@@ -22,31 +22,6 @@ from smartmot.types import EgoState
 
 GROUND_REFLECTIVITY = 0.15
 """Of asphalt, near infrared: assumed."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LidarMeasurement:
-    """A cloud and where it was measured from.
-
-    Args:
-        stamp_s: time of the last ray, seconds.
-        number: of the cloud.
-        cloud: its points, sensor's frame. Intensities from 0 to 1: reflectivity times the cosine of the angle
-            of incidence.
-        ego: pose and motion at the stamp.
-        mount: where the sensor is on the ego.
-    """
-
-    stamp_s: float
-    number: int
-    cloud: PointCloud
-    ego: EgoState
-    mount: Mount
-
-    @property
-    def is_truth(self) -> bool:
-        """False: it is what a LiDAR gives."""
-        return False
 
 
 class LidarSensor:
@@ -157,7 +132,7 @@ class LidarSensor:
             place, direction = moved(table, motion)
             level = direction[row] * range_m[:, None]
             level[:, :2] += place[row]
-            points = _pitched(level, -self.config.mount.pitch_rad)
+            points = pitched(level, -self.config.mount.pitch_rad)
         else:
             points = rays.direction[ray] * range_m[:, None]
         part = hits.part[row]
@@ -177,17 +152,7 @@ class LidarSensor:
 @lru_cache(maxsize=64)
 def _table(rays: Rays, pitch_rad: float) -> tuple[RayTable, IntArray]:
     """The rays in the level frame, and (N,) the row of each in the table; tabulated once."""
-    table, order = RayTable.of(_pitched(rays.direction, pitch_rad), rays.time_offset_s)
+    table, order = RayTable.of(pitched(rays.direction, pitch_rad), rays.time_offset_s)
     row = np.empty(len(order), dtype=np.int64)
     row[order] = np.arange(len(order))
     return table, row
-
-
-def _pitched(points: FloatArray, pitch_rad: float) -> FloatArray:
-    """(N, 3) points of a frame that is pitched nose down, in the level frame."""
-    if pitch_rad == 0.0:
-        return points
-    c, s = np.cos(pitch_rad), np.sin(pitch_rad)
-    return np.column_stack(
-        (c * points[:, 0] + s * points[:, 2], points[:, 1], c * points[:, 2] - s * points[:, 0])
-    )

@@ -19,6 +19,7 @@ from scenarios.sensors.lidar.bodies import unit_body
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, Bodies, Parts, joined
 from scenarios.sensors.world import MapSurface
 from smartmot.arrays import BoolArray, FloatArray
+from smartmot.types import Boxes
 
 KERB_M = 0.12
 """Height of a sidewalk over the road where the map says none: FGSV, RASt 06, usual kerb."""
@@ -43,6 +44,8 @@ TRAFFIC = ROUTE_LANE_TYPES | {"biking", "bus", "taxi", "HOV", "tram", "rail", "s
 
 CAR_M = (4.4, 1.8, 1.5)
 """Length, width and height of a parked car."""
+
+NO_BOXES = Boxes(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
 
 PARKING_PITCH_M = 6.0
 """Length of a place in a parked row (EAR 05, 5.7 to 6.2 m)."""
@@ -106,6 +109,9 @@ class Furnishing:
     from_kerb: tuple[float, float] | None
 
 
+GREATEST_DENSITY = 100.0
+"""Pieces per 100 m of each side: more would be a fence."""
+
 FURNITURE = {
     "post": Furnishing(_post, 0.3, (0.3, 0.6)),
     "sign": Furnishing(_sign, 0.15, (0.5, 0.8)),
@@ -124,13 +130,25 @@ class Street:
         bodies: B bodies that stand: first the blocks of sidewalks, then furniture.
         sidewalk_blocks: how many the first are.
         kind: (B - sidewalk_blocks) kinds of furniture, out of `FURNITURE`, and "parked".
+        footprint: their outlines from above, of what is less than 2 m up.
         dropped: pieces of furniture that would have stood on a lane for traffic or where it is kept clear.
     """
 
     bodies: Bodies
     sidewalk_blocks: int = 0
     kind: tuple[str, ...] = ()
+    footprint: Boxes = NO_BOXES
     dropped: int = 0
+
+    def without(self, removed: BoolArray) -> Street:
+        """The street without some of its F pieces of furniture, by (F,) flags; they count as dropped."""
+        kept = np.flatnonzero(~removed)
+        if len(kept) == len(self.kind):
+            return self
+        bodies = self.bodies.take(np.concatenate((np.arange(self.sidewalk_blocks), self.sidewalk_blocks + kept)))
+        kind = tuple(self.kind[k] for k in kept.tolist())
+        lost = self.dropped + len(self.kind) - len(kept)
+        return Street(bodies, self.sidewalk_blocks, kind, self.footprint[kept], lost)
 
     @cached_property
     def _radius_m(self) -> FloatArray:
@@ -160,6 +178,31 @@ class Street:
         return highest
 
 
+@dataclass(frozen=True, slots=True)
+class Furnished:
+    """How a street is furnished; see `furnished_street`.
+
+    Args:
+        density_per_100_m: pieces of furniture per 100 m of each side of a road, on average.
+        seed: of what stands where.
+
+    Raises:
+        ScenarioError: the density is negative or infinite, or the seed no whole number from 0 on.
+    """
+
+    density_per_100_m: float = 8.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.density_per_100_m <= GREATEST_DENSITY:
+            raise ScenarioError(
+                f"street: the density must lie in [0, {GREATEST_DENSITY:g}] pieces per 100 m, got "
+                f"{self.density_per_100_m:g}"
+            )
+        if self.seed < 0:
+            raise ScenarioError(f"street: the seed must be a whole number from 0 on, got {self.seed}")
+
+
 BARE = Street(Bodies.empty())
 """No kerbs and no furniture."""
 
@@ -172,6 +215,7 @@ def furnished_street(
     parked_share: float = 0.5,
     clear_m: FloatArray | None = None,
     kerbs: bool = True,
+    surface: MapSurface | None = None,
 ) -> Street:
     """Kerbs, furniture and parked cars along the lanes of a map.
 
@@ -185,6 +229,7 @@ def furnished_street(
         parked_share: share of parking places that are taken.
         clear_m: (K, 3) x, y and radius of circles without furniture and parked cars.
         kerbs: whether sidewalks are raised.
+        surface: the ground on which all stand; None: that of the map.
 
     Raises:
         ScenarioError: the density is negative, or the share of places not in [0, 1].
@@ -194,7 +239,7 @@ def furnished_street(
             "street: the density must be finite and not negative, the share of parked cars in [0, 1]; got "
             f"{density_per_100_m:g} and {parked_share:g}"
         )
-    surface = MapSurface(network)
+    surface = surface or MapSurface(network)
     clear = np.zeros((0, 3)) if clear_m is None else np.asarray(clear_m, dtype=np.float64).reshape(-1, 3)
     blocks = _sidewalks(network, surface) if kerbs else Bodies.empty()
     raised = Street(blocks, len(blocks))
@@ -207,7 +252,8 @@ def furnished_street(
     bottom = surface.elevation_m(place, yaw) + raised.raised_m(place)
     furniture = Bodies.of([piece.parts for piece in kept], np.column_stack((place, bottom)), yaw)
     kinds = tuple(piece.kind for piece in kept)
-    return Street(joined([blocks, furniture]), len(blocks), kinds, len(pieces) - len(kept))
+    footprint = _footprint(kept)
+    return Street(joined([blocks, furniture]), len(blocks), kinds, footprint, len(pieces) - len(kept))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -369,12 +415,30 @@ def _free(network: RoadNetwork, pieces: list[_Piece], clear: FloatArray) -> Bool
     return free
 
 
-def _outline(piece: _Piece) -> FloatArray:
-    """(17, 2) middle and outline of the parts that are less than 2 m up."""
+def _footprint(pieces: list[_Piece]) -> Boxes:
+    """Outlines of pieces from above."""
+    if not pieces:
+        return NO_BOXES
+    near, far = np.array([_low_extent(piece) for piece in pieces]).transpose(1, 0, 2)
+    yaw = np.array([piece.yaw_rad for piece in pieces])
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x, y = np.split(0.5 * (near + far), 2, axis=1)
+    place = np.array([piece.place for piece in pieces])
+    return Boxes(place + np.column_stack((c * x - s * y, s * x + c * y)), far - near, yaw)
+
+
+def _low_extent(piece: _Piece) -> tuple[FloatArray, FloatArray]:
+    """(2,) and (2,) corners, in the piece's frame, around the parts that are less than 2 m up."""
     parts = piece.parts
     low = parts.center_m[:, 2] - parts.half_m[:, 2] < 2.0
-    near = np.where(low[:, None], parts.center_m[:, :2] - parts.half_m[:, :2], np.inf).min(axis=0)
-    far = np.where(low[:, None], parts.center_m[:, :2] + parts.half_m[:, :2], -np.inf).max(axis=0)
+    near: FloatArray = np.where(low[:, None], parts.center_m[:, :2] - parts.half_m[:, :2], np.inf).min(axis=0)
+    far: FloatArray = np.where(low[:, None], parts.center_m[:, :2] + parts.half_m[:, :2], -np.inf).max(axis=0)
+    return near, far
+
+
+def _outline(piece: _Piece) -> FloatArray:
+    """(17, 2) middle and outline of the parts that are less than 2 m up."""
+    near, far = _low_extent(piece)
     t = np.linspace(-1.0, 1.0, 5)[:4]
     ring = np.concatenate(
         [np.column_stack(side) for side in ((t, t * 0 - 1), (t * 0 + 1, t), (-t, t * 0 + 1), (t * 0 - 1, -t))]

@@ -1,0 +1,171 @@
+"""A LiDAR in the closed loop: its sensor, and what makes boxes of its clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from scenarios.errors import ScenarioError
+from scenarios.sensors.boxes import SensorConfig
+from scenarios.sensors.interfaces import Detector, SensorChain
+from scenarios.sensors.lidar.config import LidarConfig, lidar_config
+from scenarios.sensors.lidar.cutout import CutoutDetector, LabelDetector, LabelledCloud
+from scenarios.sensors.lidar.measurement import LidarMeasurement
+from scenarios.sensors.lidar.patterns import Spinning
+from scenarios.sensors.lidar.sensor import LidarSensor
+from scenarios.sensors.lidar.street import Street
+from scenarios.sensors.world import World, reversed_course
+from smartmot.errors import PluginError
+from smartmot.plugins import Plugin, require
+from smartmot.types import Detections, EgoState
+
+OF_TRUTH = {"cutout": CutoutDetector, "labels": LabelDetector}
+"""Perceptions that know who is under each point: bounds of what a detector can reach."""
+
+PERCEPTIONS = tuple(OF_TRUTH)
+"""Names of perceptions; the first is that of a LiDAR unless another is asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class LidarPerception:
+    """Which LiDAR the ego has, and what makes detections of its clouds.
+
+    Args:
+        sensor: name out of `SENSORS`.
+        perception: name out of `PERCEPTIONS`, or what makes a detector of the user's own; it is called with
+            the `LidarConfig` and the seed of the run.
+
+    Raises:
+        ScenarioError: an unknown name.
+    """
+
+    sensor: str
+    perception: str | Plugin = PERCEPTIONS[0]
+
+    def __post_init__(self) -> None:
+        lidar_config(self.sensor)
+        if isinstance(self.perception, str) and self.perception not in PERCEPTIONS:
+            raise ScenarioError(
+                f"perception: unknown {self.perception!r}; use one of: {', '.join(PERCEPTIONS)}"
+            )
+
+    @property
+    def perception_name(self) -> str:
+        """Name of the perception."""
+        return self.perception if isinstance(self.perception, str) else self.perception.name
+
+
+def lidar_of(lidar: LidarPerception, sensor: SensorConfig) -> LidarConfig:
+    """The LiDAR with rate, phase, latency, field and range of a sensor, as far as it can have them.
+
+    Its echoes reach no farther than the sensor, whose range the weather limits.
+    """
+    config = lidar_config(lidar.sensor)
+    pattern = replace(config.pattern, rate_hz=sensor.rate_hz)  # type: ignore[type-var]  # each is a dataclass
+    if isinstance(pattern, Spinning):
+        pattern = replace(pattern, field_rad=min(pattern.field_rad, sensor.fov_rad))
+    return replace(
+        config,
+        pattern=pattern,
+        range_m=min(config.range_m, sensor.range_m),
+        latency_s=sensor.latency_s,
+        phase_s=sensor.phase_s,
+    )
+
+
+class RunLidar:
+    """The LiDAR of one run.
+
+    Args:
+        config: the LiDAR.
+        seed: of its noise.
+        street: makes what stands along the road; called once, at the first cloud.
+        backwards: whether the ego drives in reverse; then the LiDAR looks to where it drives.
+        labelled: whether the detector gets the ground truth of each point.
+    """
+
+    def __init__(
+        self,
+        config: LidarConfig,
+        seed: int,
+        street: Callable[[], Street],
+        *,
+        backwards: bool = False,
+        labelled: bool = False,
+    ) -> None:
+        self.config, self.seed, self.backwards, self.labelled = config, seed, backwards, labelled
+        self._street = street
+        self._sensor: LidarSensor | None = None
+        self.timing = LidarSensor(config).timing
+
+    def measure(self, world: World, ego: EgoState) -> LidarMeasurement | LabelledCloud:
+        """The cloud that ends with the world's time."""
+        if self._sensor is None:
+            self._sensor = LidarSensor(self.config, self.seed, self._street())
+        carrier = reversed_course(ego) if self.backwards else ego
+        measurement, row = self._sensor.label(world, carrier)
+        return LabelledCloud(measurement, row, world) if self.labelled else measurement
+
+
+class OwnDetector:
+    """A detector of the user's own behind a LiDAR; latency and rate are 0 and all where it has none.
+
+    Args:
+        detector: the object with `detect`.
+        name: for messages.
+
+    Raises:
+        PluginError: it has no `detect`, or its latency or rate is no number.
+    """
+
+    def __init__(self, detector: Any, name: str) -> None:
+        self.detector = require(detector, "detect", name)
+        latency_s, rate_hz = getattr(detector, "latency_s", 0.0), getattr(detector, "rate_hz", None)
+        if not _is_number(latency_s) or not (rate_hz is None or _is_number(rate_hz)):
+            raise PluginError(
+                f"{name}: latency_s and rate_hz must be numbers, got {latency_s!r} and {rate_hz!r}"
+            )
+        self.latency_s: float = float(latency_s)
+        self.rate_hz: float | None = None if rate_hz is None else float(rate_hz)
+
+    def detect(self, measurement: LidarMeasurement) -> Detections:
+        """What the detector makes of a cloud."""
+        detections: Detections = self.detector.detect(measurement)
+        return detections
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and value >= 0.0
+
+
+def lidar_chain(
+    lidar: LidarPerception,
+    sensor: SensorConfig,
+    seed: int,
+    street: Callable[[], Street],
+    *,
+    backwards: bool = False,
+) -> SensorChain[Any]:
+    """The LiDAR of a run and its detector.
+
+    Args:
+        lidar: which.
+        sensor: whose rate, phase, latency and range they have.
+        seed: of the noise.
+        street: makes what stands along the road.
+        backwards: whether the ego drives in reverse.
+
+    Raises:
+        PluginError: a detector of the user's own cannot be made.
+    """
+    config = lidar_of(lidar, sensor)
+    perception = lidar.perception
+    detector: Detector[Any]
+    if isinstance(perception, Plugin):
+        detector = OwnDetector(perception(config, seed), perception.name)
+    else:
+        detector = OF_TRUTH[perception]()
+    labelled = perception in OF_TRUTH
+    carried = RunLidar(config, seed, street, backwards=backwards, labelled=labelled)
+    return SensorChain(carried, detector, lidar.perception_name)
