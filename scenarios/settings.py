@@ -285,6 +285,9 @@ STREETS = ("bare", "furnished")
 OF_LIDAR = ("perception", "street", "street_density", "street_seed")
 """Parameters that mean nothing for the shipped sensor."""
 
+OF_FURNISHED = ("street_density", "street_seed")
+"""Parameters of a furnished street."""
+
 OF_TRUTH = ("detector", "sensor_errors", *ERROR_NUMBERS)
 """Parameters that mean nothing for a LiDAR."""
 
@@ -322,8 +325,6 @@ def _furnishing(text: str, unit: str, name: str, field: str) -> Parameter:
         return float(getattr(preset.street or Furnished(), field))
 
     def put(preset: Preset, value: Setting) -> Preset:
-        if preset.street is None:
-            raise ConfigError(f"{name} is a parameter of street=furnished; the street is bare")
         kind = type(getattr(preset.street, field))
         if kind(value) != value:
             raise ConfigError(f"{name} must be a whole number, got {value}")
@@ -332,10 +333,24 @@ def _furnishing(text: str, unit: str, name: str, field: str) -> Parameter:
     return Parameter(text, unit, STRATEGIES, (), of, put)
 
 
+def idle(settings: Settings) -> dict[str, str]:
+    """Parameters that mean nothing beside the others, with what they are for."""
+    values = dict(settings)
+    sensor = values.get("sensor", TRUTH)
+    if sensor == TRUTH:
+        reasons = dict.fromkeys(OF_LIDAR, f"a LiDAR, sensor={', '.join(SENSORS)}; the sensor is {TRUTH}")
+    else:
+        reasons = dict.fromkeys(OF_TRUTH, f"sensor={TRUTH}; the sensor is {sensor}")
+        reasons["detector"] += "; its detector is set by perception"
+        if values.get("street", STREETS[0]) == STREETS[0]:
+            reasons |= dict.fromkeys(OF_FURNISHED, f"street=furnished; the street is {STREETS[0]}")
+    return {name: reasons[name] for name in values if name in reasons}
+
+
 def meaningful(settings: Settings) -> Settings:
-    """Settings without those of a LiDAR where the sensor is the shipped one, and without the reverse."""
-    idle = OF_LIDAR if dict(settings).get("sensor", TRUTH) == TRUTH else OF_TRUTH
-    return tuple((name, value) for name, value in settings if name not in idle)
+    """Settings without those that mean nothing beside the others."""
+    without = idle(settings)
+    return tuple((name, value) for name, value in settings if name not in without)
 
 
 OF_SENSOR = "sensor"
@@ -371,9 +386,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             lambda preset: preset.rectangular.max_length_m,
             _put_length,
         ),
-        "sensor": Parameter(
-            "sensor", "", STRATEGIES, (TRUTH, *SENSORS), _sensor_of, _put_lidar
-        ),
+        "sensor": Parameter("sensor", "", STRATEGIES, (TRUTH, *SENSORS), _sensor_of, _put_lidar),
         "perception": Parameter(
             "what makes detections of a LiDAR's clouds",
             "",
@@ -525,10 +538,8 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
         if not PARAMETERS[name].admits(value):
             expected = ", ".join(PARAMETERS[name].choices) or "a number"
             raise ConfigError(f"{name}: expected {expected}; got {value!r}")
-    if idle := dict(settings).keys() - dict(meaningful(settings)).keys():
-        chosen = dict(settings).get("sensor", TRUTH)
-        others = ", ".join(SENSORS) if chosen == TRUTH else TRUTH
-        raise ConfigError(f"{', '.join(sorted(idle))}: for sensor={others}; the sensor is {chosen}")
+    for name, purpose in idle(settings).items():
+        raise ConfigError(f"{name} is for {purpose}")
     for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)
     _check_timing(preset.sensor)

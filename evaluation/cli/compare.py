@@ -35,8 +35,12 @@ OF_DRIVES = {
     "columns": "--columns", "frame_rate": "--frame-rate",
 }  # fmt: skip
 OF_SCENES = {
-    name: f"--{name}" for name in ("weather", "scenes", "full", "maps", "seeds", "ablation", "growth", "logs")
-} | {"form": "--format"}
+    name: f"--{name.replace('_', '-')}"
+    for name in (
+        "weather", "scenes", "full", "maps", "seeds", "ablation", "growth", "logs", "sensor", "perception",
+        "street", "street_density", "street_seed",
+    )
+} | {"form": "--format"}  # fmt: skip
 """Options of the one and of the other kind of comparison, by parameter."""
 
 
@@ -77,6 +81,11 @@ def command(
         bool,
         typer.Option("--logs", help="Also log a run per scene and strategy into OUT/runs, for `report`."),
     ] = False,
+    sensor: options.SensorName = "truth",
+    perception: options.PerceptionName = None,
+    street: options.StreetName = None,
+    street_density: options.StreetDensity = None,
+    street_seed: options.StreetSeed = None,
     out: Annotated[Path, typer.Option(help="Folder for tables, figures and the journal.")] = Path(
         "results/compare"
     ),
@@ -158,9 +167,10 @@ def command(
     conditions = options.parse_weather(weather)
     formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
     varied = options.parse_vary(vary or [])
+    lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed, varied)
     only = options.parse_names(scenes, scene_names(), "--scenes") if scenes is not None else ()
-    if growth and (only or full or logs or len(conditions) > 1):
-        raise ArgumentError("--growth: takes one --weather, and neither --scenes, --full nor --logs")
+    if growth and (only or full or logs or lidar or len(conditions) > 1):
+        raise ArgumentError("--growth: takes one --weather, and no --scenes, --full, --logs or --sensor")
     if maps is not None and not full:
         raise ArgumentError("--maps: only --full runs scenes on outer maps; add --full")
     if maps is not None and not maps.is_dir():
@@ -182,6 +192,7 @@ def command(
             seeds=seeds,
             ablation=ablation,
             formats=formats,
+            common=lidar,
         )
         compare(study, out, processes, quiet, logs)
 

@@ -28,6 +28,11 @@ def command(
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
     rule: options.RuleName = "paper",
+    sensor: options.SensorName = "truth",
+    perception: options.PerceptionName = None,
+    street: options.StreetName = None,
+    street_density: options.StreetDensity = None,
+    street_seed: options.StreetSeed = None,
     weather: options.WeatherNames = "dry",
     map_file: Annotated[
         Path | None,
@@ -75,7 +80,10 @@ def command(
             adversaries=adversaries,
             seed=seed,
             phase_s=phase_ms / 1000,
-            settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+            settings=(
+                *options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+                *options.parse_lidar(sensor, perception, street, street_density, street_seed),
+            ),
         ),
         place=options.parse_place(at),
         impact_point_percent=impact_point,

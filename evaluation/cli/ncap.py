@@ -32,6 +32,11 @@ def command(
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
     rule: options.RuleName = "paper",
+    sensor: options.SensorName = "truth",
+    perception: options.PerceptionName = None,
+    street: options.StreetName = None,
+    street_density: options.StreetDensity = None,
+    street_seed: options.StreetSeed = None,
     weather: options.WeatherNames = "dry",
     apply_performance: options.ApplyPerformance = False,
     night: options.Night = "lidar",
@@ -69,7 +74,10 @@ def command(
         phase_s=phase_ms / 1000,
         night=options.parse_night(night),
         adapts=name == "paper",
-        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+        settings=(
+            *options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+            *options.parse_lidar(sensor, perception, street, street_density, street_seed),
+        ),
         apply_performance=apply_performance,
     )
     form = options.parse_format(form)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -51,6 +51,48 @@ RuleName = Annotated[
     ),
 ]
 DetectorName = Annotated[str, typer.Option(help="preset, or your own, package.module:name.", metavar="NAME")]
+LIDAR = "LiDAR"
+"""Heading of the options of a LiDAR; docs/lidar.md, In the loop."""
+
+SensorName = Annotated[
+    str,
+    typer.Option(
+        help="truth (boxes of the ground truth with the preset's errors), or a LiDAR: hdl32, hdl64, mid70.",
+        metavar="NAME",
+        rich_help_panel=LIDAR,
+    ),
+]
+PerceptionName = Annotated[
+    str | None,
+    typer.Option(
+        help="What makes detections of the LiDAR's clouds: classical, plain, cutout (boxes around points "
+        "that truth cuts out), labels (true boxes of all who have a point), or your own, "
+        "package.module:name. Default: the first.",
+        metavar="NAME",
+        rich_help_panel=LIDAR,
+    ),
+]
+StreetName = Annotated[
+    str | None,
+    typer.Option(
+        help="bare, or furnished: kerbs, posts, signs, trees, bins, walls and parked cars along the map, "
+        "which a LiDAR alone sees. Default: bare.",
+        metavar="NAME",
+        rich_help_panel=LIDAR,
+    ),
+]
+StreetDensity = Annotated[
+    float | None,
+    typer.Option(
+        "--street-density",
+        help="Pieces of furniture per 100 m of each side of a road. Default: 8.",
+        rich_help_panel=LIDAR,
+    ),
+]
+StreetSeed = Annotated[
+    int | None,
+    typer.Option("--street-seed", min=0, help="Of what stands where. Default: 0.", rich_help_panel=LIDAR),
+]
 AllowPlugins = Annotated[
     bool,
     typer.Option(
@@ -380,3 +422,47 @@ def parse_plugged(**typed: str) -> Settings:
     }
     # the first choice stands for what the preset has
     return tuple((name, value) for name, value in chosen.items() if value != PARAMETERS[name].choices[0])
+
+
+def parse_lidar(
+    sensor: str,
+    perception: str | None,
+    street: str | None,
+    density: float | None,
+    seed: int | None,
+    varied: Collection[str] = (),
+) -> Settings:
+    """The options of a LiDAR as settings.
+
+    Args:
+        sensor: name of the sensor.
+        perception: name of what makes detections.
+        street: name of the street.
+        density: of its furniture.
+        seed: of the street.
+        varied: parameters that `--vary` sets.
+
+    Raises:
+        ArgumentError: an unknown name, or an option without what it belongs to.
+    """
+    from scenarios.settings import PARAMETERS, TRUTH
+
+    typed = {"perception": perception, "street": street, "street_density": density, "street_seed": seed}
+    given: dict[str, str | float] = {name: value for name, value in typed.items() if value is not None}
+    sensor = parse_name(sensor, PARAMETERS["sensor"].choices, "--sensor")
+    for name in given.keys() & {"perception", "street"}:
+        parameter = PARAMETERS[name]
+        given[name] = parse_name(str(given[name]), parameter.choices, f"--{name}", own=parameter.own)
+    if given and sensor == TRUTH and "sensor" not in varied:
+        raise ArgumentError(
+            f"--{next(iter(given)).replace('_', '-')}: for a LiDAR; add --sensor hdl32, hdl64 or mid70"
+        )
+    if given.get("street", "bare") == "bare" and "street" not in varied:
+        for name in given.keys() & {"street_density", "street_seed"}:
+            raise ArgumentError(f"--{name.replace('_', '-')}: add --street furnished")
+    if sensor != TRUTH:
+        given = {"sensor": sensor, **given}
+    for name in given:
+        if name in varied:
+            raise ArgumentError(f"--{name.replace('_', '-')}: --vary {name} gives its values; leave one out")
+    return tuple((name, float(v) if isinstance(v, int) else v) for name, v in given.items())

@@ -35,6 +35,11 @@ def command(
     tracker: options.TrackerName = "preset",
     detector: options.DetectorName = "preset",
     rule: options.RuleName = "paper",
+    sensor: options.SensorName = "truth",
+    perception: options.PerceptionName = None,
+    street: options.StreetName = None,
+    street_density: options.StreetDensity = None,
+    street_seed: options.StreetSeed = None,
     weather: options.WeatherNames = "dry",
     hold_speed: Annotated[
         bool,
@@ -79,7 +84,10 @@ def command(
         phase_s=phase_ms / 1000,
         night=options.parse_night(night),
         adapts=not hold_speed,
-        settings=options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+        settings=(
+            *options.parse_plugged(tracker=tracker, detector=detector, rule=rule),
+            *options.parse_lidar(sensor, perception, street, street_density, street_seed),
+        ),
         apply_performance=apply_performance,
     )
     specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -77,6 +78,11 @@ def command(
             "localisation and map, for both sides alike."
         ),
     ] = "planner",
+    sensor: options.SensorName = "truth",
+    perception: options.PerceptionName = None,
+    street: options.StreetName = None,
+    street_density: options.StreetDensity = None,
+    street_seed: options.StreetSeed = None,
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
@@ -111,7 +117,11 @@ def command(
     if path_from != "planner" and question != "break-even":
         raise ArgumentError(f"--path-from: {question} takes none; give it to break-even")
     rules = _rules(question, rule)
+    lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed)
+    if lidar and question == "sensor":
+        raise ArgumentError("--sensor: the question sensor is about the errors of truth; choose another")
     asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
+    asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
         ask(asked, out, workers or available_cores(), quiet)
 

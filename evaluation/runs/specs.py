@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields, replace
 from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand
-from scenarios.presets import named_preset
+from scenarios.presets import Preset, named_preset
+from scenarios.sensors.lidar.chain import lidar_of
 from scenarios.settings import Settings, preset_with, settings_text
 from scenarios.spec import (
     NO_AEB,
@@ -18,6 +19,7 @@ from scenarios.spec import (
     environment_notes,
     initial_speed_kmh,
     perception_map,
+    preset_of,
 )
 from scenarios.weather import is_night, named_light, named_weather
 from smartmot.plugins import is_plugin, plugin
@@ -136,12 +138,40 @@ def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[floa
     ]
 
 
+def lidar_notes(preset: Preset) -> list[str]:
+    """What the reader has to know about the LiDAR of a preset, one line each; none of the shipped sensor."""
+    lidar, street = preset.lidar, preset.street
+    if lidar is None:
+        return []
+    config = lidar_of(lidar, preset.sensor)
+    along = (
+        "on a bare street"
+        if street is None
+        else (
+            f"on a street with {street.density_per_100_m:g} pieces of furniture per 100 m and side, seed "
+            f"{street.seed}, but for those in the way of road users"
+        )
+    )
+    return [
+        f"{lidar.sensor}: {config.pattern.rate_hz:g} clouds and frames of perception per second, echoes up "
+        f"to {config.range_m:g} m, {along}; detections by {lidar.perception_name}",
+        UPPER_BOUND,
+    ]
+
+
+UPPER_BOUND = (
+    "an upper bound: simulated bodies are simpler and smoother than people and vehicles, and every echo "
+    "comes back (docs/lidar.md)"
+)
+"""Stands beside every result from simulated clouds."""
+
+
 def perception_notes(specs: Sequence[RunSpec]) -> list[str]:
     """What the reader has to know about maps and light of runs in which somebody perceives, one line each."""
     lines: dict[str, list[str]] = {}
     seen: set[tuple[object, ...]] = set()
     for spec in specs:
-        same = (spec.file, spec.parameters, spec.map_name, spec.night, spec.weather)
+        same = (spec.file, spec.parameters, spec.map_name, spec.night, spec.weather, spec.settings)
         if same in seen or spec.strategy == NO_AEB:
             continue
         seen.add(same)
@@ -154,6 +184,6 @@ def perception_notes(specs: Sequence[RunSpec]) -> list[str]:
                 tracks.append(track.name)
         if is_night(definition):
             lines.setdefault(named_light(spec.night).source, [])
-        for line in environment_notes(spec, definition):
+        for line in (*environment_notes(spec, definition), *lidar_notes(preset_of(spec, definition))):
             lines.setdefault(line, [])
     return [f"{line}, laid over {', '.join(tracks)}" if tracks else line for line, tracks in lines.items()]

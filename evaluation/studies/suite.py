@@ -21,9 +21,10 @@ from evaluation.runs.configuration import configuration_of, read_configuration
 from evaluation.runs.conflict import conflicts, scored, told_without_conflict, unbraked
 from evaluation.runs.cpna import CpnaSuite, is_published, load_site
 from evaluation.runs.logged import logged_runs
-from evaluation.runs.specs import perception_notes
+from evaluation.runs.specs import lidar_notes, perception_notes
 from scenarios.places import Site
-from scenarios.settings import settings_text
+from scenarios.presets import named_preset
+from scenarios.settings import preset_with, settings_text
 from scenarios.spec import NO_AEB, RunSpec, definition_of, preset_of, simulation_of
 from scenarios.strategies import make_strategy
 from smartmot.maps.route import RouteError
@@ -46,16 +47,25 @@ def compare_cpna(
     """
     site = load_site(suite)
     specs = suite.specs(site)
+    console = rich.console.Console(quiet=quiet)
     _compare(
         specs,
         suite_configuration(suite, site, out),
         out,
         pictures,
         workers,
-        rich.console.Console(quiet=quiet),
+        console,
         title=_title(specs),
         published=PUBLISHED if is_published(suite) else None,
     )
+    for line in _sensing(suite):
+        console.print(line, highlight=False)
+
+
+def _sensing(suite: CpnaSuite) -> list[str]:
+    """What the reader has to know about the LiDAR of a suite; nothing of the shipped sensor."""
+    conditions = suite.conditions
+    return lidar_notes(preset_with(named_preset(conditions.preset), conditions.settings))
 
 
 def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, object]:
@@ -75,7 +85,8 @@ def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, ob
             "line_xy_m": list(site.route.pose(site.line_m)[:2]),
         }
     }
-    return configuration_of(suite.specs(site), out, published=is_published(suite), more=lanes)
+    specs = suite.specs(site)
+    return configuration_of(specs, out, _sensing(suite), is_published(suite), lanes)
 
 
 def compare_files(

@@ -40,6 +40,7 @@ from scenarios.places import MapView
 from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.suite import Arrival, SensorSuite
+from scenarios.sensors.world import reversed_course
 from scenarios.simulation.counts import DetectionCounts
 from scenarios.simulation.drive import EgoDrive
 from scenarios.simulation.ends import STANDS_MPS, EndReason, EndWatch, StopRule
@@ -47,7 +48,7 @@ from scenarios.simulation.log import RunLog
 from scenarios.simulation.motion_actions import drives_backwards, ego_of
 from scenarios.simulation.outcome import Flag, Milestones, Outcome
 from scenarios.simulation.street import RunStreet
-from scenarios.simulation.truth import STEP_S, Truth, reversed_course
+from scenarios.simulation.truth import STEP_S, Truth
 from scenarios.sources.frames import Frame, StepResult
 from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, faulty_map, map_view
 from smartmot.area import RectangularArea

@@ -1,4 +1,4 @@
-"""What stands along the road of a run: furniture of the map, but nothing where the scenario's own road users go."""
+"""What stands along the road of a run: furniture of the map, but nothing in the way of its road users."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _touched(street: Street, definition: ScenarioDefinition, roads: Roads) -> Bo
 
 
 def swept_outlines(definition: ScenarioDefinition, roads: Roads) -> Boxes:
-    """Outlines of all road users along the unbraked run, past a contact, each with the clearance around it."""
+    """Outlines of all road users along the unbraked run, past a contact, each with clearance around it."""
     engine = Engine(definition, roads=roads)
     centers, sizes, yaws = [], [], []
     next_s = 0.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from evaluation.errors import ArgumentError
 from evaluation.runs.execution import execute
-from evaluation.studies.compare.grid import seeded_phase_s
+from evaluation.studies.compare.grid import joined, seeded_phase_s
 from evaluation.studies.study import LabelledRun
 from scenarios.errors import ScenarioError
 from scenarios.presets import Preset, named_preset
@@ -124,16 +124,25 @@ def _digest(text: str) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
-def arm_runs(arms: Sequence[Arm], scenes: Sequence[SceneRun], seed: int) -> list[ArmRun]:
-    """The runs, by arm and scene. In one scene all arms meet the same noise."""
+def arm_runs(
+    arms: Sequence[Arm], scenes: Sequence[SceneRun], seed: int, common: Settings = ()
+) -> list[ArmRun]:
+    """The runs, by arm and scene. In one scene all arms meet the same noise.
+
+    Args:
+        arms: who is run.
+        scenes: where.
+        seed: of the noise.
+        common: settings of all arms that do not have others.
+    """
     return [
-        LabelledRun(_spec(arm, scene, scene_seed(seed, scene)), (arm, scene))
+        LabelledRun(_spec(arm, scene, scene_seed(seed, scene), common), (arm, scene))
         for arm in arms
         for scene in scenes
     ]
 
 
-def _spec(arm: Arm, scene: SceneRun, noise: int) -> RunSpec:
+def _spec(arm: Arm, scene: SceneRun, noise: int, common: Settings) -> RunSpec:
     return RunSpec(
         scenario=scene.name,
         file=scene.file,
@@ -145,5 +154,5 @@ def _spec(arm: Arm, scene: SceneRun, noise: int) -> RunSpec:
         seed=noise,
         phase_s=seeded_phase_s(noise),
         must=scene.must,
-        settings=arm.settings_in(noise),
+        settings=joined(common, arm.settings_in(noise)),
     )

@@ -17,6 +17,7 @@ from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import versions
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import digest_of, file_digest, library_versions, version
+from evaluation.runs.specs import lidar_notes
 from evaluation.studies.answers.arms import Arm, ArmRun, arm_runs
 from evaluation.studies.answers.measures import Decision, decide
 from evaluation.studies.answers.results import Results, power_lines
@@ -25,7 +26,9 @@ from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.study import JOURNAL, Finished, Study, evenly
 from scenarios import drawn
 from scenarios.drawn.draw import KINDS, copy_maps, draw_one, drawn_scenes, grounds_of
+from scenarios.presets import named_preset
 from scenarios.scenes.scenes import SceneRun
+from scenarios.settings import Settings, preset_with
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,6 +150,7 @@ class Question(Study[ArmRun, Decision]):
 
     sample: Sample = Sample()
     formats: tuple[str, ...] = FORMATS
+    common: Settings = ()
     journal = PREFIX
     table = "runs.csv.gz"
     kind = Decision
@@ -172,8 +176,8 @@ class Question(Study[ArmRun, Decision]):
             ArgumentError: a setting is out of range.
         """
         for arm in self.arms:
-            arm.check()
-        return arm_runs(self.arms, scenes, self.sample.seed)
+            arm.having(*self.common).check()
+        return arm_runs(self.arms, scenes, self.sample.seed, self.common)
 
     def place(self, out: Path) -> Path:
         """The scenes are drawn for all questions once, and not kept."""
@@ -191,9 +195,10 @@ class Question(Study[ArmRun, Decision]):
 
     def check(self) -> None:
         """See that all arms can be run; see `items` for what it raises."""
-        for arm in self.arms:
+        arms = [arm.having(*self.common) for arm in self.arms]
+        for arm in arms:
             arm.check()
-        own = {arm.plugins: arm for arm in self.arms if arm.plugins}
+        own = {arm.plugins: arm for arm in arms if arm.plugins}
         for arm in own.values():
             arm.try_out()
 
@@ -204,7 +209,8 @@ class Question(Study[ArmRun, Decision]):
         chosen = {}
         for k in evenly(count, total):
             arm, number = divmod(k, scenes)
-            (chosen[k],) = arm_runs([arms[arm]], [self.sample.draw_one(number, folder)], self.sample.seed)
+            scenes_of_run = [self.sample.draw_one(number, folder)]
+            (chosen[k],) = arm_runs([arms[arm]], scenes_of_run, self.sample.seed, self.common)
         return total, chosen
 
     @staticmethod
@@ -235,7 +241,8 @@ class Question(Study[ArmRun, Decision]):
         Raises:
             ResultsError: the folder cannot be written.
         """
-        notes = (*self.power(results.scenes), path_note(self.arms))
+        sensing = preset_with(named_preset("physical"), self.common)
+        notes = (*self.power(results.scenes), path_note(self.arms), *lidar_notes(sensing))
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
             self.table: gzip.compress(runs_csv(results), mtime=0),
@@ -256,6 +263,7 @@ class Question(Study[ArmRun, Decision]):
             "versions": versions(),
             "question": self.name,
             "sample": sample,
+            "common": dict(self.common),
             "scenes": {must: sum(s.must == must for s in scenes) for must in ("brake", "nothing")},
             "arms": [
                 {"name": arm.name, "preset": arm.preset, "strategy": arm.strategy}

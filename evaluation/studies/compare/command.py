@@ -76,7 +76,7 @@ def log_runs(study: SceneStudy, scenes: Sequence[SceneRun], out: Path, workers: 
         ResultsError: the folder cannot be written.
     """
     points = [Point(strategy) for strategy in study.strategies]
-    items = study_runs(points, scenes, study.preset, study.weather, seeds=1)
+    items = study_runs(points, scenes, study.preset, study.weather, 1, study.common)
     folder = out / "runs"
     specs = [item.spec for item in items]
     compare_files(specs, folder, None, workers, quiet=True)

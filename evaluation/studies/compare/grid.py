@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from evaluation.studies.study import LabelledRun
 from scenarios.presets import named_preset
 from scenarios.scenes.scenes import SceneRun
-from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
+from scenarios.settings import PARAMETERS, Setting, Settings, meaningful, preset_with, settings_text
 from scenarios.spec import RunSpec
 from scenarios.weather import named_weather
 
@@ -67,6 +67,11 @@ class Point:
 def shown_settings(text: str) -> str:
     """Settings as tables show them: those of `FAIR` in one word."""
     return text.replace(settings_text(FAIR), "fair")
+
+
+def joined(common: Settings, own: Settings) -> Settings:
+    """Common settings with those of one side in their place, without what means nothing beside them."""
+    return meaningful(tuple((dict(common) | dict(own)).items())) if common else own
 
 
 SceneItem = LabelledRun[SceneRun]
@@ -133,15 +138,24 @@ def study_runs(
     preset: str,
     weather: Sequence[str],
     seeds: int,
+    common: Settings = (),
 ) -> list[SceneItem]:
     """The runs: by weather, point, scene and seed. Every point meets the same scenes and the same noise.
+
+    Args:
+        points: strategies and settings.
+        scenes: in which they are run.
+        preset: conditions.
+        weather: names.
+        seeds: runs of each.
+        common: settings of all points that do not have others; see `joined`.
 
     Raises:
         ScenarioError: an unknown preset or weather.
         smartmot.errors.ConfigError: a setting is out of range.
     """
     for point in points:  # checked here, before the first run starts
-        preset_with(named_preset(preset), point.settings)
+        preset_with(named_preset(preset), joined(common, point.settings))
     for name in weather:
         named_weather(name)
     return [
@@ -158,7 +172,7 @@ def study_runs(
                 phase_s=seeded_phase_s(seed),
                 paper_points=scene.must == "brake",
                 must=scene.must,
-                settings=point.settings,
+                settings=joined(common, point.settings),
             ),
             scene,
         )

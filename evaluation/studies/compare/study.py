@@ -30,6 +30,7 @@ from evaluation.studies.compare.grid import (
     SceneItem,
     ablation_points,
     fair_points,
+    joined,
     shown_settings,
     study_runs,
     varied_points,
@@ -51,7 +52,15 @@ from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
-from scenarios.settings import PARAMETERS, Setting, preset_with, setting_text, settings_text
+from scenarios.settings import (
+    OF_TRUTH,
+    PARAMETERS,
+    Setting,
+    Settings,
+    preset_with,
+    setting_text,
+    settings_text,
+)
 from scenarios.strategies import path_source
 from scenarios.weather import named_weather
 from smartmot.errors import ConfigError
@@ -61,7 +70,8 @@ from smartmot.errors import ConfigError
 class SceneStudy(Study[SceneItem, RunMeasures]):
     """Strategies and settings over scenes; the help of `smartmot-eval compare` explains each option.
 
-    What is not varied is fair; without `vary` each area has the widths of `widths`; see `fair_points`.
+    What is not varied is fair; without `vary` each area has the widths of `widths`; see `fair_points`. All
+    points have the settings of `common`.
     """
 
     strategies: tuple[str, ...]
@@ -76,6 +86,7 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
     formats: tuple[str, ...] = figures.FORMATS
     name: str = "compare"
     widths: Mapping[str, tuple[Setting, ...]] = field(default_factory=lambda: FRONTIER)
+    common: Settings = ()
     journal = "scenes_"
     table = "runs.csv"
     kind = RunMeasures
@@ -94,12 +105,30 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
         for name, values in self.vary.items():
             for value in values:
                 try:
-                    preset_with(preset, ((name, value),))
+                    preset_with(preset, tuple((self._beside(name) | {name: value}).items()))
                 except (ConfigError, ScenarioError) as error:
                     raise ArgumentError(f"--vary {setting_text(name, value)}: {error}") from None
-        if self.vary:
-            return varied_points(self.strategies, self.vary)
-        return fair_points(self.strategies, self.widths)
+        if not self.vary:
+            return fair_points(self.strategies, self.widths)
+        points = varied_points(self.strategies, self.vary)
+        # of a sensor without what else is varied, such as a perception, one point is left
+        own = (Point(p.strategy, self.own(joined(self.common, p.settings))) for p in points)
+        return tuple(dict.fromkeys(own))
+
+    def _beside(self, name: str) -> dict[str, Setting]:
+        """What a varied parameter may need beside it: a LiDAR, or the shipped sensor, and a street."""
+        chosen = {}
+        for key in ("sensor", "street"):
+            usual = PARAMETERS[key].choices[0]
+            values = self.vary.get(key, tuple(value for other, value in self.common if other == key))
+            unusual = [value for value in values if value != usual]
+            if unusual and not (name in OF_TRUTH and usual in values):
+                chosen[key] = unusual[0]
+        return chosen if "sensor" in chosen else {}
+
+    def own(self, settings: Settings) -> Settings:
+        """Settings without those that all points have."""
+        return tuple(setting for setting in settings if setting not in self.common)
 
     def chosen_scenes(self) -> tuple[SceneRun, ...]:
         """The scenes that were asked for."""
@@ -107,7 +136,7 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
 
     def items_of(self, scenes: Sequence[SceneRun]) -> list[SceneItem]:
         """The runs of some scenes, by weather, point, scene and seed."""
-        return study_runs(self.points, scenes, self.preset, self.weather, self.seeds)
+        return study_runs(self.points, scenes, self.preset, self.weather, self.seeds, self.common)
 
     def items(self, folder: Path) -> list[SceneItem]:
         """The runs of all scenes that were asked for."""
@@ -147,7 +176,8 @@ class Compared:
     def title(self) -> str:
         """Of tables and figures."""
         seeds = f"{self.study.seeds} seed{'s' if self.study.seeds > 1 else ''}"
-        return f"{len(self.scenes)} scene variants, {seeds}, preset {self.study.preset}"
+        parts = [f"{len(self.scenes)} scene variants, {seeds}, preset {self.study.preset}"]
+        return ", ".join(parts + [settings_text(self.study.common)] * bool(self.study.common))
 
     @property
     def shown_differences(self) -> list[Difference]:
@@ -213,7 +243,7 @@ def compared(study: SceneStudy, items: Sequence[SceneItem], finished: Finished[R
     called as it was asked for.
     """
     runs = [
-        dataclasses.replace(finished[item.key][0], settings=settings_text(item.spec.settings))
+        dataclasses.replace(finished[item.key][0], settings=settings_text(study.own(item.spec.settings)))
         for item in items
     ]
     spent = [finished[item.key][1] for item in items]
@@ -263,6 +293,7 @@ def _configuration(study: SceneStudy, scenes: Sequence[SceneRun], out: Path) -> 
     """Everything that determines the results, as JSON."""
     preset = named_preset(study.preset)
     folder = out.resolve()
+    full = {point: joined(study.common, point.settings) for point in study.points}
     digests = {
         run: digests_of_files(load(scenario_path(run.file), dict(run.parameters)).files, folder)
         for run in scenes
@@ -273,9 +304,10 @@ def _configuration(study: SceneStudy, scenes: Sequence[SceneRun], out: Path) -> 
         "versions": versions(),
         "preset": study.preset,
         "seeds": study.seeds,
+        "common": dict(study.common),
         "points": [
             {"strategy": point.strategy, "settings": dict(point.settings)}
-            | {"path_from": path_source(point.strategy, preset_with(preset, point.settings))}
+            | {"path_from": path_source(point.strategy, preset_with(preset, full[point]))}
             for point in study.points
         ],
         "scenes": [
@@ -286,7 +318,7 @@ def _configuration(study: SceneStudy, scenes: Sequence[SceneRun], out: Path) -> 
         ],
         "presets": {
             f"{point.strategy} {point.text} {name}": preset_with(
-                preset_in_weather(preset, named_weather(name)), point.settings
+                preset_in_weather(preset, named_weather(name)), full[point]
             )
             for name in study.weather
             for point in study.points

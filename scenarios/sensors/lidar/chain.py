@@ -17,13 +17,17 @@ from scenarios.sensors.lidar.sensor import LidarSensor
 from scenarios.sensors.lidar.street import Street
 from scenarios.sensors.world import World, reversed_course
 from smartmot.errors import PluginError
+from smartmot.lidar import METHODS, detect
 from smartmot.plugins import Plugin, require
 from smartmot.types import Detections, EgoState
 
-OF_TRUTH = {"cutout": CutoutDetector, "labels": LabelDetector}
+OF_TRUTH: dict[str, type[CutoutDetector] | type[LabelDetector]] = {
+    "cutout": CutoutDetector,
+    "labels": LabelDetector,
+}
 """Perceptions that know who is under each point: bounds of what a detector can reach."""
 
-PERCEPTIONS = tuple(OF_TRUTH)
+PERCEPTIONS = (*METHODS, *OF_TRUTH)
 """Names of perceptions; the first is that of a LiDAR unless another is asked for."""
 
 
@@ -108,6 +112,26 @@ class RunLidar:
         return LabelledCloud(measurement, row, world) if self.labelled else measurement
 
 
+class CloudDetector:
+    """A shipped detector of clouds behind a LiDAR.
+
+    Args:
+        method: name out of `smartmot.lidar.METHODS`, with its default parameters.
+    """
+
+    latency_s = 0.0
+    rate_hz: float | None = None
+
+    def __init__(self, method: str) -> None:
+        self.config = METHODS[method]()
+
+    def detect(self, measurement: LidarMeasurement) -> Detections:
+        """Detections of a cloud, with the detector's scores."""
+        height_m = measurement.mount.height_m
+        made = detect(measurement.cloud, self.config, sensor_height_m=height_m)
+        return measurement.detections(made.boxes, made.score, made.category)
+
+
 class OwnDetector:
     """A detector of the user's own behind a LiDAR; latency and rate are 0 and all where it has none.
 
@@ -164,8 +188,10 @@ def lidar_chain(
     detector: Detector[Any]
     if isinstance(perception, Plugin):
         detector = OwnDetector(perception(config, seed), perception.name)
-    else:
+    elif perception in OF_TRUTH:
         detector = OF_TRUTH[perception]()
+    else:
+        detector = CloudDetector(perception)
     labelled = perception in OF_TRUTH
     carried = RunLidar(config, seed, street, backwards=backwards, labelled=labelled)
     return SensorChain(carried, detector, lidar.perception_name)

@@ -91,7 +91,7 @@ CLASS_SIZE_M = {
     "truck": (6.93, 2.51, 2.84),
     "motorcycle": (2.11, 0.77, 1.47),
 }
-"""Length, width and height that boxes are grown to at least. The first three: anchors of SECOND (Yan, Mao, Li,
+"""Length, width and height that boxes are grown to at least. The first three: anchors of SECOND (Yan, Mao, Li
 2018) on KITTI; the others: anchors of its nuScenes configuration in OpenPCDet."""
 
 

@@ -145,7 +145,9 @@ class Street:
         kept = np.flatnonzero(~removed)
         if len(kept) == len(self.kind):
             return self
-        bodies = self.bodies.take(np.concatenate((np.arange(self.sidewalk_blocks), self.sidewalk_blocks + kept)))
+        bodies = self.bodies.take(
+            np.concatenate((np.arange(self.sidewalk_blocks), self.sidewalk_blocks + kept))
+        )
         kind = tuple(self.kind[k] for k in kept.tolist())
         lost = self.dropped + len(self.kind) - len(kept)
         return Street(bodies, self.sidewalk_blocks, kind, self.footprint[kept], lost)

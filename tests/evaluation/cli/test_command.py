@@ -537,9 +537,9 @@ def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPa
     ("options", "told"),
     [
         (("--scenes", ""), "--scenes: nothing given"),
-        (("--growth", "--full"), "--growth: takes one --weather, and neither"),
-        (("--growth", "--weather", "dry,rain"), "--growth: takes one --weather, and neither"),
-        (("--growth", "--scenes", "two at once"), "--growth: takes one --weather, and neither"),
+        (("--growth", "--full"), "--growth: takes one --weather, and no --scenes"),
+        (("--growth", "--weather", "dry,rain"), "--growth: takes one --weather, and no --scenes"),
+        (("--growth", "--scenes", "two at once"), "--growth: takes one --weather, and no --scenes"),
         (("--growth", "--vary", "margin_m=1"), "exclude one another"),
         (("--growth", "--ablation"), "exclude one another"),
         (("--maps", "."), "--maps: only --full runs scenes on outer maps; add --full"),
