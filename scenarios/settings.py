@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
 
+from scenarios import sensing
 from scenarios.presets import PRESETS, Preset
 from scenarios.sensors.boxes import SensorConfig
-from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception
-from scenarios.sensors.lidar.config import SENSORS, lidar_config
-from scenarios.sensors.lidar.street import Furnished
+from scenarios.sensors.lidar.chain import PERCEPTIONS
+from scenarios.sensors.lidar.config import SENSORS
 from scenarios.sensors.suite import whole_steps
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
 from scenarios.simulation.truth import STEP_S
@@ -277,80 +278,10 @@ def _put_errors(preset: Preset, value: Setting) -> Preset:
     return _with(preset, ("sensor", "errors"), NAMED_ERRORS[str(value)])
 
 
-TRUTH = "truth"
-"""Name of the shipped sensor: ground truth with errors."""
-
-STREETS = ("bare", "furnished")
-
-OF_LIDAR = ("perception", "street", "street_density", "street_seed")
-"""Parameters that mean nothing for the shipped sensor."""
-
-OF_FURNISHED = ("street_density", "street_seed")
-"""Parameters of a furnished street."""
-
-OF_TRUTH = ("detector", "sensor_errors", *ERROR_NUMBERS)
-"""Parameters that mean nothing for a LiDAR."""
-
-
-def _sensor_of(preset: Preset) -> str:
-    return TRUTH if preset.lidar is None else preset.lidar.sensor
-
-
-def _put_lidar(preset: Preset, value: Setting) -> Preset:
-    """A LiDAR has its own rate, and none of the errors of the shipped sensor."""
-    if value == TRUTH:
-        return preset
-    rate_hz = lidar_config(str(value)).pattern.rate_hz
-    sensor = replace(preset.sensor, rate_hz=rate_hz, errors=None)
-    return replace(preset, sensor=sensor, lidar=LidarPerception(str(value)))
-
-
-def _perception_of(preset: Preset) -> str:
-    return PERCEPTIONS[0] if preset.lidar is None else preset.lidar.perception_name
-
-
-def _put_perception(preset: Preset, value: Setting) -> Preset:
-    name = str(value)
-    return _with(preset, ("lidar", "perception"), plugin(name) if is_plugin(name) else name)
-
-
-def _put_street(preset: Preset, value: Setting) -> Preset:
-    return replace(preset, street=None if value == STREETS[0] else Furnished())
-
-
-def _furnishing(text: str, unit: str, name: str, field: str) -> Parameter:
+def _furnishing(text: str, name: str) -> Parameter:
     """The parameter that is one number of a furnished street."""
-
-    def of(preset: Preset) -> Setting:
-        return float(getattr(preset.street or Furnished(), field))
-
-    def put(preset: Preset, value: Setting) -> Preset:
-        kind = type(getattr(preset.street, field))
-        if kind(value) != value:
-            raise ConfigError(f"{name} must be a whole number, got {value}")
-        return _with(preset, ("street", field), kind(value))
-
-    return Parameter(text, unit, STRATEGIES, (), of, put)
-
-
-def idle(settings: Settings) -> dict[str, str]:
-    """Parameters that mean nothing beside the others, with what they are for."""
-    values = dict(settings)
-    sensor = values.get("sensor", TRUTH)
-    if sensor == TRUTH:
-        reasons = dict.fromkeys(OF_LIDAR, f"a LiDAR, sensor={', '.join(SENSORS)}; the sensor is {TRUTH}")
-    else:
-        reasons = dict.fromkeys(OF_TRUTH, f"sensor={TRUTH}; the sensor is {sensor}")
-        reasons["detector"] += "; its detector is set by perception"
-        if values.get("street", STREETS[0]) == STREETS[0]:
-            reasons |= dict.fromkeys(OF_FURNISHED, f"street=furnished; the street is {STREETS[0]}")
-    return {name: reasons[name] for name in values if name in reasons}
-
-
-def meaningful(settings: Settings) -> Settings:
-    """Settings without those that mean nothing beside the others."""
-    without = idle(settings)
-    return tuple((name, value) for name, value in settings if name not in without)
+    of, put = partial(sensing.street_number, name=name), partial(sensing.put_street_number, name=name)
+    return Parameter(text, "", STRATEGIES, (), of, put)
 
 
 OF_SENSOR = "sensor"
@@ -386,28 +317,28 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             lambda preset: preset.rectangular.max_length_m,
             _put_length,
         ),
-        "sensor": Parameter("sensor", "", STRATEGIES, (TRUTH, *SENSORS), _sensor_of, _put_lidar),
+        "sensor": Parameter(
+            "sensor", "", STRATEGIES, (sensing.TRUTH, *SENSORS), sensing.sensor_of, sensing.put_sensor
+        ),
         "perception": Parameter(
             "what makes detections of a LiDAR's clouds",
             "",
             STRATEGIES,
             PERCEPTIONS,
-            _perception_of,
-            _put_perception,
+            sensing.perception_of,
+            sensing.put_perception,
             own=True,
         ),
         "street": Parameter(
             "what stands along the road",
             "",
             STRATEGIES,
-            STREETS,
-            lambda preset: STREETS[preset.street is not None],
-            _put_street,
+            sensing.STREETS,
+            lambda preset: sensing.STREETS[preset.street is not None],
+            sensing.put_street,
         ),
-        "street_density": _furnishing(
-            "pieces of furniture per 100 m of each side", "", "street_density", "density_per_100_m"
-        ),
-        "street_seed": _furnishing("seed of the street", "", "street_seed", "seed"),
+        "street_density": _furnishing("pieces of furniture per 100 m of each side", "street_density"),
+        "street_seed": _furnishing("seed of the street", "street_seed"),
         "range_m": _number("range of the sensor", "m", STRATEGIES, "sensor.range_m"),
         "iou_threshold": _number(
             "overlap of forecast boxes that predicts a collision", "", STRATEGIES, "pipeline.iou_threshold"
@@ -538,7 +469,7 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
         if not PARAMETERS[name].admits(value):
             expected = ", ".join(PARAMETERS[name].choices) or "a number"
             raise ConfigError(f"{name}: expected {expected}; got {value!r}")
-    for name, purpose in idle(settings).items():
+    for name, purpose in sensing.idle(settings).items():
         raise ConfigError(f"{name} is for {purpose}")
     for name, value in sorted(settings, key=lambda setting: _ORDER[setting[0]]):
         preset = PARAMETERS[name].put(preset, value)

@@ -445,7 +445,8 @@ def parse_lidar(
     Raises:
         ArgumentError: an unknown name, or an option without what it belongs to.
     """
-    from scenarios.settings import PARAMETERS, TRUTH
+    from scenarios.sensing import TRUTH
+    from scenarios.settings import PARAMETERS
 
     typed = {"perception": perception, "street": street, "street_density": density, "street_seed": seed}
     given: dict[str, str | float] = {name: value for name, value in typed.items() if value is not None}

@@ -22,8 +22,9 @@ from evaluation.studies.compare.grid import (
 from scenarios.errors import ScenarioError
 from scenarios.presets import PAPER, PHYSICAL, REAL, Preset, pipeline_of
 from scenarios.scenes.scenes import choose_scenes
+from scenarios.sensing import OF_LIDAR
 from scenarios.sensors.variation import ERROR_NUMBERS
-from scenarios.settings import OF_LIDAR, PARAMETERS, TRIGGERS, Setting, preset_with
+from scenarios.settings import PARAMETERS, TRIGGERS, Setting, preset_with
 from scenarios.strategies import STRATEGIES
 from smartmot.decision.aeb import AebConfig
 from smartmot.decision.required_deceleration import RequiredDeceleration

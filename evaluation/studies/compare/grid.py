@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from evaluation.studies.study import LabelledRun
 from scenarios.presets import named_preset
 from scenarios.scenes.scenes import SceneRun
-from scenarios.settings import PARAMETERS, Setting, Settings, meaningful, preset_with, settings_text
+from scenarios.sensing import meaningful
+from scenarios.settings import PARAMETERS, Setting, Settings, preset_with, settings_text
 from scenarios.spec import RunSpec
 from scenarios.weather import named_weather
 
@@ -71,7 +72,7 @@ def shown_settings(text: str) -> str:
 
 def joined(common: Settings, own: Settings) -> Settings:
     """Common settings with those of one side in their place, without what means nothing beside them."""
-    return meaningful(tuple((dict(common) | dict(own)).items())) if common else own
+    return meaningful((dict(common) | dict(own)).items()) if common else own
 
 
 SceneItem = LabelledRun[SceneRun]

@@ -52,8 +52,8 @@ from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset, preset_in_weather
 from scenarios.scenes.scenes import SceneRun, choose_scenes
+from scenarios.sensing import OF_TRUTH, meaningful
 from scenarios.settings import (
-    OF_TRUTH,
     PARAMETERS,
     Setting,
     Settings,
@@ -112,13 +112,14 @@ class SceneStudy(Study[SceneItem, RunMeasures]):
             return fair_points(self.strategies, self.widths)
         points = varied_points(self.strategies, self.vary)
         # of a sensor without what else is varied, such as a perception, one point is left
-        own = (Point(p.strategy, self.own(joined(self.common, p.settings))) for p in points)
+        full = (meaningful((dict(self.common) | dict(point.settings)).items()) for point in points)
+        own = (Point(p.strategy, self.own(settings)) for p, settings in zip(points, full, strict=True))
         return tuple(dict.fromkeys(own))
 
     def _beside(self, name: str) -> dict[str, Setting]:
         """What a varied parameter may need beside it: a LiDAR, or the shipped sensor, and a street."""
         chosen = {}
-        for key in ("sensor", "street"):
+        for key in ("sensor", "street") if name != "sensor" else ():
             usual = PARAMETERS[key].choices[0]
             values = self.vary.get(key, tuple(value for other, value in self.common if other == key))
             unusual = [value for value in values if value != usual]
