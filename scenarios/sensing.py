@@ -1,4 +1,4 @@
-"""Parameters of what the ego senses with: the shipped sensor or a LiDAR, its perception, the street it sees."""
+"""Parameters of what the ego senses with: the shipped sensor or a LiDAR, its perception, its street."""
 
 from __future__ import annotations
 
