@@ -36,6 +36,8 @@ def decoded(message: RawMessage) -> Message:
     Raises:
         ReadError: it is of no type that is read, serialised in another way, damaged, or of no possible time.
     """
+    from rosbags.serde import SerdeError
+
     topic = message.topic
     types = _types(topic)
     data = message.data
@@ -47,11 +49,15 @@ def decoded(message: RawMessage) -> Message:
         return READERS[topic.type_name](_deserialised(types, topic, data), message.received_ns)
     except (ReadError, DatasetError) as error:
         reason = str(error)
-    except AttributeError as error:
-        reason = f"its type is not the {topic.type_name} that is read ({error})"
-    except Exception as error:  # rosbags' own, and what its code raises on damaged data
-        reason = f"damaged, or of another type ({' '.join(str(error).split()) or type(error).__name__})"
+    except SerdeError as error:
+        reason = f"damaged, or of another type ({_line(error)})"
+    except _OTHER_FIELDS as error:
+        reason = f"its type is not the {topic.type_name} that is read ({_line(error)})"
     raise ReadError(f"topic {topic.name}, message received at {message.received_ns} ns: {reason}") from None
+
+
+_OTHER_FIELDS = (AttributeError, TypeError, ValueError, OverflowError)
+"""What reading raises where the bag's own definition lacks a field, or has it as something else."""
 
 
 def require_readable(topic: Topic) -> None:
@@ -97,7 +103,8 @@ def _types(topic: Topic) -> Typestore:
 def _defined(topic: Topic) -> Typestore:
     """Types as a bag defines them."""
     from rosbags.interfaces import Nodetype
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
     try:
         if topic.definition_form == "idl":
@@ -113,10 +120,24 @@ def _defined(topic: Topic) -> Typestore:
         built_in = {name: fields for name, fields in ros2_types().fielddefs.items() if name in _BUILT_IN}
         store.register({**built_in, **types})
         store.get_msgdef(topic.type_name)
-    except Exception as error:  # rosbags' own, and what hostile text makes of its parser
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ReadError(f"topic {topic.name}: its definition cannot be used ({reason})") from None
-    return store
+    except KeyError as error:
+        reason = f"it does not define {error.args[0]}"
+    except RecursionError:
+        reason = "a type in it holds itself"
+    except (TypesysError, SerdeError, ReadError, *_NO_CODE) as error:
+        reason = _line(error)
+    else:
+        return store
+    raise ReadError(f"topic {topic.name}: its definition cannot be used ({reason})") from None
+
+
+_NO_CODE = (SyntaxError, NameError, TypeError, ValueError, OverflowError)
+"""What making code of a definition raises: names that are none in Python, numbers out of range."""
+
+
+def _line(error: Exception) -> str:
+    """What an error says, in one line."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 _BUILT_IN = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")

@@ -390,11 +390,45 @@ def test_a_type_with_further_fields_is_read_by_its_own_definition(tmp_path: Path
         ("not a definition at all {", "definition cannot be used"),
         ("float64[100000000] x", "an array of 100000000 elements"),
         ("float64 a\nfloat64 b\nint32 c", "its type is not the"),
+        ("std_msgs/Header header\nstring predictions", "it does not define std_msgs/msg/Header"),
+        ("bevfusion_msgs/PredictionArray header", "a type in it holds itself"),
     ],
 )
 def test_definitions_that_are_none(tmp_path: Path, definition: str, said: str) -> None:
     row = replace(made.stored()[1], definition=definition, data=NOTHING)
     assert said in refusal(made.write_mcap(tmp_path / "a.mcap", [row]), made.DETECTIONS)
+
+
+_LINE = st.sampled_from(
+    (
+        *("string predictions", "int32[] predictions", "float64 header", "uint64 id", "string position"),
+        *("geometry_msgs/Point size", "bevfusion_msgs/PredictionArray[] predictions", "wstring x"),
+        *("int32 class", "int32 __x", "int32 A=99999999999999", "string[<=2] class_name"),
+        *("float64[0] z_rotation", "=" * 80, "MSG: a/B", "#", "\x00["),
+    )
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 60), _LINE, st.booleans()), min_size=1, max_size=4))
+def test_any_definition_is_used_or_refused(changes: list[tuple[int, str, bool]]) -> None:
+    from scenarios.reading import ReadError
+    from scenarios.ros.bags.decoding import decoded
+    from scenarios.ros.bags.topics import RawMessage, Topic
+
+    row = made.stored()[1]
+    lines = row.definition.splitlines()
+    for number, line, instead in changes:
+        at = number % (len(lines) + 1)
+        lines[at : at + instead] = [line]
+    topic = Topic("/t", row.type_name, "cdr", "\n".join(lines))
+    for data in (row.data, b"\0\1\0\0" + bytes(40)):
+        try:
+            said = f"topic /t {decoded(RawMessage(topic, 1, data)).received_ns}"
+        except ReadError as error:
+            said = str(error)
+        assert said.startswith("topic /t")
+        assert len(said.splitlines()) == 1
 
 
 def test_a_topic_with_two_types_is_refused(tmp_path: Path) -> None:
