@@ -22,12 +22,13 @@ class NearLanes:
 
     Args:
         lane: (K,) their rows in the map's table.
-        outline_m: K outlines (P, 2), map frame, without repetition of the first corner.
+        outlines_m: K tuples of outlines (P, 2), map frame, without repetition of the first corner; several
+            where a lane is nowhere wide in between, none where it is nowhere wide.
         left_out: lanes of the map that are too far away.
     """
 
     lane: IntArray
-    outline_m: tuple[FloatArray, ...]
+    outlines_m: tuple[tuple[FloatArray, ...], ...]
     left_out: int
 
     @property
@@ -50,12 +51,17 @@ def lanes_near(network: DriveMap, way_m: FloatArray) -> NearLanes:
     outlines = _outlines(network)
     bounds = shapely.bounds(outlines)
     shown = np.asarray(network.lanes.lane_type) != "none"
+    # A lane that is nowhere wide has no bounds, and meets nothing.
     meets = (bounds[:, 2:] >= low).all(axis=1) & (bounds[:, :2] <= high).all(axis=1)
     near = np.flatnonzero(shown & meets)
-    # A lane that is nowhere wide in between has several outlines.
-    parts, owner = shapely.get_parts(outlines[near], return_index=True)
-    rings = tuple(shapely.get_coordinates(ring)[:-1] for ring in shapely.get_exterior_ring(parts))
-    return NearLanes(near[owner], rings, int(shown.sum()) - len(near))
+    rings_m = tuple(
+        tuple(
+            shapely.get_coordinates(ring)[:-1]
+            for ring in shapely.get_exterior_ring(shapely.get_parts(outline))
+        )
+        for outline in outlines[near]
+    )
+    return NearLanes(near, rings_m, int(shown.sum()) - len(near))
 
 
 @functools.lru_cache(maxsize=1)

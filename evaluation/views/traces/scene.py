@@ -170,7 +170,7 @@ def map_scene(network: DriveMap, near: NearLanes, stamp: Timestamp) -> SceneUpda
     """Lanes and crosswalks: one entity each, with its outline."""
     lanes = network.lanes
     entities = []
-    for lane, outline in zip(near.lane.tolist(), near.outline_m, strict=True):
+    for lane, outlines_m in zip(near.lane.tolist(), near.outlines_m, strict=True):
         road, section, number = lanes.key[lane]
         lane_type = str(lanes.lane_type[lane])
         colour = _colour(LANE_COLOURS.get(lane_type, OTHER_LANE_COLOUR), 1.0)
@@ -180,7 +180,7 @@ def map_scene(network: DriveMap, near: NearLanes, stamp: Timestamp) -> SceneUpda
                 frame_id=MAP,
                 id=f"lane {road}/{section}/{number}",
                 metadata=[_pair("type", lane_type)],
-                lines=[_loop(outline, colour)],
+                lines=[_loop(outline_m, colour) for outline_m in outlines_m],
             )
         )
     for crosswalk in network.crosswalks:
