@@ -222,7 +222,7 @@ def test_of_a_great_map_only_what_is_near_is_written() -> None:
     assert 0 < len(near.lane) < len(everything.lane)
     assert near.left_out == len(everything.lane) - len(near.lane)
     assert near.notes[0].startswith(f"{near.left_out} of {len(everything.lane)} lanes")
-    assert all(outline[:, 0].min() <= left + 1.0 for outline in near.outline_m)
+    assert all(outline[:, 0].min() <= left + 1.0 for outlines in near.outlines_m for outline in outlines)
 
 
 def test_a_contact_is_an_event(folder: Path) -> None:
