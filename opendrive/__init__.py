@@ -30,7 +30,7 @@ from opendrive.network import RoadNetwork
 from opendrive.roads.borders import SampledBorders
 from opendrive.roads.geometry import SurfacePoints
 from opendrive.roads.lane_index import LaneHits, NearestLanes
-from opendrive.roads.objects import Crosswalk, RoadSignal
+from opendrive.roads.objects import Crosswalk, PlacedObject, RoadSignal
 from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
 from opendrive.xml.reader import read_map
 from opendrive.xml.writer import write_map
@@ -49,6 +49,7 @@ __all__ = [
     "MapWarning",
     "NearestLanes",
     "OpenDriveError",
+    "PlacedObject",
     "PositionError",
     "RoadGeometry",
     "RoadNetwork",

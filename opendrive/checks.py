@@ -7,7 +7,7 @@ import numpy as np
 from opendrive.arrays import FloatArray, wrapped
 from opendrive.errors import MapContentError, MapWarning, WarningKind
 from opendrive.geometry.curves import CUBIC, CurveTable
-from opendrive.model import Road
+from opendrive.model import Poly3, Road
 from opendrive.roads.geometry import NetworkGeometry
 
 GAP_M = 0.05
@@ -72,6 +72,9 @@ def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWar
     cubic = np.flatnonzero(curves.kind == CUBIC)
     short_m = np.zeros(len(curves.road))
     short_m[cubic] = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
+    # A poly3 has no end of its own, which its length could miss.
+    is_open = [isinstance(piece.shape, Poly3) for road in roads for piece in road.geometries]
+    short_m[np.array(is_open, dtype=np.bool_)] = 0.0
     next_m = np.append(curves.start_m[1:], 0.0)
 
     for piece in np.flatnonzero(same_road & (gap_m > GAP_M)).tolist():

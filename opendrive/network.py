@@ -29,7 +29,14 @@ from opendrive.roads.borders import bounds_of
 from opendrive.roads.geometry import NetworkGeometry, SurfacePoints
 from opendrive.roads.lane_index import LaneHits, LaneIndex, NearestLanes
 from opendrive.roads.network_lanes import NetworkLanes
-from opendrive.roads.objects import Crosswalk, RoadSignal, crosswalks_on, signals_on
+from opendrive.roads.objects import (
+    Crosswalk,
+    PlacedObject,
+    RoadSignal,
+    crosswalks_of,
+    objects_on,
+    signals_on,
+)
 from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
 from opendrive.xml.road_records import RoadRecords
 
@@ -409,9 +416,14 @@ class RoadNetwork(NetworkLanes):
     # Objects and signals
 
     @cached_property
+    def objects(self) -> tuple[PlacedObject, ...]:
+        """All objects where they stand, one for every copy of a repeated one and for every outline."""
+        return tuple(item for road in self.roads.values() for item in objects_on(road))
+
+    @cached_property
     def crosswalks(self) -> tuple[Crosswalk, ...]:
-        """All crosswalks that have an outline or a size."""
-        return tuple(crosswalk for road in self.roads.values() for crosswalk in crosswalks_on(road))
+        """All crosswalks that have an outline or a size, one for every copy and outline."""
+        return tuple(crosswalks_of(self.objects))
 
     @cached_property
     def _signals(self) -> Mapping[str, Signal]:

@@ -1,13 +1,18 @@
 """Crosswalks, outlines of objects, and the signals that apply to a road."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from opendrive.arrays import FloatArray, read_only
-from opendrive.model import LaneRange, Road, RoadObject, Signal
+from opendrive.model import Change, LaneRange, ObjectRepeat, Outline, Road, RoadObject, Signal
+from opendrive.roads.geometry import SurfacePoints
 from opendrive.roads.road import RoadGeometry
+
+_STRIP_STEP_M = 1.0
+_MAX_COPIES = 10_000
+"""More than any real object has along one road."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +33,35 @@ class Crosswalk:
     road_id: str
     s_m: float
     t_m: float
+    polygon: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedObject:
+    """An object where it stands: one copy and one outline of what the map lists.
+
+    Attributes:
+        id: id of the object; its copies and outlines share it.
+        name: free name.
+        type: such as ``pole`` or ``crosswalk``.
+        subtype: closer kind, empty when absent.
+        road_id: road that carries it.
+        s_m: position along the road.
+        t_m: lateral position.
+        xyz_m: position, map frame.
+        heading_rad: heading, map frame.
+        polygon: (P, 2) corners, map frame, without repetition of the first; empty for what has no extent.
+    """
+
+    id: str
+    name: str
+    type: str
+    subtype: str
+    road_id: str
+    s_m: float
+    t_m: float
+    xyz_m: tuple[float, float, float]
+    heading_rad: float
     polygon: FloatArray
 
 
@@ -95,13 +129,32 @@ class RoadSignal:
         )
 
 
-def crosswalks_on(road: RoadGeometry) -> Iterator[Crosswalk]:
-    """Yield the crosswalks of a road that have an outline or a size."""
+def objects_on(road: RoadGeometry) -> Iterator[PlacedObject]:
+    """Yield the objects of a road, one for every copy of a repeated one and for every outline."""
     for item in road.record.objects:
-        if item.type == "crosswalk":
-            polygon = object_polygon(road, item)
-            if len(polygon) >= 3:
-                yield Crosswalk(item.id, item.name, road.id, item.s_m, item.t_m, read_only(polygon))
+        for copy in _copies(item):
+            origin = road.point(min(max(copy.s_m, 0.0), road.length_m), copy.t_m)
+            heading_rad = float(origin.heading_rad) + item.heading_rad
+            for polygon in copy.polygons(road, origin, heading_rad) or [np.empty((0, 2))]:
+                yield PlacedObject(
+                    id=item.id,
+                    name=item.name,
+                    type=item.type,
+                    subtype=item.subtype,
+                    road_id=road.id,
+                    s_m=copy.s_m,
+                    t_m=copy.t_m,
+                    xyz_m=(float(origin.x_m), float(origin.y_m), float(origin.z_m) + copy.z_offset_m),
+                    heading_rad=heading_rad,
+                    polygon=read_only(polygon),
+                )
+
+
+def crosswalks_of(objects: Iterable[PlacedObject]) -> Iterator[Crosswalk]:
+    """Yield the crosswalks among objects that have an outline or a size."""
+    for item in objects:
+        if item.type == "crosswalk" and len(item.polygon) >= 3:
+            yield Crosswalk(item.id, item.name, item.road_id, item.s_m, item.t_m, item.polygon)
 
 
 def signals_on(road: Road, signals: Mapping[str, Signal]) -> tuple[RoadSignal, ...]:
@@ -120,31 +173,115 @@ def signals_on(road: Road, signals: Mapping[str, Signal]) -> tuple[RoadSignal, .
     return tuple(sorted(placed + referenced, key=lambda signal: signal.s_m))
 
 
-def object_polygon(road: RoadGeometry, item: RoadObject) -> FloatArray:
-    """Return the outline of an object as (P, 2) corners in the map frame.
+@dataclass(frozen=True, slots=True)
+class _Copy:
+    """One copy of an object, or a stretch of road along which it is continuous.
 
-    The first outline is taken; without one, the rectangle of length and width, or the circle of the radius.
-    The result is empty if the object has no extent (ASAM OpenDRIVE 1.8, chapter "Objects").
+    Attributes:
+        item: the object.
+        s_m: along the road.
+        t_m: across it.
+        z_offset_m: height above the road.
+        length_m: length; None when absent.
+        width_m: width; None when absent.
+        radius_m: radius; None when absent.
+        repeat: the repeat along which it is continuous; None for a single copy.
     """
-    outline = item.outlines[0].corners if item.outlines else np.empty((0, 3))
-    if item.outlines and item.outlines[0].in_road_frame:
-        s = np.clip(outline[:, 0], 0.0, road.length_m)
-        corners = road.point(s, outline[:, 1])
+
+    item: RoadObject
+    s_m: float
+    t_m: float
+    z_offset_m: float
+    length_m: float | None
+    width_m: float | None
+    radius_m: float | None
+    repeat: ObjectRepeat | None = None
+
+    def polygons(self, road: RoadGeometry, origin: SurfacePoints, heading_rad: float) -> list[FloatArray]:
+        """Return its outlines as (P, 2) corners in the map frame.
+
+        Without outlines, the rectangle of length and width, or the circle of the radius; nothing if the
+        object has no extent (ASAM OpenDRIVE 1.8, chapter "Objects").
+        """
+        if self.repeat is not None:
+            return self._strip(road, self.repeat)
+        if self.item.outlines:
+            rings = [self._ring(road, outline, origin, heading_rad) for outline in self.item.outlines]
+            return [ring for ring in rings if len(ring)]
+        if self.length_m and self.width_m:
+            local = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [self.length_m, self.width_m]
+        elif self.radius_m:
+            angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+            local = self.radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        else:
+            return []
+        return [_open_ring(_turned(local, origin, heading_rad))]
+
+    def _ring(
+        self, road: RoadGeometry, outline: Outline, origin: SurfacePoints, heading_rad: float
+    ) -> FloatArray:
+        if not outline.in_road_frame:
+            return _open_ring(_turned(outline.corners[:, :2], origin, heading_rad))
+        s = np.clip(outline.corners[:, 0] + self.s_m - self.item.s_m, 0.0, road.length_m)
+        corners = road.point(s, outline.corners[:, 1] + self.t_m - self.item.t_m)
         return _open_ring(np.stack([corners.x_m, corners.y_m], axis=1))
-    if len(outline):
-        local = outline[:, :2]
-    elif item.length_m and item.width_m:
-        local = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [item.length_m, item.width_m]
-    elif item.radius_m:
-        angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-        local = item.radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    else:
-        return np.empty((0, 2))
-    origin = road.point(min(max(item.s_m, 0.0), road.length_m), item.t_m)
-    heading = float(origin.heading_rad) + item.heading_rad
-    cos, sin = np.cos(heading), np.sin(heading)
-    turned = local @ np.array([[cos, sin], [-sin, cos]])
-    return _open_ring(turned + np.array([float(origin.x_m), float(origin.y_m)]))
+
+    def _strip(self, road: RoadGeometry, repeat: ObjectRepeat) -> list[FloatArray]:
+        """Return the outline of an object that is continuous along a stretch of road."""
+        count = int(np.clip(np.ceil(repeat.length_m / _STRIP_STEP_M), 1, _MAX_COPIES))
+        share = np.linspace(0.0, 1.0, count + 1)
+        s = np.clip(repeat.s_m + share * repeat.length_m, 0.0, road.length_m)
+        t = _changed(repeat.t, self.item.t_m, share)
+        width = _changed(repeat.width, self.item.width_m or 0.0, share)
+        if not width.any():
+            return []
+        sides = [road.point(s, t + half * width) for half in (-0.5, 0.5)]
+        right, left = (np.stack([points.x_m, points.y_m], axis=1) for points in sides)
+        return [_open_ring(np.concatenate([right, left[::-1]]))]
+
+
+def _copies(item: RoadObject) -> Iterator[_Copy]:
+    """Yield the copies of an object: itself, or what its repeats make of it, which replace it."""
+    if not item.repeats:
+        yield _Copy(item, item.s_m, item.t_m, item.z_offset_m, item.length_m, item.width_m, item.radius_m)
+    for repeat in item.repeats:
+        if repeat.distance_m <= 0.0:
+            t_m, z_m = (
+                float(_changed(change, own, np.zeros(1))[0])
+                for change, own in ((repeat.t, item.t_m), (repeat.z_offset, item.z_offset_m))
+            )
+            yield _Copy(item, repeat.s_m, t_m, z_m, None, None, None, repeat)
+            continue
+        count = min(int(np.floor(repeat.length_m / repeat.distance_m + 1e-9)) + 1, _MAX_COPIES)
+        along_m = repeat.distance_m * np.arange(count)
+        share: FloatArray = along_m / max(repeat.length_m, repeat.distance_m)
+        columns = [
+            _changed(change, np.nan if own is None else own, share).tolist()
+            for change, own in (
+                (repeat.t, item.t_m),
+                (repeat.z_offset, item.z_offset_m),
+                (repeat.length, item.length_m),
+                (repeat.width, item.width_m),
+                (repeat.radius, item.radius_m),
+            )
+        ]
+        for s_m, t_m, z_m, *sizes in zip((repeat.s_m + along_m).tolist(), *columns, strict=True):
+            length_m, width_m, radius_m = (None if np.isnan(size) else size for size in sizes)
+            yield _Copy(item, s_m, t_m, z_m, length_m, width_m, radius_m)
+
+
+def _changed(change: Change, own: float, share: FloatArray) -> FloatArray:
+    """Return a quantity along a repeat; `own` is the object's own value, where the repeat has none."""
+    start = own if change.start_m is None else change.start_m
+    end = start if change.end_m is None else change.end_m
+    return start + share * (end - start)
+
+
+def _turned(local: FloatArray, origin: SurfacePoints, heading_rad: float) -> FloatArray:
+    """Return points (P, 2) of an object's own frame in the map frame."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    placed: FloatArray = local @ np.array([[cos, sin], [-sin, cos]]) + [float(origin.x_m), float(origin.y_m)]
+    return placed
 
 
 def _open_ring(corners: FloatArray) -> FloatArray:

@@ -46,6 +46,7 @@ class Field(Generic[_Value]):
         part: child that attributes and children stand in; empty for the record's own element.
         absent: value where those children are missing; None if the field has to be read all the same.
         leftovers: returns the elements inside the children that are kept, but not read.
+        is_single: whether only the first of these children is read.
     """
 
     read: Callable[[Values, Element], _Value]
@@ -55,6 +56,7 @@ class Field(Generic[_Value]):
     part: str = ""
     absent: _Value | None = None
     leftovers: Callable[[Values, Element], list[Element]] | None = None
+    is_single: bool = False
 
     @property
     def own_tags(self) -> tuple[str, ...]:
@@ -64,6 +66,18 @@ class Field(Generic[_Value]):
     def then(self, change: Callable[[_Value], _Value]) -> "Field[_Value]":
         """Return the field with what is read put through a function."""
         return replace(self, read=lambda values, element: change(self.read(values, element)))
+
+    def lenient(self) -> "Field[_Value]":
+        """Return the field with a value that cannot be read warned about, and read as absent.
+
+        For what says nothing about where a road or lane lies.
+        """
+
+        def read(values: Values, element: Element) -> _Value:
+            value: _Value = values.or_absent(lambda: self.read(values, element), element, self.absent)
+            return value
+
+        return replace(self, read=read)
 
     def inside(self, part: str, always: bool = False) -> "Field[Any]":
         """Return the field for attributes and children that stand in a child of the record's element.
@@ -82,7 +96,7 @@ class Field(Generic[_Value]):
                 inner = first(element, part)
                 self.write(etree.SubElement(element, part) if inner is None else inner, value)
 
-        return Field(read, write, self.attributes, self.tags, part, self.absent)
+        return Field(read, write, self.attributes, self.tags, part, self.absent, is_single=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +110,19 @@ class Attribute(Field[Any]):
 
     default: object = REQUIRED
     convert: Convert | None = None
+
+    def lenient(self) -> "Attribute":
+        """Return the attribute with a value that cannot be meant warned about, and read as absent."""
+        convert, default = self.convert, self.default
+        assert convert is not None
+        assert default is not REQUIRED
+
+        def convert_or_warn(values: Values, element: Element, name: str, text: str) -> Any:
+            return values.or_absent(lambda: convert(values, element, name, text), element, default)
+
+        return replace(
+            attribute(self.attributes[0], default, convert_or_warn, self.write), absent=self.absent
+        )
 
 
 class _Steps:
@@ -162,6 +189,7 @@ class Table(Generic[_Record]):
             part: tuple(tag for column in ordered if column.part == part for tag in column.tags)
             for part in dict.fromkeys(column.part for column in ordered if column.part)
         }
+        self._single = {tag for column in ordered if column.is_single for tag in column.own_tags}
         self._leftovers = [column.leftovers for column in ordered if column.leftovers is not None]
         bound = {name: self._bound(column) for name, column in columns.items()}
         self._steps = _Steps(bound[name] for name in eager)
@@ -212,6 +240,7 @@ class Table(Generic[_Record]):
     def _rest(self, values: Values, element: Element) -> list[Element]:
         """Return the elements that no field reads: children, and those inside the parts."""
         elements = children_but(element, self.tags)
+        elements += values.repeated(element, self._single)
         for part, tags in self._parts.items():
             elements += children_but(first(element, part), tags)
         for leftovers in self._leftovers:
@@ -361,7 +390,7 @@ def child(tag: str, item: "Field[Any] | Table[Any]", required: bool = False) -> 
         if value is not None:
             item.write(etree.SubElement(element, tag), value)
 
-    return Field(read, write, tags=(tag,))
+    return Field(read, write, tags=(tag,), is_single=True)
 
 
 def children_of(
@@ -401,12 +430,19 @@ def children_of(
     return Field(read, write, tags=(within or tag,), absent=(), leftovers=leftovers if kept else None)
 
 
-def each(tag: str, item: "Field[Any] | Table[Any]") -> Field[tuple[Any, ...]]:
-    """Return the field of all children of a name; one that cannot be read is left out with a warning."""
-    return replace(
-        children_of(tag, item),
-        read=lambda values, element: values.each(item.read, children(element, tag)),
-    )
+def each(
+    tag: str, item: "Field[Any] | Table[Any]", within: str = "", kept: bool = False
+) -> Field[tuple[Any, ...]]:
+    """Return the field of all children of a name; one that cannot be read is left out with a warning.
+
+    The arguments are those of `children_of`.
+    """
+
+    def read(values: Values, element: Element) -> tuple[Any, ...]:
+        groups = children(element, within) if within else [element]
+        return values.each(item.read, [member for group in groups for member in children(group, tag)])
+
+    return replace(children_of(tag, item, within, kept), read=read)
 
 
 def table_of(tag: str, attributes: tuple[str, ...], keys: int = 1) -> Field[FloatArray]:

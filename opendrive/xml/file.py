@@ -4,6 +4,7 @@ from typing import Any
 
 from lxml import etree
 
+from opendrive.errors import WarningKind
 from opendrive.model import GeoOffset, Header
 from opendrive.xml.fields import REST, Field, Table, child, integer, number, text
 from opendrive.xml.junctions import JUNCTION, JUNCTION_GROUP
@@ -23,31 +24,50 @@ def _write_geo_reference(element: Element, geo_reference: str) -> None:
         etree.SubElement(element, "geoReference").text = geo_reference
 
 
+NEWEST = (1, 8)
+"""The newest revision of the standard that is read."""
+
+
 def _revision(values: Values, element: Element, name: str, text: str) -> int:
-    return values.to_integer(element, name, text) or 1
+    revision = values.to_integer(element, name, text)
+    if revision < 1:
+        values.warn(WarningKind.REVISION, element, f"revision {revision} is unknown; read as 1")
+    return max(revision, 1)
+
+
+def _check_revision(values: Values, element: Element, header: Header) -> None:
+    revision = (header.rev_major, header.rev_minor)
+    written = "{}.{}".format(*revision)
+    newest = "{}.{}".format(*NEWEST)
+    if revision > NEWEST:
+        message = f"revision {written} is newer than what is read ({newest}); what is new in it is not read"
+        values.warn(WarningKind.REVISION, element, message)
+    elif header.rev_minor < 0:
+        values.warn(WarningKind.REVISION, element, f"revision {written} is unknown; read as {newest}")
 
 
 _OFFSET = Table(
     GeoOffset,
-    x_m=number("x", 0.0),
-    y_m=number("y", 0.0),
-    z_m=number("z", 0.0),
-    heading_rad=number("hdg", 0.0),
+    x_m=number("x", 0.0).lenient(),
+    y_m=number("y", 0.0).lenient(),
+    z_m=number("z", 0.0).lenient(),
+    heading_rad=number("hdg", 0.0).lenient(),
 )
 
 HEADER = Table(
     Header,
+    check=_check_revision,
     # There is no revision 0.
-    rev_major=number("revMajor", 1, convert=_revision),
-    rev_minor=integer("revMinor", 4),
+    rev_major=number("revMajor", 1, convert=_revision).lenient(),
+    rev_minor=integer("revMinor", 4).lenient(),
     name=text("name"),
     version=text("version"),
     date=text("date"),
     vendor=text("vendor"),
-    north_m=number("north", None),
-    south_m=number("south", None),
-    east_m=number("east", None),
-    west_m=number("west", None),
+    north_m=number("north", None).lenient(),
+    south_m=number("south", None).lenient(),
+    east_m=number("east", None).lenient(),
+    west_m=number("west", None).lenient(),
     geo_reference=Field(_read_geo_reference, _write_geo_reference, tags=("geoReference",)),
     offset=child("offset", _OFFSET),
     extra=REST,

@@ -4,7 +4,19 @@ from dataclasses import dataclass, replace
 
 from opendrive import model
 from opendrive.errors import WarningKind
-from opendrive.xml.fields import REQUIRED, REST, Field, Table, child, children_of, integer, number, row, text
+from opendrive.xml.fields import (
+    REQUIRED,
+    REST,
+    Field,
+    Table,
+    child,
+    children_of,
+    each,
+    integer,
+    number,
+    row,
+    text,
+)
 from opendrive.xml.roads import CONTACT_POINT, LINK
 from opendrive.xml.values import Element, Values, children, children_but
 
@@ -36,8 +48,8 @@ _CONNECTION = Table(
     predecessor=child("predecessor", LINK),
     successor=child("successor", LINK),
 )
-_LANE_LINKS = children_of(
-    "laneLink", row(integer("from"), integer("to"), number("overlapZone", 0.0), order=(1, 2, 0))
+_LANE_LINKS = each(
+    "laneLink", row(integer("from"), integer("to"), number("overlapZone", 0.0).lenient(), order=(1, 2, 0))
 )
 
 
@@ -127,21 +139,21 @@ JUNCTION = Table(
     type=text("type", "default", convert=_known_type),
     main_road=text("mainRoad"),
     orientation=text("orientation"),
-    s_start_m=number("sStart", None),
-    s_end_m=number("sEnd", None),
+    s_start_m=number("sStart", None).lenient(),
+    s_end_m=number("sEnd", None).lenient(),
     id=text("id", REQUIRED),
     connections=_CONNECTIONS,
-    priorities=children_of("priority", Table(model.JunctionPriority, high=text("high"), low=text("low"))),
-    controllers=children_of(
+    priorities=each("priority", Table(model.JunctionPriority, high=text("high"), low=text("low"))),
+    controllers=each(
         "controller",
         Table(
             model.JunctionController,
             type=text("type"),
-            sequence=integer("sequence", None),
+            sequence=integer("sequence", None).lenient(),
             controller_id=text("id", REQUIRED),
         ),
     ),
-    crossing_roads=children_of(
+    crossing_roads=each(
         "roadSection",
         Table(
             model.CrossingRoad,
@@ -151,7 +163,7 @@ JUNCTION = Table(
             road_id=text("roadId", REQUIRED),
         ),
     ),
-    cross_paths=children_of(
+    cross_paths=each(
         "crossPath",
         Table(
             model.CrossPath,
@@ -171,6 +183,6 @@ JUNCTION_GROUP = Table(
     id=text("id", REQUIRED),
     name=text("name"),
     type=text("type"),
-    junction_ids=children_of("junctionReference", text("junction", REQUIRED)),
+    junction_ids=each("junctionReference", text("junction", REQUIRED)),
     extra=REST,
 )

@@ -13,7 +13,7 @@ from lxml import etree
 
 from opendrive import model
 from opendrive.arrays import FloatArray, read_only
-from opendrive.errors import WarningKind
+from opendrive.errors import MapContentError, WarningKind
 from opendrive.xml.fields import (
     LENGTH,
     OTHER_ATTRIBUTES,
@@ -123,9 +123,19 @@ def _linked(tag: str) -> Field[tuple[int, ...]]:
     ids = children_of(tag, integer("id"))
 
     def read(values: Values, element: Element) -> tuple[int, ...]:
-        return tuple(lane_id for link in children(element, "link") for lane_id in ids.read(values, link))
+        linked: list[int] = []
+        for link in [link for group in children(element, "link") for link in children(group, tag)]:
+            try:
+                linked.append(_ID.read(values, link))
+            except MapContentError:
+                message = f"the link names no lane (id {link.get('id')!r:.40}); not followed"
+                values.warn(WarningKind.LINK, link, message)
+        return tuple(linked)
 
-    return replace(ids.inside("link"), read=read)
+    return replace(ids.inside("link"), read=read, is_single=False)
+
+
+_ID = integer("id")
 
 
 def _check_lane(values: Values, element: Element, lane: model.Lane) -> None:
@@ -150,7 +160,6 @@ def _check_lane(values: Values, element: Element, lane: model.Lane) -> None:
             values.warn(kind, element, message, values.number(section, "s"))
 
 
-_ID = integer("id")
 _LANE = Table(
     model.Lane,
     details=model.LaneDetails,

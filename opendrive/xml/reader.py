@@ -15,6 +15,7 @@ from opendrive.model import Deferred, Header, MapModel
 from opendrive.xml.columns import read_geometry
 from opendrive.xml.document import parse
 from opendrive.xml.file import CONTENT, HEADER
+from opendrive.xml.layers import PERMANENT, choose_layer
 from opendrive.xml.road_records import RoadRecords
 from opendrive.xml.roads import read_road
 from opendrive.xml.values import Element, Values
@@ -22,11 +23,12 @@ from opendrive.xml.values import Element, Values
 _Record = TypeVar("_Record")
 
 
-def read_map(path: str | PathLike[str]) -> MapModel:
-    """Read an OpenDRIVE file (ASAM OpenDRIVE 1.4 to 1.8).
+def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
+    """Read an OpenDRIVE file (ASAM OpenDRIVE 1.4 to 1.8, and lane layers of 1.9).
 
     Args:
         path: the ``.xodr`` file.
+        layer: lane layer to read, where a road has lanes of it: ``permanent`` or ``temporary``.
 
     Raises:
         MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
@@ -34,6 +36,7 @@ def read_map(path: str | PathLike[str]) -> MapModel:
     """
     values = Values(str(Path(path)))
     root = parse(Path(path))
+    choose_layer(values, root, layer)
     header: Header | None = None
     roads: dict[str, Element] = {}
     by_id: dict[str, dict[str, Any]] = {"junctions": {}, "controllers": {}}
@@ -44,10 +47,10 @@ def read_map(path: str | PathLike[str]) -> MapModel:
         if name == "roads":
             _add(values, element, roads, values.text(element, "id"), element)
         elif name in by_id:
-            record = table.read(values, element)
-            _add(values, element, by_id[name], record.id, record)
+            for record in values.each(table.read, [element]):
+                _add(values, element, by_id[name], record.id, record)
         elif name:
-            listed[name].append(table.read(values, element))
+            listed[name] += values.each(table.read, [element])
         elif element.tag == "header" and header is None:
             header = HEADER.read(values, element)
         else:

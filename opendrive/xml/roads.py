@@ -44,31 +44,44 @@ def _contact_point(values: Values, element: Element, name: str, text: str) -> st
     return text if text in ("start", "end") else None
 
 
-CONTACT_POINT = text("contactPoint", None, convert=_contact_point)
+CONTACT_POINT = text("contactPoint", None, convert=_contact_point).lenient()
 
 
 def _check_link(values: Values, element: Element, link: model.RoadLink) -> None:
+    if link.element_type not in ("road", "junction"):
+        message = f"elementType is {link.element_type!r:.40}; the link is not followed"
+        values.warn(WarningKind.LINK, element, message)
     if link.element_type == "road" and link.contact_point is None and link.s_m is None:
         message = f"no contactPoint for road {link.element_id!r}; the link is not followed"
         values.warn(WarningKind.LINK, element, message)
 
 
-LINK = Table(
+_LINK = Table(
     model.RoadLink,
     check=_check_link,
     element_type=text("elementType", "road"),
     contact_point=CONTACT_POINT,
-    s_m=number("elementS", None),
+    s_m=number("elementS", None).lenient(),
     direction=text("elementDir"),
     element_id=text("elementId", REQUIRED),
 )
+
+
+def _read_link(values: Values, element: Element) -> model.RoadLink | None:
+    if not element.get("elementId"):
+        values.warn(WarningKind.LINK, element, "the link names nothing (no elementId); not followed")
+        return None
+    return _LINK.read(values, element)
+
+
+LINK: Field[Any] = Field(_read_link, _LINK.write)
 
 ROAD_TYPE = Table(
     model.RoadType,
     s_m=number("s", 0.0),
     type=text("type", "unknown"),
     country=text("country"),
-    speed_mps=SPEED.inside("speed"),
+    speed_mps=SPEED.inside("speed").lenient(),
 )
 
 # The reference line
@@ -117,7 +130,11 @@ def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -
     Raises:
         MapContentError: there is none, it is of an unknown kind, or it winds up.
     """
-    element = next((child for child in geometry if child.tag != "userData"), None)
+    elements = [child for child in geometry if child.tag != "userData"]
+    element = elements[0] if elements else None
+    if len(elements) > 1:
+        message = f"a second shape, <{elements[1].tag!s:.80}>; the first is read"
+        values.warn(WarningKind.IGNORED, elements[1], message, s_m)
     if element is None:
         raise values.error(geometry, f"has no shape; expected {_SHAPE_NAMES}")
     table = _TABLE_OF_TAG.get(str(element.tag))
@@ -209,7 +226,7 @@ JUNCTION_ID = attribute(
     lambda values, element, name, text: None if text in ("-1", "") else text,
     lambda element, value: element.set("junction", value or "-1"),
 )
-RULE = text("rule", "RHT", convert=_rule)
+RULE = text("rule", "RHT", convert=_rule).lenient()
 
 ROAD = Table(
     model.Road,
@@ -222,7 +239,7 @@ ROAD = Table(
     attributes=OTHER_ATTRIBUTES,
     predecessor=child("predecessor", LINK).inside("link", always=True),
     successor=child("successor", LINK).inside("link", always=True),
-    types=children_of("type", ROAD_TYPE),
+    types=each("type", ROAD_TYPE),
     geometries=replace(_PIECES.inside("planView", always=True), read=_read_pieces, absent=None),
     elevation=table_of("elevation", CUBIC).inside("elevationProfile", always=True),
     superelevation=table_of("superelevation", CUBIC).inside("lateralProfile", always=True),

@@ -9,8 +9,8 @@ from opendrive.xml.fields import (
     REST,
     Field,
     Table,
-    children_of,
     constant,
+    each,
     flag,
     integer,
     number,
@@ -19,9 +19,7 @@ from opendrive.xml.fields import (
 )
 from opendrive.xml.values import Element, Values, first
 
-VALIDITY = children_of(
-    "validity", Table(model.LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane"))
-)
+VALIDITY = each("validity", Table(model.LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane")))
 
 _POSITIONS = {
     "positionRoad": Table(
@@ -62,29 +60,29 @@ SIGNAL = Table(
     name=text("name"),
     s_m=number("s"),
     t_m=number("t"),
-    z_offset_m=number("zOffset", 0.0),
-    heading_offset_rad=number("hOffset", 0.0),
-    pitch_rad=number("pitch", 0.0),
-    roll_rad=number("roll", 0.0),
+    z_offset_m=number("zOffset", 0.0).lenient(),
+    heading_offset_rad=number("hOffset", 0.0).lenient(),
+    pitch_rad=number("pitch", 0.0).lenient(),
+    roll_rad=number("roll", 0.0).lenient(),
     dynamic=flag("dynamic", yes="yes", no="no"),
     country=text("country"),
     country_revision=text("countryRevision"),
     type=text("type"),
     subtype=text("subtype"),
-    value=number("value", None),
+    value=number("value", None).lenient(),
     unit=text("unit"),
     text=text("text"),
-    height_m=number("height", None),
-    width_m=number("width", None),
-    length_m=number("length", None),
+    height_m=number("height", None).lenient(),
+    width_m=number("width", None).lenient(),
+    length_m=number("length", None).lenient(),
     id=text("id", REQUIRED),
     orientation=text("orientation", "none"),
     attributes=OTHER_ATTRIBUTES,
     validity=VALIDITY,
-    dependencies=children_of(
+    dependencies=each(
         "dependency", Table(model.SignalDependency, type=text("type"), signal_id=text("id", REQUIRED))
     ),
-    links=children_of(
+    links=each(
         "reference",
         Table(
             model.SignalLink,
@@ -93,7 +91,7 @@ SIGNAL = Table(
             element_id=text("elementId", REQUIRED),
         ),
     ),
-    position=Field(_read_position, _write_position, tags=tuple(_POSITIONS)),
+    position=Field(_read_position, _write_position, tags=tuple(_POSITIONS)).lenient(),
     extra=REST,
 )
 
@@ -111,9 +109,7 @@ CONTROLLER = Table(
     model.Controller,
     id=text("id", REQUIRED),
     name=text("name"),
-    sequence=integer("sequence", None),
-    controls=children_of(
-        "control", Table(model.Control, signal_id=text("signalId", REQUIRED), type=text("type"))
-    ),
+    sequence=integer("sequence", None).lenient(),
+    controls=each("control", Table(model.Control, signal_id=text("signalId", REQUIRED), type=text("type"))),
     extra=REST,
 )

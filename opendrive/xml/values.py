@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Iterable
 from functools import cache
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from lxml import etree
@@ -85,6 +85,29 @@ class Values:
                 message = f"{str(error).removeprefix(self.file + ': ')}; left out"
                 self.warn(WarningKind.LEFT_OUT, element, message)
         return tuple(records)
+
+    def or_absent(self, read: Callable[[], _Record], element: Element, absent: object) -> Any:
+        """Return what is read of an element; `absent`, with a warning, if it cannot be read."""
+        try:
+            return read()
+        except MapContentError as error:
+            message = f"{str(error).partition(f'line {element.sourceline}: ')[2] or error}; read as absent"
+            self.warn(WarningKind.UNKNOWN_VALUE, element, message)
+            return absent
+
+    def repeated(self, element: Element, tags: Collection[str]) -> list[Element]:
+        """Return the children beyond the first of each of some names, and warn of those nobody left out."""
+        seen: set[object] = set()
+        again: list[Element] = []
+        for member in element:
+            if member.tag in tags and member.tag in seen:
+                again.append(member)
+                if member not in self.left_out:
+                    message = f"a second <{member.tag!s:.80}>; the first is read, this one is kept as text"
+                    self.warn(WarningKind.IGNORED, member, message)
+                    self.left_out.add(member)
+            seen.add(member.tag)
+        return again
 
     # Single values
 

@@ -99,10 +99,10 @@ def network_of(shared: Path) -> Callable[[str], RoadNetwork]:
 
 
 @pytest.fixture(scope="session")
-def field_map() -> Callable[[str], RoadNetwork]:
+def field_map() -> Callable[..., RoadNetwork]:
     """Load a map of the field cases by name."""
     folder = Path(__file__).parents[1] / "data" / "field" / "opendrive"
-    return lambda name: load_map(folder / f"{name}.xodr")
+    return lambda name, **options: load_map(folder / f"{name}.xodr", **options)
 
 
 @pytest.fixture(scope="session")

@@ -93,3 +93,47 @@ def test_traffic_lights_of_a_town(network_of):
     signals = [signal for road in network.roads for signal in network.signals_of(road)]
     assert any(signal.dynamic for signal in signals)
     assert any(signal.is_reference for signal in signals)
+
+
+def test_a_repeated_crosswalk_is_several(field_map):
+    crosswalks = field_map("crosswalk_repeat").crosswalks
+    assert [crosswalk.s_m for crosswalk in crosswalks] == [20.0, 50.0, 80.0]
+    for crosswalk in crosswalks:
+        np.testing.assert_allclose(crosswalk.polygon.mean(axis=0), (crosswalk.s_m, 0.0), atol=1e-9)
+        assert shapely.Polygon(crosswalk.polygon).area == pytest.approx(40.0)
+
+
+def test_repeats_change_sizes_and_sides_linearly(load, text):
+    """Ten poles that move from t = 2 m to t = 11 m and grow from 1 m to 10 m."""
+    repeat = (
+        '<repeat s="10" length="90" distance="10" tStart="2" tEnd="11" lengthStart="1" lengthEnd="10"'
+        ' widthStart="2" widthEnd="2" zOffsetStart="1" zOffsetEnd="1"/>'
+    )
+    item = f'<object id="p" type="pole" s="0" t="0">{repeat}</object>'
+    network = load(text.road(PLAN, extra=f"<objects>{item}</objects>"))
+    assert [item.s_m for item in network.objects] == list(range(10, 101, 10))
+    for k, item in enumerate(network.objects):
+        assert item.t_m == pytest.approx(2.0 + k)
+        assert shapely.Polygon(item.polygon).area == pytest.approx(2.0 * (1.0 + k))
+        np.testing.assert_allclose(item.xyz_m, [*on_road(item.s_m, item.t_m), 1.0], atol=1e-9)
+        assert item.heading_rad == pytest.approx(0.5)
+
+
+def test_a_repeat_without_distance_is_one_strip(load, text):
+    repeat = '<repeat s="10" length="50" distance="0" tStart="3" tEnd="3" widthStart="0.5" widthEnd="0.5"/>'
+    item = f'<object id="b" type="barrier" s="0" t="0">{repeat}</object>'
+    network = load(text.road(PLAN, extra=f"<objects>{item}</objects>"))
+    (barrier,) = network.objects
+    assert shapely.Polygon(barrier.polygon).area == pytest.approx(25.0)
+    np.testing.assert_allclose(barrier.polygon.mean(axis=0), on_road(35.0, 3.0), atol=1e-9)
+
+
+def test_every_outline_counts_and_follows_its_copies(load, text):
+    def outline(s):
+        corners = ((s, -1), (s + 2, -1), (s + 2, 1), (s, 1))
+        return "<outline>" + "".join(f'<cornerRoad s="{a}" t="{b}"/>' for a, b in corners) + "</outline>"
+
+    body = f'<repeat s="40" length="20" distance="20"/><outlines>{outline(39)}{outline(44)}</outlines>'
+    network = load(text.road(PLAN, extra=crosswalk(body)))
+    centres = [crosswalk.polygon.mean(axis=0) for crosswalk in network.crosswalks]
+    np.testing.assert_allclose(centres, on_road([40, 45, 60, 65], [0, 0, 0, 0]), atol=1e-9)

@@ -82,7 +82,6 @@ def test_a_bad_number_is_refused_with_road_element_and_line(load, text, attribut
         ('id="r"', "", "'id' is missing"),
         ('id="1"', 'id="one"', "expected an integer"),
         ('id="1"', 'id="-2"', "wrong sign"),
-        ('junction="-1"', 'junction="-1" rule="both"', "'RHT' or 'LHT'"),
         ("<laneSection", "<section", "not well-formed"),
     ],
 )
