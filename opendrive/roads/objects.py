@@ -254,7 +254,7 @@ def _copies(item: RoadObject) -> Iterator[_Copy]:
             continue
         count = min(int(np.floor(repeat.length_m / repeat.distance_m + 1e-9)) + 1, _MAX_COPIES)
         along_m = repeat.distance_m * np.arange(count)
-        share: FloatArray = along_m / max(repeat.length_m, repeat.distance_m)
+        share = np.asarray(along_m / max(repeat.length_m, repeat.distance_m), dtype=np.float64)
         columns = [
             _changed(change, np.nan if own is None else own, share).tolist()
             for change, own in (

@@ -183,11 +183,11 @@ def map_scene(network: DriveMap, near: NearLanes, stamp: Timestamp) -> SceneUpda
                 lines=[_loop(outline_m, colour) for outline_m in outlines_m],
             )
         )
-    for number, crosswalk in enumerate(network.crosswalks):
+    for crosswalk in network.crosswalks:
         line = _loop(np.asarray(crosswalk.polygon), _colour("#ffffff", 1.0))
         entities.append(
             SceneEntity(
-                timestamp=stamp, frame_id=MAP, id=f"crosswalk {number} ({crosswalk.id})", lines=[line]
+                timestamp=stamp, frame_id=MAP, id=f"crosswalk {len(entities)} ({crosswalk.id})", lines=[line]
             )
         )
     return SceneUpdate(entities=entities)
