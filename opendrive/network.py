@@ -38,7 +38,7 @@ from opendrive.roads.objects import (
     signals_on,
 )
 from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
-from opendrive.xml.road_records import RoadRecords
+from opendrive.roads.road_records import RoadRecords
 
 
 class RoadNetwork(NetworkLanes):

@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 
 from opendrive.errors import MapContentError, MapWarning, WarningKind
 from opendrive.model import Deferred, Header, MapModel
+from opendrive.roads.road_records import RoadRecords
 from opendrive.xml.columns import read_geometry
 from opendrive.xml.document import parse
 from opendrive.xml.file import CONTENT, HEADER
 from opendrive.xml.layers import PERMANENT, choose_layer
-from opendrive.xml.road_records import RoadRecords
 from opendrive.xml.roads import read_road
 from opendrive.xml.values import Element, Values
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator, Mapping
 
+from lxml import etree
+
 from opendrive.model import Road
 from opendrive.roads.geometry import NetworkGeometry
-from opendrive.xml.values import Element
 
 
 class RoadRecords(Mapping[str, Road]):
@@ -16,8 +17,8 @@ class RoadRecords(Mapping[str, Road]):
 
     def __init__(
         self,
-        elements: Mapping[str, Element],
-        read: Callable[[Element], Road],
+        elements: Mapping[str, etree._Element],
+        read: Callable[[etree._Element], Road],
         geometry: NetworkGeometry | None,
     ) -> None:
         """Defer the reading of `elements`."""
