@@ -202,7 +202,7 @@ MOVED = {
     "opendrive.road_cells": "opendrive.geometry.cells",
     "opendrive.road_geometry": "opendrive.roads.geometry opendrive.roads.road",
     "opendrive.road_reader": "opendrive.xml.roads",
-    "opendrive.road_records": "opendrive.xml.road_records",
+    "opendrive.road_records": "opendrive.roads.road_records",
     "opendrive.travel": "opendrive.lanes.travel",
     "opendrive.values": "opendrive.xml.values",
     "opendrive.writer": "opendrive.xml.writer",
