@@ -11,6 +11,7 @@ from unittest.mock import patch
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
@@ -88,14 +89,17 @@ def unseen(figure: Figure, artists: Iterable[Artist]) -> list[str]:
         figure: that they are part of.
         artists: what should be seen.
     """
-    complete = _pixels(figure)
+    FigureCanvasAgg(figure).draw()  # what is measured while drawing has its place now
     hidden = []
-    for artist in artists:
-        artist.set_visible(False)
-        changed = np.abs(_pixels(figure) - complete).max(axis=-1) > _SEEN_SHADE
-        if int(np.count_nonzero(changed)) < _SEEN_PX:
-            hidden.append(str(artist.get_label()))
-        artist.set_visible(True)
+    for axes, own in itertools.groupby(artists, lambda artist: artist.axes):
+        assert axes is not None
+        layers = _layers(figure, axes)
+        complete = _pixels(axes, layers)
+        for artist in own:
+            without = _pixels(axes, [layer for layer in layers if layer is not artist])
+            changed = np.abs(without - complete).max(axis=-1) > _SEEN_SHADE
+            if int(np.count_nonzero(changed)) < _SEEN_PX:
+                hidden.append(str(artist.get_label()))
     return hidden
 
 
@@ -175,7 +179,30 @@ def _covered(box: Bbox, line: Line2D) -> bool:
     return any(box.contains(*point) for point in points.tolist())
 
 
-def _pixels(figure: Figure) -> Any:
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba()).astype(np.int16)
+def _layers(figure: Figure, axes: Axes) -> list[Artist]:
+    """What may be seen in the frame of axes, the lowest first; the grid lies below all curves."""
+    over = [other for other in figure.axes if other.get_visible() and _share(other.bbox, axes.bbox)]
+    layers = [
+        child
+        for other in sorted(over, key=Artist.get_zorder)
+        for child in sorted(other.get_children(), key=Artist.get_zorder)
+        if child.get_visible() and not isinstance(child, Axis)
+    ]
+    layers += [*figure.legends, *figure.texts]
+    return [
+        layer
+        for layer in layers
+        if not isinstance(layer, (Text, Legend)) or _share(layer.get_window_extent(), axes.bbox)
+    ]
+
+
+def _pixels(axes: Axes, layers: Sequence[Artist]) -> Any:
+    """What layers show in the frame of axes: (height, width, 4) colours of 0 to 255."""
+    canvas = FigureCanvasAgg(axes.figure)
+    renderer = canvas.get_renderer()  # type: ignore[no-untyped-call]
+    renderer.clear()
+    for layer in layers:
+        layer.draw(renderer)
+    picture = np.asarray(canvas.buffer_rgba())
+    (left, low), (right, high) = np.floor(axes.bbox.get_points()).astype(int)
+    return picture[len(picture) - high - 1 : len(picture) - low, left : right + 1].astype(np.int16)
