@@ -92,8 +92,9 @@ def visible_share(boxes: Boxes, x_m: float, y_m: float) -> FloatArray:
     ray = bearing[:, None] + low[:, None] + (high - low)[:, None] * share
     # boxes farther apart in bearing than both are wide hide nothing of each other
     half = np.maximum(np.abs(low), np.abs(high))
-    apart = np.abs(wrap_angle(bearing[:, None] - bearing))
-    pair, nearer = np.nonzero((distance < distance[:, None] - 1e-9) & (apart <= half[:, None] + half + 1e-9))
+    apart, wide = np.abs(bearing[:, None] - bearing), half[:, None] + half + 1e-9
+    meet = (apart <= wide) | (apart >= 2.0 * np.pi - wide)
+    pair, nearer = np.nonzero(meet & (distance < distance[:, None] - 1e-9))
     # (P, rays): does the nearer box of a pair hide this ray of the other?
     offset = wrap_angle(ray[pair] - bearing[nearer, None])
     blocked = (offset >= low[nearer, None]) & (offset <= high[nearer, None])

@@ -116,16 +116,12 @@ class MonitoredLanes:
             station, in_margin = self.strips.place_in_margins(boxes.center_m[vru], segments)
             kept[vru] = _any(in_margin & (station >= low_m) & (station <= high_m))
         if vru_count < len(vru):
-            points = outline_points(boxes[~vru])
-            kept[~vru] = _of_outlines(self._in_lanes(points, self.low_m, self.high_m))
+            kept[~vru] = self._touched(boxes[~vru], self.low_m, self.high_m)
         return kept
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
         """Objects on the route ahead and within reach: in the lane, in its margins, on the ego's path."""
-        x_min, x_max, _, _ = ego_extent(boxes, self.ego)
-        within_reach = x_max >= 0.0  # not wholly behind the ego's centre
-        if self.reach_m is not None:
-            within_reach &= x_min <= self.reach_m
+        within_reach = self.within_reach(boxes, category)
         in_route, on_way = np.zeros(len(boxes), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
         vru = is_vulnerable(category)
         vrus, vehicles = np.flatnonzero(within_reach & vru), np.flatnonzero(within_reach & ~vru)
@@ -135,24 +131,37 @@ class MonitoredLanes:
             ahead = (station >= self.route_low_m[segments]) & (station <= self.route_high_m[segments])
             in_route[vrus], on_way[vrus] = _any(in_margin & ahead), _any(in_lane & ahead)
         if len(vehicles):
-            points = outline_points(boxes[vehicles])
-            in_route[vehicles] = _of_outlines(self.on_lane(points))
+            in_route[vehicles] = self._touched(boxes[vehicles], self.route_low_m, self.route_high_m)
             # a vehicle beside the path is passed, even where it stands with a wheel in the lane
-            station, offset = self.route.place(points)
+            station, offset = self.route.place(outline_points(boxes[vehicles]))
             near = np.abs(offset) <= self.ego.width_m / 2 + PATH_CLEARANCE_M
             near &= (station >= self.path_m[0]) & (station <= self.path_m[1])
             on_way[vehicles] = _of_outlines(near)
         return unchecked(Relevance, in_route, on_way, within_reach)
 
+    def within_reach(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) boxes not wholly behind the ego's centre, and no farther ahead than objects may count."""
+        x_min, x_max, _, _ = ego_extent(boxes, self.ego)
+        return x_max >= 0.0 if self.reach_m is None else (x_max >= 0.0) & (x_min <= self.reach_m)
+
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""
-        return self._in_lanes(center_m, self.route_low_m, self.route_high_m)
+        segments = self.strips.between(self.route_low_m, self.route_high_m)
+        station, in_lane = self.strips.place_in_lanes(center_m, segments)
+        ahead = (station >= self.route_low_m[segments]) & (station <= self.route_high_m[segments])
+        return _any(in_lane & ahead)
 
-    def _in_lanes(self, points_m: FloatArray, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
-        """(N,) points that lie in a lane between two stations, (S,) each, of its segments."""
-        segments = self.strips.between(low_m, high_m)
-        station, in_lane = self.strips.place_in_lanes(points_m, segments)
-        return _any(in_lane & (station >= low_m[segments]) & (station <= high_m[segments]))
+    def _touched(self, boxes: Boxes, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
+        """(N,) boxes with an outline point in a lane between two stations, (S,) each, of its segments."""
+        touched = np.zeros(len(boxes), dtype=np.bool_)
+        radius_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
+        box, segment = self.strips.near(boxes.center_m, radius_m, self.strips.between(low_m, high_m))
+        if len(box):
+            points = outline_points(boxes).reshape(-1, 9, 2)[box]
+            station, in_lane = self.strips.pairs_in_lanes(points, segment)
+            between = (station >= low_m[segment, None]) & (station <= high_m[segment, None])
+            touched[box[_any(in_lane & between)]] = True
+        return touched
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines: the VRU margins first, the lanes over them."""

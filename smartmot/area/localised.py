@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from smartmot.area.monitored import MonitoredArea, Relevance
+from smartmot.area.monitored import MonitoredArea, Relevance, within_reach
 from smartmot.geometry import from_frame, to_frame
 from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
@@ -70,6 +70,10 @@ class LocalisedArea:
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
         """How objects relate to the ego's route."""
         return self.area.relevance(self.map_SE2_odometry.boxes(boxes), category)
+
+    def within_reach(self, boxes: Boxes, category: StrArray) -> BoolArray:
+        """(N,) which objects are near enough in front of the ego to count at all."""
+        return within_reach(self.area, self.map_SE2_odometry.boxes(boxes), category)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) which points, (N, 2) odometry frame, lie on the ego's lane ahead."""

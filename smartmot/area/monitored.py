@@ -44,6 +44,8 @@ class MonitoredArea(Protocol):
     """The area at one moment.
 
     VRUs are placed by their centres, since margins widen the area for them; all others by their outlines.
+
+    It may also have `within_reach(boxes, category)`: that part of `relevance` alone (`within_reach` below).
     """
 
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
@@ -57,6 +59,18 @@ class MonitoredArea(Protocol):
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines to draw: (role, (P, 2) ring in the map frame)."""
+
+
+def within_reach(area: MonitoredArea, boxes: Boxes, category: StrArray) -> BoolArray:
+    """(N,) which objects are near enough in front of the ego to count at all.
+
+    An area's own `within_reach` is asked if it has one; else that of its `relevance` is taken. One that a
+    class inherits is not: it may answer `relevance` in another way than the class it is derived from.
+    """
+    of_area = vars(type(area)).get("within_reach")
+    if callable(of_area):
+        return np.asarray(of_area(area, boxes, category), dtype=np.bool_)
+    return area.relevance(boxes, category).within_reach
 
 
 class MonitoredAreaStrategy(Protocol):
@@ -93,6 +107,8 @@ def is_vulnerable(category: StrArray) -> BoolArray:
 
 _NINE_POINTS = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
 """Corners, middles of the edges and centre of a box, in half lengths and half widths."""
+CENTER = 4
+"""Which of the nine is the centre."""
 
 
 def outline_points(boxes: Boxes) -> FloatArray:

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.area.monitored import (
+    CENTER,
     MonitoredArea,
     Relevance,
     ego_frame,
     outline_points,
+    within_reach,
 )
 from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
@@ -66,16 +68,16 @@ class Way:
 
     def in_lane(self, points_m: FloatArray) -> BoolArray:
         """(N,) points, (N, 2) map frame, ahead and within a lane's width."""
-        return self._within(points_m, WAY_HALF_WIDTH_M)
-
-    def meets(self, boxes: Boxes) -> BoolArray:
-        """(N,) boxes of whose nine outline points one is ahead, where the ego passes."""
-        clear = self._within(outline_points(boxes), self.ego.width_m / 2 + PATH_CLEARANCE_M)
-        return np.asarray(clear.reshape(-1, 9).any(axis=1), dtype=np.bool_)
-
-    def _within(self, points_m: FloatArray, half_width_m: float) -> BoolArray:
         ahead, aside = self.place(points_m)
-        return np.asarray((ahead >= 0.0) & (np.abs(aside) <= half_width_m), dtype=np.bool_)
+        return np.asarray((ahead >= 0.0) & (np.abs(aside) <= WAY_HALF_WIDTH_M), dtype=np.bool_)
+
+    def meets(self, boxes: Boxes) -> tuple[BoolArray, BoolArray]:
+        """(N,) boxes with an outline point ahead where the ego passes; (N,) with the centre in the lane."""
+        ahead, aside = (placed.reshape(-1, 9) for placed in self.place(outline_points(boxes)))
+        in_front, aside = ahead >= 0.0, np.abs(aside)
+        passed = in_front & (aside <= self.ego.width_m / 2 + PATH_CLEARANCE_M)
+        in_lane = in_front[:, CENTER] & (aside[:, CENTER] <= WAY_HALF_WIDTH_M)
+        return np.asarray(passed.any(axis=1), dtype=np.bool_), in_lane
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,13 +102,18 @@ class WayArea:
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
         """As the area says, but for the way and what stands on it; nothing counts out of the area's reach."""
-        of_area = self.area.relevance(boxes, category)
-        in_route, on_way = of_area.in_route, of_area.on_way
-        if self.standing != OF_AREA:
-            in_route = of_area.within_reach & self.ways[self.standing].meets(boxes)
-        if self.way != OF_AREA:
-            on_way = of_area.within_reach & self.ways[self.way].in_lane(boxes.center_m)
-        return unchecked(Relevance, in_route, on_way, of_area.within_reach)
+        if OF_AREA in (self.standing, self.way):
+            of_area = self.area.relevance(boxes, category)
+            in_route, on_way, near = of_area.in_route, of_area.on_way, of_area.within_reach
+        else:
+            near = within_reach(self.area, boxes, category)
+        for name in {self.standing, self.way} - {OF_AREA}:
+            passed, in_lane = self.ways[name].meets(boxes)
+            if name == self.standing:
+                in_route = near & passed
+            if name == self.way:
+                on_way = near & in_lane
+        return unchecked(Relevance, in_route, on_way, near)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the lane of the way."""

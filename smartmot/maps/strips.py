@@ -26,6 +26,8 @@ MAX_WIDTH_CHANGE_M = 0.02
 """Greatest change of the widths over a chord, between whose ends they are taken for linear."""
 _FINE_STEP_M = 0.5
 """Spacing at which a lane is looked at before most of the samples are left out again."""
+_ROUNDING_M = 1e-6
+"""Distances on a map are rounded by less."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +186,10 @@ class StripSet:
         self._right, self._right_slope = self._ends([p.vru_right_m for p in parts])
         # no wedge is longer than the reach to a side times tan(0.5), 0.55; twice that is on the safe side
         reach = max((self._widest(p) for p in parts), default=0.0)
-        self._past_m = 1.1 * reach + 1.0
+        past_m = 1.1 * reach + 1.0
+        self._first_m, self._last_m = self._station - past_m, self._station + self._length + past_m
+        ends = (self._half, self._half + self._length * self._half_slope)
+        self._reach_m = np.maximum(*(np.abs(end) for end in ends)) + _ROUNDING_M
 
     @staticmethod
     def _widest(strip: LaneStrip) -> float:
@@ -200,8 +205,24 @@ class StripSet:
 
     def between(self, low_m: FloatArray, high_m: FloatArray) -> IntArray:
         """Segments that can hold a point between two stations, (S,) each; at times one or two more."""
-        first, last = self._station - self._past_m, self._station + self._length + self._past_m
-        return np.flatnonzero((last >= low_m) & (first <= high_m))
+        return np.flatnonzero((self._last_m >= low_m) & (self._first_m <= high_m))
+
+    def near(
+        self, center_m: FloatArray, radius_m: FloatArray, segments: IntArray
+    ) -> tuple[IntArray, IntArray]:
+        """Circles that may reach into a lane: (P,) rows of them and (P,) segments; misses no pair.
+
+        Args:
+            center_m: (N, 2) map frame.
+            radius_m: (N,) of the circles.
+            segments: (S,) which are asked for.
+        """
+        u, lateral = self._along_and_aside(center_m[:, None], segments)
+        # a wedge goes on for 0.55 of the half width at most, so that this covers it too
+        reach = radius_m[:, None] + self._reach_m[segments]
+        near = (np.abs(lateral) <= reach) & (u >= -reach) & (u - self._length[segments] <= reach)
+        circle, column = near.nonzero()
+        return circle, segments[column]
 
     def place(
         self, points_m: FloatArray, segments: IntArray | slice = ALL
@@ -216,57 +237,78 @@ class StripSet:
             (N, S) station along the segment's strip; (N, S) whether the point lies between the lane's
             borders there; (N, S) the same with the VRU margins added.
         """
-        u, lateral, beside = self._project(points_m, segments)
-        half = self._half_at(u, segments)
+        u, lateral, beside = self._project(points_m[:, None], segments)
+        at = self._clipped(u, segments)
+        half = self._half_at(at, segments)
         in_lane = beside & (np.abs(lateral) <= half)
-        return self._station[segments] + u, in_lane, beside & self._reaches(u, lateral, half, segments)
+        return self._station[segments] + u, in_lane, beside & self._reaches(at, lateral, half, segments)
 
     def place_in_lanes(
         self, points_m: FloatArray, segments: IntArray | slice = ALL
     ) -> tuple[FloatArray, BoolArray]:
         """`place` without the margins."""
+        return self._in_lanes(points_m[:, None], segments)
+
+    def pairs_in_lanes(self, points_m: FloatArray, segments: IntArray) -> tuple[FloatArray, BoolArray]:
+        """`place_in_lanes` of P times K points, (P, K, 2), in one segment each, (P,): twice (P, K)."""
+        return self._in_lanes(points_m, segments[:, None])
+
+    def _in_lanes(self, points_m: FloatArray, segments: IntArray | slice) -> tuple[FloatArray, BoolArray]:
         u, lateral, beside = self._project(points_m, segments)
-        return self._station[segments] + u, beside & (np.abs(lateral) <= self._half_at(u, segments))
+        half = self._half_at(self._clipped(u, segments), segments)
+        return self._station[segments] + u, beside & (np.abs(lateral) <= half)
 
     def place_in_margins(
         self, points_m: FloatArray, segments: IntArray | slice = ALL
     ) -> tuple[FloatArray, BoolArray]:
         """`place` with the margins alone."""
-        u, lateral, beside = self._project(points_m, segments)
-        half = self._half_at(u, segments)
-        return self._station[segments] + u, beside & self._reaches(u, lateral, half, segments)
+        u, lateral, beside = self._project(points_m[:, None], segments)
+        at = self._clipped(u, segments)
+        reaches = self._reaches(at, lateral, self._half_at(at, segments), segments)
+        return self._station[segments] + u, beside & reaches
 
-    def _half_at(self, u: FloatArray, segments: IntArray | slice) -> FloatArray:
-        """(N, S) half widths."""
-        half: FloatArray = self._half[segments] + u * self._half_slope[segments]
+    def _clipped(self, u: FloatArray, segments: IntArray | slice) -> FloatArray:
+        """(...) the same on the segment: in a wedge the widths are those of its joint."""
+        at: FloatArray = np.minimum(np.maximum(u, 0.0), self._length[segments])
+        return at
+
+    def _half_at(self, at: FloatArray, segments: IntArray | slice) -> FloatArray:
+        """(...) half widths at distances along the segments."""
+        half: FloatArray = self._half[segments] + at * self._half_slope[segments]
         return half
 
     def _reaches(
-        self, u: FloatArray, lateral: FloatArray, half_m: FloatArray, segments: IntArray | slice
+        self, at: FloatArray, lateral: FloatArray, half_m: FloatArray, segments: IntArray | slice
     ) -> BoolArray:
         """(N, S) whether the VRU margins reach an offset to the left."""
-        left = lateral <= half_m + self._left[segments] + u * self._left_slope[segments]
-        right = -lateral <= half_m + self._right[segments] + u * self._right_slope[segments]
+        left = lateral <= half_m + self._left[segments] + at * self._left_slope[segments]
+        right = -lateral <= half_m + self._right[segments] + at * self._right_slope[segments]
         reaches: BoolArray = left & right
         return reaches
 
     def _project(
         self, points_m: FloatArray, segments: IntArray | slice
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """(N, S) distance along each segment, offset to its left, and whether the point is beside it."""
-        ux, uy = self._ux[segments], self._uy[segments]
-        dx = points_m[:, 0, None] - self._x[segments]
-        dy = points_m[:, 1, None] - self._y[segments]
-        u, lateral = dx * ux, ux * dy
-        u += np.multiply(dy, uy, out=dy)
-        lateral -= np.multiply(dx, uy, out=dx)
-        # what is not needed any more is written over: fresh memory takes as long as the sums
-        before, beyond = np.negative(u, out=dx), np.subtract(u, self._length[segments], out=dy)
+        """(...) distance along each segment, offset to its left, and whether the point is beside it."""
+        u, lateral = self._along_and_aside(points_m, segments)
+        before, beyond = np.negative(u), u - self._length[segments]
         if self._bends:
             aside = np.abs(lateral)
             before -= aside * self._wedge_start[segments]
             beyond -= np.multiply(aside, self._wedge_end[segments], out=aside)
         return u, lateral, np.maximum(before, beyond, out=before) <= 1e-9
+
+    def _along_and_aside(
+        self, points_m: FloatArray, segments: IntArray | slice
+    ) -> tuple[FloatArray, FloatArray]:
+        """(...) distance along each segment and offset to its left, of (..., 2) points that broadcast."""
+        ux, uy = self._ux[segments], self._uy[segments]
+        dx, dy = points_m[..., 0] - self._x[segments], points_m[..., 1] - self._y[segments]
+        u, lateral = dx * ux, ux * dy
+        # what is not needed any more is written over: fresh memory takes as long as the sums
+        u += np.multiply(dy, uy, out=dy)
+        lateral -= np.multiply(dx, uy, out=dx)
+        return u, lateral
 
 
 def _half_turns(center_m: FloatArray) -> FloatArray:

@@ -1,10 +1,14 @@
 """The ego's way apart from the area: straight ahead or along the planned path, for any area."""
 
+from dataclasses import fields, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from opendrive import load_map
 from smartmot import (
     ConfigError,
     EverythingArea,
@@ -15,10 +19,14 @@ from smartmot import (
     RectangularArea,
     RectangularConfig,
 )
-from smartmot.area import MonitoredArea, with_way
+from smartmot.area import MapArea, MapAreaConfig, MonitoredArea, MonitoredLanes, Relevance, with_way
+from smartmot.area.localised import Alignment, LocalisedArea
+from smartmot.area.monitored import within_reach
 from smartmot.decision.braking import BrakingDistance
+from smartmot.maps.route import route_ahead
 from smartmot.types import Boxes, EgoState
 
+STREET = Path(__file__).parents[3] / "scenarios" / "maps" / "urban_street.xodr"
 EGO = EgoState(0.0, 10.0, 0.0, 0.0, 10.0, width_m=1.8)
 LEFT_TURN = PlannedPath.through([[0.0, 0.0], [30.0, 0.0], [30.0, 50.0]])
 """Straight on for 20 m from the ego, then to the left."""
@@ -142,3 +150,32 @@ def test_an_area_with_a_way_of_its_own_is_not_asked_twice() -> None:
     straight = with_way(area, EGO, LEFT_TURN, "straight", "area").relevance(objects, category)
     assert straight.on_way.tolist() == [True, False]
     assert straight.in_route.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("reach_m", [None, 20.0])
+def test_reach_alone_is_that_of_the_relevance(reach_m: float | None) -> None:
+    network = load_map(STREET)
+    route = route_ahead(network, network.lane_index_of(("1", 0, -1)), 0.0, 0.0)
+    area = MapArea(network, route, MapAreaConfig(reach_m=reach_m)).at(EGO)
+    shifted = LocalisedArea(area, Alignment(replace(EGO, x_m=3.0, yaw_rad=0.3), EGO))
+    asked = boxes(*((x, y) for x in np.linspace(-30.0, 60.0, 31) for y in (-3.0, 0.0)))
+    for each in (area, shifted, EverythingArea().at(EGO)):
+        reach = within_reach(each, *asked)
+        assert reach.tolist() == each.relevance(*asked).within_reach.tolist()
+        assert reach.any()
+        assert not reach.all()
+
+
+def test_an_area_derived_from_ours_is_asked_for_its_own_relevance() -> None:
+    class Blind(MonitoredLanes):
+        def relevance(self, boxes: Boxes, category: np.ndarray) -> Relevance:
+            nothing = np.zeros(len(boxes), dtype=np.bool_)
+            return Relevance(nothing, nothing, nothing)
+
+    network = load_map(STREET)
+    route = route_ahead(network, network.lane_index_of(("1", 0, -1)), 0.0, 0.0)
+    ours = MapArea(network, route, MapAreaConfig()).at(EGO)
+    theirs = Blind(*(getattr(ours, item.name) for item in fields(ours)))
+    asked = boxes((20.0, 0.0))
+    assert with_way(ours, EGO, LEFT_TURN, "path", "path").relevance(*asked).in_route.all()
+    assert not with_way(theirs, EGO, LEFT_TURN, "path", "path").relevance(*asked).in_route.any()

@@ -169,6 +169,48 @@ def test_lanes_and_margins_asked_for_alone_are_those_asked_for_together(name: st
         np.testing.assert_array_equal(inside, together)
 
 
+@pytest.mark.parametrize("name", ["urban_street_parking", "urban_intersection", "urban_bend"])
+def test_no_circle_that_reaches_into_a_lane_is_left_out(name: str) -> None:
+    network = load_map(MAPS / f"{name}.xodr")
+    strips = StripSet([lane_strip(network, lane, MARGIN) for lane in _driving(network)])
+    rng = np.random.default_rng(3)
+    points = _points_beside(network, _driving(network), 200, 8.0)
+    radius = rng.uniform(0.0, 6.0, len(points))
+    turn = np.pi / 4 * np.arange(8)
+    rim = points[:, None] + radius[:, None, None] * np.column_stack((np.cos(turn), np.sin(turn)))
+    _, in_lane = strips.place_in_lanes(rim.reshape(-1, 2))
+    reaches = in_lane.reshape(len(points), 8, -1).any(axis=1)
+    segments = rng.permutation(reaches.shape[1])
+    circle, segment = strips.near(points, radius, segments)
+    near = np.zeros_like(reaches)
+    near[circle, segment] = True
+    assert len(circle) == near.sum() < near.size
+    assert reaches.any()
+    assert not (reaches & ~near).any()
+    station, inside = strips.pairs_in_lanes(rim[circle], segment)
+    expected_m, expected = (
+        array.reshape(len(points), 8, -1) for array in strips.place_in_lanes(rim.reshape(-1, 2))
+    )
+    np.testing.assert_array_equal(inside, expected[circle, :, segment])
+    np.testing.assert_array_equal(station, expected_m[circle, :, segment])
+
+
+def test_a_width_that_jumps_at_a_corner_does_not_grow_beyond_it() -> None:
+    """A lane of 2 m that is 8 m wide after a corner: widths beyond the corner are those at it.
+
+    Carried on along the segment, half the width would grow by 6 m per metre, and on the outside of the corner
+    more than the wedge: whatever is aside would be in the lane, however far away.
+    """
+    center = np.array([[0.0, 0.0], [0.5, 0.0], [10.5, -10.0]])
+    half, none = np.array([1.0, 4.0, 4.0]), np.zeros(3)
+    station = np.append(0.0, np.cumsum(np.hypot(*np.diff(center, axis=0).T)))
+    strips = StripSet([LaneStrip(0, station, center, station, half, none, none)])
+    along = np.array([np.cos(3 * np.pi / 8), np.sin(3 * np.pi / 8)])  # halves the outer angle
+    points = center[1] + along * np.array([[3.9], [4.5], [30.0], [300.0]])
+    for inside in (strips.place(points)[1], strips.place(points)[2], strips.place_in_lanes(points)[1]):
+        assert inside.any(axis=1).tolist() == [True, False, False, False]
+
+
 @pytest.mark.parametrize("name", ["urban_street", "urban_intersection", "urban_bend"])
 def test_segments_between_two_stations_are_all_that_can_hold_a_point(name: str) -> None:
     network = load_map(MAPS / f"{name}.xodr")
