@@ -26,6 +26,7 @@ EXAMPLES = options.examples(
     "length_m=length,width_m=width,track_id=trackId`",
     "`smartmot-eval mot argoverse2/7fab2350 --filter map`",
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
+    "`smartmot-eval mot my_csv_folder --scores running`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
 
@@ -55,6 +56,13 @@ def command(
             help="Tracker: default, smartmot, centerpoint, ab3dmot, or your own, package.module:name."
         ),
     ] = "default",
+    scores: Annotated[
+        str,
+        typer.Option(
+            help="Scale of the scores, if thresholds are relative to it: file (all detections), running "
+            "(those so far) or fixed (1)."
+        ),
+    ] = "file",
     area: Annotated[
         str, typer.Option("--filter", help="none, or map: only what is on lanes that matter to the ego.")
     ] = "none",
@@ -104,6 +112,7 @@ def command(
     from evaluation.progress import study_progress
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.mot import run
+    from evaluation.studies.mot.score_scale import SCALES
     from evaluation.studies.mot.tables import TRACK_FORMATS
     from scenarios.recorded.formats import FORMATS
     from smartmot.plugins import is_plugin, plugin
@@ -115,6 +124,7 @@ def command(
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
+    scale = options.parse_name(scores, SCALES, "--scores")
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"
     forms = options.parse_names(write, TRACK_FORMATS, "--write") if write else None
     span = parse_frames(frames)
@@ -122,7 +132,7 @@ def command(
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
-        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading)
+        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
         with study_progress(console) as progress:

@@ -25,7 +25,7 @@ from smartmot.filters.motion_models import (
     process_noise,
     table,
 )
-from smartmot.types import FloatArray, IntArray
+from smartmot.types import BoolArray, FloatArray, IntArray
 
 _RATED = [X, Y, AREA, YAW]
 """Channels whose rate is part of the state as users see it; the ratio is constant."""
@@ -163,6 +163,10 @@ class ChannelFilter:
             forward = channels[:, X, 1] * np.cos(yaw) + channels[:, Y, 1] * np.sin(yaw)
             channels[forward < -_BACKWARDS_MPS, YAW, 0] += np.pi
         return corrected
+
+    def turn_round(self, state: FloatArray, which: BoolArray) -> None:
+        """Let tracks face the other way, in place; see `BoxFilter`."""
+        self._channels(state)[which, YAW, 0] += np.pi
 
     def _measure_velocity(self, channels: FloatArray, velocity_mps: FloatArray, code: IntArray) -> None:
         """Correct x and y by measured velocities, in place; rows of NaN measure nothing."""

@@ -23,7 +23,7 @@ from smartmot.filters.motion_models import (
     check_range,
     table,
 )
-from smartmot.types import Boxes, FloatArray, IntArray
+from smartmot.types import BoolArray, Boxes, FloatArray, IntArray
 
 MIN_AREA_M2 = 0.01
 """Least area a box shrinks to: 0.1 m x 0.1 m, smaller than any road user."""
@@ -31,7 +31,7 @@ MIN_AREA_M2 = 0.01
 MIN_RATIO = 0.05
 """Least length over width: a box twenty times wider than long, such as a trailer seen across."""
 
-HEADINGS = ("track", "detector", "motion")
+HEADINGS = ("track", "detector", "motion", "evidence")
 """Whose word counts when a measured heading points the other way: see `BevFilterConfig.heading`."""
 
 
@@ -58,7 +58,8 @@ class BevFilterConfig:
         use_velocity: A velocity that detections carry is a measurement.
         heading: What a measured heading means that is more than a quarter turn off the track. "track": the
             detector took the rear for the front (the paper's code). "detector": the track did. "motion": as
-            "track", and a track that clearly drives backwards is turned round.
+            "track", and a track that clearly drives backwards is turned round. "evidence": what most of the
+            last detections and the motion say (`smartmot.tracking.evidence`).
         initial_factor: Covariance of the measured entries of a new track over the measurement noise.
         initial_speed_sigma_mps: Velocity of a new track along each axis, half of a high speed.
         initial_area_rate_sigma_m2ps: Change of area of a new track.
@@ -200,6 +201,10 @@ class BoxFilter(Protocol):
 
     def moments(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(M, D) means and (M, D, D) covariances in the order of `names`."""
+        ...
+
+    def turn_round(self, state: FloatArray, which: BoolArray) -> None:
+        """Let tracks (M,) face the other way, in place: the heading alone changes, not the motion."""
         ...
 
 

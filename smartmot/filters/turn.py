@@ -160,9 +160,9 @@ class TurnFilter:
         if velocity_mps is not None and config.use_velocity:
             self._measure_velocity(corrected, velocity_mps, code)
         if config.heading == "detector":
-            self._turn_round(corrected, np.cos(measurement[:, YAW] - corrected[:, _HEADING]) < 0.0)
+            self.turn_round(corrected, np.cos(measurement[:, YAW] - corrected[:, _HEADING]) < 0.0)
         elif config.heading == "motion":
-            self._turn_round(corrected, corrected[:, _SPEED] < -_BACKWARDS_MPS)
+            self.turn_round(corrected, corrected[:, _SPEED] < -_BACKWARDS_MPS)
         return corrected
 
     def _measure_velocity(self, state: FloatArray, velocity_mps: FloatArray, code: IntArray) -> None:
@@ -182,7 +182,7 @@ class TurnFilter:
         state[known, :_D] = mean
         state[known, _D:_SIZE] = covariance.reshape(len(known), -1)
 
-    def _turn_round(self, state: FloatArray, which: BoolArray) -> None:
+    def turn_round(self, state: FloatArray, which: BoolArray) -> None:
         """Let tracks face the other way, in place: the speed and what it is correlated with change sign."""
         rows = np.flatnonzero(which)
         if len(rows) == 0:

@@ -68,6 +68,9 @@ class AssociationConfig:
             knows no sudden starts. 15 km/h is a running pedestrian or child; the rest is the speed at which
             a category commonly enters the view.
         widest_gate_m: No gate is wider than this, whatever the filter says.
+        hidden_gate_m: Distance within which what was hidden for a while may be found again, from the segment
+            between the place where it was last seen and the predicted one: it may have stopped on the way. It
+            also lets a category turn out another (`smartmot.tracking.recovery`). None: nothing of both.
 
     Raises:
         ConfigError: A value is outside its range, or a name is unknown.
@@ -85,6 +88,7 @@ class AssociationConfig:
         )
     )
     widest_gate_m: Setting = 20.0
+    hidden_gate_m: Setting | None = None
 
     def __post_init__(self) -> None:
         check_range(self, "iou_threshold", 1e-9, 1.0)
@@ -92,6 +96,8 @@ class AssociationConfig:
         check_range(self, "gate_probability", 0.0, 1.0 - 1e-12)
         check_range(self, "speed_change_mps", 0.0, math.inf)
         check_range(self, "widest_gate_m", 0.0, math.inf)
+        if self.hidden_gate_m is not None:
+            check_range(self, "hidden_gate_m", 0.0, math.inf)
         if self.gate_m is not None:
             check_range(self, "gate_m", 0.0, math.inf)
         for name, known in (("cost", tuple(AFFINITIES)), ("method", METHODS)):
@@ -316,6 +322,7 @@ class Associator:
         detection_code: IntArray,
         dt_s: float,
         first: BoolArray | None = None,
+        overdue: BoolArray | None = None,
     ) -> tuple[IntArray, IntArray]:
         """Matches, at most one per track and one per detection.
 
@@ -328,6 +335,7 @@ class Associator:
             dt_s: Time since the last frame.
             first: (N,) detections of the first stage; the others may only have the tracks it leaves. None:
                 one stage.
+            overdue: (M,) tracks that match by overlap alone, whatever the gate. None: none.
 
         Returns:
             (K,) tracks, ascending, and (K,) their detections.
@@ -336,6 +344,8 @@ class Associator:
         reach = self.reach_m(
             0.5 * (covariance[0] + covariance[1]), np.maximum(size[:, 0], size[:, 1]), track_code, dt_s
         )
+        if overdue is not None:
+            reach[overdue] = 0.0
         if self._overlaps:
             radius = 0.5 * np.hypot(size[:, 0], size[:, 1])
             other = 0.5 * np.hypot(detections.size_m[:, 0], detections.size_m[:, 1])

@@ -21,8 +21,8 @@ takes no part, IoU is on the ground, and time stands in for counts of frames.
 
 `default`: the best we know for the detections of a real detector. Chosen on KITTI at 10 Hz with PointRCNN
 from wide plateaus that the sequences share, not from the highest peak (docs/tracking.md;
-`python -m benchmarks.tune_tracker`). Its scores suit a detector whose true positives mostly reach 0.9: for
-another, scale `second_stage_score`, `report.score` and `report.mean_score` with it. All else is physical.
+`python -m benchmarks.tune_tracker`). Its thresholds on scores are relative to the detector's own
+(`smartmot.tracking.scores`). All else is physical.
 """
 
 from __future__ import annotations
@@ -115,25 +115,33 @@ def _default() -> TrackerConfig:
             area_sigma_m2=0.5,
             ratio_sigma=0.3,
             yaw_sigma_rad=0.2,
-            # A wrong first heading would otherwise stay for life: on KITTI 11 % of the cars' boxes, now 3 %.
-            heading="detector",
+            heading="evidence",
         ),
-        association=AssociationConfig(widest_gate_m=PerCategory.grouped(20.0, 2.0, 20.0)),
+        association=AssociationConfig(
+            widest_gate_m=PerCategory.grouped(20.0, 2.0, 20.0),
+            # Half of what parked cars are apart sideways; two steps of who walks past.
+            hidden_gate_m=1.0,
+        ),
         # Times lie halfway between two frames at 10 Hz, so that jitter of the stamps changes nothing.
         lifecycle=LifecycleConfig(
             confirm_s=PerCategory.grouped(0.0, 0.0, 0.15),
             max_age_s=PerCategory.grouped(1.25, 2.55, 0.75),
             # Matters only where confirmation takes time: one missed frame.
             tentative_max_age_s=0.15,
+            # As long as a bus takes to pass, 12 m at walking pace.
+            rest_max_age_s=4.05,
         ),
         report=ReportConfig(
             tentative=False,
             coasted_s=PerCategory.grouped(0.15, 0.45, 0.15),
-            score=PerCategory.grouped(0.0, 0.0, 0.5),
-            mean_score=0.6,
+            score=PerCategory.grouped(0.0, 0.0, 0.4),
+            mean_score=0.4,
         ),
         score_threshold=0.0,
-        second_stage_score=0.6,
+        second_stage_score=0.4,
+        score_reference=None,
+        evidence_memory_s=1.0,
+        merge_duplicates=True,
     )
 
 

@@ -19,6 +19,13 @@ LONGEST_GAP_S = 2.0
 1 Hz can be tracked. After a longer pause, as between two recordings, nobody knows who is who."""
 
 
+REST_MPS = 1.0
+"""Slower than anybody walks (1.4 m/s), and over the error of a velocity that follows 1 s of detections."""
+
+REST_SEEN_S = 1.0
+"""A velocity is known after about that time; before, everything new counts as slow."""
+
+
 @dataclass(frozen=True, slots=True)
 class LifecycleConfig:
     """When a track changes its status.
@@ -31,6 +38,9 @@ class LifecycleConfig:
             frame came for over `LONGEST_GAP_S`.
         tentative_max_age_s: The same for a tentative track. None: as `max_age_s`.
         birth_score: Detections under it start no track.
+        rest_max_age_s: The same for what was at rest when last seen: hidden by a passing bus it is still
+            there afterwards. None: as `max_age_s`. At rest is a confirmed track that was followed for
+            `REST_SEEN_S` and is slower than `REST_MPS`.
 
     Raises:
         ConfigError: A value is outside its range.
@@ -40,6 +50,7 @@ class LifecycleConfig:
     max_age_s: Setting = 0.15
     tentative_max_age_s: Setting | None = None
     birth_score: Setting = 0.0
+    rest_max_age_s: Setting | None = None
 
     def __post_init__(self) -> None:
         check_range(self, "confirm_s", 0.0, math.inf)
@@ -47,6 +58,8 @@ class LifecycleConfig:
         if self.tentative_max_age_s is not None:
             check_range(self, "tentative_max_age_s", 0.0, math.inf)
         check_range(self, "birth_score", 0.0, 1.0)
+        if self.rest_max_age_s is not None:
+            check_range(self, "rest_max_age_s", 0.0, math.inf)
 
 
 class Lifecycle:
@@ -54,6 +67,10 @@ class Lifecycle:
 
     Args:
         config: Times.
+
+    Attributes:
+        knows_rest: Whether what was at rest lives longer.
+        least_max_age_s: The shortest of all categories' times without a match.
     """
 
     def __init__(self, config: LifecycleConfig) -> None:
@@ -61,6 +78,12 @@ class Lifecycle:
         self._max_age_s = table(config.max_age_s) + _ROUNDING_S
         tentative = config.tentative_max_age_s
         self._tentative_max_age_s = None if tentative is None else table(tentative) + _ROUNDING_S
+        rest_max_age = config.rest_max_age_s
+        self._rest_max_age_s = (
+            None if rest_max_age is None else np.maximum(table(rest_max_age) + _ROUNDING_S, self._max_age_s)
+        )
+        self.knows_rest = rest_max_age is not None
+        self.least_max_age_s = float(self._max_age_s.min())
 
     def confirm(
         self, confirmed: BoolArray, age_s: FloatArray, coasted_s: FloatArray, code: IntArray
@@ -90,12 +113,23 @@ class Lifecycle:
         """
         return gap_s <= np.maximum(self._max_age_s, LONGEST_GAP_S).take(code)
 
+    def overdue(self, coasted_s: FloatArray, code: IntArray) -> BoolArray:
+        """(M,) which tracks live on only because they were at rest.
+
+        Args:
+            coasted_s: (M,) time since the last match.
+            code: (M,) positions in CATEGORIES.
+        """
+        late: BoolArray = coasted_s > self._max_age_s.take(code)
+        return late
+
     def survives(
         self,
         confirmed: BoolArray | None,
         coasted_s: FloatArray,
         outside_s: FloatArray | None,
         code: IntArray,
+        resting: BoolArray | None = None,
     ) -> BoolArray:
         """Which tracks live on.
 
@@ -104,12 +138,18 @@ class Lifecycle:
             coasted_s: (M,) time since the last match.
             outside_s: (M,) time since the track was last seen inside the monitored area; None: all are there.
             code: (M,) positions in CATEGORIES.
+            resting: (M,) what was at rest when last seen; None: nothing.
 
         Returns:
             (M,) flags; False for tracks unmatched or outside for longer than they may be.
         """
         unseen_s = coasted_s if outside_s is None else np.maximum(coasted_s, outside_s)
         alive: BoolArray = unseen_s <= self._max_age_s.take(code)
+        if resting is not None and self._rest_max_age_s is not None:
+            hidden = resting & (coasted_s <= self._rest_max_age_s.take(code))
+            if outside_s is not None:
+                hidden &= outside_s <= coasted_s
+            alive |= hidden
         if self._tentative_max_age_s is not None and confirmed is not None:
             alive &= confirmed | (coasted_s <= self._tentative_max_age_s.take(code))
         return alive

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from smartmot.errors import ConfigError
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import (
     ConstantTurnRate,
@@ -103,6 +104,14 @@ class TrackerConfig:
         outlier_speed_mps: A faster estimate is rejected: the track counts as static with velocity 0 in that
             frame. Source: paper, 15 m/s, written for pedestrians and town traffic. Vehicles on the
             scenarios' motorways are faster, so theirs is 60 m/s.
+        score_reference: What all thresholds on scores are multiplied by: the score that a sure detection has,
+            see `smartmot.tracking.scores`. 1: the thresholds are scores. None: estimated from the detections
+            so far.
+        evidence_memory_s: The category of a track is the one with most evidence, the scores of its
+            detections, which fades over this time, as the evidence for its heading does. None: the category
+            is that of the first detection for ever, and heading "evidence" is refused.
+        merge_duplicates: A detection without a track whose centre lies in the box of one that has a track
+            starts none, nor one whose centre lies in that of another with a higher score.
 
     Raises:
         ConfigError: A value is outside its range.
@@ -121,7 +130,17 @@ class TrackerConfig:
         default=PerCategory(60.0, pedestrian=15.0, cyclist=25.0, truck=60.0, motorcycle=60.0, unknown=60.0)
     )
 
+    score_reference: Setting | None = 1.0
+    evidence_memory_s: float | None = None
+    merge_duplicates: bool = False
+
     def __post_init__(self) -> None:
+        if self.score_reference is not None:
+            check_range(self, "score_reference", 1e-9, 1.0)
+        if self.evidence_memory_s is not None:
+            check_range(self, "evidence_memory_s", 1e-9, math.inf)
+        elif self.filter.heading == "evidence":
+            raise ConfigError('TrackerConfig: heading "evidence" needs evidence_memory_s')
         check_range(self, "score_threshold", 0.0, 1.0)
         check_range(self, "second_stage_score", 0.0, 1.0)
         check_range(self, "dynamic_speed_mps", 0.0, 10.0)
@@ -145,7 +164,9 @@ class TrackerConfig:
         )
 
     def score_limits(self) -> ScoreLimits:
-        """Scores that a tracker with these settings asks for."""
+        """Scores that a tracker with these settings asks for; 0 where they follow from the detections."""
+        if self.score_reference is None:
+            return ScoreLimits(np.zeros(len(CATEGORIES)), np.zeros(len(CATEGORIES)))
         drop = table(self.score_threshold)
         least = [
             self.second_stage_score,
@@ -153,4 +174,5 @@ class TrackerConfig:
             self.report.score,
             self.report.mean_score,
         ]
-        return ScoreLimits(drop, np.max([drop, *map(table, least)], axis=0))
+        reference = table(self.score_reference)
+        return ScoreLimits(drop * reference, np.max([drop, *map(table, least)], axis=0) * reference)

@@ -6,11 +6,13 @@ import math
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from smartmot.arrays import shared_by_copies
 from smartmot.errors import ConfigError, ShapeError
+from smartmot.tracking.scores import ScoreScale
 from smartmot.types import CATEGORIES, BoolArray, FloatArray, IntArray, seconds
 
 COLUMNS = (
@@ -23,11 +25,16 @@ COLUMNS = (
     "birth_s",
     "matched_s",
     "inside_s",
+    "front",
+    *(f"evidence_{name}" for name in CATEGORIES),
 )
 """What is known of a track besides its filter state. Times are stamps, `inside_s` that of the last time
-inside the monitored area; `score_sum` and `hits` count the matched detections."""
+inside the monitored area; `score_sum` and `hits` count the matched detections. `front` is the evidence that
+the object faces where its heading says and not backwards, `evidence_...` that for each category; both fade
+with time."""
 
-ID, CODE, CONFIRMED, SCORE, SCORE_SUM, HITS, BIRTH_S, MATCHED_S, INSIDE_S = range(len(COLUMNS))
+ID, CODE, CONFIRMED, SCORE, SCORE_SUM, HITS, BIRTH_S, MATCHED_S, INSIDE_S, FRONT = range(10)
+EVIDENCE = slice(FRONT + 1, len(COLUMNS))
 
 FILE_VERSION = 1
 
@@ -40,8 +47,10 @@ class TrackerState:
     Args:
         stamp_s: Time of the last frame; None before the first.
         next_id: Identifier of the next track.
-        rows: (M, 9) what COLUMNS names.
+        rows: (M, R) what COLUMNS names.
         filtered: (M, W) filter states at stamp_s, see `smartmot.filters.kalman.BoxFilter`.
+        scores: The detector's score scale, where the tracker estimates it.
+        merged: Detections so far that started no track because they repeat another.
 
     Raises:
         ShapeError: The arrays do not have one row per track, a filter state is not finite, a category is
@@ -53,6 +62,8 @@ class TrackerState:
     next_id: int
     rows: FloatArray
     filtered: FloatArray
+    scores: ScoreScale | None = None
+    merged: int = 0
 
     def __post_init__(self) -> None:
         if self.stamp_s is not None:
@@ -102,6 +113,13 @@ class TrackerState:
         Args:
             path: File to write, as named.
         """
+        scores: dict[str, Any] = {}
+        if self.scores is not None:
+            scores = {
+                "counted_s": np.array(self.scores.counted_s),
+                "score_mass": self.scores.mass,
+                "score_reference": self.scores.reference,
+            }
         with Path(path).open("wb") as file:
             np.savez(
                 file,
@@ -110,6 +128,8 @@ class TrackerState:
                 next_id=np.array(self.next_id),
                 rows=self.rows,
                 filtered=self.filtered,
+                merged=np.array(self.merged),
+                **scores,
             )
 
     @classmethod
@@ -132,12 +152,21 @@ class TrackerState:
                     raise ConfigError(
                         f"{path}: tracker state of version {version}, this release reads {FILE_VERSION}"
                     )
-                stamp = float(data["stamp_s"])
+                stamp, rows, scores = float(data["stamp_s"]), np.array(data["rows"], dtype=np.float64), None
+                if rows.ndim == 2 and rows.shape[1] == FRONT:  # written before there was evidence
+                    rows = np.hstack((rows, np.zeros((len(rows), len(COLUMNS) - FRONT))))
+                if "score_mass" in data:
+                    mass, reference = (
+                        np.array(data[name], dtype=np.float64) for name in ("score_mass", "score_reference")
+                    )
+                    scores = ScoreScale(float(data["counted_s"]), mass, reference)
                 return cls(
                     None if math.isnan(stamp) else stamp,
                     int(data["next_id"]),
-                    np.array(data["rows"], dtype=np.float64),
+                    rows,
                     np.array(data["filtered"], dtype=np.float64),
+                    scores,
+                    int(data["merged"]) if "merged" in data else 0,
                 )
         except ConfigError:
             raise

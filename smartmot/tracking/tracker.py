@@ -8,7 +8,6 @@ never enters a velocity; detections in the vehicle's frame work too, with veloci
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,17 +15,24 @@ from numpy.typing import ArrayLike
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.filters.box_filter import box_filter
-from smartmot.filters.kalman import Estimate, measurements
-from smartmot.filters.motion_models import Setting, X, table
+from smartmot.filters.kalman import measurements
+from smartmot.filters.motion_models import YAW, X, table
 from smartmot.geometry import wrap_angle
 from smartmot.tracking.association import Affinity, Associator
-from smartmot.tracking.lifecycle import LONGEST_GAP_S, Lifecycle
+from smartmot.tracking.evidence import Evidence
+from smartmot.tracking.frame import COASTED, Frame, Measured, limits_of
+from smartmot.tracking.lifecycle import LONGEST_GAP_S, REST_MPS, REST_SEEN_S, Lifecycle
+from smartmot.tracking.recovery import Recovery, repeats
+from smartmot.tracking.report import Reporter
+from smartmot.tracking.scores import ScoreScale
 from smartmot.tracking.settings import CODES, ReportConfig, ScoreLimits, TrackerConfig
 from smartmot.tracking.state import (
     BIRTH_S,
     CODE,
     COLUMNS,
     CONFIRMED,
+    EVIDENCE,
+    FRONT,
     HITS,
     ID,
     INSIDE_S,
@@ -62,41 +68,7 @@ Monitored = Callable[[Boxes, StrArray], BoolArray]
 
 _NAMES = np.array(CATEGORIES)
 _UNKNOWN = CODES["unknown"]
-_COASTED = -1
-"""In place of a detection's position: the track had none in this frame."""
-
 _NONE = np.zeros(0, dtype=np.int64)
-
-
-@dataclass(slots=True, eq=False)
-class _Measured:
-    """The frame's detections over the score threshold, as the filter takes them: N rows each."""
-
-    stamp_s: float
-    boxes: Boxes
-    score: FloatArray
-    code: IntArray
-    measurement: FloatArray
-    velocity_mps: FloatArray | None
-
-
-@dataclass(slots=True, eq=False)
-class _Frame:
-    """M tracks while a frame is worked on: rows and filter states, and the detection each track has.
-
-    `coasting` says whether a track is without detection, `all_confirmed` whether none is tentative, `born`
-    counts the tracks of this frame. Most frames bring no births, and in many nothing coasts: what that rules
-    out is not computed. `estimate` is what the corrected filter states say, if somebody has asked.
-    """
-
-    rows: FloatArray
-    filtered: FloatArray
-    code: IntArray
-    source: IntArray
-    coasting: bool = True
-    all_confirmed: bool = False
-    born: int = 0
-    estimate: Estimate | None = None
 
 
 class Tracker:
@@ -130,18 +102,14 @@ class Tracker:
             config.association, config.filter.measurement_variance()[:, X], affinity
         )
         self._lifecycle = Lifecycle(config.lifecycle)
-        self._yaw_entry = self._filter.names.index("yaw_rad")
-        self._nothing = _no_tracks(len(self._filter.names))
-        self._score = _unless_zero(config.score_threshold)
-        self._first_stage = table(config.second_stage_score)
-        self._two_stages = bool(self._first_stage.any())
-        self._birth = np.maximum(table(config.lifecycle.birth_score), self._first_stage)
-        self._outlier = table(config.outlier_speed_mps)
-        self._dynamic = table(config.dynamic_speed_mps)
-        report = config.report
-        self._shown_coasted = None if report.coasted_s is None else table(report.coasted_s) + 1e-6
-        self._shown_score = _unless_zero(report.score)
-        self._shown_mean_score = _unless_zero(report.mean_score)
+        self._reporter = Reporter(config, self._filter)
+        reference = config.score_reference
+        self._limits = limits_of(config, table(1.0 if reference is None else reference))
+        hidden = config.association.hidden_gate_m
+        self._recovery = None if hidden is None else Recovery(hidden, self._filter, self._associator)
+        memory_s = config.evidence_memory_s
+        by_evidence = config.filter.heading == "evidence"
+        self._evidence = None if memory_s is None else Evidence(memory_s, by_evidence, self._filter)
         self.score_limits = config.score_limits()
 
     def reset(self) -> None:
@@ -225,11 +193,19 @@ class Tracker:
             ShapeError: `monitored` does not return one flag per object.
             ConfigError: The state comes from a tracker with another motion model.
         """
-        measured = self._measured(detections)
-        dt_s = _elapsed_s(state.stamp_s, measured.stamp_s)
+        dt_s = _elapsed_s(state.stamp_s, detections.stamp_s)
+        measured = self._measured(detections, state.scores)
         if len(state) == 0 and len(measured.score) == 0:
-            nothing = unchecked(TrackerState, measured.stamp_s, state.next_id, state.rows, state.filtered)
-            return nothing, unchecked(Tracks, measured.stamp_s, *self._nothing)
+            nothing = unchecked(
+                TrackerState,
+                measured.stamp_s,
+                state.next_id,
+                state.rows,
+                state.filtered,
+                measured.scores,
+                state.merged,
+            )
+            return nothing, self._reporter.nothing(measured.stamp_s)
         frame = self._predicted(state, dt_s)
         unmatched = self._correct(frame, measured, dt_s)
         if len(unmatched):
@@ -241,23 +217,35 @@ class Tracker:
                 state.next_id, state.next_id + frame.born
             )
         after = unchecked(
-            TrackerState, measured.stamp_s, state.next_id + frame.born, frame.rows, frame.filtered
+            TrackerState,
+            measured.stamp_s,
+            state.next_id + frame.born,
+            frame.rows,
+            frame.filtered,
+            measured.scores,
+            state.merged + frame.merged,
         )
-        return after, self._report(frame, measured)
+        return after, self._reporter.report(frame, measured)
 
-    def _measured(self, detections: Detections) -> _Measured:
-        """Detections over the score threshold."""
+    def _measured(self, detections: Detections, scores: ScoreScale | None) -> Measured:
+        """Detections over the score threshold, and the thresholds of the frame."""
         # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
         code = np.array([CODES[name] for name in detections.category.tolist()], dtype=np.int64)
         boxes, score, velocity = detections.boxes, detections.score, detections.velocity_mps
-        if self._score is not None:
-            sure = score >= self._score.take(code)
+        limits = self._limits
+        if self.config.score_reference is None:
+            scores = (ScoreScale.empty() if scores is None else scores).after(detections.stamp_s, code, score)
+            if scores.reference is not limits.reference:
+                # kept for the next frames; a function of the reference, so nothing is remembered by it
+                limits = self._limits = limits_of(self.config, scores.reference)
+        if limits.drop is not None:
+            sure = score >= limits.drop.take(code)
             if np.count_nonzero(sure) < len(score):
                 boxes, score, code = boxes[sure], score[sure], code[sure]
                 velocity = None if velocity is None else velocity[sure]
-        return _Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity)
+        return Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity, limits, scores)
 
-    def _predicted(self, state: TrackerState, dt_s: float) -> _Frame:
+    def _predicted(self, state: TrackerState, dt_s: float) -> Frame:
         """Tracks carried over the time step, without those that a pause in the recording ended."""
         rows, filtered = state.rows.copy(), state.filtered
         code = rows[:, CODE].astype(np.int64)
@@ -265,34 +253,48 @@ class Tracker:
             bridged = self._lifecycle.bridges(dt_s, code)
             rows, filtered, code = rows[bridged], filtered[bridged], code[bridged]
         source = np.empty(len(rows), dtype=np.int64)
-        source.fill(_COASTED)
+        source.fill(COASTED)
         if len(rows) == 0:
-            return _Frame(rows, np.zeros((0, self._filter.width)), code, source)
+            return Frame(rows, np.zeros((0, self._filter.width)), code, source)
         if filtered.shape[1] != self._filter.width:
             raise ConfigError(
                 f"tracker state: {filtered.shape[1]} filter entries per track, this tracker's motion "
                 f"model has {self._filter.width}; resume with the configuration that made the state"
             )
-        return _Frame(rows, self._filter.predict(filtered, code, dt_s), code, source)
+        return Frame(rows, self._filter.predict(filtered, code, dt_s), code, source)
 
-    def _correct(self, frame: _Frame, measured: _Measured, dt_s: float) -> IntArray:
+    def _correct(self, frame: Frame, measured: Measured, dt_s: float) -> IntArray:
         """Match and correct the tracks in place; the detections left over."""
         n = len(measured.score)
         if n == 0 or len(frame.rows) == 0:
             return np.arange(n)
         first = None
-        if self._two_stages:
-            first = measured.score >= self._first_stage.take(measured.code)
+        if measured.limits.first is not None:
+            first = measured.score >= measured.limits.first.take(measured.code)
             first = None if np.count_nonzero(first) == n else first
+        predicted = self._filter.estimate(frame.filtered)
+        overdue = None
+        if self._lifecycle.knows_rest:
+            # what lives on only because it was at rest is found where it stood
+            before_s = measured.stamp_s - dt_s
+            if before_s - frame.rows[:, MATCHED_S].min() > self._lifecycle.least_max_age_s:
+                overdue = self._lifecycle.overdue(before_s - frame.rows[:, MATCHED_S], frame.code)
+                overdue = overdue if np.count_nonzero(overdue) else None
         track, detection = self._associator.match(
-            self._filter.estimate(frame.filtered),
+            predicted,
             frame.code,
             self._filter.position_covariance(frame.filtered),
             measured.boxes,
             measured.code,
             dt_s,
             first,
+            overdue,
         )
+        anew = _NONE
+        if self._recovery is not None and len(track) < min(n, len(frame.rows)):
+            track, detection, anew = self._recovery.extended(
+                frame, measured, predicted, track, detection, first, dt_s
+            )
         if len(track) == 0:
             return np.arange(n)
         velocity = None if measured.velocity_mps is None else measured.velocity_mps[detection]
@@ -309,6 +311,15 @@ class Tracker:
                 frame.filtered.take(track, axis=0), measurement, velocity, code
             )
             frame.source[track] = detection
+        if len(anew):
+            source = frame.source[anew]
+            its_velocity = None if measured.velocity_mps is None else measured.velocity_mps[source]
+            frame.filtered[anew] = self._filter.born(
+                measured.measurement[source], its_velocity, frame.code[anew]
+            )
+        if self._evidence is not None:
+            detected = measured.code.take(detection)
+            self._evidence.weigh(frame, matched, track, code, detected, measurement[:, YAW], score, dt_s)
         matched[:, SCORE] = score
         score_sum, hits = matched[:, SCORE_SUM], matched[:, HITS]
         score_sum += score
@@ -317,7 +328,7 @@ class Tracker:
         if frame.coasting:
             rows[track] = matched
         unknown = code == _UNKNOWN
-        if np.count_nonzero(unknown):
+        if np.count_nonzero(unknown) and self.config.evidence_memory_s is None:
             # An unknown track learns its category from the first detection that knows it.
             frame.code[track[unknown]] = measured.code[detection[unknown]]
             rows[:, CODE] = frame.code
@@ -327,10 +338,19 @@ class Tracker:
         left[detection] = False
         return left.nonzero()[0]
 
-    def _start(self, frame: _Frame, measured: _Measured, new: IntArray) -> None:
+    def _start(self, frame: Frame, measured: Measured, new: IntArray) -> None:
         """Append a track for every unmatched detection, without identifier and never inside so far."""
-        if self._birth.any():
-            new = new[measured.score[new] >= self._birth[measured.code[new]]]
+        if measured.limits.birth is not None:
+            new = new[measured.score[new] >= measured.limits.birth[measured.code[new]]]
+        if self.config.merge_duplicates and len(new):
+            candidates = np.sort(np.concatenate((new, frame.source[frame.source != COASTED])))
+            taken = np.ones(len(candidates), dtype=np.bool_)
+            taken[np.searchsorted(candidates, new)] = False
+            repeated = repeats(
+                measured.boxes[candidates], measured.code[candidates], measured.score[candidates], taken
+            )
+            frame.merged = int(np.count_nonzero(repeated))
+            new = new if frame.merged == 0 else candidates[~taken & ~repeated]
         n = frame.born = len(new)
         if n == 0:
             return
@@ -342,13 +362,17 @@ class Tracker:
         rows[:, HITS] = 1.0
         rows[:, BIRTH_S] = rows[:, MATCHED_S] = measured.stamp_s
         rows[:, INSIDE_S] = -np.inf
+        rows[:, FRONT] = score
+        known = np.flatnonzero(code != _UNKNOWN)
+        rows[known, EVIDENCE.start + code[known]] = score[known]
+        frame.estimate = frame.speed_variance = None
         born = self._filter.born(measured.measurement[new], velocity, code)
         frame.rows = np.concatenate((frame.rows, rows))
         frame.filtered = np.concatenate((frame.filtered, born))
         frame.code = np.concatenate((frame.code, code))
         frame.source = np.concatenate((frame.source, new))
 
-    def _live(self, frame: _Frame, now_s: float, monitored: Monitored | None) -> None:
+    def _live(self, frame: Frame, now_s: float, monitored: Monitored | None) -> None:
         """Confirm tracks and drop dead ones, in place."""
         rows, code = frame.rows, frame.code
         inside_all = monitored is None
@@ -371,8 +395,11 @@ class Tracker:
         if not may_die:
             return
         outside_s = None if inside_all else now_s - rows[:, INSIDE_S]
+        resting = None
+        if self._lifecycle.knows_rest and frame.coasting:
+            resting = self._at_rest(frame, confirmed, coasted_s)
         alive = self._lifecycle.survives(
-            None if frame.all_confirmed else confirmed, coasted_s, outside_s, code
+            None if frame.all_confirmed else confirmed, coasted_s, outside_s, code, resting
         )
         if np.count_nonzero(alive) == len(rows):
             return
@@ -381,9 +408,21 @@ class Tracker:
         left = alive.nonzero()[0]
         frame.rows, frame.filtered = rows.take(left, axis=0), frame.filtered.take(left, axis=0)
         frame.code, frame.source = code.take(left), frame.source.take(left)
-        frame.estimate = None
+        frame.estimate = frame.speed_variance = None
 
-    def _inside(self, frame: _Frame, monitored: Monitored) -> BoolArray:
+    def _at_rest(self, frame: Frame, confirmed: BoolArray, coasted_s: FloatArray) -> BoolArray | None:
+        """(M,) confirmed tracks that were at rest when last seen, among those that would die; None: none."""
+        rows = frame.rows
+        followed_s = rows[:, MATCHED_S] - rows[:, BIRTH_S]
+        late = self._lifecycle.overdue(coasted_s, frame.code) & confirmed & (followed_s >= REST_SEEN_S)
+        which = late.nonzero()[0]
+        if len(which) == 0:
+            return None
+        velocity = self._filter.estimate(frame.filtered[which]).velocity_mps
+        late[which] = np.hypot(velocity[:, 0], velocity[:, 1]) < REST_MPS
+        return late
+
+    def _inside(self, frame: Frame, monitored: Monitored) -> BoolArray:
         """(M,) which tracks the monitored area takes."""
         estimate = frame.estimate = self._filter.estimate(frame.filtered)
         boxes = unchecked(Boxes, estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad))
@@ -391,86 +430,6 @@ class Tracker:
         if inside.shape != (len(frame.rows),):
             raise ShapeError(f"monitored: expected {(len(frame.rows),)} flags, got {inside.shape}")
         return inside
-
-    def _shown(self, frame: _Frame, now_s: float) -> IntArray | None:
-        """(K,) the tracks that the configuration wants to see; None: all."""
-        rows, code = frame.rows, frame.code
-        conditions: list[BoolArray] = []
-        if not (self.config.report.tentative or frame.all_confirmed):
-            conditions.append(rows[:, CONFIRMED] > 0.0)
-        if self._shown_coasted is not None and frame.coasting:
-            conditions.append(now_s - rows[:, MATCHED_S] <= self._shown_coasted.take(code))
-        if self._shown_score is not None:
-            conditions.append(rows[:, SCORE] >= self._shown_score.take(code))
-        if self._shown_mean_score is not None:
-            conditions.append(rows[:, SCORE_SUM] >= self._shown_mean_score.take(code) * rows[:, HITS])
-        if not conditions:
-            return None
-        shown = conditions[0]
-        for condition in conditions[1:]:
-            shown &= condition
-        return None if np.count_nonzero(shown) == len(rows) else shown.nonzero()[0]
-
-    def _report(self, frame: _Frame, measured: _Measured) -> Tracks:
-        """What the tracks say at the frame's time."""
-        config, now_s = self.config, measured.stamp_s
-        rows, filtered, code = frame.rows, frame.filtered, frame.code
-        shown, estimate = self._shown(frame, now_s), frame.estimate
-        if shown is not None:
-            rows, filtered, code = rows.take(shown, axis=0), filtered.take(shown, axis=0), code.take(shown)
-        if shown is not None or estimate is None:
-            estimate = self._filter.estimate(filtered)
-        mean, covariance = self._filter.moments(filtered)
-        velocity = estimate.velocity_mps
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        threshold = self._dynamic.take(code)
-        if config.dynamic_sigmas > 0.0:
-            sigma = np.sqrt(self._filter.speed_variance(filtered))
-            sigma *= config.dynamic_sigmas
-            np.maximum(threshold, sigma, out=threshold)
-        dynamic = speed > threshold
-        outlier = speed > self._outlier.take(code)
-        if np.count_nonzero(outlier):
-            velocity = np.where(outlier[:, None], 0.0, velocity)
-            dynamic &= ~outlier
-        center, size, yaw = estimate.center_m, estimate.size_m, wrap_angle(estimate.yaw_rad)
-        mean[:, self._yaw_entry] = yaw
-        if config.report.detected_boxes:
-            center, size = center.copy(), size.copy()
-            source = frame.source if shown is None else frame.source.take(shown)
-            seen = np.flatnonzero(source != _COASTED)
-            boxes = measured.boxes[source[seen]]
-            center[seen], size[seen], yaw[seen] = boxes.center_m, boxes.size_m, boxes.yaw_rad
-        return unchecked(
-            Tracks,
-            now_s,
-            rows[:, ID].astype(np.int64),
-            unchecked(Boxes, center, size, yaw),
-            _NAMES.take(code),
-            rows[:, SCORE],
-            mean,
-            covariance,
-            velocity,
-            estimate.yaw_rate_radps,
-            now_s - rows[:, BIRTH_S],
-            now_s - rows[:, MATCHED_S],
-            rows[:, CONFIRMED] > 0.0,
-            dynamic,
-        )
-
-
-def _no_tracks(entries: int) -> tuple[object, ...]:
-    """Values of `Tracks` after the stamp, without any track, for D entries of the filter's mean."""
-    none, ids, flags = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_)
-    mean, covariance = np.zeros((0, entries)), np.zeros((0, entries, entries))
-    velocity, names = np.zeros((0, 2)), _NAMES[:0]
-    return (ids, Boxes.empty(), names, none, mean, covariance, velocity, none, none, none, flags, flags)
-
-
-def _unless_zero(setting: Setting) -> FloatArray | None:
-    """(C,) values of a threshold; None where it lets everything pass."""
-    values = table(setting)
-    return values if values.any() else None
 
 
 def _elapsed_s(last_s: float | None, now_s: float) -> float:

@@ -179,7 +179,7 @@ def test_shipped_objects_under_other_names_change_nothing(folder: Path) -> None:
 LOW_SCORES = (Path(__file__).parents[1] / "data" / "field" / "runs" / "low_scores.py").read_text()
 
 
-@pytest.mark.parametrize("tracker", ["preset", "mine:ours", "default", "mine:Choosy"])
+@pytest.mark.parametrize("tracker", ["preset", "mine:ours", "mine:Choosy"])
 def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
     folder: Path, capfd: pytest.CaptureFixture[str], tracker: str
 ) -> None:
@@ -192,6 +192,15 @@ def test_with_scores_under_the_threshold_nobody_is_hit_unseen(
     assert "low_scores:LowScores: none of " in line
     assert "highest: 0.25), so that no object would be seen; scale the detector's scores, or give" in line
     assert not (folder / "out" / "runs.csv").exists()
+    sys.modules.pop("low_scores", None)
+
+
+def test_thresholds_relative_to_the_detector_take_any_scale(folder: Path) -> None:
+    """The same detector with `default`: the drive is that of a sure one."""
+    (folder / "low_scores.py").write_text(LOW_SCORES)
+    options = ("--strategy", "map", "--tracker", "default")
+    sure = impacts(folder, *options)
+    assert impacts(folder, *options, "--detector", "low_scores:LowScores") == sure
     sys.modules.pop("low_scores", None)
 
 

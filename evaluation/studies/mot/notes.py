@@ -18,7 +18,8 @@ LEAST_SHARE = 0.1
 def notes_on(data: Dataset, config: TrackerConfig | Plugin) -> list[str]:
     """All lines about recordings and the tracker that is to track them."""
     if isinstance(config, TrackerConfig):
-        notes = weak_categories(data, config)
+        # with relative thresholds the detections themselves say what is weak
+        notes = weak_categories(data, config) if config.score_reference == 1.0 else []
         limits: ScoreLimits | None = Tracker(config).score_limits
     else:
         notes, limits = [], limits_of_own(own(config))

@@ -17,6 +17,7 @@ from evaluation.studies.mot.forecasts import MODELS, carried_on, motions, score_
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.notes import notes_on
+from evaluation.studies.mot.score_scale import scale_notes, with_score_scale
 from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
 from scenarios.errors import DatasetError
@@ -80,6 +81,7 @@ def prepare(
     map_file: Path | None = None,
     by_map: bool = False,
     columns: Reading | None = None,
+    scores: str = "file",
 ) -> MotStudy:
     """Read recordings, and choose from them.
 
@@ -91,6 +93,7 @@ def prepare(
         map_file: OpenDRIVE file, or vector map; None: the recording's own, if it has one.
         by_map: Keep only what is on lanes that matter to the vehicle.
         columns: What the columns of a table mean, or which topics of a bag are read; None: ours, all.
+        scores: Where relative thresholds on scores have their scale from, one of `score_scale.SCALES`.
 
     Raises:
         ArgumentError: There is no map to keep it by.
@@ -111,6 +114,9 @@ def prepare(
     elif network is not None:
         for sequence in data.sequences:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
+    if isinstance(config, TrackerConfig):
+        config = with_score_scale(config, data, scores)
+        notes += scale_notes(config, data)
     return MotStudy(data, config, network, by_map, (*notes, *notes_on(data, config)))
 
 

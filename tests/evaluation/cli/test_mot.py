@@ -145,7 +145,7 @@ def test_without_labels_there_are_tracks_only(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["tracks.csv"]
 
 
-@pytest.mark.parametrize(("score", "share"), [(0.59, "4 %"), (0.6, None)])
+@pytest.mark.parametrize(("score", "share"), [(0.39, "4 %"), (0.4, None)])
 def test_a_detector_that_is_never_sure_is_pointed_out(
     drive: Path,
     tmp_path: Path,
@@ -154,21 +154,51 @@ def test_a_detector_that_is_never_sure_is_pointed_out(
     score: float,
     share: str | None,
 ) -> None:
-    """With `default`, detections under 0.6 start no track."""
+    """With fixed thresholds, `default` lets detections under 0.4 start no track."""
     (drive / "labels.csv").unlink()
     header, *rows = (drive / "detections.csv").read_text().splitlines()
     scores = [0.9] * 4 + [score] * (len(rows) - 4)
     lines = [f"{header},score", *(f"{row},{s}" for row, s in zip(rows, scores, strict=True))]
     (drive / "detections.csv").write_text("\n".join(lines) + "\n")
-    assert call(monkeypatch, drive, "--out", tmp_path) == 0
+    assert call(monkeypatch, drive, "--out", tmp_path, "--scores", "fixed") == 0
     shown = capsys.readouterr().out
-    assert (f"note: {share} of the car detections have a score of 0.6 or more" in shown) == bool(share)
+    assert (f"note: {share} of the car detections have a score of 0.4 or more" in shown) == bool(share)
     assert ("start no track" in shown) == bool(share)
+
+
+@pytest.mark.parametrize("scores", ["file", "running"])
+def test_a_detector_with_low_scores_is_tracked_and_its_scale_is_told(
+    drive: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    scores: str,
+) -> None:
+    """Every tenth detection is a false one of 0.02 far off; the others have 0.3."""
+    (drive / "labels.csv").unlink()
+    header, *rows = (drive / "detections.csv").read_text().splitlines()
+    place = header.split(",").index("y_m")
+    lines = [f"{header},score"]
+    for k, row in enumerate(rows):
+        cells = row.split(",")
+        if k % 10 == 9:
+            cells[place] = str(500.0 + k)
+        lines.append(",".join(cells) + (",0.02" if k % 10 == 9 else ",0.3"))
+    (drive / "detections.csv").write_text("\n".join(lines) + "\n")
+    assert call(monkeypatch, drive, "--out", tmp_path, "--scores", scores) == 0
+    shown = capsys.readouterr().out
+    weak = len(rows) // 10
+    told = f"how many are too weak to start a track: car 0.31 ({weak} of {len(rows)})"
+    assert (told in shown) == (scores == "file")
+    tracks = pd.read_csv(tmp_path / "tracks.csv")
+    assert len(tracks) > 0.7 * len(rows)
+    assert tracks["y_m"].max() < 400.0
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("--scores", "low"), "--scores: unknown 'low'; use one of: file, running, fixed"),
         (("--format", "xml"), "--format: unknown 'xml'; use one of: kitti, nuscenes, csv, simbev"),
         (("--config", "best"), "--config: unknown 'best'"),
         (("--filter", "map"), "--filter map: needs --map"),

@@ -97,14 +97,21 @@ def test_ab3dmot_confirms_a_car_at_the_third_hit_and_shows_one_missed_frame() ->
 
 
 def test_default_gives_weak_detections_to_known_tracks_only() -> None:
+    """Weak means under 0.4 of what the detector's sure detections have: here that of a car far away, 0.9."""
     tracker = Tracker(tracker_config("default"))
-    assert len(tracker.update(_frame(0.0, 0.0, score=0.5))) == 0
-    assert tracker.update(_frame(0.1, 0.0, score=0.9)).track_id.tolist() == [1]
-    assert tracker.update(_frame(0.2, 0.0, score=0.5)).track_id.tolist() == [1]
-    # A detection so weak still steers the track, but the mean score (0.53) falls under 0.6: nobody is told.
-    assert len(tracker.update(_frame(0.3, 0.1, score=0.2))) == 0
-    # 2.5 / 4 = 0.625
-    assert tracker.update(_frame(0.4, 0.1, score=0.9)).track_id.tolist() == [1]
+
+    def shown(k: int, score: float) -> list[int]:
+        boxes = Boxes(np.array([[0.0, 0.0], [500.0, 0.0]]), np.array([[4.4, 1.8]] * 2), np.zeros(2))
+        frame = Detections(0.1 * k, boxes, np.array([score, 0.9]), np.array(["car"] * 2))
+        tracks = tracker.update(frame)
+        return tracks.track_id[tracks.boxes.center_m[:, 0] < 250.0].tolist()
+
+    assert shown(0, 0.3) == []
+    assert shown(1, 0.9) == [2]
+    assert shown(2, 0.3) == [2]
+    # A detection so weak still steers the track, but the mean score falls under 0.36: nobody is told.
+    assert [shown(k, 0.1) for k in range(3, 9)][-1] == []
+    assert [shown(k, 0.9) for k in range(9, 13)][-1] == [2]
 
 
 @pytest.mark.parametrize(("category", "frames"), [("car", 1), ("pedestrian", 4), ("cyclist", 1)])
@@ -123,7 +130,8 @@ def test_default_forgives_a_wrong_first_heading() -> None:
         for k in range(9)
     ]
     turned = np.abs(np.array(shown)) > np.pi / 2
-    assert turned.tolist() == [k in (0, 5) for k in range(9)]
+    assert turned.tolist()[0] is True
+    assert not turned[2:].any()  # the second frame may already outvote the first, a single later one never
     assert shown[-1] == pytest.approx(0.1, abs=0.05)
 
 

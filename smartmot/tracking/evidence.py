@@ -1,0 +1,150 @@
+"""What a track is and which way it faces, by the evidence of all its detections.
+
+A detector errs in single frames. Evidence is a sum of scores that fades with time, so that a pedestrian who
+mounts a bicycle becomes a cyclist, and a truck of one frame stays a car.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smartmot.filters.kalman import BoxFilter
+from smartmot.filters.motion_models import PerCategory, table
+from smartmot.tracking.frame import Frame
+from smartmot.tracking.settings import CODES
+from smartmot.tracking.state import CODE, EVIDENCE, FRONT
+from smartmot.types import BoolArray, FloatArray, IntArray
+
+CLEARLY = 1.5
+"""A track changes its category when the evidence for another exceeds its own by this factor, so that a
+detector that cannot decide does not make it flicker."""
+
+_MOST_MOTION = 3.0
+"""Motion counts at most as so many sure detections."""
+
+
+_FORWARDS_MPS = table(PerCategory.grouped(4.0, 1.0, 2.0))
+"""Faster than this nobody of the category goes backwards for long: vehicles reverse at up to about 15 km/h,
+people step back at less than walking pace, and a bicycle is only pushed backwards."""
+
+_UNKNOWN = CODES["unknown"]
+
+
+class Evidence:
+    """Weighs what the detections of a frame say.
+
+    Args:
+        memory_s: Time over which evidence fades.
+        heading: Whether headings are weighed too.
+        box_filter: The tracker's filter.
+    """
+
+    def __init__(self, memory_s: float, heading: bool, box_filter: BoxFilter) -> None:
+        self._memory_s, self._by_evidence, self._filter = memory_s, heading, box_filter
+
+    def weigh(
+        self,
+        frame: Frame,
+        matched: FloatArray,
+        track: IntArray,
+        code: IntArray,
+        detected: IntArray,
+        measured_yaw_rad: FloatArray,
+        score: FloatArray,
+        dt_s: float,
+    ) -> None:
+        """Headings and categories by evidence, in place; `matched` and the others are the rows of `track`."""
+        matched[:, FRONT:] *= math.exp(-dt_s / self._memory_s)
+        if self._by_evidence:
+            filtered = frame.filtered.take(track, axis=0) if frame.coasting else frame.filtered
+            now, variance = self._filter.estimate(filtered), self._filter.speed_variance(filtered)
+            wrong = backwards(
+                matched[:, FRONT],
+                measured_yaw_rad,
+                now.yaw_rad,
+                now.velocity_mps,
+                variance,
+                _FORWARDS_MPS.take(code),
+                score,
+            )
+            if np.count_nonzero(wrong):
+                self._filter.turn_round(filtered, wrong)
+                if frame.coasting:
+                    frame.filtered[track] = filtered
+            elif not frame.coasting:
+                frame.estimate, frame.speed_variance = now, variance
+        changed = classified(matched[:, EVIDENCE], code, detected, score, _UNKNOWN)
+        if changed is not code:
+            frame.code[track] = matched[:, CODE] = changed
+
+
+def classified(
+    evidence: FloatArray, code: IntArray, detected: IntArray, score: FloatArray, unknown: int
+) -> IntArray:
+    """Categories of tracks after one more detection each.
+
+    Args:
+        evidence: (N, C) evidence for each category; changed in place.
+        code: (N,) categories so far, positions in CATEGORIES.
+        detected: (N,) what the detections say.
+        score: (N,) their scores.
+        unknown: The category that says nothing.
+
+    Returns:
+        (N,) categories; `code` itself if none changes.
+    """
+    row = np.arange(len(code))
+    evidence[row, detected] += score
+    if np.count_nonzero(detected == code) == len(code):
+        return code
+    evidence[:, unknown] = 0.0
+    best = evidence.argmax(axis=1)
+    changed = evidence[row, best] > CLEARLY * evidence[row, code]
+    return np.where(changed, best, code)
+
+
+def backwards(
+    front: FloatArray,
+    measured_yaw_rad: FloatArray,
+    yaw_rad: FloatArray,
+    velocity_mps: FloatArray,
+    speed_variance_m2ps2: FloatArray,
+    forwards_mps: FloatArray,
+    score: FloatArray,
+) -> BoolArray:
+    """Which tracks face the other way than their heading says, after one more detection each.
+
+    A detection votes for its own heading with its score; who moves votes for the direction of motion. At
+    `forwards_mps` motion weighs as much as a sure detection: what always faces one way and goes backwards
+    more slowly reverses.
+
+    Args:
+        front: (N,) evidence for the heading so far; changed in place, and never negative afterwards.
+        measured_yaw_rad: (N,) detected headings.
+        yaw_rad: (N,) headings of the tracks.
+        velocity_mps: (N, 2) velocities over ground.
+        speed_variance_m2ps2: (N,) variance of the speed.
+        forwards_mps: (N,) speed above which the category goes forwards.
+        score: (N,) scores of the detections.
+
+    Returns:
+        (N,) flags.
+    """
+    front += score * np.cos(measured_yaw_rad - yaw_rad)
+    along = velocity_mps[:, 0] * np.cos(yaw_rad)
+    along += velocity_mps[:, 1] * np.sin(yaw_rad)
+    # slower than half of that, or within two standard deviations of the estimate, motion says nothing
+    least = np.maximum(0.25 * forwards_mps * forwards_mps, 4.0 * speed_variance_m2ps2)
+    moving = along * along > least
+    if np.count_nonzero(moving):
+        along /= forwards_mps
+        np.minimum(along, _MOST_MOTION, out=along)
+        np.maximum(along, -_MOST_MOTION, out=along)
+        along *= moving
+        front += along
+    wrong: BoolArray = front < 0.0
+    if np.count_nonzero(wrong):
+        np.abs(front, out=front)
+    return wrong

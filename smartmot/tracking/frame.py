@@ -1,0 +1,84 @@
+"""What the tracker works on during one frame: detections, tracks, thresholds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmot.filters.kalman import Estimate
+from smartmot.filters.motion_models import Setting, table
+from smartmot.tracking.scores import ScoreScale
+from smartmot.tracking.settings import TrackerConfig
+from smartmot.types import Boxes, FloatArray, IntArray
+
+COASTED = -1
+"""In place of a detection's position: the track had none in this frame."""
+
+
+@dataclass(slots=True, eq=False)
+class Limits:
+    """(C,) thresholds on scores, None where everything passes; see `TrackerConfig` for what they mean."""
+
+    reference: FloatArray
+    drop: FloatArray | None
+    first: FloatArray | None
+    birth: FloatArray | None
+    score: FloatArray | None
+    mean_score: FloatArray | None
+
+
+@dataclass(slots=True, eq=False)
+class Measured:
+    """The frame's detections over the score threshold, as the filter takes them: N rows each.
+
+    `limits` are the thresholds of the frame, `scores` the score scale that they follow from.
+    """
+
+    stamp_s: float
+    boxes: Boxes
+    score: FloatArray
+    code: IntArray
+    measurement: FloatArray
+    velocity_mps: FloatArray | None
+    limits: Limits
+    scores: ScoreScale | None
+
+
+@dataclass(slots=True, eq=False)
+class Frame:
+    """M tracks while a frame is worked on: rows and filter states, and the detection each track has.
+
+    `coasting` says whether a track is without detection, `all_confirmed` whether none is tentative, `born`
+    counts the tracks of this frame, `merged` the detections that repeat another. Most frames bring no births,
+    and in many nothing coasts: what that rules out is not computed. `estimate` is what the corrected filter
+    states say, if somebody has asked, as `speed_variance` is.
+    """
+
+    rows: FloatArray
+    filtered: FloatArray
+    code: IntArray
+    source: IntArray
+    coasting: bool = True
+    all_confirmed: bool = False
+    born: int = 0
+    merged: int = 0
+    estimate: Estimate | None = None
+    speed_variance: FloatArray | None = None
+
+
+def limits_of(config: TrackerConfig, reference: FloatArray) -> Limits:
+    """Thresholds on scores for (C,) reference scores."""
+
+    def scaled(setting: Setting, least: Setting = 0.0) -> FloatArray | None:
+        values = np.maximum(table(setting), table(least)) * reference
+        return values if values.any() else None
+
+    return Limits(
+        reference=reference,
+        drop=scaled(config.score_threshold),
+        first=scaled(config.second_stage_score),
+        birth=scaled(config.lifecycle.birth_score, config.second_stage_score),
+        score=scaled(config.report.score),
+        mean_score=scaled(config.report.mean_score),
+    )
