@@ -105,15 +105,15 @@ def required_decel_mps2(ego: Moving, other: Moving, time_to_collision_s: FloatAr
 
 
 def criticality(log: Mapping[str, NDArray[Any]], available_decel_mps2: float) -> Criticality:
-    """Criticality of a run over the times of its log.
+    """Criticality of a run over the times at which its log has an ego.
 
     Args:
-        log: columns as from `RunLog.table`.
+        log: columns as from `RunLog.table`; actors at other times are left out.
         available_decel_mps2: what the brakes give on the road at hand.
     """
     of_ego = log["kind"] == "ego"
     time_s, first = np.unique(log["time_s"][of_ego], return_index=True)
-    actors = np.flatnonzero(log["kind"] == "actor")
+    actors = np.flatnonzero((log["kind"] == "actor") & np.isin(log["time_s"], time_s))
     return worst_criticality(
         time_s,
         _moving(log, np.flatnonzero(of_ego)[first]),

@@ -71,7 +71,8 @@ def write_osi(path: Path, run: LoggedRun) -> tuple[Path, tuple[str, ...]]:
 
     Raises:
         ArgumentError: osi-python is missing, the name does not end with `.osi`, or writing fails.
-        ResultsError: the log has no ego, times that stamps cannot hold, or a negative identity.
+        ResultsError: the log has no ego, times that stamps cannot hold, or an identity that is negative or
+            not less than `HOST_ID`.
     """
     require_osi()
     if not path.is_dir() and path.suffix != SUFFIX:
@@ -109,8 +110,10 @@ def ground_truth(run: LoggedRun) -> tuple[list[GroundTruth], tuple[str, ...]]:
     from osi3.osi_groundtruth_pb2 import GroundTruth
 
     ego, actors = ego_rows(run.log), actor_rows(run.log)
-    if len(actors) and actors["id"].min() < 0:
-        raise ResultsError(f"{run.name}: identities must not be negative: {actors['id'].min():g}")
+    possible = (actors["id"] >= 0) & (actors["id"] < HOST_ID)
+    if not possible.all():
+        first = actors["id"][~possible][0]
+        raise ResultsError(f"{run.name}: identities must lie in 0 to {HOST_ID - 1}: {first:.0f}")
     stamps_ns = run.stamps_ns(ego.time_s)
     messages = []
     for stamp in stamps_ns:

@@ -82,14 +82,15 @@ def test_arrays_broadcast() -> None:
 
 def test_a_log_gives_the_worst_of_all_at_every_time() -> None:
     log = {
-        "kind": np.array(["ego", "actor", "actor", "ego", "actor", "event"]),
-        "time_s": np.array([0.0, 0.0, 0.0, 0.1, 0.1, 0.1]),
-        "x_m": np.array([0.0, 24.0, 44.0, 1.0, 24.0, np.nan]),
-        "y_m": np.zeros(6),
-        "yaw_rad": np.zeros(6),
-        "length_m": np.full(6, 4.0),
-        "width_m": np.full(6, 2.0),
-        "speed_mps": np.array([10.0, 0.0, 0.0, 10.0, 10.0, np.nan]),
+        # the last two actors are there when there is no ego, and say nothing
+        "kind": np.array(["ego", "actor", "actor", "ego", "actor", "event", "actor", "actor"]),
+        "time_s": np.array([0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 0.05, 0.2]),
+        "x_m": np.array([0.0, 24.0, 44.0, 1.0, 24.0, np.nan, 6.0, 6.0]),
+        "y_m": np.zeros(8),
+        "yaw_rad": np.zeros(8),
+        "length_m": np.full(8, 4.0),
+        "width_m": np.full(8, 2.0),
+        "speed_mps": np.array([10.0, 0.0, 0.0, 10.0, 10.0, np.nan, 0.0, 0.0]),
     }
     found = criticality(log, 5.0)
     assert found.time_s.tolist() == [0.0, 0.1]

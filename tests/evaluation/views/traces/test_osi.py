@@ -258,9 +258,10 @@ def test_another_name_is_refused(tmp_path: Path) -> None:
         write_osi(tmp_path / "run.mcap", LoggedRun("a", made(EGO)))
 
 
-def test_negative_identities_are_refused() -> None:
-    actor = EGO | {"kind": "actor", "id": -1, "category": "car", "label": "other"}
-    with pytest.raises(ResultsError, match="negative"):
+@pytest.mark.parametrize("identity", [-1, HOST_ID])
+def test_identities_that_a_trace_cannot_hold_are_refused(identity: int) -> None:
+    actor = EGO | {"kind": "actor", "id": identity, "category": "car", "label": "other"}
+    with pytest.raises(ResultsError, match=f"must lie in 0 to 999999999: {identity}$"):
         ground_truth(LoggedRun("a", made(EGO, actor)))
 
 
