@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import errno
 import json
+import os
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -77,6 +79,8 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: it cannot be written; what was there before is as it was.
     """
+    if not path.name:  # "" is the working folder
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_bytes(content)

@@ -63,11 +63,13 @@ def write_mcap(path: Path, run: LoggedRun, option: str = OPTION) -> tuple[str, .
         What the file does not show, a line each.
 
     Raises:
-        ArgumentError: foxglove-sdk is missing, or the file cannot be written.
+        ArgumentError: foxglove-sdk is missing, the name does not end with `.mcap`, or writing fails.
         ResultsError: the log has no ego, or times that stamps cannot hold.
         smartmot.errors.PluginError: a monitored area of the user's own fails.
     """
     require_foxglove()
+    if path.suffix != SUFFIX:
+        raise ArgumentError(f"{option}: expected FILE{SUFFIX}, got {str(path)!r}")
     content, notes = mcap_bytes(run)
     with told_of_writing(option, path):
         path.parent.mkdir(parents=True, exist_ok=True)

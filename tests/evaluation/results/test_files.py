@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.results.files import ResultsError
+from evaluation.results.files import ResultsError, write_whole
 from evaluation.results.logs import read_log, write_log
 from evaluation.results.rows import read_runs, write_runs
 from tests.evaluation.results.conftest import STOPPED, some_log
@@ -68,3 +68,9 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         write_runs(tmp_path / "file", [STOPPED], {})
     with pytest.raises(ResultsError, match=r"cannot be written"):
         write_log(tmp_path / "file" / "a.parquet", some_log())
+
+
+@pytest.mark.parametrize("path", ["", ".", "/"])
+def test_a_place_without_a_name_is_no_file(path: str) -> None:
+    with pytest.raises(IsADirectoryError):
+        write_whole(Path(path), b"")

@@ -324,8 +324,15 @@ def test_two_rows_at_one_time_are_one_message() -> None:
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (folder := tmp_path / "is a folder.mcap").mkdir()
     with pytest.raises(ArgumentError, match=r"--mcap: cannot write .*directory"):
-        write_mcap(tmp_path, LoggedRun("a", made(ego_row(0.0))))
+        write_mcap(folder, LoggedRun("a", made(ego_row(0.0))))
+
+
+@pytest.mark.parametrize("name", ["run.txt", "", "run"])
+def test_another_name_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ArgumentError, match=r"--mcap: expected FILE\.mcap, got"):
+        write_mcap(tmp_path / name, LoggedRun("odd", made(ego_row(0.0))))
 
 
 def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
