@@ -11,6 +11,7 @@ from scenarios.openscenario.model import (
     LongitudinalDistanceAction,
     ScenarioDefinition,
     SpeedAction,
+    SpeedProfileAction,
     SynchronizeAction,
 )
 
@@ -51,7 +52,9 @@ def is_motion(action: Action) -> bool:
     """Whether an action changes the speed of the entity that carries it out."""
     if isinstance(action, FollowTrajectoryAction):
         return action.timing is not None
-    return isinstance(action, (SpeedAction, LongitudinalDistanceAction, SynchronizeAction))
+    return isinstance(
+        action, (SpeedAction, SpeedProfileAction, LongitudinalDistanceAction, SynchronizeAction)
+    )
 
 
 def is_to_set_off(definition: ScenarioDefinition, target: str | None) -> bool:

@@ -14,11 +14,12 @@ Dimension: TypeAlias = Literal["time", "rate", "distance"]
 
 
 class RelativeSpeed(Element):
-    """Speed relative to an entity's: difference in m/s, or factor."""
+    """Speed relative to an entity's: difference in m/s, or factor; `continuous`: it stays so."""
 
     entity: EntityName
     value: float
     is_factor: bool
+    continuous: bool = False
 
 
 class SpeedAction(Element, group="LongitudinalAction", children="SpeedActionDynamics SpeedActionTarget"):
@@ -30,6 +31,48 @@ class SpeedAction(Element, group="LongitudinalAction", children="SpeedActionDyna
     target: float | RelativeSpeed
 
 
+class DynamicConstraints(Element):
+    """Limits of a change, as amounts; None: there is none."""
+
+    max_acceleration_mps2: Annotated[float | None, Attribute("maxAcceleration", sign="not negative")] = None
+    max_deceleration_mps2: Annotated[float | None, Attribute("maxDeceleration", sign="not negative")] = None
+    max_speed_mps: Annotated[float | None, Attribute("maxSpeed", sign="not negative")] = None
+    max_acceleration_rate_mps3: Annotated[
+        float | None, Attribute("maxAccelerationRate", sign="not negative")
+    ] = None
+    max_deceleration_rate_mps3: Annotated[
+        float | None, Attribute("maxDecelerationRate", sign="not negative")
+    ] = None
+
+
+class SpeedEntry(Element):
+    """A speed of a profile, and how long after the one before it is reached; None: as soon as it can be."""
+
+    speed_mps: float
+    time_s: float | None
+
+
+class SpeedProfileAction(
+    Element,
+    group="LongitudinalAction",
+    attributes="entityRef followingMode",
+    children="DynamicConstraints SpeedProfileEntry",
+):
+    """Drive speeds one after the other.
+
+    Args:
+        entity: whose speed at the start is added to all; None: they are absolute.
+        smooth: within constraints, also of how quickly an acceleration may change; else by straight lines.
+        constraints: limits.
+        entries: speeds.
+    """
+
+    entity: str | None
+    smooth: bool
+    constraints: DynamicConstraints
+    entries: tuple[SpeedEntry, ...]
+
+
 class LongitudinalDistanceAction(
     Element,
     group="LongitudinalAction",
@@ -37,7 +80,7 @@ class LongitudinalDistanceAction(
     children="DynamicConstraints",
     first="ahead",
 ):
-    """Be at a distance (or time gap) from an entity at once, and, if continuous, keep it.
+    """Be at a distance (or time gap) from an entity, at once or within constraints; if continuous, keep it.
 
     `ahead` tells on which side of the entity: in front of it, behind, or (None) on the side where it is now.
     """
@@ -56,20 +99,7 @@ class LongitudinalDistanceAction(
             {"any": None, "leadingReferencedEntity": True, "trailingReferencedEntity": False},
         ),
     ]
-
-
-class DynamicConstraints(Element):
-    """Limits of a change, as amounts; None: there is none."""
-
-    max_acceleration_mps2: Annotated[float | None, Attribute("maxAcceleration", sign="not negative")] = None
-    max_deceleration_mps2: Annotated[float | None, Attribute("maxDeceleration", sign="not negative")] = None
-    max_speed_mps: Annotated[float | None, Attribute("maxSpeed", sign="not negative")] = None
-    max_acceleration_rate_mps3: Annotated[
-        float | None, Attribute("maxAccelerationRate", sign="not negative")
-    ] = None
-    max_deceleration_rate_mps3: Annotated[
-        float | None, Attribute("maxDecelerationRate", sign="not negative")
-    ] = None
+    constraints: Annotated[DynamicConstraints | None, Child("DynamicConstraints")] = None
 
 
 class RelativeLane(Element):
@@ -168,7 +198,7 @@ class SynchronizeAction(
 ):
     """Be at a place when another entity (the master) is at its place.
 
-    `final_speed` is None where the file asks for none.
+    `final_speed` is None where the file asks for none. The action ends within `tolerance_m` of the place.
     """
 
     master: Annotated[str, Reference("masterEntityRef")]
@@ -176,6 +206,7 @@ class SynchronizeAction(
     target: Position
     final_speed: float | RelativeSpeed | None
     steady: SteadyState | None
+    tolerance_m: float = 0.0
 
 
 class TimeReference(Element, tag="Timing"):
@@ -304,6 +335,7 @@ class ModifyVariableAction(Element):
 
 PrivateAction: TypeAlias = (
     SpeedAction
+    | SpeedProfileAction
     | LongitudinalDistanceAction
     | LaneChangeAction
     | LaneOffsetAction

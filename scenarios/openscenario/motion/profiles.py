@@ -5,29 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.model import Performance, SpeedShape
 
 NEVER_S = math.inf
 
-SLOPES = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}
+PieceShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal", "rising", "falling"]
+"""The shapes of files; or the rate of change rises from zero, or falls to zero, by a constant jerk."""
+
+SLOPES = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2, "rising": 2.0, "falling": 2.0}
 """The greatest slope of a shape, in units of change / duration."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece(Immutable):
-    """Change from one speed to another; every shape covers the mean of both speeds times the duration."""
+    """Change from one speed to another; shapes of files cover the mean of both speeds times the duration."""
 
     duration_s: float
     start_mps: float
     end_mps: float
-    shape: SpeedShape = "linear"
+    shape: PieceShape = "linear"
 
     @property
     def length_m(self) -> float:
         """Distance covered."""
-        return 0.5 * (self.start_mps + self.end_mps) * self.duration_s
+        share = {"rising": 1.0 / 3.0, "falling": 2.0 / 3.0}.get(self.shape, 0.5)
+        return (self.start_mps + share * (self.end_mps - self.start_mps)) * self.duration_s
 
     def after(self, time_s: float) -> tuple[float, float]:
         """Distance and speed after a time within the piece."""
@@ -44,6 +49,14 @@ class Piece(Immutable):
                 self.start_mps * time_s + 0.5 * change * (time_s - span / math.pi * math.sin(turn)),
                 self.start_mps + 0.5 * change * (1.0 - math.cos(turn)),
             )
+        if self.shape == "rising":
+            return (
+                self.start_mps * time_s + change * part** 2 * time_s / 3.0,
+                self.start_mps + change * part** 2,
+            )
+        if self.shape == "falling":
+            gone = change * part * (1.0 - part / 3.0) * time_s
+            return self.start_mps * time_s + gone, self.start_mps + change * part * (2.0 - part)
         return self.start_mps * time_s + 0.5 * change * part * time_s, self.start_mps + change * part
 
 
@@ -83,6 +96,14 @@ class SpeedProfile(Immutable):
                 distance, speed = piece.after(time_s - start)
                 return before + distance, speed
         return 0.0, self._pieces[0].start_mps
+
+    def scaled(self, factor: float, plus_mps: float) -> SpeedProfile:
+        """The same changes of a speed that is a multiple of this one, plus a constant."""
+        pieces = [
+            Piece(p.duration_s, factor * p.start_mps + plus_mps, factor * p.end_mps + plus_mps, p.shape)
+            for p in self._pieces
+        ]
+        return SpeedProfile(self.start_s, factor * self.final_mps + plus_mps, pieces)
 
     def next_kink_s(self, after_s: float) -> float:
         """The next time at which speed or acceleration stop to grow or to fall; infinite if there is none."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import cast
 
-from scenarios.openscenario.errors import ContentError, ParameterError, UnsupportedError
+from scenarios.openscenario.errors import ContentError, ParameterError
 from scenarios.openscenario.model import (
     Action,
     AddEntityAction,
     AssignRouteAction,
     DeleteEntityAction,
     Dimension,
+    DynamicConstraints,
     Environment,
     EnvironmentAction,
     FollowTrajectoryAction,
@@ -25,6 +26,8 @@ from scenarios.openscenario.model import (
     RelativeSpeed,
     SetVariableAction,
     SpeedAction,
+    SpeedEntry,
+    SpeedProfileAction,
     SpeedShape,
     SteadyState,
     SynchronizeAction,
@@ -81,10 +84,26 @@ def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
         target.allow("value")
         return target.number("value")
     target.allow("entityRef value speedTargetValueType continuous")
-    if target.boolean("continuous"):
-        raise UnsupportedError(f"{target.where} continuous='true' is not supported")
     kind = target.choice("speedTargetValueType", "delta factor")
-    return RelativeSpeed(context.entity(target), target.number("value"), kind == "factor")
+    entity, continuous = context.entity(target), target.boolean("continuous")
+    return RelativeSpeed(entity, target.number("value"), kind == "factor", continuous)
+
+
+@reads(SpeedProfileAction)
+def _speed_profile(node: Node, context: Context) -> SpeedProfileAction:
+    allow(SpeedProfileAction, node)
+    entries: list[SpeedEntry] = []
+    for child in node.all("SpeedProfileEntry"):
+        child.allow("speed time")
+        time_s = child.positive("time") if child.has("time") else None
+        entries.append(SpeedEntry(child.number("speed"), time_s))
+    if not entries:
+        raise ContentError(f"{node.where} needs at least one SpeedProfileEntry")
+    limits = node.get("DynamicConstraints")
+    constraints = DynamicConstraints() if limits is None else read(DynamicConstraints, limits, context)
+    smooth = node.choice("followingMode", "position follow") == "follow"
+    entity = context.entity(node) if node.has("entityRef") else None
+    return SpeedProfileAction(entity, smooth, constraints, tuple(entries))
 
 
 @reads(LaneChangeAction)
@@ -133,11 +152,6 @@ def _lane_offset(node: Node, context: Context) -> LaneOffsetAction:
 @reads(LongitudinalDistanceAction)
 def _distance(node: Node, context: Context) -> LongitudinalDistanceAction:
     allow(LongitudinalDistanceAction, node)
-    constraints = node.get("DynamicConstraints")
-    if constraints is not None:
-        raise UnsupportedError(
-            f"{constraints.where} is not supported: the distance is taken at once; leave the constraints out"
-        )
     if node.has("distance") == node.has("timeGap"):
         raise ContentError(f"{node.where} needs either 'distance' or 'timeGap'")
     return declared(LongitudinalDistanceAction, node, context)
@@ -146,9 +160,8 @@ def _distance(node: Node, context: Context) -> LongitudinalDistanceAction:
 @reads(SynchronizeAction)
 def _synchronize(node: Node, context: Context) -> SynchronizeAction:
     allow(SynchronizeAction, node)
-    for name in ("targetTolerance", "targetToleranceMaster"):
-        if node.number(name, 0.0) != 0.0:
-            raise UnsupportedError(f"{node.where} {name} other than 0 is not supported")
+    node.positive("targetToleranceMaster", 0.0)  # both arrive at the same instant: within any tolerance
+    tolerance_m = node.positive("targetTolerance", 0.0)
     speed: float | RelativeSpeed | None = None
     steady: SteadyState | None = None
     final = node.get("FinalSpeed")
@@ -177,6 +190,7 @@ def _synchronize(node: Node, context: Context) -> SynchronizeAction:
         position(node.need("TargetPosition"), context),
         speed,
         steady,
+        tolerance_m,
     )
 
 

@@ -9,7 +9,7 @@ from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
-from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.world import Instant, World
 
 LONGITUDINAL, LATERAL = "longitudinal", "lateral"
@@ -131,10 +131,7 @@ class LongitudinalDistance(RunningAction[model.LongitudinalDistanceAction]):
         if distance is None:
             distance = (action.time_gap_s or 0.0) * abs(own.speed_mps if not ahead else seen.speed_mps)
         if action.freespace:
-            # the overhangs of one that faces the other way swap
-            same_way = math.cos(actor.path.pose(own.station_m)[2] - seen.yaw_rad) > 0.0
-            front_m, rear_m = (other.front_m, other.rear_m) if same_way else (other.rear_m, other.front_m)
-            distance += actor.rear_m + front_m if ahead else actor.front_m + rear_m
+            distance += overhangs_m(actor, other, own, seen, ahead)
         actor.attach(time_s, other, distance if ahead else -distance)
         if not action.continuous:
             actor.detach(time_s)
@@ -150,6 +147,14 @@ class LongitudinalDistance(RunningAction[model.LongitudinalDistanceAction]):
     def leave(self, time_s: float) -> None:
         """Go on with the present speed."""
         self.who.detach(time_s)
+
+
+def overhangs_m(actor: Actor, other: Actor, own: State, seen: State, ahead: bool) -> float:
+    """From reference point to reference point where two touch, one ahead of or behind the other."""
+    # the overhangs of one that faces the other way swap
+    same_way = math.cos(actor.path.pose(own.station_m)[2] - seen.yaw_rad) > 0.0
+    front_m, rear_m = (other.front_m, other.rear_m) if same_way else (other.rear_m, other.front_m)
+    return actor.rear_m + front_m if ahead else actor.front_m + rear_m
 
 
 class Switch(RunningAction[model.Action]):

@@ -20,6 +20,9 @@ STANDING_MPS = 1e-9
 MAX_ACCELERATION_MPS2 = 20.0
 """No controller accelerates or brakes harder; bounds how soon outlines can meet."""
 
+TOW_LOOK_M = 100.0
+"""Between two looks nobody comes further along."""
+
 COMMAND_EPSILON_S = 1e-9
 """A controller that commands from an instant this near on commands now."""
 
@@ -91,6 +94,8 @@ class Actor:
         self.commanded = False
         self.standing_since_s: float | None = 0.0
         self.set_off_s: float | None = None
+        self._beside_path: Path | None = None
+        self._beside_m = 0.0
         self._steady_s = 0.0
         self._yaw_offset = 0.0
         self._reversed = False
@@ -131,11 +136,20 @@ class Actor:
     def _towed(self, time_s: float) -> State:
         assert self.tow is not None
         leader = self.tow.leader.state(time_s)
-        station = self.path.project(leader.x_m, leader.y_m)[0] + self.tow.ahead_m
+        station = self._beside(leader) + self.tow.ahead_m
         x, y, yaw = self.path.pose(station)
         gone = abs(station - self._anchor_station)
         along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
         return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
+
+    def _beside(self, other: State) -> float:
+        """Arc length of its path beside another entity, near where that was before."""
+        path = self.path
+        if self._beside_path is not path:
+            self._beside_path, self._beside_m = path, path.project(other.x_m, other.y_m)[0]
+        else:
+            self._beside_m = path.project_near(other.x_m, other.y_m, self._beside_m, TOW_LOOK_M)[0]
+        return self._beside_m
 
     # How it can move
 

@@ -36,6 +36,8 @@ def _sets(action: model.Action) -> frozenset[str]:
             return frozenset({_PLACE})
         case model.SpeedAction() | model.SynchronizeAction():
             return frozenset({_SPEED})
+        case model.SpeedProfileAction():
+            return frozenset({_SPEED})
         case model.LongitudinalDistanceAction() | model.FollowTrajectoryAction():
             return frozenset({_PLACE, _SPEED})
     return frozenset()
@@ -51,7 +53,7 @@ def _asks(action: model.Action) -> frozenset[str]:
             | model.AcquirePositionAction()
         ):
             return frozenset({_PLACE})
-        case model.SpeedAction():
+        case model.SpeedAction() | model.SpeedProfileAction():
             return frozenset({_SPEED})
     return frozenset({_PLACE, _SPEED})
 

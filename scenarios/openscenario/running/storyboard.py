@@ -13,7 +13,7 @@ from scenarios.openscenario.running import following
 from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
-from scenarios.openscenario.running.driving import lateral
+from scenarios.openscenario.running.driving import distances, lateral, speeds
 from scenarios.openscenario.running.driving.controllers import Control
 from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
@@ -30,8 +30,14 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
     """The action as it is carried out by an entity (None: a global action)."""
     if actor is not None:
         match action:
+            case model.SpeedAction(target=model.RelativeSpeed(continuous=True)):
+                return speeds.ContinuousSpeed(world, actor, action)
             case model.SpeedAction():
                 return Speed(world, actor, action)
+            case model.SpeedProfileAction():
+                return speeds.FollowSpeedProfile(world, actor, action)
+            case model.LongitudinalDistanceAction() if distances.limited(action.constraints):
+                return distances.Approach(world, actor, action)
             case model.LongitudinalDistanceAction():
                 return LongitudinalDistance(world, actor, action)
             case model.FollowTrajectoryAction():

@@ -155,7 +155,8 @@ class Synchronize(RunningAction[model.SynchronizeAction]):
 
     def ended(self, instant: Instant) -> bool:
         """The entity is at its place."""
-        return instant.state(self.who.name).station_m >= self._station - 1e-9
+        place_m = self._station - self.action.tolerance_m - 1e-9
+        return instant.state(self.who.name).station_m >= place_m
 
     def needs(self) -> frozenset[str]:
         """The master, as long as the plan follows it."""

@@ -92,7 +92,6 @@ def test_content(write, old, new, error, texts):
     [
         "<TrailerAction/>",
         "<RoutingAction><RandomRouteAction/></RoutingAction>",
-        "<LongitudinalAction><SpeedProfileAction/></LongitudinalAction>",
         "<AppearanceAction><AnimationAction/></AppearanceAction>",
     ],
 )
