@@ -51,8 +51,8 @@ class Piece(Immutable):
             )
         if self.shape == "rising":
             return (
-                self.start_mps * time_s + change * part** 2 * time_s / 3.0,
-                self.start_mps + change * part** 2,
+                self.start_mps * time_s + change * part**2 * time_s / 3.0,
+                self.start_mps + change * part**2,
             )
         if self.shape == "falling":
             gone = change * part * (1.0 - part / 3.0) * time_s
