@@ -29,6 +29,7 @@ from smartmot.forecast import EGO_FORECASTS
 from smartmot.maps.faulty import LANES, SIDEWALKS, TYPES
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
+from smartmot.tracking.profile import is_profile
 
 Setting = float | str
 Settings = tuple[tuple[str, Setting], ...]
@@ -49,6 +50,7 @@ class Parameter:
         own: whether `package.module:name` of the user's own is possible as well.
         numeric: whether numbers are possible beside the names.
         old: earlier names of choices, which are still accepted.
+        profiles: whether a file with a detector's profile is possible as well.
     """
 
     text: str
@@ -60,6 +62,7 @@ class Parameter:
     own: bool = False
     numeric: bool = False
     old: tuple[str, ...] = ()
+    profiles: bool = False
 
     def changes(self, strategy: str) -> bool:
         """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
@@ -68,7 +71,8 @@ class Parameter:
     def admits(self, value: Setting) -> bool:
         """Whether a value is one of the names, or a number where that is asked; ranges are the preset's."""
         if isinstance(value, str):
-            return value in (*self.choices, *self.old) or (self.own and is_plugin(value))
+            by_form = (self.own and is_plugin(value)) or (self.profiles and is_profile(value))
+            return value in (*self.choices, *self.old) or by_form
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
         return is_number and (self.numeric or not self.choices)
 
@@ -399,7 +403,14 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             "forecast of the others", "", STRATEGIES, ("cv", "ctrv"), _motion_of, _put_motion
         ),
         "tracker": Parameter(
-            "tracker", "", STRATEGIES, (OF_PRESET, *TRACKER_CONFIGS), _tracker_of, _put_tracker, own=True
+            "tracker",
+            "",
+            STRATEGIES,
+            (OF_PRESET, *TRACKER_CONFIGS),
+            _tracker_of,
+            _put_tracker,
+            own=True,
+            profiles=True,
         ),
         "detector": Parameter(
             "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True

@@ -27,6 +27,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot argoverse2/7fab2350 --filter map`",
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
     "`smartmot-eval mot my_csv_folder --scores running`",
+    "`smartmot-eval mot my_csv_folder --profile my_detector.json`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
 
@@ -53,7 +54,8 @@ def command(
     config: Annotated[
         str,
         typer.Option(
-            help="Tracker: default, smartmot, centerpoint, ab3dmot, or your own, package.module:name."
+            help="Tracker: default, smartmot, centerpoint, ab3dmot, default for a detector (profile *.json), "
+            "or your own, package.module:name."
         ),
     ] = "default",
     scores: Annotated[
@@ -103,6 +105,14 @@ def command(
         typer.Option(help="Frames of the film: 0..200. Default: all."),
     ] = None,
     forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the detector's profile (rate, scores, noise), estimated from the detections: "
+            "for --config, and for --tracker of other commands.",
+            metavar="FILE.json",
+        ),
+    ] = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Track recorded detections, of a data set or a table; score them where there are labels."""
@@ -112,14 +122,17 @@ def command(
     from evaluation.progress import study_progress
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.mot import run
+    from evaluation.studies.mot.profile import described, write_profile
     from evaluation.studies.mot.score_scale import SCALES
     from evaluation.studies.mot.tables import TRACK_FORMATS
     from scenarios.recorded.formats import FORMATS
     from smartmot.plugins import is_plugin, plugin
     from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
+    from smartmot.tracking.profile import is_profile
 
     form = options.parse_name(form, FORMATS, "--format") if form else None
-    config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
+    if not is_profile(config):
+        config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
     tracker = plugin(config) if is_plugin(config) else tracker_config(config)
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
@@ -135,6 +148,8 @@ def command(
         study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        if profile is not None:
+            console.print(described(write_profile(study.data, profile), profile), soft_wrap=True)
         with study_progress(console) as progress:
             result = run.carry_out(study, out, forms, similarities, best, forecast, progress)
             for path, option in films:

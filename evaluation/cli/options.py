@@ -381,6 +381,8 @@ def _chosen(name: str, text: str, parameter: Parameter) -> str:
     """One of the names of a parameter; an earlier one stays as it is typed."""
     if text in parameter.old:
         return text
+    if parameter.profiles and parameter.admits(text):
+        return text
     return parse_name(text, parameter.choices, f"--vary {name}", own=parameter.own)
 
 
@@ -417,7 +419,9 @@ def parse_plugged(**typed: str) -> Settings:
     from scenarios.settings import PARAMETERS
 
     chosen = {
-        name: parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
+        name: text.strip()
+        if PARAMETERS[name].profiles and PARAMETERS[name].admits(text.strip())
+        else parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
         for name, text in typed.items()
     }
     # the first choice stands for what the preset has

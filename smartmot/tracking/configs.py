@@ -35,6 +35,7 @@ from smartmot.filters.motion_models import ConstantVelocity, PerCategory
 from smartmot.forecast import ForecastConfig
 from smartmot.tracking.association import AssociationConfig
 from smartmot.tracking.lifecycle import LifecycleConfig
+from smartmot.tracking.profile import DetectorProfile, is_profile
 from smartmot.tracking.tracker import ReportConfig, TrackerConfig
 
 _FRAME_S = 0.1
@@ -158,19 +159,23 @@ def tracker_config(name: str) -> TrackerConfig:
     """Named configuration.
 
     Args:
-        name: One of TRACKER_CONFIGS.
+        name: One of TRACKER_CONFIGS, or a file with a detector's profile (*.json): `default` for that
+            detector.
 
     Returns:
         The configuration, a frozen value: change it with `dataclasses.replace`.
 
     Raises:
-        ConfigError: No configuration has this name.
+        ConfigError: No configuration has this name, or the file is no profile.
     """
+    if is_profile(name):
+        return DetectorProfile.load(name).configured(TRACKER_CONFIGS["default"])
     try:
         return TRACKER_CONFIGS[name]
     except KeyError:
         raise ConfigError(
-            f"tracker configuration {name!r} is unknown; choose one of {', '.join(sorted(TRACKER_CONFIGS))}"
+            f"tracker configuration {name!r} is unknown; choose one of {', '.join(sorted(TRACKER_CONFIGS))}, "
+            "or a detector's profile (*.json)"
         ) from None
 
 

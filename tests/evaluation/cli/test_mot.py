@@ -195,9 +195,21 @@ def test_a_detector_with_low_scores_is_tracked_and_its_scale_is_told(
     assert tracks["y_m"].max() < 400.0
 
 
+def test_a_profile_is_written_and_taken(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (drive / "labels.csv").unlink()
+    profile = tmp_path / "new" / "mine.json"
+    assert call(monkeypatch, drive, "--out", tmp_path, "--profile", profile) == 0
+    assert f"profile {profile}: 10 Hz; score of a sure detection and noise: car 1" in capsys.readouterr().out
+    assert call(monkeypatch, drive, "--out", tmp_path, "--config", profile) == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("--config", "nowhere.json"), "nowhere.json: No such file"),
+        (("--profile", "profile.txt"), "--profile: profile.txt must end in .json"),
         (("--scores", "low"), "--scores: unknown 'low'; use one of: file, running, fixed"),
         (("--format", "xml"), "--format: unknown 'xml'; use one of: kitti, nuscenes, csv, simbev"),
         (("--config", "best"), "--config: unknown 'best'"),
