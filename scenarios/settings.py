@@ -187,6 +187,7 @@ def _put_motion(preset: Preset, value: Setting) -> Preset:
 
 OF_PRESET = "preset"
 """Name of the preset's own tracker or detector."""
+_TRACKERS = (OF_PRESET, *TRACKER_CONFIGS)
 
 
 def _tracker_of(preset: Preset) -> str:
@@ -403,14 +404,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             "forecast of the others", "", STRATEGIES, ("cv", "ctrv"), _motion_of, _put_motion
         ),
         "tracker": Parameter(
-            "tracker",
-            "",
-            STRATEGIES,
-            (OF_PRESET, *TRACKER_CONFIGS),
-            _tracker_of,
-            _put_tracker,
-            own=True,
-            profiles=True,
+            "tracker", "", STRATEGIES, _TRACKERS, _tracker_of, _put_tracker, own=True, profiles=True
         ),
         "detector": Parameter(
             "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True

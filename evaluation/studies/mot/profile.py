@@ -77,10 +77,10 @@ def _offsets(tracked: TrackedSequence, category: str) -> FloatArray:
     same = tracks.object_id[rows][2:] == tracks.object_id[rows][:-2]
     same &= frame[2:] - frame[:-2] == 2
     stamp = tracked.sequence.stamp_s[frame]
-    whole = np.where(same, stamp[2:] - stamp[:-2], np.inf)
-    share = np.where(same, (stamp[1:-1] - stamp[:-2]) / whole, 0.5)
+    span_s = np.where(same, stamp[2:] - stamp[:-2], np.inf)
+    share = np.where(same, (stamp[1:-1] - stamp[:-2]) / span_s, 0.5)
     gone = np.linalg.norm(center[2:] - center[:-2], axis=1)
-    same &= (0.5 * whole <= _QUICK_S) | (gone < _STANDING_MPS * whole)
+    same &= (0.5 * span_s <= _QUICK_S) | (gone < _STANDING_MPS * span_s)
     between = (1.0 - share)[:, None] * center[:-2] + share[:, None] * center[2:]
     factor = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
     offsets: FloatArray = (np.linalg.norm(center[1:-1] - between, axis=1) / factor)[same]
