@@ -128,11 +128,10 @@ def _log_column(name: str, values: NDArray[Any]) -> tuple[NDArray[Any], str, NDA
     """Values of one column of the log, their Arrow type and where they are absent."""
     if name in _LOG_TEXT:
         texts = np.asarray(values, dtype=object)
-        return (
-            texts,
-            "string",
-            np.array([not isinstance(text, str) or not text for text in texts], dtype=bool),
-        )
+        if np.asarray(values).dtype.kind == "U":  # of a run; one read from a file has None where none is
+            return texts, "string", np.asarray(values) == ""
+        absent = [not isinstance(text, str) or not text for text in texts]
+        return texts, "string", np.array(absent, dtype=bool)
     try:
         numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -115,9 +115,10 @@ def outline_points(boxes: Boxes) -> FloatArray:
     """(N * 9, 2) centre, corners and edge middles of boxes, map frame, one box after the other."""
     half = boxes.size_m[:, None, :] / 2 * _NINE_POINTS
     c, s = np.cos(boxes.yaw_rad)[:, None], np.sin(boxes.yaw_rad)[:, None]
-    x = boxes.center_m[:, 0, None] + c * half[..., 0] - s * half[..., 1]
-    y = boxes.center_m[:, 1, None] + s * half[..., 0] + c * half[..., 1]
-    return np.stack((x, y), axis=-1).reshape(-1, 2)
+    points = np.empty_like(half)
+    points[..., 0] = boxes.center_m[:, 0, None] + c * half[..., 0] - s * half[..., 1]
+    points[..., 1] = boxes.center_m[:, 1, None] + s * half[..., 0] + c * half[..., 1]
+    return points.reshape(-1, 2)
 
 
 def ego_frame(points_m: FloatArray, ego: EgoState) -> tuple[FloatArray, FloatArray]:

@@ -91,6 +91,8 @@ def _outline(center_m: FloatArray, yaw_rad: FloatArray, size_m: FloatArray) -> F
     """(M, 8, 2) corners and middles of the edges of boxes, map frame."""
     half = size_m[:, None, :] / 2 * _OUTLINE
     c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
-    x = c * half[..., 0] - s * half[..., 1]
-    y = s * half[..., 0] + c * half[..., 1]
-    return center_m[:, None, :] + np.stack((x, y), axis=-1)
+    points = np.empty_like(half)
+    points[..., 0] = c * half[..., 0] - s * half[..., 1]
+    points[..., 1] = s * half[..., 0] + c * half[..., 1]
+    points += center_m[:, None, :]
+    return points

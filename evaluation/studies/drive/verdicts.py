@@ -47,10 +47,17 @@ Polygons = NDArray[np.object_]
 
 
 class _Swept(NamedTuple):
-    """T outlines that the vehicle was yet to cover, and (4,) what bounds them: left, low, right, high."""
+    """T outlines that the vehicle was yet to cover.
+
+    Attributes:
+        outlines: (T,) polygons.
+        bounds_m: (4,) what bounds them: left, low, right, high.
+        index: of the outlines.
+    """
 
     outlines: Polygons
     bounds_m: FloatArray
+    index: shapely.STRtree
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +121,7 @@ def judge(
     gone = [] if motion.labels is None else motion.labels.between(time_s - GONE_S, last_s)
     driven = ego.boxes(times)
     outlines = _polygons(driven)
-    swept = _Swept(outlines, shapely.total_bounds(outlines))
+    swept = _Swept(outlines, shapely.total_bounds(outlines), shapely.STRtree(outlines))
     entered = next((o for o in around if _enters(o, times, swept)), None)
     vanished = next((o for o in gone if _may_enter(o, times, swept)), None) if entered is None else None
     reason = ""
@@ -174,8 +181,8 @@ def _enters(o: ObjectMotion, times: FloatArray, swept: _Swept) -> bool:
     boxes = o.boxes(times[inside])
     if not _comes_near(boxes, swept, 0.0):
         return False
-    later = np.arange(len(swept.outlines)) >= inside[:, None]
-    return bool((later & shapely.intersects(_polygons(boxes)[:, None], swept.outlines[None, :])).any())
+    place, outline = swept.index.query(_polygons(boxes), predicate="intersects")
+    return bool((outline >= inside[place]).any())
 
 
 def _apart(a_m: FloatArray, b_m: FloatArray) -> float:

@@ -205,7 +205,8 @@ def edge_strips(
     sides = [(row, side) for row, lane in enumerate(lanes) for side in SIDES if side not in lane.beside]
     if not sides:
         return []
-    courses = [_sampled(ribbons[row], side) for row, side in sides]
+    middles = {row: _sampled(ribbons[row]) for row, _ in sides}
+    courses = [_border(middles[row], side) for row, side in sides]
     edges_m = _edge_distances(courses, [row for row, _ in sides], drivable, roadway, roadway_rows)
     return [
         (row, side, _strips(course, edge_m, side))
@@ -224,16 +225,32 @@ class _Course(NamedTuple):
     rays_m: FloatArray
 
 
-def _sampled(ribbon: Ribbon, side: Side) -> _Course:
+class _Middle(NamedTuple):
+    """Points along the middle of a lane: way, place, height, unit vector to the left, and half the width."""
+
+    along_m: FloatArray
+    center_m: FloatArray
+    height_m: FloatArray
+    left: FloatArray
+    half_m: FloatArray
+
+
+def _sampled(ribbon: Ribbon) -> _Middle:
+    """The middle of a lane at the spacing at which the edge is looked for."""
     along = np.linspace(0.0, ribbon.length_m, max(2, int(np.ceil(ribbon.length_m / _EDGE_STEP_M)) + 1))
     x, y, z, half = (
         np.interp(along, ribbon.along_m, values) for values in (*ribbon.center_m.T, 0.5 * ribbon.width_m)
     )
     center = np.column_stack((x, y))
-    outward = _normals(center) * (1.0 if side == "left" else -1.0)
-    border = center + outward * half[:, None]
+    return _Middle(along, center, z, _normals(center), half)
+
+
+def _border(middle: _Middle, side: Side) -> _Course:
+    """One border of a lane."""
+    outward = middle.left if side == "left" else -middle.left
+    border = middle.center_m + outward * middle.half_m[:, None]
     rays = np.stack((border, border + outward * MAX_SHOULDER_M), axis=1)
-    return _Course(along, border, z, outward, rays)
+    return _Course(middle.along_m, border, middle.height_m, outward, rays)
 
 
 def _edge_distances(
