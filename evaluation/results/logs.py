@@ -130,8 +130,8 @@ def _log_column(name: str, values: NDArray[Any]) -> tuple[NDArray[Any], str, NDA
         texts = np.asarray(values, dtype=object)
         if np.asarray(values).dtype.kind == "U":  # of a run; one read from a file has None where none is
             return texts, "string", np.asarray(values) == ""
-        absent = [not isinstance(text, str) or not text for text in texts]
-        return texts, "string", np.array(absent, dtype=bool)
+        empty = [not isinstance(text, str) or not text for text in texts]
+        return texts, "string", np.array(empty, dtype=bool)
     try:
         numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

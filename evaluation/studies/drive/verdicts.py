@@ -52,12 +52,12 @@ class _Swept(NamedTuple):
     Attributes:
         outlines: (T,) polygons.
         bounds_m: (4,) what bounds them: left, low, right, high.
-        index: of the outlines.
+        tree: of the outlines.
     """
 
     outlines: Polygons
     bounds_m: FloatArray
-    index: shapely.STRtree
+    tree: shapely.STRtree
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +181,7 @@ def _enters(o: ObjectMotion, times: FloatArray, swept: _Swept) -> bool:
     boxes = o.boxes(times[inside])
     if not _comes_near(boxes, swept, 0.0):
         return False
-    place, outline = swept.index.query(_polygons(boxes), predicate="intersects")
+    place, outline = swept.tree.query(_polygons(boxes), predicate="intersects")
     return bool((outline >= inside[place]).any())
 
 
