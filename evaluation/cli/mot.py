@@ -147,7 +147,7 @@ def command(
     with locked(out):
         study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale)
         for note in study.notes:
-            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+            console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
         if profile is not None:
             console.print(described(write_profile(study.data, profile), profile), soft_wrap=True)
         with study_progress(console) as progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,18 +15,16 @@ from scenarios.live.perception import LivePerception, Output
 from scenarios.live.settings import LiveSettings
 from scenarios.reading import ReadError
 from scenarios.recorded.bags.reader import bag_classes
+from scenarios.recorded.classes import most_common
 from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.ros.bags.bag import Bag, open_bag
 from scenarios.ros.bags.chosen import chosen_topics
 from scenarios.ros.bags.decoding import decoded, require_readable
-from scenarios.ros.bags.topics import RawMessage
 from scenarios.ros.frames.transforms import is_static
 from scenarios.ros.messages import Message
 from scenarios.sources.requests import Request
 from smartmot.maps.follow import MAX_FROM_LANE_M
 
-WINDOW_NS = 1_000_000_000
-"""Recorders write messages of several topics out of order by less than that."""
 _SHOWN_NAMES = 5
 _TOLD_EVERY = 100
 """Messages between two looks at the progress bar."""
@@ -113,7 +110,7 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
                     f"{options.map_file}: the vehicle of {options.path} is in no frame within "
                     f"{MAX_FROM_LANE_M:g} m of a driving lane; is the map in the frame of the odometry?"
                 )
-        notes = [*bag.notes, *_read_notes(bag, names), *stream.notes(), *perception_notes(perception)]
+        notes = [*bag.notes, *_read_notes(bag, names), *perception_notes(perception)]
     return BagResult(
         perception.counts, perception.strategy, start_ns, tuple(requests), written.count, tuple(notes)
     )
@@ -127,49 +124,28 @@ def _answers(perception: LivePerception, stream: _Stream) -> Iterator[Output]:
 
 
 class _Stream:
-    """Messages of some topics in the order in which they were received, a second of them in memory.
+    """Messages of some topics in the order in which they were received, whatever their order in the files.
 
     Each comes with whether it is of `/tf_static`.
     """
 
     def __init__(self, bag: Bag, names: set[str], progress: Callable[[int, int | None], None]) -> None:
         self._bag, self._names, self._progress = bag, names, progress
-        self._out_of_order = 0
 
     def __iter__(self) -> Iterator[tuple[Message, bool]]:
         """The messages; `DatasetError` where one cannot be read."""
-        counts = self._bag.counts
-        total = None if counts is None else sum(counts[name] for name in self._names)
         try:
             for topic in self._bag.topics:
                 if topic.name in self._names:
                     require_readable(topic)
-            for number, raw in enumerate(self._in_order()):
+            # stable: of equal times, the order of the files
+            messages = sorted(self._bag.raw(self._names), key=lambda message: message.received_ns)
+            for number, raw in enumerate(messages):
                 yield decoded(raw), is_static(raw.topic.name)
                 if number % _TOLD_EVERY == 0:
-                    self._progress(number + 1, total)
+                    self._progress(number + 1, len(messages))
         except ReadError as error:
             raise DatasetError(f"{self._bag.path}: {error}") from None
-
-    def _in_order(self) -> Iterator[RawMessage]:
-        waiting: list[tuple[int, int, RawMessage]] = []
-        newest = last = 0
-        for number, message in enumerate(self._bag.raw(self._names)):
-            newest = max(newest, message.received_ns)
-            heapq.heappush(waiting, (message.received_ns, number, message))
-            while waiting[0][0] < newest - WINDOW_NS:
-                time_ns, _, earliest = heapq.heappop(waiting)
-                self._out_of_order += time_ns < last
-                last = max(last, time_ns)
-                yield earliest
-        while waiting:
-            yield heapq.heappop(waiting)[2]
-
-    def notes(self) -> list[str]:
-        """What a user should know of the order of the messages."""
-        if not self._out_of_order:
-            return []
-        return [f"messages stored more than a second after later ones: {self._out_of_order}"]
 
 
 def _read_notes(bag: Bag, names: set[str]) -> list[str]:
@@ -185,8 +161,11 @@ def _read_notes(bag: Bag, names: set[str]) -> list[str]:
 def perception_notes(perception: LivePerception) -> list[str]:
     """What a user should know of how a stream was seen: what was assumed, and what was left out."""
     counts, settings, localisation = perception.counts, perception.settings, perception.localisation
-    sensors = ", ".join(sorted(name or "a frame without a name" for name in localisation.assumed))
-    unknown = ", ".join(f"{name or chr(39) * 2} ({n})" for name, n in counts.unknown_classes.most_common(5))
+    sensors = ", ".join(
+        f"{name or 'a frame without a name'} in {number} frames"
+        for name, number in sorted(counts.without_transform.items())
+    )
+    unknown = most_common(counts.unknown_classes, "without a class")
     refused = localisation.poses.refused + localisation.tree.refused
     wait_ms = settings.wait_s * 1e3
     lines = (
@@ -200,7 +179,7 @@ def perception_notes(perception: LivePerception) -> list[str]:
             f"is in {localisation.base_frame} for them",
         ),
         (
-            counts.without_transform,
+            sensors,
             f"no transform from {localisation.base_frame} to {sensors}: the sensor is taken to be at the "
             "vehicle's origin; give its place (sensor pose)",
         ),
@@ -229,6 +208,11 @@ def perception_notes(perception: LivePerception) -> list[str]:
             f"boxes of classes that are not known ({settings.dataset}), left out: {unknown}",
         ),
         (counts.other_classes, f"boxes of classes that are no road users, left out: {counts.other_classes}"),
+        (
+            counts.without_score,
+            f"boxes whose score is none in [0, 1], left out: {counts.without_score}; scores of log odds are "
+            "read by drive alone, which knows all of them before the first frame",
+        ),
         (counts.under_threshold, f"boxes with a score under the threshold: {counts.under_threshold}"),
         (refused, f"poses or transforms that are not finite, repeated or in another frame: {refused}"),
         (

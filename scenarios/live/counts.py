@@ -18,6 +18,7 @@ class Counts:
         tracks: tracks so far.
         requests: emergency requests so far.
         rejected: boxes that are impossible or have no score in [0, 1].
+        without_score: those of them that have no score in [0, 1] and are possible.
         other_classes: boxes of classes that are no road users.
         unknown_classes: boxes of classes that the data set does not have, by name.
         under_threshold: boxes with a score under the tracker's threshold.
@@ -26,7 +27,7 @@ class Counts:
         carried: frames with the last pose carried on.
         unstamped: frames with an empty header; their time of receipt counted.
         unnamed: frames of a sensor that no header has named.
-        without_transform: frames whose sensor was taken to be at the vehicle's origin.
+        without_transform: frames whose sensor was taken to be at the vehicle's origin, by its name.
         off_map: frames more than a lane's width beside the map's driving lanes.
         restarts: how often time went back, and all was begun anew.
         other_messages: messages that perception has no use for.
@@ -39,6 +40,7 @@ class Counts:
     tracks: int = 0
     requests: int = 0
     rejected: int = 0
+    without_score: int = 0
     other_classes: int = 0
     unknown_classes: Counter[str] = field(default_factory=Counter)
     under_threshold: int = 0
@@ -47,7 +49,7 @@ class Counts:
     carried: int = 0
     unstamped: int = 0
     unnamed: int = 0
-    without_transform: int = 0
+    without_transform: Counter[str] = field(default_factory=Counter)
     off_map: int = 0
     restarts: int = 0
     other_messages: int = 0
@@ -117,6 +119,7 @@ class DiagnosticWatch:
             "frames off the map": counts.off_map,
             "times time went back": counts.restarts,
             "boxes": counts.boxes,
+            "frames of a sensor without a transform": counts.without_transform.total(),
             "boxes rejected": counts.rejected,
             "boxes of unknown classes": unknown,
             "boxes of other classes": counts.other_classes,

@@ -238,7 +238,8 @@ class LivePerception:
             self._forget_tracks()
         self._has_pose = True
         counts.carried += pose.carried
-        counts.without_transform += sensor in self.localisation.assumed
+        if sensor in self.localisation.assumed:
+            counts.without_transform[sensor] += 1
         sensor_pose = pose.map_SE3_base @ self.localisation.base_SE3_sensor(sensor, pose_ns)
         return self._seen(message, stamp_ns, pose, sensor_pose)
 

@@ -66,6 +66,7 @@ def place(
         stamp_ns * _NS, center[:, :2], size[:, :2], yaw, score, category, velocity
     )
     counts.rejected += rejected
+    counts.without_score += detections.dropped.score
     level = np.isfinite(center).all(axis=1) & (np.abs(center[:, 2]) <= MAX_POSITION_M)
     height = np.where((size[:, 2] >= MIN_SIZE_M) & (size[:, 2] <= MAX_SIZE_M), size[:, 2], HEIGHT_M)[level]
     center = center[level]

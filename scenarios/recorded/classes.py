@@ -17,11 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarios.reading import shown
 from scenarios.recorded.dataset import LEFT_OUT
 from scenarios.recorded.textfile import TextTable, is_given, read_headed_table
 from smartmot.types import CATEGORIES, StrArray
 
 CLASSES_CSV = "classes.csv"
+_SHOWN_CLASSES, _SHOWN_LETTERS = 8, 30
 ClassMap = Mapping[str, str]
 """Category, or LEFT_OUT, of each class."""
 
@@ -45,6 +47,25 @@ def read_classes(folder: Path, own: ClassMap) -> ClassMap:
         np.isin(table["category"], allowed), "category", f"must be empty or one of {', '.join(CATEGORIES)}"
     )
     return {**own, **dict(zip(table["class"].tolist(), table["category"].tolist(), strict=True))}
+
+
+def most_common(counts: Mapping[str, int], none: str) -> str:
+    """Classes of boxes with their numbers, most first, for a note: a few of them, in one line.
+
+    Args:
+        counts: boxes by class.
+        none: what stands for the class "".
+    """
+    ordered = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    more = ordered[_SHOWN_CLASSES:]
+    listed = [f"{number} {_short(name) or none}" for name, number in ordered[:_SHOWN_CLASSES]]
+    if more:
+        listed.append(f"{sum(number for _, number in more)} of {len(more)} more classes")
+    return ", ".join(listed)
+
+
+def _short(name: str) -> str:
+    return name if name.isprintable() and len(name) <= _SHOWN_LETTERS else shown(name)
 
 
 def require_categories(table: TextTable, name: str, classes: ClassMap, rule: str) -> StrArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,6 @@ Make = Callable[..., Any]
 def rosbags_make(types: Typestore) -> Make:
     """Makes messages of a store, as `make("std_msgs/msg/Bool", data=True)`."""
 
-    @cache
     def defaults(name: str) -> dict[str, Any]:
         return {field: default(kind, what) for field, (kind, what) in types.fielddefs[name][1]}
 

@@ -158,11 +158,11 @@ def command(
     with locked(out):
         study = prepare(asked)
         for note in study.notes:
-            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+            console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
         with study_progress(console) as progress:
             result = drive_all(study, out, progress)
         for note in result.notes:
-            console.print(f"note: {note}", highlight=False, soft_wrap=True)
+            console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
         console.print(rich_table(result.table, texts=2))
         faster = study.recorded_s / max(result.spent_s, 1e-9)
         console.print(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.recorded.classes import CLASSES_CSV, ClassMap
+from scenarios.recorded.classes import CLASSES_CSV, ClassMap, most_common
 from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT, Objects
 from scenarios.ros.bags.topics import Topic
 from scenarios.ros.frames.localisation import Localisation
@@ -133,7 +133,6 @@ def _categories(kind: StrArray, classes: ClassMap, notes: list[str]) -> StrArray
     for sign, reason in reasons.items():
         counts = Counter(kind[category == sign].tolist())
         if counts:
-            listed = (f"{count} {name or 'without a class'}" for name, count in sorted(counts.items()))
-            notes.append(f"detections left out {reason}: {', '.join(listed)}")
+            notes.append(f"detections left out {reason}: {most_common(counts, 'without a class')}")
     category[category == _UNKNOWN] = LEFT_OUT
     return category

@@ -413,7 +413,7 @@ def test_transforms_place_the_sensor() -> None:
     )
     assert frame.tracks.center_m[0] == pytest.approx([31.5, 0.4, 0.8])
     assert frame.tracks.yaw_rad[0] == pytest.approx(0.0, abs=1e-9)
-    assert perception.counts.without_transform == 0
+    assert perception.counts.without_transform == {}
     given_pose = replace(SETTINGS, sensor_pose=(1.5, 0.2, 0.0, math.pi / 2))
     (same,), _ = frames_of(
         [odometry(0.0, (10.0, 0.0, 0.0)), boxes(0.0, [car(0.2, -20.0, -math.pi / 2)])], given_pose
@@ -423,8 +423,23 @@ def test_transforms_place_the_sensor() -> None:
 
 def test_an_unknown_sensor_is_taken_to_be_at_the_vehicles_origin_and_counted() -> None:
     _, perception = frames_of(straight(10, lambda t: [car(40.0, 0.0)]), SETTINGS)
-    assert perception.counts.without_transform == 10
+    assert perception.counts.without_transform == {LIDAR: 10}
     assert perception.localisation.assumed == {LIDAR}
+
+
+def test_frames_before_the_transform_of_their_sensor_came_are_counted_by_its_name() -> None:
+    messages = straight(10, lambda t: [car(40.0, 0.0)])
+    late = later(transform(0.0, BASE, LIDAR, 1.0, 0.0, 0.0), 220_000_000)
+    _, perception = frames_of(received([*messages, late]), SETTINGS)
+    assert perception.localisation.assumed == set()
+    # the frames of 0 s to 0.2 s: when the first has waited in vain, the next ones do not
+    assert perception.counts.without_transform == {LIDAR: 5}
+
+
+def test_scores_out_of_range_are_counted_apart() -> None:
+    rows = [car(20.0, 0.0, score=3.0), car(30.0, 0.0, score=math.nan), car(math.nan, 0.0)]
+    _, perception = frames_of([boxes(0.0, rows)], SETTINGS)
+    assert (perception.counts.rejected, perception.counts.without_score) == (3, 2)
 
 
 def test_transforms_alone_tell_the_pose() -> None:

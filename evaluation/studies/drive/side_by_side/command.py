@@ -35,7 +35,7 @@ def compare_drives(
     console = rich.console.Console(quiet=quiet)
     study = comparison.prepared()
     for note in study.notes:
-        console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
     questions = len(MEASURES) * len(pairs_of(study.specs))
     console.print(told_power(len(study.recordings), questions), highlight=False)
     items = items_of(study)

@@ -168,6 +168,33 @@ def test_frames_back_in_time_are_counted(tmp_path: Path, command: Command) -> No
     assert row_of(text)[5] == "5"
 
 
+def test_messages_are_taken_as_they_were_received_whatever_their_order_in_the_file(
+    tmp_path: Path, command: Command
+) -> None:
+    bag, types = write_drive(tmp_path / "bag", 60), ros2_types()
+    with Reader(bag) as reader:
+        stored = [(c.topic, c.msgtype, t, d) for c, t, d in reader.messages()]
+    by_topic = tmp_path / "by_topic"
+    with Writer(by_topic, version=9, storage_plugin=StoragePlugin.MCAP) as written:
+        for topic, kind in {(topic, kind): None for topic, kind, *_ in stored}:
+            connection = written.add_connection(topic, kind, typestore=types)
+            for name, _, time_ns, data in stored:
+                if name == topic:
+                    written.write(connection, time_ns, data)
+    answers = []
+    for path in (bag, by_topic):
+        status, text, _ = command(path, "--out", tmp_path / f"seen {path.name}")
+        assert status == 0
+        answers.append((row_of(text), published(tmp_path / f"seen {path.name}", TRACKS.name)))
+    (row, tracks), (other_row, other_tracks) = answers
+    assert row == other_row
+    assert [t for t, _ in tracks] == [t for t, _ in other_tracks]
+    assert all(
+        [d.bbox.center.position.x for d in a.detections] == [d.bbox.center.position.x for d in b.detections]
+        for (_, a), (_, b) in zip(tracks, other_tracks, strict=True)
+    )
+
+
 def test_frames_without_boxes(tmp_path: Path, command: Command) -> None:
     status, text, _ = command(write_drive(tmp_path / "bag", 10, walks=False), "--out", tmp_path / "seen")
     assert status == 0
