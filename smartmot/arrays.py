@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
@@ -49,6 +50,31 @@ def frozen(value: ArrayLike, dtype: type, shape: tuple[int | None, ...], name: s
         raise ShapeError(f"{name}: expected shape {shape}, got {array.shape}")
     array.flags.writeable = False
     return array
+
+
+def box_arrays(
+    center_m: ArrayLike, size_m: ArrayLike, yaw_rad: ArrayLike, dimensions: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Centres, sizes and headings of boxes, frozen and checked.
+
+    Args:
+        center_m: (N, D) box centres, metres.
+        size_m: (N, D) length along the heading, width across it, with D = 3 also height; metres, positive.
+        yaw_rad: (N,) heading.
+        dimensions: D, 2 or 3.
+
+    Raises:
+        ShapeError: shapes disagree, a value is not finite or a size is not positive.
+    """
+    center = frozen(center_m, np.float64, (None, dimensions), "center_m")
+    size = frozen(size_m, np.float64, (len(center), dimensions), "size_m")
+    yaw = frozen(yaw_rad, np.float64, (len(center),), "yaw_rad")
+    # one sum is finite only if every term is (an overflow of huge terms is refused as well)
+    if not math.isfinite(float(center.sum() + size.sum() + yaw.sum())):
+        raise ShapeError("boxes: every centre, size and yaw must be finite; drop such objects first")
+    if len(size) and size.min() <= 0.0:
+        raise ShapeError(f"size_m: every size must be positive, got {size.min():g} m")
+    return center, size, yaw
 
 
 def _unchanged(given: NDArray[Any], dtype: type, name: str) -> None:

@@ -20,6 +20,7 @@ from smartmot.arrays import (
     FloatArray,
     IntArray,
     StrArray,
+    box_arrays,
     frozen,
     part,
     positions,
@@ -139,15 +140,7 @@ class Boxes:
     yaw_rad: FloatArray
 
     def __post_init__(self) -> None:
-        center = frozen(self.center_m, np.float64, (None, 2), "center_m")
-        n = len(center)
-        size = frozen(self.size_m, np.float64, (n, 2), "size_m")
-        yaw = frozen(self.yaw_rad, np.float64, (n,), "yaw_rad")
-        # one sum is finite only if every term is (an overflow of huge terms is refused as well)
-        if not math.isfinite(float(center.sum() + size.sum() + yaw.sum())):
-            raise ShapeError("boxes: every centre, size and yaw must be finite; drop such objects first")
-        if n and size.min() <= 0.0:
-            raise ShapeError(f"size_m: lengths and widths must be positive, got {size.min():g} m")
+        center, size, yaw = box_arrays(self.center_m, self.size_m, self.yaw_rad, 2)
         _set(self, "center_m", center)
         _set(self, "size_m", size)
         _set(self, "yaw_rad", yaw)

@@ -90,6 +90,19 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
+def check_writable(path: Path) -> None:
+    """Refuse a place for a file before its content is made, which may take long; nothing is left there.
+
+    Raises:
+        OSError: `write_whole` could not write it.
+    """
+    part = path.with_name(f".{path.name}.part")
+    part.touch()
+    part.unlink()
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+
+
 def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
     """Write files by name into a folder; see `write_bytes`."""
     for name, content in contents.items():

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmot.arrays import FloatArray, IntArray, frozen, part, positions, shared_by_copies, unchecked
-from smartmot.errors import ShapeError
+from smartmot.arrays import FloatArray, IntArray, box_arrays, part, positions, shared_by_copies, unchecked
 from smartmot.geometry import circles_touch, corners, near_pairs
 from smartmot.overlap import intersection_area
 from smartmot.pointcloud.cloud import RealArray
@@ -35,14 +34,7 @@ class Boxes3D:
     yaw_rad: FloatArray
 
     def __post_init__(self) -> None:
-        center = frozen(self.center_m, np.float64, (None, 3), "center_m")
-        count = len(center)
-        size = frozen(self.size_m, np.float64, (count, 3), "size_m")
-        yaw = frozen(self.yaw_rad, np.float64, (count,), "yaw_rad")
-        if not math.isfinite(float(center.sum() + size.sum() + yaw.sum())):
-            raise ShapeError("boxes: every centre, size and yaw must be finite; drop such objects first")
-        if count and size.min() <= 0.0:
-            raise ShapeError(f"size_m: length, width and height must be positive, got {size.min():g} m")
+        center, size, yaw = box_arrays(self.center_m, self.size_m, self.yaw_rad, 3)
         object.__setattr__(self, "center_m", center)
         object.__setattr__(self, "size_m", size)
         object.__setattr__(self, "yaw_rad", yaw)

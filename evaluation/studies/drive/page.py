@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.results.files import write_whole
+from evaluation.results.files import check_writable, write_whole
 from evaluation.results.tables import EMPTY, Table
 from evaluation.runs.folder import Run
 from evaluation.studies.drive.folder import DriveFolder, Row, read_drive_folder
@@ -34,6 +34,8 @@ def write_drive_page(
     """Write the report of a folder of drives; see `evaluation.views.page.page.write_page`."""
     folder = read_drive_folder(directory)
     target = directory / PAGE_NAME if out is None else out
+    with told_of_writing("--out", target):
+        check_writable(target)
     text = render(drive_content(folder, progress))
     with told_of_writing("--out", target):
         write_whole(target, text.encode())

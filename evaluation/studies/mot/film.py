@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluation.errors import ArgumentError
+from evaluation.results.files import check_writable
 from evaluation.studies.mot.forecasts import Carry
 from evaluation.studies.mot.tracking import TrackedSequence
 from evaluation.views.film import maker
@@ -49,6 +50,7 @@ class Film:
         sequence, tracked = self.tracked.sequence, self.tracked
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            check_writable(path)
             drawing = TracksDrawing(sequence, tracked.tracks, partial(self.carry, tracked), self.network)
             film = film_of(drawing, self.frames, sequence.stamp_s[self.frames.start : self.frames.stop])
             maker.write(path, film, option, done)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from evaluation.results.files import check_writable
 from evaluation.runs.folder import read_folder, read_shown_log
 from evaluation.runs.recordings import is_log_alone, split_run
 from evaluation.views.account.explain import explain
@@ -67,6 +68,9 @@ def write_films(
 ) -> list[Path]:
     """Write a run as films; see `replay`."""
     times = film_times(drawing.frames, fps, speed)
+    for path, option in files:
+        with told_of_writing(option, path):
+            check_writable(path)
     film = film_of(drawing, times)
     done, total = 0, len(files) * len(times.frame)
 

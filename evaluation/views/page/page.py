@@ -13,7 +13,7 @@ import numpy as np
 
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import comparison_table, impact_table
-from evaluation.results.files import write_whole
+from evaluation.results.files import check_writable, write_whole
 from evaluation.results.tables import Table
 from evaluation.runs.folder import RunFolder, read_folder
 from evaluation.views.account.explain import Account, explain
@@ -110,6 +110,8 @@ def write_page(
     """
     folder = read_folder(directory, allow_plugins)
     target = directory / PAGE_NAME if out is None else out
+    with told_of_writing("--out", target):
+        check_writable(target)
     text = render(page_content(folder, progress))
     with told_of_writing("--out", target):
         write_whole(target, text.encode())

@@ -302,7 +302,7 @@ NOT_DRAWN = "The monitored area of evil:make is not drawn: "
 
 
 @pytest.mark.parametrize(
-    "words", [("report", "."), ("plot", "."), ("replay", LOG.replace("map", "evil-make"))]
+    "words", [("report", "."), ("plot", "."), ("replay", LOG.replace("map", "evil-make"), "--fps", "1")]
 )
 def test_no_code_of_a_folder_runs(evil: Path, command: Call, words: tuple[str, ...]) -> None:
     """The module fails when it is imported."""
@@ -380,34 +380,45 @@ class Area:
 """
 
 
+@pytest.fixture(scope="module", params=["report", "plot", "replay"])
+def failing(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """A command, and a folder with results of an area of the user's own, without its hash."""
+    folder = tmp_path_factory.mktemp("failing")
+    module = f"area_{request.param}"
+    (folder / f"{module}.py").write_text(AREA.format("return self.area.at(ego)"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.syspath_prepend(str(folder))
+        call("cpna", "--speeds", "30", "--strategy", f"{module}:Area", "--no-pictures", "--out", "o")
+    edit(folder / "o", lambda content: content["configuration"]["plugins"].clear())
+    return request.param, folder
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
         ("return self.area.at(ego)", None),  # without a name
-        ("raise ValueError('of mine')", r"area_[a-z]+_[0-9]+:Area: ValueError: of mine \(.*, line 9\)"),
-        ("raise SystemExit(0)", r"area_[a-z]+_[0-9]+:Area: SystemExit: 0 \(.*, line 9\)"),
-        ("return None", r"area_[a-z]+_[0-9]+:Area: made NoneType, which has no relevance\(\)"),
+        ("raise ValueError('of mine')", r"area_[a-z]+:Area: ValueError: of mine \(.*, line 9\)"),
+        ("raise SystemExit(0)", r"area_[a-z]+:Area: SystemExit: 0 \(.*, line 9\)"),
+        ("return None", r"area_[a-z]+:Area: made NoneType, which has no relevance\(\)"),
     ],
 )
-@pytest.mark.parametrize("name", ["report", "plot", "replay"])
 def test_an_area_that_is_allowed_and_fails_is_one_line(
+    failing: tuple[str, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    name: str,
     body: str,
     message: str | None,
 ) -> None:
     """It may depend on what is not there any more, such as a file."""
+    name, made = failing
+    shutil.copytree(made / "o", tmp_path / "o")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    module = f"area_{name}_{len(body)}"
-    (tmp_path / f"{module}.py").write_text(AREA.format("return self.area.at(ego)"))
-    call("cpna", "--speeds", "30", "--strategy", f"{module}:Area", "--no-pictures", "--out", "o")
-    (tmp_path / f"{module}.py").write_text(AREA.format(body))
-    del sys.modules[module]
+    monkeypatch.delitem(sys.modules, f"area_{name}", raising=False)
+    (tmp_path / f"area_{name}.py").write_text(AREA.format(body))
     invalidate_caches()
-    edit(tmp_path / "o", lambda content: content["configuration"]["plugins"].clear())  # no hash to compare
     (log,) = read_folder(tmp_path / "o").setups
     words = (name, f"o/{log}", "--fps", "1") if name == "replay" else (name, "o")
     monkeypatch.setattr(sys, "argv", ["smartmot-eval", *words, "--allow-plugins", "--quiet"])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,19 +10,10 @@ from typing import Any
 import pytest
 
 from evaluation.cli.entry import main
+from tests.browser import PICTURE, WIDTHS, needs_browser, opened
 from tests.evaluation.studies.drive.conftest import written
 
-REQUIRED = os.environ.get("SMARTMOT_BROWSER") == "required"
-if REQUIRED:
-    from playwright import sync_api
-else:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not REQUIRED, reason="no chromium on the PATH: no browser tests"
-)
-WIDTHS = {"phone": (390, 844), "desktop": (1280, 900)}
-PICTURE = "document.getElementById('scene').toDataURL()"
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
@@ -48,23 +37,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module", params=list(WIDTHS))
 def page(report: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
-    """The page, loaded once per width; in the end nothing may be on the console or asked of the network."""
-    assert CHROMIUM is not None, "no chromium on the PATH, and SMARTMOT_BROWSER is 'required'"
-    width, height = WIDTHS[request.param]
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": width, "height": height})
-        said: list[str] = []
-        asked: list[str] = []
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
-        page.goto(report.as_uri())
-        page.wait_for_selector("body[data-ready=true]", timeout=60_000)
+    """The page, loaded once per width."""
+    with opened(report, request.param) as page:
         yield page
-        browser.close()
-    assert said == []
-    assert [url for url in asked if not url.startswith(("file:", "blob:", "data:"))] == []
 
 
 def test_verdicts_and_exposure_are_there(page: Any) -> None:

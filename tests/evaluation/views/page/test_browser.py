@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-REQUIRED = os.environ.get("SMARTMOT_BROWSER") == "required"
-"""In the checks of a change these tests must run; elsewhere they skip where there is no browser."""
-if REQUIRED:
-    from playwright import sync_api
-else:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not REQUIRED, reason="no chromium on the PATH: no browser tests"
-)
+from tests.browser import PICTURE, WIDTHS, needs_browser, opened
 
-WIDTHS = {"phone": (390, 844), "desktop": (1280, 900)}
-PICTURE = "document.getElementById('scene').toDataURL()"
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
@@ -32,45 +20,24 @@ def report(folder: Path, tmp_path_factory: pytest.TempPathFactory, command: Call
     return path
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    assert CHROMIUM is not None, "no chromium on the PATH, and SMARTMOT_BROWSER is 'required'"
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
 @pytest.fixture(scope="module", params=list(WIDTHS))
-def page(browser: Any, report: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
-    """The page, loaded once per width; in the end nothing may be on the console or asked of the network."""
-    width, height = WIDTHS[request.param]
-    context = browser.new_context(viewport={"width": width, "height": height})
-    page = context.new_page()
-    said: list[str] = []
-    asked: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda one: asked.append(one.url))
-    page.goto(report.as_uri())
-    page.wait_for_selector("body[data-ready=true]", timeout=60_000)
-    yield page
-    assert said == []
-    assert [url for url in asked if not url.startswith(("file:", "blob:", "data:"))] == []
-    context.close()
+def page(report: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The page, loaded once per width."""
+    with opened(report, request.param) as page:
+        yield page
 
 
 def frame(page: Any) -> int:
     return int(page.locator("#scene").get_attribute("data-frame"))
 
 
-def wait_until(page: Any, condition: Callable[[], bool]) -> None:
-    """Ask again and again; the page's own policy forbids what playwright would do."""
+def comes_true(page: Any, condition: Callable[[], bool]) -> bool:
+    """Whether a condition holds within 20 s; the page's own policy forbids what playwright would ask it."""
     for _ in range(400):
         if condition():
-            return
+            return True
         page.wait_for_timeout(50)
-    raise AssertionError("waited for 20 s")
+    return False
 
 
 def test_nothing_sticks_out_sideways(page: Any) -> None:
@@ -108,7 +75,7 @@ def test_arrow_keys_step_and_space_plays_and_pauses(page: Any) -> None:
     assert frame(page) == 1
     page.keyboard.press(" ")
     assert page.locator("#play").inner_text() == "Pause"
-    wait_until(page, lambda: frame(page) > 4)
+    assert comes_true(page, lambda: frame(page) > 4)
     page.keyboard.press(" ")
     assert page.locator("#play").inner_text() == "Play"
     stopped = frame(page)
@@ -165,7 +132,7 @@ def test_the_diagram_follows_the_replay(page: Any) -> None:
     page.keyboard.press("Home")
     page.keyboard.press("ArrowRight")
     cursor = "document.getElementById('diagram').layout.shapes[0].x0"
-    wait_until(page, lambda: page.evaluate(cursor) == pytest.approx(0.05))
+    assert comes_true(page, lambda: page.evaluate(cursor) == pytest.approx(0.05))
 
 
 def test_buttons_can_be_hit_by_a_finger(page: Any) -> None:
