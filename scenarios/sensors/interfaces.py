@@ -112,6 +112,18 @@ class SensorChain(Generic[M]):
         """Age of the detections when they reach perception."""
         return self.sensor.timing.latency_s + self.detector.latency_s
 
+    def observe(self, world: World, ego: EgoState, keeps: bool = True) -> tuple[Detections, M | None]:
+        """Detections of one instant, and the measurement as far as it is no ground truth.
+
+        Args:
+            world: everybody but the ego.
+            ego: odometry then.
+            keeps: whether the measurement is asked for; if not, a chain may leave it out.
+        """
+        measurement = self.sensor.measure(world, ego)
+        detections = self.detector.detect(measurement)
+        return detections, None if measurement.is_truth else measurement
+
 
 def check_detections(name: str, method: str, detections: object, time_s: float) -> None:
     """Refuse what a detector must not return.

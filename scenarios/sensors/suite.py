@@ -94,14 +94,16 @@ class SensorSuite:
     Args:
         chains: the sensors.
         step_s: step of the world.
+        keeps: whether arrivals have their measurements.
 
     Raises:
         ScenarioError: there is no sensor, or a time is not a multiple of the step.
     """
 
-    def __init__(self, chains: Sequence[SensorChain[Any]], step_s: float) -> None:
+    def __init__(self, chains: Sequence[SensorChain[Any]], step_s: float, keeps: bool = True) -> None:
         if not chains:
             raise ScenarioError("sensors: expected one or more")
+        self._keeps = keeps
         self._schedules = [_Schedule(chain, step_s) for chain in chains]
         self.waiting: deque[Arrival] = deque()
         """What has not arrived yet, in the order in which it will."""
@@ -129,12 +131,10 @@ class SensorSuite:
                 continue
             chain = schedule.chain
             try:
-                measurement = chain.sensor.measure(world, ego)
-                detections = chain.detector.detect(measurement)
+                detections, shown = chain.observe(world, ego, self._keeps)
             except (Exception, SystemExit) as error:  # whatever a user's code may raise
                 raise failure(f"{chain.name}, frame at {time_s:g} s", error) from error
             check_detections(chain.name, "detect", detections, time_s)
-            shown = None if measurement.is_truth else measurement
             arrivals.append(Arrival(time_s + schedule.latency_s, detections, shown))
         if arrivals:
             self.waiting.append(arrivals[0] if len(arrivals) == 1 else _together(arrivals))

@@ -52,22 +52,28 @@ class MapSurface:
     """
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._network = network
+        self.network = network
 
     @cached_property
     def _lane_types(self) -> tuple[str, ...]:
-        return tuple(sorted({str(kind) for kind in self._network.lanes.lane_type}))
+        return tuple(sorted({str(kind) for kind in self.network.lanes.lane_type}))
+
+    @property
+    def is_level(self) -> bool:
+        """Whether all roads lie at one height."""
+        return self._level_m is not None
 
     @cached_property
-    def is_level(self) -> bool:
-        """Whether all roads lie at one height: looked at every 5 m on reference lines and beside these."""
+    def _level_m(self) -> float | None:
+        """The height at which all roads lie: looked at every 5 m on reference lines and beside these."""
         heights = [
-            self._network.road_point(road_id, s, t).z_m
-            for road_id, road in self._network.roads.items()
+            self.network.road_point(road_id, s, t).z_m
+            for road_id, road in self.network.roads.items()
             for s in (np.linspace(0.0, road.length_m, max(math.ceil(road.length_m / 5.0), 1) + 1),)
             for t in (-5.0, 0.0, 5.0)
         ]
-        return not heights or float(np.ptp(np.concatenate(heights))) < 1e-9
+        height = np.concatenate(heights) if heights else np.zeros(1)
+        return float(height[0]) if float(np.ptp(height)) < 1e-9 else None
 
     def elevation_m(self, points_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
         """(N,) height of the road's surface; see `RoadSurface`.
@@ -78,9 +84,11 @@ class MapSurface:
         elevation = np.zeros(len(points_m))
         if not len(points_m):
             return elevation
-        network = self._network
+        network = self.network
         if not self._lane_types:
             raise ScenarioError(f"map {network.name!r} has no lanes, so that it has no road surface")
+        if self._level_m is not None:
+            return np.full(len(points_m), self._level_m)
         nearest = network.nearest_lane(points_m, self._lane_types, yaw_rad)
         inner, outer = network.lane_offsets(nearest.lane, nearest.s_m)
         t = np.clip(nearest.t_m, np.minimum(inner, outer), np.maximum(inner, outer))

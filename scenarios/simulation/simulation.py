@@ -120,7 +120,7 @@ class Simulation:
         self._log = RunLog(self._truth.category, np.array(parts, dtype=np.str_))
         self._counts, self._milestones = DetectionCounts(), Milestones()
         self._suite: SensorSuite | None = None
-        self._senses = True
+        self._senses, self._keeps = True, True
         self._step_count = round(self._rule.time_limit_s / STEP_S)
         self._steps_done, self._now_s, self._measure_step = 0, 0.0, 0
         self._frame: Frame | None = None
@@ -147,6 +147,7 @@ class Simulation:
             self.start()
             return self.outcome()
         perception = self.perception()
+        self._keeps = False  # no measurement leaves the run
         step = self.start()
         while step.frame is not None:
             result = perception.step(step.frame)
@@ -178,7 +179,7 @@ class Simulation:
         """
         if self._suite is not None:
             raise StepOrderError("simulation: start() a second time; make another, or copy it before")
-        self._suite = SensorSuite(self._chains, STEP_S)
+        self._suite = SensorSuite(self._chains, STEP_S, self._keeps)
         self._measure_step = self._suite.next_step(-1)
         self._begin_step()
         return self._to_next_frame()

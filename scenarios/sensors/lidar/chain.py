@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from scenarios.sensors.lidar.measurement import LidarMeasurement
 from scenarios.sensors.lidar.patterns import Spinning
 from scenarios.sensors.lidar.sensor import LidarSensor
 from scenarios.sensors.lidar.street import Street
-from scenarios.sensors.world import World, reversed_course
+from scenarios.sensors.world import MapSurface, World, reversed_course
 from smartmot.errors import PluginError
 from smartmot.lidar import METHODS, detect
 from smartmot.plugins import Plugin, require
@@ -103,13 +104,28 @@ class RunLidar:
         self._sensor: LidarSensor | None = None
         self.timing = LidarSensor(config).timing
 
-    def measure(self, world: World, ego: EgoState) -> LidarMeasurement | LabelledCloud:
-        """The cloud that ends with the world's time."""
+    @property
+    def sensor(self) -> LidarSensor:
+        """The sensor on its street, made when it is first asked for."""
         if self._sensor is None:
             self._sensor = LidarSensor(self.config, self.seed, self._street())
+        return self._sensor
+
+    def measure(self, world: World, ego: EgoState) -> LidarMeasurement | LabelledCloud:
+        """The cloud that ends with the world's time."""
         carrier = reversed_course(ego) if self.backwards else ego
-        measurement, row = self._sensor.label(world, carrier)
+        measurement, row = self.sensor.label(world, carrier)
         return LabelledCloud(measurement, row, world) if self.labelled else measurement
+
+    def key(self, world: World, ego: EgoState) -> tuple[Hashable, ...]:
+        """All that a cloud depends on."""
+        surface = world.surface
+        ground: Any = surface.network if isinstance(surface, MapSurface) else surface
+        columns = (world.boxes.center_m, world.boxes.size_m, world.boxes.yaw_rad, world.speed_mps)
+        columns_there = (world.height_m, world.exists, world.seen, world.category)
+        state = b"".join(column.tobytes() for column in (*columns, *columns_there))
+        mine = (self.config, self.seed, self.backwards, self.sensor.street.digest)
+        return (*mine, ground, world.time_s, ego, state)
 
 
 class CloudDetector:
@@ -163,6 +179,40 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and value >= 0.0
 
 
+_KEPT_FRAMES = 16_384
+"""Frames whose detections are kept, some 2 KB each."""
+
+_kept: OrderedDict[Hashable, Detections] = OrderedDict()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LidarChain(SensorChain[Any]):
+    """A LiDAR with a shipped detector.
+
+    Runs of several strategies meet the same world until their egos part. Detections depend on nothing but
+    that world, so that equal frames are detected once in a process.
+
+    Args:
+        sensor: the LiDAR.
+        detector: keeps no state.
+        name: of the perception.
+    """
+
+    sensor: RunLidar
+
+    def observe(self, world: World, ego: EgoState, keeps: bool = True) -> tuple[Detections, Any]:
+        """See `SensorChain.observe`."""
+        if keeps:
+            return SensorChain.observe(self, world, ego)
+        key = (self.name, self.sensor.key(world, ego))
+        detections = _kept.get(key)
+        if detections is None:
+            detections = _kept[key] = SensorChain.observe(self, world, ego)[0]
+            if len(_kept) > _KEPT_FRAMES:
+                _kept.popitem(last=False)
+        return detections, None
+
+
 def lidar_chain(
     lidar: LidarPerception,
     sensor: SensorConfig,
@@ -185,13 +235,10 @@ def lidar_chain(
     """
     config = lidar_of(lidar, sensor)
     perception = lidar.perception
-    detector: Detector[Any]
-    if isinstance(perception, Plugin):
-        detector = OwnDetector(perception(config, seed), perception.name)
-    elif perception in OF_TRUTH:
-        detector = OF_TRUTH[perception]()
-    else:
-        detector = CloudDetector(perception)
     labelled = perception in OF_TRUTH
     carried = RunLidar(config, seed, street, backwards=backwards, labelled=labelled)
-    return SensorChain(carried, detector, lidar.perception_name)
+    if isinstance(perception, Plugin):
+        own = OwnDetector(perception(config, seed), perception.name)
+        return SensorChain(carried, own, perception.name)
+    detector: Detector[Any] = OF_TRUTH[perception]() if labelled else CloudDetector(perception)
+    return LidarChain(carried, detector, perception)

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarios.sensors.interfaces import Timing
 from scenarios.sensors.lidar.bodies import road_users
-from scenarios.sensors.lidar.casting import GROUND, Hits, Motion, RayTable, cast, moved
+from scenarios.sensors.lidar.casting import Hits, Motion, RayTable, cast, moved
 from scenarios.sensors.lidar.config import LidarConfig
 from scenarios.sensors.lidar.measurement import LidarMeasurement, pitched
 from scenarios.sensors.lidar.patterns import Rays
@@ -107,14 +107,14 @@ class LidarSensor:
         """
         config, count = self.config, len(row)
         rng = np.random.default_rng((self.seed, number))
-        echo = ((hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m))[row]
+        echo = ((hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m)).take(row)
         # drawn for all rays, so that what one meets changes no other's error
-        noise = rng.standard_normal(count) if config.range_sigma_m > 0.0 else None
+        noise = rng.standard_normal(count, dtype=np.float32) if config.range_sigma_m > 0.0 else None
         if config.dropout > 0.0:
             echo &= rng.random(count) >= config.dropout
         ray = np.flatnonzero(echo)
-        range_m = hits.range_m[row[ray]]
-        return ray, range_m if noise is None else range_m + config.range_sigma_m * noise[ray]
+        range_m = hits.range_m.take(row.take(ray))
+        return ray, range_m if noise is None else range_m + config.range_sigma_m * noise.take(ray)
 
     def _cloud(
         self,
@@ -130,20 +130,20 @@ class LidarSensor:
         ray, row, range_m = echo
         if self.config.motion_compensated and not motion.stands:
             place, direction = moved(table, motion)
-            level = direction[row] * range_m[:, None]
-            level[:, :2] += place[row]
+            level = direction.take(row, axis=0)
+            level *= range_m[:, None]
+            level[:, :2] += place.take(row, axis=0)
             points = pitched(level, -self.config.mount.pitch_rad)
         else:
-            points = rays.direction[ray] * range_m[:, None]
-        part = hits.part[row]
-        reflectivity = np.where(hits.body[row] == GROUND, GROUND_REFLECTIVITY, 0.0)
-        met = part >= 0
-        reflectivity[met] = bodies.parts.reflectivity[part[met]]
+            points = rays.direction.take(ray, axis=0) * range_m[:, None]
+        part = hits.part.take(row)
+        # -1 takes the last: what is no part is the ground
+        reflectivity = np.append(bodies.parts.reflectivity, GROUND_REFLECTIVITY).take(part)
         return PointCloud(
             points.astype(np.float32),
-            (reflectivity * hits.cosine[row]).astype(np.float32),
-            rays.ring[ray],
-            rays.time_offset_s[ray].astype(np.float32),
+            (reflectivity * hits.cosine.take(row)).astype(np.float32),
+            rays.ring.take(ray),
+            rays.time_offset_s.take(ray).astype(np.float32),
             "lidar",
             stamp_s,
         )

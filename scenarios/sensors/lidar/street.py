@@ -5,6 +5,7 @@ Sizes of furniture are assumed, as usual in German towns; the least height of a 
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -151,6 +152,15 @@ class Street:
         kind = tuple(self.kind[k] for k in kept.tolist())
         lost = self.dropped + len(self.kind) - len(kept)
         return Street(bodies, self.sidewalk_blocks, kind, self.footprint[kept], lost)
+
+    @cached_property
+    def digest(self) -> bytes:
+        """Hash of all that stands, the same for equal streets."""
+        bodies, hashed = self.bodies, hashlib.sha256()
+        parts = (bodies.parts.kind, bodies.parts.center_m, bodies.parts.half_m, bodies.parts.reflectivity)
+        for column in (bodies.position_m, bodies.yaw_rad, bodies.first, *parts):
+            hashed.update(column.tobytes())
+        return hashed.digest()
 
     @cached_property
     def _radius_m(self) -> FloatArray:

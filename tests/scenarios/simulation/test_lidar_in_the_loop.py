@@ -15,7 +15,7 @@ from scenarios.openscenario.reading.reader import load
 from scenarios.presets import PHYSICAL, pipeline_of
 from scenarios.sensors.boxes import SensorConfig
 from scenarios.sensors.lidar import HDL32, LidarMeasurement, LidarSensor, Mount
-from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception, lidar_of
+from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception, _kept, lidar_of
 from scenarios.sensors.lidar.cutout import CutoutDetector, LabelledCloud, fit_box
 from scenarios.sensors.lidar.street import Furnished
 from scenarios.settings import preset_with
@@ -317,3 +317,35 @@ def test_what_the_tracker_drops_for_its_score_is_counted() -> None:
     run = outcome(sensor="mid70", perception=f"{HERE}:Unsure")
     assert run.dropped.score == pytest.approx(run.detections / 2, abs=1)
     assert run.dropped.total == run.dropped.score
+
+
+def test_frames_that_several_runs_share_are_detected_once_and_are_the_same() -> None:
+    """A run by itself, after another of its scene, and stepped with its clouds."""
+    given = spec(seed=5, sensor="mid70", perception="cutout", street="furnished")
+    logs = []
+    for before in ((), (replace(given, strategy="rectangular"),)):
+        _kept.clear()
+        for other in before:
+            simulation_of(other).run()
+        known = len(_kept)
+        logs.append(simulation_of(given).run().log.table())
+        made = len(_kept) - known
+    assert made < len(np.unique(logs[0]["time_s"])) - 10
+    stepped = simulation_of(given)
+    perception, step = stepped.perception(), stepped.start()
+    while step.frame is not None:
+        result = perception.step(step.frame)
+        stepped.record(result)
+        step = stepped.step(result.command)
+    logs.append(stepped.outcome().log.table())
+    for log in logs[1:]:
+        assert all(log[name].tobytes() == column.tobytes() for name, column in logs[0].items())
+
+
+def test_a_stepped_run_has_the_clouds_and_no_truth() -> None:
+    stepped = simulation_of(spec(sensor="mid70", perception=f"{HERE}:Nearest")).start()
+    labelled = simulation_of(spec(sensor="mid70", perception="cutout")).start()
+    assert stepped.frame is not None
+    assert labelled.frame is not None
+    assert isinstance(stepped.frame.measurement, LidarMeasurement)
+    assert labelled.frame.measurement is None
