@@ -17,6 +17,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval compare --vary localisation_lateral_m=-1..1:0.5 --strategies map,path`",
     "`smartmot-eval compare --scenes 'people at the kerb,crosses in a bend' --weather dry,rain --seeds 5`",
     "`smartmot-eval compare --strategies map --vary tracker=preset,centerpoint,my_tracker:MyTracker`",
+    "`smartmot-eval compare --vary sensor=truth,hdl32,mid70 --street furnished --strategies map,path`",
     "`smartmot-eval compare --ablation --out results/ablation`",
     "`smartmot-eval compare --growth --out results/growth`",
     "`smartmot-eval compare --scenes 'people at the kerb' --logs --out results/kerb` and then",

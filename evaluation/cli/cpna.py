@@ -15,6 +15,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval cpna --speeds 10..60`",
     "`smartmot-eval cpna --speeds 10..80 --preset physical --weather dry,rain --out results`",
     "`smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`",
+    "`smartmot-eval cpna --preset physical --sensor hdl32 --street furnished`",
     "`smartmot-eval cpna --tracker my_tracker:MyTracker --strategy map,my_area:Corridor`",
 )
 

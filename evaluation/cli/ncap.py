@@ -14,6 +14,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
     "`smartmot-eval ncap --protocol 2026 --strategy map`",
     "`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`",
+    "`smartmot-eval ncap --protocol 2023 --sensor hdl64 --strategy map`",
 )
 
 

@@ -14,6 +14,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval run cpfa --preset physical --strategy rectangular,map`",
     "`smartmot-eval run my_test.xosc --param Ego_speed_kph=50 --no-aeb`",
     "`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`",
+    "`smartmot-eval run cpfa --sensor mid70 --perception my_detector:Clouds --street furnished`",
     "Names and parameters of the shipped scenarios: smartmot-eval list",
 )
 

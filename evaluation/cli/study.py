@@ -13,7 +13,7 @@ from evaluation.cli import options
 if TYPE_CHECKING:
     from evaluation.studies.answers.study import Question, Sample
 
-QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune")
+QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune", "lidar")
 
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
@@ -23,6 +23,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval study trigger`",
     "`smartmot-eval study tune --split train` and then",
     "`smartmot-eval study gain --tuned results/study/tune/tuned.json`",
+    "`smartmot-eval study lidar --count 40`",
     "What is asked, assumed and computed: docs/answers.md. A study that was killed goes on where it was.",
 )
 
@@ -33,7 +34,7 @@ def command(
         typer.Argument(
             help="gain: of lanes over a planned path; break-even: how wrong localisation and map may be; "
             "sensor: which error costs most; trigger: which brake rule, how sensitive; tune: settings on "
-            "training scenes.",
+            "training scenes; lidar: what the map gains with detections from point clouds.",
             metavar="QUESTION",
         ),
     ],
@@ -118,8 +119,8 @@ def command(
         raise ArgumentError(f"--path-from: {question} takes none; give it to break-even")
     rules = _rules(question, rule)
     lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed)
-    if lidar and question == "sensor":
-        raise ArgumentError("--sensor: the question sensor is about the errors of truth; choose another")
+    if lidar and question in ("sensor", "lidar"):
+        raise ArgumentError(f"--sensor: the question {question} has its own; choose another")
     asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
@@ -155,6 +156,7 @@ def _question(
     from evaluation.errors import ArgumentError
     from evaluation.studies.answers.break_even import BreakEven
     from evaluation.studies.answers.gain import Gain
+    from evaluation.studies.answers.lidar import LidarGain
     from evaluation.studies.answers.rivals import MAP, PATH, RIVALS, Rival
     from evaluation.studies.answers.sensor import SensorErrors
     from evaluation.studies.answers.trigger import Trigger
@@ -171,6 +173,10 @@ def _question(
         raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
     chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
     shipped = {rival.name: rival for rival in RIVALS}
+    if name == "lidar":
+        if tuned is not None or strategies or rules != ("paper",):
+            raise ArgumentError("lidar: takes no --tuned, --strategies and --rule; it has its own")
+        return LidarGain(sample, formats, preset=presets[0])
     if name in ("sensor", "trigger"):
         default = MAP.name if name == "sensor" else PATH.name
         chosen = options.parse_name(strategies or default, tuple(shipped), "--strategies", own=True)

@@ -154,5 +154,17 @@ def _spec(arm: Arm, scene: SceneRun, noise: int, common: Settings) -> RunSpec:
         seed=noise,
         phase_s=seeded_phase_s(noise),
         must=scene.must,
-        settings=joined(common, arm.settings_in(noise)),
+        settings=_with_own_street(joined(common, arm.settings_in(noise)), noise),
     )
+
+
+_STREETS = 100_000
+"""Seeds of streets that scenes draw from."""
+
+
+def _with_own_street(settings: Settings, noise: int) -> Settings:
+    """Settings with a furnished street of the scene's own, unless one is asked for."""
+    values = dict(settings)
+    if values.get("street") != "furnished" or "street_seed" in values:
+        return settings
+    return (*settings, ("street_seed", float(noise % _STREETS)))

@@ -10,6 +10,8 @@ from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
 from evaluation.studies.answers.arms import ArmRun
 from evaluation.studies.compare.measures import false_activation_of, is_unnecessary_stop
 from scenarios.simulation.ends import CUT_OFF, THROUGH, is_avoided
+from scenarios.simulation.outcome import Outcome
+from scenarios.simulation.simulation import Simulation
 from scenarios.spec import simulation_of
 
 
@@ -61,8 +63,15 @@ def decide(item: ArmRun) -> tuple[Decision, FrameTime]:
         scenarios.openscenario.errors.OpenScenarioError: the scene cannot be run.
         opendrive.OpenDriveError: its map cannot be read.
     """
+    decision, outcome, _ = decided(item)
+    return decision, frame_time(outcome.frame_time_ms)
+
+
+def decided(item: ArmRun) -> tuple[Decision, Outcome, Simulation]:
+    """A run that is carried out; see `decide`."""
     must = item.spec.must
-    outcome = simulation_of(item.spec, THROUGH if must == "nothing" else None).run()
+    simulation = simulation_of(item.spec, THROUGH if must == "nothing" else None)
+    outcome = simulation.run()
     log = outcome.log.table()
     ego = log["kind"] == "ego"
     speed = log["speed_mps"][ego]
@@ -77,7 +86,7 @@ def decide(item: ArmRun) -> tuple[Decision, FrameTime]:
         peak_decel_mps2=max(0.0, -float(log["accel_mps2"][ego].min())),
         end_reason=outcome.end_reason.value,
     )
-    return decision, frame_time(outcome.frame_time_ms)
+    return decision, outcome, simulation
 
 
 @dataclass(frozen=True, slots=True)

@@ -245,7 +245,7 @@ class Question(Study[ArmRun, Decision]):
         notes = (*self.power(results.scenes), path_note(self.arms), *lidar_notes(sensing))
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
-            self.table: gzip.compress(runs_csv(results), mtime=0),
+            self.table: gzip.compress(runs_csv(results, self.kind), mtime=0),
             "study.json": json_bytes(self._configuration(results.scenes) | dict(made_by), indent=1),
             **answer.files,
         }
@@ -282,9 +282,14 @@ def results_of(items: Sequence[ArmRun], finished: Finished[Decision]) -> Results
     return Results(scenes, {arm: tuple(decisions) for arm, decisions in runs.items()})
 
 
-def runs_csv(results: Results) -> bytes:
-    """One line per run."""
-    names = [entry.name for entry in dataclasses.fields(Decision)]
+def runs_csv(results: Results, kind: type[Decision] = Decision) -> bytes:
+    """One line per run.
+
+    Args:
+        results: the runs.
+        kind: what is kept of each.
+    """
+    names = [entry.name for entry in dataclasses.fields(kind)]
     header = ("scene", "variant", "must", "name", "preset", "settings", "path_from", *names)
     path_from = {arm: arm.path_from for arm in results.runs}
     rows = (

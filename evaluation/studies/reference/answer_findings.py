@@ -14,7 +14,7 @@ from evaluation.studies.answers import break_even, sensor, trigger
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.break_even import BreakEven
 from evaluation.studies.answers.gain import Gain, exchange
-from evaluation.studies.answers.measures import DECISIVE, Decision
+from evaluation.studies.answers.measures import DECISIVE
 from evaluation.studies.answers.results import (
     Difference,
     Results,
@@ -68,7 +68,7 @@ def read(question: Asked, reports: Path, in_part: bool = False) -> Kept[Asked]:
     """
     given: Any = question.given(reports)
     path = reports / question.name / question.table
-    rows, decisions = read_rows(path), read_records(path, Decision)
+    rows, decisions = read_rows(path), read_records(path, question.kind)
     count = 2 * question.sample.count
     kept = {_arm_of(row): k for k, row in zip(range(0, len(rows), count), rows[::count], strict=True)}
     named = {(arm.name, arm.preset, arm.text): arm for arm in given.arms}

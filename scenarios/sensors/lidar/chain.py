@@ -7,6 +7,8 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import SensorConfig
 from scenarios.sensors.interfaces import Detector, SensorChain
@@ -28,8 +30,13 @@ OF_TRUTH: dict[str, type[CutoutDetector] | type[LabelDetector]] = {
 }
 """Perceptions that know who is under each point: bounds of what a detector can reach."""
 
-PERCEPTIONS = (*METHODS, *OF_TRUTH)
+UNSCORED = {f"{name}_unscored": name for name in sorted(METHODS) if name != "plain"}
+"""Detectors whose boxes all have score 1, and which they are: `plain` has no other scores."""
+
+PERCEPTIONS = (*sorted(METHODS), *UNSCORED, *OF_TRUTH)
 """Names of perceptions; the first is that of a LiDAR unless another is asked for."""
+
+DEFAULT_PERCEPTION = PERCEPTIONS[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,20 +139,21 @@ class CloudDetector:
     """A shipped detector of clouds behind a LiDAR.
 
     Args:
-        method: name out of `smartmot.lidar.METHODS`, with its default parameters.
+        method: name out of `smartmot.lidar.METHODS`, with its default parameters, or out of `UNSCORED`.
     """
 
     latency_s = 0.0
     rate_hz: float | None = None
 
     def __init__(self, method: str) -> None:
-        self.config = METHODS[method]()
+        self.config, self.scored = METHODS[UNSCORED.get(method, method)](), method not in UNSCORED
 
     def detect(self, measurement: LidarMeasurement) -> Detections:
         """Detections of a cloud, with the detector's scores."""
         height_m = measurement.mount.height_m
         made = detect(measurement.cloud, self.config, sensor_height_m=height_m)
-        return measurement.detections(made.boxes, made.score, made.category)
+        score = made.score if self.scored else np.ones(len(made.score))
+        return measurement.detections(made.boxes, score, made.category)
 
 
 class OwnDetector:
