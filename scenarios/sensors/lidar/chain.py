@@ -131,8 +131,8 @@ class RunLidar:
         columns = (world.boxes.center_m, world.boxes.size_m, world.boxes.yaw_rad, world.speed_mps)
         columns_there = (world.height_m, world.exists, world.seen, world.category)
         state = b"".join(column.tobytes() for column in (*columns, *columns_there))
-        mine = (self.config, self.seed, self.backwards, self.sensor.street.digest)
-        return (*mine, ground, world.time_s, ego, state)
+        carried = (self.config, self.seed, self.backwards, self.sensor.street.digest)
+        return (*carried, ground, world.time_s, ego, state)
 
 
 class CloudDetector:
