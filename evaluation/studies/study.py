@@ -5,6 +5,7 @@ The runs that are finished stand in a journal, so that a study that was stopped 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,7 +65,7 @@ JOURNAL = "journal"
 """Folder, beside those of the parts of a report, of what can be made again and is not kept."""
 
 
-class Study(Generic[Item, Measures]):
+class Study(ABC, Generic[Item, Measures]):
     """A folder of results that can be made again.
 
     Subclasses are frozen values; their jobs run in other processes.
@@ -98,14 +99,14 @@ class Study(Generic[Item, Measures]):
         """Folder for what its runs need, and write, in a folder of several studies."""
         return out / self.name
 
+    @abstractmethod
     def items(self, folder: Path) -> Sequence[Item]:
         """The runs; what they write beside the journal goes to the folder."""
-        raise NotImplementedError
 
     @staticmethod
+    @abstractmethod
     def job(item: Any) -> tuple[Any, FrameTime]:
         """Carry out one of them."""
-        raise NotImplementedError
 
     def is_quick(self, item: Item) -> bool:
         """Whether a check may carry it out again; it should take a second or so."""
@@ -121,9 +122,9 @@ class Study(Generic[Item, Measures]):
         """Whether what a finished run has written beside the journal is there."""
         return True
 
+    @abstractmethod
     def write(self, folder: Path, items: Sequence[Item], finished: Finished[Measures]) -> list[Path]:
         """Write tables and figures of the finished runs."""
-        raise NotImplementedError
 
     def carry_out(
         self,

@@ -195,9 +195,13 @@ class KeptDrive(DriveRow):
 
     Args:
         events: a list of `DriveEvent`, as JSON.
+        off_map: stretches of the way on no driving lane of the map.
+        stretches: of the way that a monitored area was laid along.
     """
 
     events: str
+    off_map: int
+    stretches: int
 
     @property
     def row(self) -> DriveRow:
@@ -232,7 +236,16 @@ def measure(item: DriveItem) -> tuple[KeptDrive, FrameTime]:
     drive = carry_out(item.sequence, item.spec, None if item.map_path is None else _loaded(item.map_path))
     row = dataclasses.asdict(row_of(drive))
     events = [dataclasses.asdict(event) for event in events_of(drive)]
-    return KeptDrive(**row, events=json.dumps(events)), drive.spent
+    off_map, stretches = drive.off_map
+    return KeptDrive(**row, events=json.dumps(events), off_map=off_map, stretches=stretches), drive.spent
+
+
+def off_map_note(strategy: str, sequence: str, off_map: int, stretches: int) -> str:
+    """That a drive left its map's lanes, where the rectangle is monitored whatever the strategy."""
+    return (
+        f"{strategy}, sequence {sequence}: {off_map} of {stretches} stretches of the way run on no driving "
+        "lane of the map; the rectangle stands in there"
+    )
 
 
 @lru_cache(maxsize=4)

@@ -121,14 +121,18 @@ def data_sets_of(folder: Path, form: str | None, columns: Reading | None) -> tup
     Raises:
         DatasetError: it cannot be read.
     """
-    if not folder.is_dir() or recognised(folder) is not None:
+    if not folder.is_dir():
         return [folder], []
     try:
         inside = sorted(path for path in folder.iterdir() if path.is_dir() and path.name[0] != ".")
     except OSError as error:
         raise DatasetError(f"{folder}: {error.strerror}") from None
-    wanted = form or form_of(columns)
     forms = {path: recognised(path) for path in inside}
+    if recognised(folder) is not None:
+        # folders of JSON files, which look like nuScenes or SimBEV, are parts of data sets
+        own = [path.name for path, shown in forms.items() if shown not in (None, "nuscenes", "simbev")]
+        return [folder], [f"recordings in folders inside are left out: {', '.join(own)}"] if own else []
+    wanted = form or form_of(columns)
     data_sets = [path for path, shown in forms.items() if shown and wanted in (None, shown)]
     if not data_sets:  # what is missing is then said of the folder itself
         return [folder], []

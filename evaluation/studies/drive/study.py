@@ -24,7 +24,7 @@ from evaluation.results.logs import write_log
 from evaluation.results.tables import Table, markdown_table
 from evaluation.studies.compare.grid import FAIR
 from evaluation.studies.drive.drive import Drive, DriveSpec, carry_out
-from evaluation.studies.drive.measures import LoggedEvent, LoggedRow, events_of, row_of
+from evaluation.studies.drive.measures import LoggedEvent, LoggedRow, events_of, off_map_note, row_of
 from evaluation.studies.drive.parameters import Vary, check_vary, settings_of, with_rules
 from evaluation.studies.drive.recordings import Recording, Recordings, Source, read_recordings
 from evaluation.studies.drive.tables import (
@@ -134,6 +134,8 @@ def prepare(options: Options) -> DriveStudy:
     recordings = read_recordings(options.source)
     specs = specs_of(options, recordings)
     notes = list(recordings.notes)
+    if not options.strategies and recordings.without_map:
+        notes.append(f"strategy map is left out: {_whose(recordings)} no map")
     if named_preset(options.preset).localisation != NO_LOCALISATION_ERRORS:
         notes.append(
             f"errors of localisation of preset {options.preset} are left out: the recording has its own"
@@ -150,9 +152,8 @@ def specs_of(options: Options, recordings: Recordings) -> tuple[DriveSpec, ...]:
     """How each recording is to be seen and judged: by strategy, settings and rule; see `prepare`."""
     without_map = recordings.without_map
     if NEEDS_MAP in options.strategies and without_map:
-        whose = "the data have" if len(recordings.items) == len(without_map) else f"{without_map[0]} has"
         raise ArgumentError(
-            f"strategy map: {whose} no map; give --map FILE.xodr in the frame of the ego poses"
+            f"strategy map: {_whose(recordings)} no map; give --map FILE.xodr in the frame of the ego poses"
         )
     strategies = options.strategies or tuple(s for s in STRATEGIES if s != NEEDS_MAP or not without_map)
     check_vary(options.vary, strategies, recordings.sees, without_map)
@@ -167,6 +168,12 @@ def specs_of(options: Options, recordings: Recordings) -> tuple[DriveSpec, ...]:
     if count > 1:
         raise ArgumentError(f"{count} drives would be called {name}: two sequences or values look alike")
     return specs
+
+
+def _whose(recordings: Recordings) -> str:
+    """Who has no map, as the beginning of a sentence."""
+    without_map = recordings.without_map
+    return "the data have" if len(recordings.items) == len(without_map) else f"sequence {without_map[0]} has"
 
 
 def _check(spec: DriveSpec, recordings: Many[Recording], vary: Vary) -> None:
@@ -274,8 +281,7 @@ def _name_of(path: Path, out: Path) -> str:
 
 def _off_map_notes(drives: Many[Drive]) -> list[str]:
     return [
-        f"{drive.spec.strategy}, sequence {drive.sequence}: {drive.off_map[0]} of {drive.off_map[1]} "
-        "stretches of the way run on no driving lane of the map; the rectangle stands in there"
+        off_map_note(drive.spec.strategy, drive.sequence, *drive.off_map)
         for drive in drives
         if drive.off_map[0]
     ]

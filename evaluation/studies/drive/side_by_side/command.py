@@ -42,7 +42,9 @@ def compare_drives(
     finished, before = comparison.carry_out_behind_bar(
         items, out, comparison.journal, workers, console, "driving"
     )
-    compared = side_by_side(study.specs, items, finished)
+    compared = side_by_side(study.specs, items, finished, study.notes)
+    for note in compared.notes[len(study.notes) :]:
+        console.print(f"note: {note}", highlight=False, soft_wrap=True)
     written = compared.write(out, study.specs)
     for heading, table in compared.tables().items():
         if table.rows:

@@ -16,7 +16,15 @@ from evaluation.runs.configuration import versions
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import digest_of, file_digest, library_versions, version
 from evaluation.studies.drive.drive import DriveSpec
-from evaluation.studies.drive.measures import DriveEvent, DriveItem, DriveRow, KeptDrive, measure, total_of
+from evaluation.studies.drive.measures import (
+    DriveEvent,
+    DriveItem,
+    DriveRow,
+    KeptDrive,
+    measure,
+    off_map_note,
+    total_of,
+)
 from evaluation.studies.drive.recordings import Recording
 from evaluation.studies.drive.side_by_side.pairs import (
     DriveDifference,
@@ -98,11 +106,13 @@ class SideBySide:
         pairs: sides that are compared, see `pairs_of`.
         rows: of single drives, by side.
         events: requests and warnings, in the same order.
+        notes: what a user should know of the recordings and the drives, a line each.
     """
 
     pairs: tuple[tuple[Side, Side], ...]
     rows: tuple[DriveRow, ...]
     events: tuple[DriveEvent, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def totals(self) -> list[DriveRow]:
@@ -154,7 +164,9 @@ class SideBySide:
             ResultsError: the folder cannot be written.
         """
         first, *others = self.tables().items()
-        text = [markdown_table(first[1]), "".join(f"- {line}\n" for line in self.sentences())]
+        text = [markdown_table(first[1]), _lines(self.sentences())]
+        if self.notes:
+            text += ["## Notes\n", _lines(self.notes)]
         for heading, table in others:
             text += [f"## {heading}\n", markdown_table(table) if table.rows else "None.\n"]
         contents = {
@@ -170,10 +182,13 @@ class SideBySide:
 
     def _configuration(self, specs: Many[DriveSpec]) -> bytes:
         """How the drives were seen, as JSON."""
-        values = [spec_values(spec) for spec in specs]
-        return configuration_json(
-            {"command": "compare --drives", "versions": versions(), "drives": self.drives, "specs": values}
-        )
+        values = {
+            "command": "compare --drives",
+            "versions": versions(),
+            "drives": self.drives,
+            "specs": [spec_values(spec) for spec in specs],
+        }
+        return configuration_json(values | ({"notes": self.notes} if self.notes else {}))
 
 
 def items_of(study: DriveStudy) -> list[DriveItem]:
@@ -197,11 +212,26 @@ def specs_of(items: Many[DriveItem]) -> tuple[DriveSpec, ...]:
     return tuple(dict.fromkeys(replace(item.spec, vehicle=vehicle) for item in items))
 
 
-def side_by_side(specs: Many[DriveSpec], items: Many[DriveItem], finished: Finished[KeptDrive]) -> SideBySide:
-    """Finished drives as one comparison."""
+def _lines(texts: Many[str]) -> str:
+    return "".join(f"- {text}\n" for text in texts)
+
+
+def side_by_side(
+    specs: Many[DriveSpec],
+    items: Many[DriveItem],
+    finished: Finished[KeptDrive],
+    notes: Many[str] = (),
+) -> SideBySide:
+    """Finished drives as one comparison; what is noted of them follows what is noted of the recordings."""
     kept = [finished[item.key][0] for item in items]
     events = tuple(event for drive in kept for event in drive.requests_and_warnings)
-    return SideBySide(tuple(pairs_of(specs)), tuple(drive.row for drive in kept), events)
+    off_map = [
+        off_map_note(drive.strategy, drive.sequence, drive.off_map, drive.stretches)
+        for drive in kept
+        if drive.off_map
+    ]
+    rows = tuple(drive.row for drive in kept)
+    return SideBySide(tuple(pairs_of(specs)), rows, events, (*notes, *off_map))
 
 
 def _key(spec: DriveSpec, recording: Recording, digest: str) -> str:

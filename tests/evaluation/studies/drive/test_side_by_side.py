@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 from collections.abc import Callable
@@ -16,8 +17,8 @@ from hypothesis import strategies as st
 from evaluation.metrics.intervals import poisson_mean
 from evaluation.studies.drive.drive import DriveSpec
 from evaluation.studies.drive.measures import DriveEvent, DriveRow, total_of
-from evaluation.studies.drive.recordings import Source
-from evaluation.studies.drive.side_by_side.comparison import DriveComparison, items_of
+from evaluation.studies.drive.recordings import Source, data_sets_of
+from evaluation.studies.drive.side_by_side.comparison import DriveComparison, items_of, side_by_side
 from evaluation.studies.drive.side_by_side.pairs import (
     Side,
     differences_of,
@@ -31,6 +32,7 @@ from evaluation.studies.drive.side_by_side.totals import told_exposure, totals_t
 from evaluation.studies.drive.study import Options, prepare
 from evaluation.studies.drive.verdicts import FALSE, STANDING, UNDECIDED
 from scenarios.settings import Settings
+from tests.scenarios.recorded import argoverse_log
 
 PATH, RECTANGLE = ("path", "", "paper"), ("rectangular", "", "paper")
 
@@ -234,6 +236,49 @@ def test_pandas_opens_every_table(compared: DriveComparison, tmp_path: Path) -> 
     assert len(emergencies) == runs.requests.sum() == len(occasions)
     assert set(differences.measure) == {"requests", "false_activations"}
     assert json.loads(tables["compare.json"].read_text())["configuration"]["drives"] == ["a/0", "b/0"]
+
+
+def test_what_is_left_out_stands_in_the_results(compared: DriveComparison, tmp_path: Path) -> None:
+    study = compared.prepared()
+    items = items_of(study)
+    finished, _ = compared.carry_out(items, tmp_path, compared.journal, 1)
+    kept, spent = finished[items[1].key]
+    finished[items[1].key] = (dataclasses.replace(kept, off_map=1, stretches=3), spent)
+    result = side_by_side(study.specs, items, finished, ("2 sequences without ego poses are left out",))
+    result.write(tmp_path, study.specs)
+    notes = [
+        "2 sequences without ego poses are left out",
+        "path, sequence b/0: 1 of 3 stretches of the way run on no driving lane of the map; the rectangle "
+        "stands in there",
+    ]
+    assert json.loads((tmp_path / "compare.json").read_text())["configuration"]["notes"] == notes
+    assert "## Notes\n\n" + "".join(f"- {note}\n" for note in notes) in (tmp_path / "table.md").read_text()
+
+
+def test_what_is_not_compared_is_said(run: Callable[..., Any], tmp_path: Path) -> None:
+    folder, out = tmp_path / "logs", tmp_path / "out"
+    _, without = (argoverse_log.log(folder / name) for name in ("a", "b"))
+    for archive in (without / "map").iterdir():
+        archive.unlink()
+    (folder / "empty").mkdir()
+    done = run("compare", "--drives", folder, "--out", out, "--workers", 1)
+    assert done.status == 0, done.err
+    for line in (
+        "note: no recordings in empty",
+        "note: strategy map is left out: sequence b has no map",
+    ):
+        assert line in done.out
+        assert line.removeprefix("note: ") in (out / "table.md").read_text()
+
+
+def test_data_sets_inside_a_data_set_are_left_out_aloud(write: Callable[..., Path], tmp_path: Path) -> None:
+    folder = write([(60.0, 0.0)], seconds=2.0)
+    assert data_sets_of(folder, None, None) == ([folder], [])
+    argoverse_log.log(folder / "log")
+    assert data_sets_of(folder, None, None) == (
+        [folder],
+        ["recordings in folders inside are left out: log"],
+    )
 
 
 def test_command_compares_on_drives(
