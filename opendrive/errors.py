@@ -13,11 +13,24 @@ class OpenDriveError(ValueError):
 
 
 class MapReadError(OpenDriveError):
-    """The file cannot be read as an OpenDRIVE map."""
+    """The file cannot be read as an OpenDRIVE map.
+
+    Attributes:
+        rule: name of the rule of the standard that is broken (ASAM's rule UID); empty if there is none.
+    """
+
+    rule = ""
+
+    def __init__(self, message: str, rule: str | None = None) -> None:
+        """Say what is wrong; `rule` is that of the class when absent."""
+        super().__init__(message)
+        self.rule = type(self).rule if rule is None else rule
 
 
 class MapContentError(MapReadError):
     """The file is OpenDRIVE, but a value in it is missing or impossible."""
+
+    rule = "asam.net:xodr:1.0.0:xml.valid_schema"
 
 
 class RoadNotFoundError(OpenDriveError):
@@ -39,23 +52,37 @@ class RouteNotFoundError(OpenDriveError):
 class WarningKind(StrEnum):
     """Kinds of defects that are tolerated; `docs/opendrive.md` says how each is read."""
 
+    BEYOND_ROAD = "beyond the road"
     ARC_WITHOUT_CURVATURE = "arc without curvature"
+    CONTRADICTING_LINK = "contradicting link"
     CONSTANT_SPIRAL = "constant spiral"
     CURVE_LENGTH = "curve length"
     DUPLICATE_ID = "duplicate id"
     GAP = "gap"
+    GEO_REFERENCE = "geoReference"
     HEADING_GAP = "heading gap"
     IGNORED = "ignored"
+    JUNCTION = "junction"
     LANE_IDS = "lane ids"
     LATE_RECORD = "late record"
     LAYER = "lane layer"
     LEFT_OUT = "left out"
     LINK = "link"
+    LINK_ANGLE = "angle across a link"
+    LINK_GAP = "gap across a link"
+    LINK_HEIGHT = "height across a link"
+    LINK_WIDTH = "width across a link"
+    MISSING = "missing"
     NEGATIVE_WIDTH = "negative width"
     NO_WIDTH = "no width"
+    ONE_SIDED_LINK = "one-sided link"
     ORDER = "order"
+    REFERENCE = "reference"
+    REFUSED = "refused"
     REVISION = "revision"
     ROAD_LENGTH = "road length"
+    RULE = "rule"
+    STEP = "step"
     UNKNOWN_ELEMENT = "unknown element"
     UNKNOWN_LANE_TYPE = "unknown lane type"
     UNKNOWN_VALUE = "unknown value"
@@ -72,6 +99,10 @@ class MapWarning:
         message: what is wrong and how it was read.
         kind: what kind of defect it is.
         s_m: where on the road it is; None where that has no meaning.
+        lane_id: which lane of the road; None where that has no meaning.
+        amount: how far it departs from what is right; None where that has no meaning.
+        unit: unit of the amount: ``m`` or ``rad``.
+        rule: name of the rule of the standard that it breaks (ASAM's rule UID); empty if there is none.
     """
 
     road_id: str
@@ -79,3 +110,7 @@ class MapWarning:
     message: str
     kind: WarningKind
     s_m: float | None = None
+    lane_id: int | None = None
+    amount: float | None = None
+    unit: str = ""
+    rule: str = ""

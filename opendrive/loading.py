@@ -30,5 +30,5 @@ def load_map(path: str | PathLike[str], *, strict: bool = False, layer: str = PE
         if strict:
             refuse_warnings(network.warnings)
     except MapContentError as error:
-        raise MapContentError(f"{Path(path)}: {error}") from None
+        raise MapContentError(f"{Path(path)}: {error}", error.rule) from None
     return network

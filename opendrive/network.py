@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opendrive.arrays import FloatArray, finite, points_xy
-from opendrive.checks import curve_warnings, refuse_impossible_lanes
+from opendrive.checks import (
+    content_warnings,
+    curve_warnings,
+    link_warnings,
+    profile_warnings,
+    refuse_impossible_lanes,
+    rule_warnings,
+)
 from opendrive.errors import LaneNotFoundError, MapWarning, PositionError, RoadNotFoundError
 from opendrive.export import lane_table, to_geojson
 from opendrive.geo import GeoReference
@@ -93,7 +100,34 @@ class RoadNetwork(NetworkLanes):
             *self._model.warnings,
             *curve_warnings(self._geometry.curves, tuple(self._model.roads.values())),
             *self._graph.warnings,
+            *link_warnings(self._geometry, self._model.junctions),
+            *profile_warnings(self._geometry),
+            *content_warnings(self._model),
         )
+
+    @cached_property
+    def findings(self) -> tuple[MapWarning, ...]:
+        """The warnings, and where the map breaks rules of the standard that do no harm here."""
+        return (*self.warnings, *rule_warnings(self._geometry, self._model))
+
+    def place_of(self, finding: MapWarning) -> tuple[float, float, float] | None:
+        """Return x, y, z of a finding, map frame: on its lane or reference line; None if it has no s."""
+        road = self.roads.get(finding.road_id)
+        if road is None or finding.s_m is None:
+            return None
+        s_m = min(max(finding.s_m, 0.0), road.length_m)
+        t_m = 0.0
+        if finding.lane_id:
+            of_road = [section.s_m for section in road.record.sections]
+            section = max(int(np.searchsorted(of_road, s_m, side="right")) - 1, 0)
+            # At the end of a lane section its lanes are meant where the next one has none of that id.
+            for k in (section, section - 1):
+                lane = self.lanes.lane_of_key.get(LaneKey(finding.road_id, k, finding.lane_id))
+                if lane is not None and self.lanes.s_start_m[lane] <= s_m <= self.lanes.s_end_m[lane]:
+                    t_m = float(np.mean(self.lane_offsets(lane, s_m)))
+                    break
+        point = road.point(s_m, t_m)
+        return float(point.x_m), float(point.y_m), float(point.z_m)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -100,7 +100,7 @@ class RunSpec:
         return re.sub(r"[^\w.=+-]+", "-", f"{self.scenario}_{self.strategy}_{conditions}")
 
 
-def load_named_map(name: str) -> RoadNetwork:
+def load_named_map(name: str, layer: str = "permanent") -> RoadNetwork:
     """Load a shipped map by its name, or any OpenDRIVE file; an unchanged file is loaded once.
 
     Raises:
@@ -108,7 +108,9 @@ def load_named_map(name: str) -> RoadNetwork:
         scenarios.openscenario.errors.RunError: it cannot be read.
     """
     path = shipped_map(name) if name in SHIPPED_MAPS else Path(name)
-    return load_roads(path).network if path.is_file() else load_map(path)
+    if layer != "permanent" or not path.is_file():
+        return load_map(path, layer=layer)
+    return load_roads(path).network
 
 
 def perception_map(definition: ScenarioDefinition, map_name: str | None) -> str | None:

@@ -12,13 +12,18 @@ from evaluation.cli import options
 EXAMPLES = options.examples(
     "`smartmot-eval map town.xodr --png town.png`",
     "`smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`",
-    "`smartmot-eval map town.xodr --check --strict`",
+    "`smartmot-eval map town.xodr --check --strict --findings town.xqar`",
+    "`smartmot-eval map folder_of_maps --check`",
 )
 
 
 def command(
     file: Annotated[
-        str, typer.Argument(help="OpenDRIVE file, or the name of a shipped map.", metavar="FILE.xodr")
+        str,
+        typer.Argument(
+            help="OpenDRIVE file, or the name of a shipped map; with --check also a folder of files.",
+            metavar="FILE.xodr",
+        ),
     ],
     at: options.At = None,
     strategy: Annotated[
@@ -30,10 +35,24 @@ def command(
         Path | None,
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="List the defects of the map, and stop.")] = False,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="List what is wrong with the map, across its links too, and stop."),
+    ] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="With --check: exit status 1 if there are any defects.")
     ] = False,
+    findings: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --check: also write what was found, as .json or as .xqar, the result file of "
+            "ASAM's quality checkers.",
+            metavar="FILE",
+        ),
+    ] = None,
+    layer: Annotated[
+        str, typer.Option(help="Lane layer to read where a road has lanes of it (OpenDRIVE 1.9).")
+    ] = "permanent",
 ) -> None:
     """Describe a map, and draw it with the monitored area at a pose."""
     from evaluation.studies.map_description import describe_map, pose_site
@@ -43,13 +62,11 @@ def command(
     strategy = options.parse_name(strategy, STRATEGIES, "--strategy")
     preset = options.parse_preset(preset)
     place = options.parse_place(at)
-    network = load_named_map(file)
     if check:
-        from opendrive.checks import warning_table
-
-        for line in warning_table(network.warnings):
-            typer.echo(line)
-        raise typer.Exit(1 if strict and network.warnings else 0)
+        raise typer.Exit(_check(file, strict, findings, layer))
+    if findings is not None:
+        raise typer.BadParameter("goes with --check; add it", param_hint="--findings")
+    network = load_named_map(file, layer)
     site = pose_site(network, place) if place else None
     for line in describe_map(network, site, speed):
         typer.echo(line)
@@ -65,3 +82,48 @@ def command(
             ego = EgoState(0.0, *site.route.pose(site.line_m), speed / 3.6)
             save_map(network, png, make_strategy(strategy, named_preset(preset), site), ego)
         typer.echo(f"picture: {png}")
+
+
+def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:
+    """List what is wrong with a map, or with all maps of a folder; the exit status."""
+    from opendrive import MapWarning, load_map
+    from opendrive.checks import findings_json, findings_xqar, warning_table
+    from opendrive.errors import MapReadError, WarningKind
+    from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
+
+    if findings is not None and findings.suffix not in (".json", ".xqar"):
+        raise typer.BadParameter(
+            f"{findings.name!r} ends in neither .json nor .xqar", param_hint="--findings"
+        )
+    if Path(file).is_dir():
+        from evaluation.studies.map_folder import folder_table, maps_of
+
+        if findings is not None:
+            raise typer.BadParameter("is for one map, not for a folder", param_hint="--findings")
+        accounts = list(maps_of(Path(file), layer))
+        for line in folder_table(iter(accounts)):
+            typer.echo(line)
+        return int(strict and any(account.refusal or account.found for account in accounts))
+    network = None
+    try:
+        network = load_map(shipped_map(file) if file in SHIPPED_MAPS else file, layer=layer)
+        found = network.findings
+    except MapReadError as error:
+        if findings is None:
+            raise
+        found = (MapWarning("", "OpenDRIVE", str(error), WarningKind.REFUSED, rule=error.rule),)
+    if findings is not None:
+        if findings.suffix == ".json":
+            findings.write_text(findings_json(file, found), encoding="utf-8")
+        else:
+            place = (lambda _: None) if network is None else network.place_of
+            findings.write_bytes(findings_xqar(file, _version(), found, place))
+    for line in warning_table(found):
+        typer.echo(line)
+    return int(network is None or (strict and bool(network.warnings)))
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("smartmot")

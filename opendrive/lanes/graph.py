@@ -84,6 +84,13 @@ def _enters(at: ContactPoint | float, lane_exit: str) -> bool:
     return at != lane_exit
 
 
+def touching_lanes(
+    roads: RoadTable, lanes: LaneTable, junctions: Iterable[Junction]
+) -> Iterator[tuple[LanePlace, LanePlace]]:
+    """Yield every pair of places on lanes that the map links; a pair may come twice, from both sides."""
+    return _Builder(roads, lanes).touching_places(junctions)
+
+
 class _Builder:
     """Walks through the links of a map."""
 
@@ -106,8 +113,10 @@ class _Builder:
             for connection in junction.connections:
                 yield from self._through_junction(junction.id, connection)
 
-    def _warn(self, road_id: str, element: str, message: str, s_m: float | None = None) -> None:
-        self.warnings.append(MapWarning(road_id, element, message, WarningKind.LINK, s_m))
+    def _warn(
+        self, road_id: str, element: str, message: str, s_m: float | None = None, rule: str = ""
+    ) -> None:
+        self.warnings.append(MapWarning(road_id, element, message, WarningKind.LINK, s_m, rule=rule))
 
     def _section_at(self, road: int, end: ContactPoint) -> int:
         return 0 if end == "start" else self.first_section[road + 1] - self.first_section[road] - 1

@@ -38,7 +38,8 @@ def parse(file: Path) -> etree._Element:
             raise
         reason = str(error).replace("\n", " ")[:200]
         raise MapReadError(
-            f"{file}: not well-formed XML ({reason}); the file is truncated, damaged or not OpenDRIVE"
+            f"{file}: not well-formed XML ({reason}); the file is truncated, damaged or not OpenDRIVE",
+            "asam.net:xodr:1.0.0:xml.valid_xml_document",
         ) from error
     if root.getroottree().docinfo.internalDTD is not None:
         raise MapReadError(f"{file}: declares a document type (DOCTYPE), which maps never need; remove it")
@@ -48,7 +49,8 @@ def parse(file: Path) -> etree._Element:
         etree.cleanup_namespaces(root)
     if root.tag != "OpenDRIVE":
         raise MapReadError(
-            f"{file}: the root element is <{root.tag!s:.80}>, expected <OpenDRIVE>; give an OpenDRIVE file"
+            f"{file}: the root element is <{root.tag!s:.80}>, expected <OpenDRIVE>; give an OpenDRIVE file",
+            "asam.net:xodr:1.0.0:xml.root_tag_is_opendrive",
         )
     for include in root.iter("include"):
         if next(include.iterancestors("userData"), None) is None:

@@ -1,12 +1,13 @@
 """What stands in a file: its header, and the tables of everything else."""
 
+from functools import partial
 from typing import Any
 
 from lxml import etree
 
-from opendrive.errors import WarningKind
+from opendrive.errors import MapContentError, WarningKind
 from opendrive.model import GeoOffset, Header
-from opendrive.xml.fields import REST, Field, Table, child, integer, number, text
+from opendrive.xml.fields import REST, Field, Table, child, number, text
 from opendrive.xml.junctions import JUNCTION, JUNCTION_GROUP
 from opendrive.xml.railroads import STATION
 from opendrive.xml.roads import ROAD
@@ -28,11 +29,21 @@ NEWEST = (1, 8)
 """The newest revision of the standard that is read."""
 
 
-def _revision(values: Values, element: Element, name: str, text: str) -> int:
-    revision = values.to_integer(element, name, text)
-    if revision < 1:
-        values.warn(WarningKind.REVISION, element, f"revision {revision} is unknown; read as 1")
-    return max(revision, 1)
+VERSION_RULE = "asam.net:xodr:1.0.0:xml.version_is_defined"
+
+
+def _revision(values: Values, element: Element, name: str, text: str, least: int, default: int) -> int:
+    try:
+        revision = values.to_integer(element, name, text)
+    except MapContentError:
+        message = f"{name} is {text!r:.40}, expected an integer; read as {default}"
+        values.warn(WarningKind.REVISION, element, message, rule=VERSION_RULE)
+        return default
+    if revision < least:
+        message = f"{name} {revision} is unknown; read as {default}"
+        values.warn(WarningKind.REVISION, element, message)
+        return default
+    return revision
 
 
 def _check_revision(values: Values, element: Element, header: Header) -> None:
@@ -42,8 +53,10 @@ def _check_revision(values: Values, element: Element, header: Header) -> None:
     if revision > NEWEST:
         message = f"revision {written} is newer than what is read ({newest}); what is new in it is not read"
         values.warn(WarningKind.REVISION, element, message)
-    elif header.rev_minor < 0:
-        values.warn(WarningKind.REVISION, element, f"revision {written} is unknown; read as {newest}")
+    for name in ("revMajor", "revMinor"):
+        if name not in element.attrib:
+            message = f"{name} is missing; the revision is read as {written}"
+            values.warn(WarningKind.REVISION, element, message, rule=VERSION_RULE)
 
 
 _OFFSET = Table(
@@ -58,8 +71,8 @@ HEADER = Table(
     Header,
     check=_check_revision,
     # There is no revision 0.
-    rev_major=number("revMajor", 1, convert=_revision).lenient(),
-    rev_minor=integer("revMinor", 4).lenient(),
+    rev_major=number("revMajor", 1, convert=partial(_revision, least=1, default=1)),
+    rev_minor=number("revMinor", 4, convert=partial(_revision, least=0, default=4)),
     name=text("name"),
     version=text("version"),
     date=text("date"),

@@ -56,7 +56,10 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         else:
             extra.extend(values.extra([element]))
     if header is None:
-        raise MapContentError(f"{path}: <header> is missing; it may be truncated or not OpenDRIVE")
+        raise MapContentError(
+            f"{path}: <header> is missing; it may be truncated or not OpenDRIVE",
+            "asam.net:xodr:1.0.0:xml.fileheader_is_present",
+        )
     if not roads:
         raise MapContentError(f"{path}: the map has no <road>; it may be truncated")
     records = RoadRecords(roads, partial(read_road, values), read_geometry(root, list(roads.values())))

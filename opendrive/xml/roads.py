@@ -176,6 +176,7 @@ _GEOMETRY = Table(
     length_m=LENGTH,
     shape=Field(_read_shape, _write_shape),
 )
+ORDER_RULE = "asam.net:xodr:1.4.0:road.geometry.elem_asc_order"
 _PIECES = children_of("geometry", _GEOMETRY)
 
 
@@ -187,7 +188,7 @@ def _read_pieces(values: Values, road: Element) -> tuple[model.Geometry, ...]:
     pieces = _PIECES.read(values, plan)
     if any(later.s_m < earlier.s_m for earlier, later in pairwise(pieces)):
         message = "pieces of the reference line are not in ascending s; sorted"
-        values.warn(WarningKind.ORDER, elements[0], message)
+        values.warn(WarningKind.ORDER, elements[0], message, rule=ORDER_RULE)
         pieces = tuple(sorted(pieces, key=lambda piece: piece.s_m))
     return pieces
 

@@ -65,12 +65,16 @@ class Values:
             f"{self.file}: {inside}<{element.tag!s:.80}>, line {element.sourceline}: {message}"
         )
 
-    def warn(self, kind: WarningKind, element: Element, message: str, s_m: float | None = None) -> None:
+    def warn(
+        self, kind: WarningKind, element: Element, message: str, s_m: float | None = None, rule: str = ""
+    ) -> None:
         """Note a tolerated defect."""
         owner = _owner(element)
         owner_id = owner.get("id", "")[:80] if owner is not None else ""
         self.warnings.append(
-            MapWarning(owner_id, str(element.tag)[:80], f"line {element.sourceline}: {message}", kind, s_m)
+            MapWarning(
+                owner_id, str(element.tag)[:80], f"line {element.sourceline}: {message}", kind, s_m, rule=rule
+            )
         )
 
     def each(

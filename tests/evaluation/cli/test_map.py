@@ -1,9 +1,11 @@
 """`smartmot-eval map FILE --check`: what is listed, and the exit status."""
 
+import json
 import sys
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from evaluation.cli import main
 from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
@@ -54,3 +56,65 @@ def test_a_map_that_cannot_be_read_gives_one_line(tmp_path: Path, capsys: pytest
     assert answer.out == ""
     assert len(answer.err.splitlines()) == 1
     assert "not well-formed XML" in answer.err
+
+
+FIELD = Path(__file__).parents[2] / "data" / "field" / "opendrive"
+
+
+def test_findings_as_json(tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    call("map", FIELD / "linked_roads_apart.xodr", "--check", "--findings", file)
+    found = json.loads(file.read_text(encoding="utf-8"))["findings"]
+    assert {(f["kind"], f["road"], f["lane"], f["s_m"], f["unit"]) for f in found} == {
+        ("gap across a link", "1", -1, 50.0, "m")
+    }
+    assert found[0]["amount"] == pytest.approx(164**0.5)
+    assert found[0]["rule"].startswith("asam.net:xodr:1.7.0:")
+
+
+def test_findings_as_a_result_file_of_quality_checkers(tmp_path: Path) -> None:
+    """The middle of lane -1, which is 3.5 m wide, at the end of a road along x."""
+    file = tmp_path / "found.xqar"
+    call("map", FIELD / "linked_roads_apart.xodr", "--check", "--findings", file)
+    root = etree.parse(file).getroot()
+    assert root.tag == "CheckerResults"
+    issue = root.find("CheckerBundle/Checker/Issue")
+    assert issue is not None
+    assert issue.get("ruleUID", "").startswith("asam.net:xodr:1.7.0:")
+    assert root.find("CheckerBundle/Checker/AddressedRule") is not None
+    place = issue.find("Locations/InertialLocation")
+    assert place is not None
+    assert [float(place.get(axis, "nan")) for axis in "xyz"] == pytest.approx([50.0, -1.75, 0.0])
+
+
+def test_a_refused_map_is_a_finding_where_findings_are_written(tmp_path: Path) -> None:
+    broken, file = tmp_path / "broken.xodr", tmp_path / "found.json"
+    broken.write_text("<OpenDRIVE>", encoding="utf-8")
+    assert call("map", broken, "--check", "--findings", file) == 1
+    (finding,) = json.loads(file.read_text(encoding="utf-8"))["findings"]
+    assert finding["kind"] == "refused"
+    assert finding["rule"] == "asam.net:xodr:1.0.0:xml.valid_xml_document"
+
+
+def test_a_folder_is_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "sound.xodr").write_bytes(shipped_map("urban_street").read_bytes())
+    (tmp_path / "apart.xodr").write_bytes((FIELD / "linked_roads_apart.xodr").read_bytes())
+    (tmp_path / "broken.xodr").write_text("<OpenDRIVE>", encoding="utf-8")
+    assert call("map", tmp_path, "--check") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == "| apart.xodr | 2 | 2 | 1 x gap across a link |"
+    assert lines[3].startswith("| broken.xodr | | | refused: not well-formed XML")
+    assert lines[4].startswith("| inner/sound.xodr |")
+    assert lines[-1] == "3 maps: 2 loaded, 1 of them without findings; 1 refused"
+    assert call("map", tmp_path, "--check", "--strict") == 1
+
+
+def test_a_layer_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("map", FIELD / "lane_layers_1_9.xodr", "--layer", "temporary") == 0
+    assert "1 shoulder" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [("--findings", "found.txt", "--check"), ("--findings", "found.json")])
+def test_findings_need_a_known_ending_and_a_check(options: tuple[str, ...]) -> None:
+    assert call("map", "urban_street", *options) == 2

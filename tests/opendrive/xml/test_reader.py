@@ -223,7 +223,7 @@ def test_records_are_read(load, text, tmp_path):
             "both width and border",
         ),
         (
-            '<width sOffset="9" a="3" b="0" c="0" d="0"/><width sOffset="0" a="4" b="0" c="0" d="0"/>',
+            '<width sOffset="9" a="4" b="0" c="0" d="0"/><width sOffset="0" a="4" b="0" c="0" d="0"/>',
             "not in ascending sOffset",
         ),
         (

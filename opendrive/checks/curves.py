@@ -1,13 +1,14 @@
 """Defects of a map that only show once its geometry is evaluated."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from opendrive.arrays import FloatArray, wrapped
 from opendrive.errors import MapContentError, MapWarning, WarningKind
 from opendrive.geometry.curves import CUBIC, CurveTable
-from opendrive.model import Poly3, Road
+from opendrive.model import ParamPoly3, Poly3, Road
 from opendrive.roads.geometry import NetworkGeometry
 
 GAP_M = 0.05
@@ -54,7 +55,8 @@ def refuse_impossible_lanes(geometry: NetworkGeometry) -> None:
             key = lanes.key[lane[k]]
             raise MapContentError(
                 f"road {key.road_id!r}, lane {key.lane_id} of section {key.section}: {what.format(value[k])} "
-                f"at s = {s_m[k]:.6g} m, expected within {limit:.4g}; check its {records}"
+                f"at s = {s_m[k]:.6g} m, expected within {limit:.4g}; check its {records}",
+                "",
             )
 
 
@@ -73,8 +75,8 @@ def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWar
     short_m = np.zeros(len(curves.road))
     short_m[cubic] = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
     # A poly3 has no end of its own, which its length could miss.
-    is_open = [isinstance(piece.shape, Poly3) for road in roads for piece in road.geometries]
-    short_m[np.array(is_open, dtype=np.bool_)] = 0.0
+    shapes = [piece.shape for road in roads for piece in road.geometries]
+    short_m[[isinstance(shape, Poly3) for shape in shapes]] = 0.0
     next_m = np.append(curves.start_m[1:], 0.0)
 
     for piece in np.flatnonzero(same_road & (gap_m > GAP_M)).tolist():
@@ -95,7 +97,15 @@ def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWar
             + ("shorter than its length says; held at its end" if short_m[piece] > 0.0 else
                "longer than its length says; cut off there")
         )  # fmt: skip
-        yield _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
+        warning = _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
+        shape = shapes[piece]
+        rule = "length_match" if isinstance(shape, ParamPoly3) and shape.normalized else "arclength_range"
+        yield replace(
+            warning,
+            amount=abs(float(short_m[piece])),
+            unit="m",
+            rule=f"asam.net:xodr:1.7.0:road.geometry.parampoly3.{rule}",
+        )
     for piece in np.flatnonzero(last & (np.abs(excess_m) > GAP_M)).tolist():
         message = f"the line ends {excess_m[piece]:+.3g} m past the road's length; the road's length holds"
         yield _at(roads, curves, piece, message, WarningKind.ROAD_LENGTH, curves.start_m[piece])
@@ -124,15 +134,7 @@ def _width_warnings(roads: Sequence[Road]) -> Iterator[MapWarning]:
     if not rows:
         return
     start, a, b, c, d = np.concatenate(rows).T
-    span = np.maximum(np.array(ends) - start, 0.0)
-    # The least value of a cubic is at an end or where its slope is 0: the two roots, in a form without
-    # cancellation.
-    root = np.sqrt(np.maximum(c**2 - 3.0 * b * d, 0.0))
-    q = -(c + np.where(c < 0.0, -root, root))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        at = np.nan_to_num(np.stack([np.zeros_like(a), span, q / (3.0 * d), b / q]), posinf=0.0, neginf=0.0)
-    at = np.clip(at, 0.0, span)
-    least_m = (a + at * (b + at * (c + at * d))).min(axis=0)
+    least_m = least_value(np.stack([a, b, c, d], axis=1), np.maximum(np.array(ends) - start, 0.0))
     for row in np.flatnonzero(least_m < -NEGATIVE_WIDTH_M).tolist():
         road, s_m, lane_id = where[row]
         message = (
@@ -142,30 +144,15 @@ def _width_warnings(roads: Sequence[Road]) -> Iterator[MapWarning]:
         yield MapWarning(road.id, "lane/width", message, WarningKind.NEGATIVE_WIDTH, float(s_m + start[row]))
 
 
-def refuse_warnings(warnings: Sequence[MapWarning]) -> None:
-    """Refuse a map that has any defect.
-
-    Raises:
-        MapContentError: there is a warning; the first one and their number are named.
-    """
-    if warnings:
-        first = warnings[0]
-        more = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
-        where = f"road {first.road_id!r}, " if first.road_id else ""
-        raise MapContentError(
-            f"{where}<{first.element}>: {first.kind}: {first.message}{more}; load without strict to tolerate"
-        )
-
-
-def warning_table(warnings: Sequence[MapWarning]) -> list[str]:
-    """Return the lines of a table of warnings, with their number at the end."""
-    rows = [("kind", "road", "s", "element", "what")] if warnings else []
-    rows += [
-        (w.kind.value, w.road_id or "-", "-" if w.s_m is None else f"{w.s_m:.2f}", w.element, w.message)
-        for w in warnings
-    ]
-    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
-    lines = [
-        "  ".join([*(cell.ljust(n) for cell, n in zip(row, widths, strict=False)), row[4]]) for row in rows
-    ]
-    return [*lines, f"{len(warnings)} defects"]
+def least_value(coefficients: FloatArray, span: FloatArray) -> FloatArray:
+    """Return the least value (N,) of cubics (N, 4) over 0 to `span` (N,)."""
+    a, b, c, d = coefficients.T
+    # The least value of a cubic is at an end or where its slope is 0: the two roots, in a form without
+    # cancellation.
+    root = np.sqrt(np.maximum(c**2 - 3.0 * b * d, 0.0))
+    q = -(c + np.where(c < 0.0, -root, root))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        at = np.nan_to_num(np.stack([np.zeros_like(a), span, q / (3.0 * d), b / q]), posinf=0.0, neginf=0.0)
+    at = np.clip(at, 0.0, span)
+    least: FloatArray = (a + at * (b + at * (c + at * d))).min(axis=0)
+    return least

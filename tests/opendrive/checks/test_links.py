@@ -1,0 +1,178 @@
+"""Links whose sides do not meet or do not agree; each amount is known from how the map is made."""
+
+import numpy as np
+import pytest
+
+from opendrive import WarningKind
+
+
+def kinds(network):
+    return sorted({warning.kind for warning in network.warnings})
+
+
+def of_kind(network, kind):
+    return [warning for warning in network.warnings if warning.kind is kind]
+
+
+def test_linked_roads_that_are_apart(field_map):
+    """Road 2 starts 10 m ahead of the end of road 1 and 8 m beside it."""
+    network = field_map("linked_roads_apart")
+    lane_gap = of_kind(network, WarningKind.LINK_GAP)[0]
+    assert (lane_gap.road_id, lane_gap.lane_id, lane_gap.s_m, lane_gap.unit) == ("1", -1, 50.0, "m")
+    assert lane_gap.amount == pytest.approx(np.hypot(10.0, 8.0))
+    assert lane_gap.rule.startswith("asam.net:xodr:")
+    assert kinds(network) == [WarningKind.LINK_GAP]
+
+
+def test_lanes_that_link_crosswise(field_map):
+    network = field_map("contradicting_lane_links")
+    found = of_kind(network, WarningKind.CONTRADICTING_LINK)
+    assert [(w.road_id, w.lane_id, w.s_m) for w in found] == [
+        ("1", -1, 50.0),
+        ("1", -2, 50.0),
+        ("2", -1, 0.0),
+        ("2", -2, 0.0),
+    ]
+    # Half of the links join lanes that lie 3.5 m apart.
+    assert [w.amount for w in of_kind(network, WarningKind.LINK_GAP)] == pytest.approx([3.5, 3.5])
+
+
+def test_a_junction_that_is_not_there(field_map):
+    (warning,) = field_map("junction_not_there").warnings
+    assert (warning.kind, warning.road_id, warning.s_m) == (WarningKind.LINK, "1", 100.0)
+    assert "'99'" in warning.message
+
+
+LINE = '<geometry s="0" x="{x}" y="{y}" hdg="{heading}" length="50"><line/></geometry>'
+
+
+def lanes(text, lane_id, width, link=""):
+    body = f"<link>{link}</link>" + text.record("width", *width)
+    side = {"right" if lane_id < 0 else "left": text.lane(lane_id, body)}
+    return text.section(**side)
+
+
+@pytest.fixture
+def two_roads(load, text):
+    """Load two roads of 50 m, the first of which ends where the second starts, with one lane each."""
+
+    def make(
+        x=50.0, y=0.0, heading=0.0, width=(3.0,), answer='<predecessor id="-1"/>', extra="", link=None,
+        back='<predecessor elementType="road" elementId="a" contactPoint="end"/>', offsets="", lane_id=-1,
+    ):  # fmt: skip
+        link = link or '<successor elementType="road" elementId="b" contactPoint="start"/>'
+        first = text.road(
+            LINE.format(x=0, y=0, heading=0),
+            lanes(text, -1, (3.0,), f'<successor id="{lane_id}"/>'),
+            road_id="a",
+            length=50.0,
+            link=link,
+        )
+        second = text.road(
+            LINE.format(x=x, y=y, heading=heading),
+            lanes(text, lane_id, width, answer),
+            road_id="b",
+            length=50.0,
+            link=back,
+            extra=extra,
+            offsets=offsets,
+        )
+        return load(first, second)
+
+    return make
+
+
+def test_roads_that_meet_are_sound(two_roads):
+    assert two_roads().findings == ()
+
+
+def test_lane_offsets_may_make_up_for_reference_lines_that_are_apart(two_roads, text):
+    network = two_roads(y=2.0, offsets=text.record("laneOffset", -2.0))
+    assert network.warnings == ()
+
+
+def test_roads_head_to_head_meet_with_lanes_of_opposite_sides(two_roads):
+    """Road b runs towards the end of road a; its left lane goes on."""
+    network = two_roads(
+        x=100.0,
+        heading=np.pi,
+        lane_id=1,
+        answer='<successor id="-1"/>',
+        link='<successor elementType="road" elementId="b" contactPoint="end"/>',
+        back='<successor elementType="road" elementId="a" contactPoint="end"/>',
+    )
+    assert network.warnings == ()
+    assert network.successors(0) == (1,)
+
+
+ELEVATED = '<elevationProfile><elevation s="0" a="0.4" b="0" c="0" d="0"/></elevationProfile>'
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "amount"),
+    [
+        ({"y": 1.0}, WarningKind.LINK_GAP, 1.0),
+        ({"width": (2.5,)}, WarningKind.LINK_WIDTH, 0.5),
+        ({"heading": 0.1}, WarningKind.LINK_ANGLE, 0.1),
+        ({"extra": ELEVATED}, WarningKind.LINK_HEIGHT, 0.4),
+    ],
+)
+def test_steps_across_a_link_have_their_amount(two_roads, change, kind, amount):
+    network = two_roads(**change)
+    (warning,) = of_kind(network, kind)
+    assert (warning.road_id, warning.lane_id, warning.s_m) == ("a", -1, 50.0)
+    assert warning.amount == pytest.approx(amount, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"back": ""}, WarningKind.ONE_SIDED_LINK),
+        ({"answer": ""}, WarningKind.ONE_SIDED_LINK),
+        (
+            {"back": '<predecessor elementType="road" elementId="b" contactPoint="end"/>'},
+            WarningKind.CONTRADICTING_LINK,
+        ),
+        (
+            {"back": '<predecessor elementType="road" elementId="a" contactPoint="start"/>'},
+            WarningKind.CONTRADICTING_LINK,
+        ),
+    ],
+)
+def test_links_that_only_one_side_has(two_roads, change, expected):
+    assert expected in kinds(two_roads(**change))
+
+
+def test_a_wrong_contact_point_is_a_gap(two_roads):
+    link = '<successor elementType="road" elementId="b" contactPoint="end"/>'
+    (warning,) = of_kind(two_roads(link=link), WarningKind.LINK_GAP)
+    assert warning.amount >= 50.0
+
+
+def test_membership_of_junctions(load, text):
+    width = text.record("width", 3.0)
+    section = text.section(right=text.lane(-1, width))
+    stray = text.road(sections=section, road_id="stray", junction="j")
+    lost = text.road(sections=section, road_id="lost", junction="nowhere")
+    outside = text.road(sections=section, road_id="outside")
+    connection = '<connection id="0" incomingRoad="lost" connectingRoad="outside" contactPoint="start"/>'
+    network = load(stray, lost, outside, f'<junction id="j" name="">{connection}</junction>')
+    found = of_kind(network, WarningKind.JUNCTION)
+    assert [(w.road_id, w.element) for w in found] == [
+        ("stray", "road"),
+        ("lost", "road"),
+        ("j", "junction/connection"),
+    ]
+
+
+def test_two_lanes_may_become_one(load, text):
+    """Before 1.8 the one can name only one of them."""
+    width = text.record("width", 3.0)
+    two = text.section(
+        right=text.lane(-1, f'<link><successor id="-1"/></link>{width}')
+        + text.lane(-2, f'<link><successor id="-1"/></link>{width}')
+    )
+    one = text.section(50.0, right=text.lane(-1, f'<link><predecessor id="-1"/></link>{width}'))
+    network = load(text.road(sections=two + one))
+    assert of_kind(network, WarningKind.CONTRADICTING_LINK) == []
+    assert of_kind(network, WarningKind.ONE_SIDED_LINK) == []
