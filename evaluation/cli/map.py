@@ -107,18 +107,18 @@ def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:
     network = None
     try:
         network = load_map(shipped_map(file) if file in SHIPPED_MAPS else file, layer=layer)
-        found = network.findings
+        warnings = network.findings
     except MapReadError as error:
         if findings is None:
             raise
-        found = (MapWarning("", "OpenDRIVE", str(error), WarningKind.REFUSED, rule=error.rule),)
+        warnings = (MapWarning("", "OpenDRIVE", str(error), WarningKind.REFUSED, rule=error.rule),)
     if findings is not None:
         if findings.suffix == ".json":
-            findings.write_text(findings_json(file, found), encoding="utf-8")
+            findings.write_text(findings_json(file, warnings), encoding="utf-8")
         else:
             place = (lambda _: None) if network is None else network.place_of
-            findings.write_bytes(findings_xqar(file, _version(), found, place))
-    for line in warning_table(found):
+            findings.write_bytes(findings_xqar(file, _version(), warnings, place))
+    for line in warning_table(warnings):
         typer.echo(line)
     return int(network is None or (strict and bool(network.warnings)))
 

@@ -31,6 +31,10 @@ def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> l
         + ", ".join(f"{n} {t}" for t, n in zip(types, counts, strict=True)),
         f"crosswalks: {len(network.crosswalks)}, warnings: {len(network.warnings)}",
     ]
+    if network.overlapping_roads:
+        pairs = ", ".join(f"{a} and {b}" for a, b in network.overlapping_roads[:5])
+        more = "" if len(network.overlapping_roads) <= 5 else ", ..."
+        lines.append(f"levels: roads lie above each other ({pairs}{more}); queries there need a height")
     lines += [f"  warning: {warning}" for warning in network.warnings[:20]]
     if site is not None:
         lines.append(

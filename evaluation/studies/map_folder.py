@@ -54,8 +54,8 @@ def folder_table(accounts: Iterator[MapAccount]) -> Iterator[str]:
             continue
         loaded += 1
         clean += not account.found
-        found = ", ".join(f"{count} x {kind}" for kind, count in account.found)
-        yield f"| {account.name} | {len(account.network.roads)} | {len(account.network.lanes)} | {found} |"
+        kinds = ", ".join(f"{count} x {kind}" for kind, count in account.found)
+        yield f"| {account.name} | {len(account.network.roads)} | {len(account.network.lanes)} | {kinds} |"
     yield ""
     yield f"{loaded + refused} maps: {loaded} loaded, {clean} of them without findings; {refused} refused"
 

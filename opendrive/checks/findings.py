@@ -96,7 +96,7 @@ def findings_xqar(
     etree.SubElement(bundle, "Param", name="InputFile", value=file)
     number = 0
     for kind in dict.fromkeys(warning.kind for warning in warnings):
-        found = [warning for warning in warnings if warning.kind is kind]
+        of_kind = [warning for warning in warnings if warning.kind is kind]
         name = kind.value.replace(" ", "_").replace("-", "_")
         checker = etree.SubElement(
             bundle,
@@ -104,11 +104,11 @@ def findings_xqar(
             status="completed",
             checkerId=f"check_{name}",
             description=kind.value,
-            summary=f"{len(found)} issue(s) are found.",
+            summary=f"{len(of_kind)} issue(s) are found.",
         )
-        for rule in dict.fromkeys(_rule(warning) for warning in found):
+        for rule in dict.fromkeys(_rule(warning) for warning in of_kind):
             etree.SubElement(checker, "AddressedRule", ruleUID=rule)
-        for warning in found:
+        for warning in of_kind:
             _add_issue(checker, number, warning, place(warning))
             number += 1
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)

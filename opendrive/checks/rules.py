@@ -213,9 +213,9 @@ def _mixed_access(road: Road) -> Iterator[MapWarning]:
             for access in lane.accesses:
                 if access.rule:
                     rules[round(access.s_offset_m, 6)].add(access.rule)
-            for s_offset_m, found in rules.items():
-                if len(found) > 1:
-                    message = f"lane {lane.id} mixes access rules {', '.join(sorted(found))} at one place"
+            for s_offset_m, at_place in rules.items():
+                if len(at_place) > 1:
+                    message = f"lane {lane.id} mixes access rules {', '.join(sorted(at_place))} at one place"
                     s_m = section.s_m + s_offset_m
                     rule = "1.7.0:road.lane.access.no_mix_of_deny_or_allow"
                     yield _broken(rule, road.id, "lane/access", message, s_m, lane.id)

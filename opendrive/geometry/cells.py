@@ -25,7 +25,7 @@ _MAX_CELLS = 2_000_000
 _BOX_M = 1e-3
 """By how much boxes are wider than need be, so that rounding leaves no point outside."""
 
-_NEWTON_STEPS = 30
+NEWTON_STEPS = 30
 """Convergence is quadratic; it slows down only near the centre of curvature."""
 
 _CONVERGED_M = 1e-11
@@ -251,7 +251,7 @@ def _foot_on_bend(
     ds = np.clip(arc_step(u, v, curvature), 0.0, length_m)
     t, left_over = np.empty_like(ds), np.empty_like(ds)
     active = np.arange(len(ds))
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS):
         at, k, r = ds[active], curvature[active], rate[active]
         foot_u, foot_v = circular(at, k)
         spiral = np.flatnonzero(r)
@@ -288,7 +288,7 @@ def _foot_on_cubic(
     r = np.clip((u * chord_u + v * chord_v) / np.maximum(chord_u**2 + chord_v**2, 1e-18), 0.0, 1.0)
     t, left_over = v.copy(), u.copy()
     active = np.arange(len(r))
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS):
         at, a, b = r[active], k_u[active], k_v[active]
         u_1, v_1 = slope_of(a, at), slope_of(b, at)
         speed = np.hypot(u_1, v_1)

@@ -138,6 +138,13 @@ class NetworkGeometry:
         return RoadParts.cut(self.curves, self.lanes.borders)
 
     @cached_property
+    def is_plain(self) -> bool:
+        """Whether heights are those of the reference lines: no banking, crossfall, shape or lane height."""
+        lanes = self.lanes
+        raised = len(lanes.inner_height.start_m) or lanes.level.any()
+        return not (self.is_banked or self.shapes or self._has_crossfall or raised)
+
+    @cached_property
     def _has_crossfall(self) -> bool:
         return bool(self.crossfall_left.coefficients.any() or self.crossfall_right.coefficients.any())
 

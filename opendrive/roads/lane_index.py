@@ -15,16 +15,23 @@ import shapely
 from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, run_starts, wrapped
 from opendrive.geometry.cells import RoadCells
 from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.single import BORDER_M, FOOT_M, SingleLookup
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-_BORDER_M = 1e-9
-_FOOT_M = 1e-6
 _BOX_M = 1e-3
 _BLOCK = 16384
 _BORDER_STEPS = 4
+_SAME_LEVEL_M = 1e-3
+"""Of lanes as near as this in space, the one whose middle is nearest is taken, as without heights."""
 _FAR_M = 500.0
+
+_SINGLE_QUERIES = 8
+"""From that many single points on, it is worth making what answers them."""
+
+LEVEL_M = 2.0
+"""Lanes that a point lies in count as one level if their heights differ by less: no car passes between."""
 
 
 class LaneHits(NamedTuple):
@@ -108,6 +115,7 @@ class _CellTree:
         samples: tree over points within these lanes, one in each lane of each cell.
         cell_of_sample: cell of each sample.
         lane_of_sample: its lane.
+        sample_z_m: its height.
     """
 
     lane_wanted: BoolArray
@@ -119,6 +127,7 @@ class _CellTree:
     samples: "cKDTree"
     cell_of_sample: IntArray
     lane_of_sample: IntArray
+    sample_z_m: FloatArray
 
     def candidates(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
         """Return pairs of point and row whose box holds the point."""
@@ -165,31 +174,80 @@ class LaneIndex:
         overhang_m: (C, 2) how far beyond a cell's start and end a point can lie between two pieces of a
             kinked reference line.
         trees: cells of some lane types, made when asked for; those of all lanes have no key.
+        wanted: which lanes are of some types.
+        single: what answers single points, once it is made.
+        single_queries: how many single points were asked for before it was made.
     """
 
     geometry: NetworkGeometry
     cells: RoadCells
     overhang_m: FloatArray
     trees: dict[frozenset[str] | None, _CellTree] = field(default_factory=dict, repr=False)
+    wanted: dict[frozenset[str], list[bool]] = field(default_factory=dict, repr=False)
+    single: list[SingleLookup] = field(default_factory=list, repr=False)
+    single_queries: list[int] = field(default_factory=lambda: [0], repr=False)
 
     @classmethod
     def build(cls, geometry: NetworkGeometry) -> "LaneIndex":
         """Cut the roads into cells; trees are made when first needed."""
         cells = RoadCells.cut(geometry.curves, geometry.parts)
         low_m, high_m = _extremes(geometry, np.ones(len(geometry.lanes), dtype=np.bool_))
-        return cls(geometry, cells, cells.overhang(low_m[cells.stretch], high_m[cells.stretch]) + _FOOT_M)
+        return cls(geometry, cells, cells.overhang(low_m[cells.stretch], high_m[cells.stretch]) + FOOT_M)
 
-    def containing(self, xy_m: FloatArray) -> LaneHits:
-        """Return every lane that contains each point (N, 2); borders belong to the lane."""
+    def containing(self, xy_m: FloatArray, z_m: FloatArray | None = None) -> LaneHits:
+        """Return every lane that contains each point (N, 2); borders belong to the lane.
+
+        With heights (N,), only the lanes of the level that is nearest to each.
+        """
+        hits = self._containing(xy_m)
+        if z_m is None or not hits.lane.size:
+            return hits
+        height_m = self.geometry.lane_surface(hits.lane, hits.s_m, hits.t_m).z_m
+        off_m = np.abs(height_m - z_m[hits.point])
+        nearest = off_m == _per_group(np.minimum, off_m, hits.point)
+        level_m = _per_group(np.maximum, np.where(nearest, height_m, -np.inf), hits.point)
+        kept = np.flatnonzero(np.abs(height_m - level_m) <= LEVEL_M)
+        return LaneHits._make(column[kept] for column in hits)
+
+    def _single(self, xy_m: FloatArray) -> SingleLookup | None:
+        """Return what answers a single point; None for other numbers of points, and for few queries."""
+        if len(xy_m) != 1 or self.geometry.is_banked:
+            return None
+        if not self.single:
+            self.single_queries[0] += 1
+            if self.single_queries[0] < _SINGLE_QUERIES:
+                return None
+            tree = self._tree(None)
+            lanes = self.geometry.lanes
+            rows = tree.cell, tree.frame, tree.box
+            side = lanes.side.tolist()
+            self.single.append(
+                SingleLookup.build(self.cells, lanes.borders, side, rows, tree.circle, self.overhang_m)
+            )
+        return self.single[0]
+
+    def _containing(self, xy_m: FloatArray) -> LaneHits:
+        single = self._single(xy_m)
+        if single is not None:
+            x_m, y_m = xy_m[0].tolist()
+            lane_hits = single.containing(x_m, y_m)
+            if lane_hits is not None:
+                return LaneHits(
+                    np.zeros(len(lane_hits), dtype=np.int64),
+                    np.array([hit.lane for hit in lane_hits], dtype=np.int64),
+                    np.array([hit.s_m for hit in lane_hits], dtype=np.float64),
+                    np.array([hit.t_m for hit in lane_hits], dtype=np.float64),
+                    np.array([max(hit.distance_m, 0.0) for hit in lane_hits], dtype=np.float64),
+                )
         tree = self._tree(None)
         point, row = tree.candidates(xy_m)
         feet = self._feet(xy_m, point, tree.cell[row])
         before, after = self.overhang_m[feet.cell].T
         feet = feet.chosen((feet.left_over_m >= -before) & (feet.left_over_m <= after))
         offers = self._offers(feet, tree.lane_wanted)
-        offers = offers.chosen(offers.margin_m >= -_BORDER_M)
+        offers = offers.chosen(offers.margin_m >= -BORDER_M)
         left_over = np.abs(feet.left_over_m[offers.foot])
-        inexact = np.flatnonzero(left_over > _FOOT_M)
+        inexact = np.flatnonzero(left_over > FOOT_M)
         if inexact.size:
             foot = offers.foot[inexact]
             inside = np.ones(offers.foot.size, dtype=np.bool_)
@@ -208,11 +266,25 @@ class LaneIndex:
         margin = np.maximum(offers.margin_m[order], 0.0)
         return LaneHits(feet.point[foot], lane, feet.s_m[foot], feet.t_m[foot], margin)
 
-    def nearest(self, xy_m: FloatArray, lane_types: Collection[str]) -> NearestLanes:
-        """Return the nearest lane of the given types for each point (N, 2).
+    def nearest(
+        self, xy_m: FloatArray, lane_types: Collection[str], z_m: FloatArray | None = None
+    ) -> NearestLanes:
+        """Return the nearest lane of the given types for each point (N, 2), with heights (N,) in space.
 
         Of several lanes that contain a point, the one whose centre line is nearest is taken.
         """
+        single = self._single(xy_m) if z_m is None else None
+        if single is not None:
+            x_m, y_m = xy_m[0].tolist()
+            hit = single.nearest(x_m, y_m, self._wanted(frozenset(lane_types)))
+            if hit is not None:
+                return NearestLanes(
+                    np.array([True]),
+                    np.array([hit.lane]),
+                    np.array([hit.s_m]),
+                    np.array([hit.t_m]),
+                    np.array([hit.distance_m]),
+                )
         n = len(xy_m)
         result = NearestLanes(
             np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(n), np.zeros(n)
@@ -220,22 +292,35 @@ class LaneIndex:
         tree = self._tree(frozenset(lane_types))
         if not tree.cell.size or not n:
             return result
-        reach = self._reach(xy_m, tree) + _BOX_M
+        reach = self._reach(xy_m, tree, z_m) + _BOX_M
         # Far points last, so that few blocks have any.
         order = np.argsort(reach, kind="stable")
         for k, row in tree.within(xy_m[order], reach[order]):
-            self._settle(result, xy_m, order[k], row, tree)
+            self._settle(result, xy_m, z_m, order[k], row, tree)
         return result
 
+    def _wanted(self, lane_types: frozenset[str]) -> list[bool]:
+        """Return which lanes are of given types, as a list."""
+        wanted = self.wanted.get(lane_types)
+        if wanted is None:
+            wanted = np.isin(self.geometry.lanes.lane_type, sorted(lane_types)).tolist()
+            self.wanted[lane_types] = wanted
+        return wanted
+
     def nearest_along(
-        self, xy_m: FloatArray, lane_types: Collection[str], heading_rad: FloatArray
+        self,
+        xy_m: FloatArray,
+        lane_types: Collection[str],
+        heading_rad: FloatArray,
+        z_m: FloatArray | None = None,
     ) -> NearestLanes:
         """Return the nearest lane of the given types for each point (N, 2) that is headed somewhere, (N,).
 
         Of several lanes that contain a point, the one whose travel direction is nearest to the heading is
         taken.
         """
-        nearest, hits, lanes = self.nearest(xy_m, lane_types), self.containing(xy_m), self.geometry.lanes
+        nearest, lanes = self.nearest(xy_m, lane_types, z_m), self.geometry.lanes
+        hits = self.containing(xy_m, z_m)
         wanted = np.flatnonzero(np.isin(lanes.lane_type[hits.lane], tuple(lane_types)))
         point, lane, s, t = hits.point[wanted], hits.lane[wanted], hits.s_m[wanted], hits.t_m[wanted]
         road_heading = self.geometry.curves.evaluate(lanes.road[lane], s).heading_rad
@@ -248,10 +333,13 @@ class LaneIndex:
         nearest.distance_m[rows] = 0.0
         return nearest
 
-    def _reach(self, xy_m: FloatArray, tree: _CellTree) -> FloatArray:
+    def _reach(self, xy_m: FloatArray, tree: _CellTree, z_m: FloatArray | None) -> FloatArray:
         """Return how far points (N, 2) at most are from the lane of the nearest sample."""
         distance, sample = tree.samples.query(xy_m)
         reach = np.asarray(distance)
+        if z_m is not None:
+            in_space: FloatArray = np.hypot(reach, tree.sample_z_m[sample] - z_m)
+            return in_space
         if self.geometry.is_banked:
             return reach
         borders = self.geometry.lanes.borders
@@ -264,7 +352,13 @@ class LaneIndex:
         return nearer
 
     def _settle(
-        self, result: NearestLanes, xy_m: FloatArray, point: IntArray, row: IntArray, tree: _CellTree
+        self,
+        result: NearestLanes,
+        xy_m: FloatArray,
+        z_m: FloatArray | None,
+        point: IntArray,
+        row: IntArray,
+        tree: _CellTree,
     ) -> None:
         """Enter the nearest of the lanes that rows of a tree offer to points."""
         feet = self._feet(xy_m, point, tree.cell[row])
@@ -273,7 +367,7 @@ class LaneIndex:
         t, left_over = feet.t_m[offers.foot], feet.left_over_m[offers.foot]
         beside = np.clip(t, low, high)
         distance = np.hypot(left_over, t - beside)
-        distance[(offers.margin_m >= -_BORDER_M) & (np.abs(left_over) <= _FOOT_M)] = 0.0
+        distance[(offers.margin_m >= -BORDER_M) & (np.abs(left_over) <= FOOT_M)] = 0.0
         if self.geometry.is_banked:
             outside = np.flatnonzero(distance)
             foot = offers.foot[outside]
@@ -285,7 +379,11 @@ class LaneIndex:
         self._follow_borders(xy_m, feet, offers, beside, distance)
         # The offers of a point lie together: the trees answer point by point.
         point = feet.point[offers.foot]
-        behind = distance > _per_group(np.minimum, distance, point)
+        in_space = distance
+        if z_m is not None:
+            surface = self.geometry.lane_surface(offers.lane, feet.s_m[offers.foot], beside)
+            in_space = np.hypot(distance, surface.z_m - z_m[point])
+        behind = in_space > _per_group(np.minimum, in_space, point) + (0.0 if z_m is None else _SAME_LEVEL_M)
         first = _least(np.where(behind, np.inf, np.abs(t - 0.5 * (low + high))), point)
         rows, foot = point[first], offers.foot[first]
         result.found[rows] = True
@@ -379,17 +477,20 @@ class LaneIndex:
         tree = shapely.STRtree(polygons)
         return _CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
 
-    def _samples(self, cell: IntArray, lane_wanted: BoolArray) -> "tuple[cKDTree, IntArray, IntArray]":
-        """Return the middles of the wanted lanes half-way along cells, with their cells and lanes."""
+    def _samples(
+        self, cell: IntArray, lane_wanted: BoolArray
+    ) -> "tuple[cKDTree, IntArray, IntArray, FloatArray]":
+        """Return the middles of the wanted lanes half-way along cells, with cells, lanes and heights."""
         from scipy.spatial import cKDTree  # takes longer to import than everything else here
 
-        cells, low_m, high_m = self.cells, self.cells.low_m[cell], self.cells.high_m[cell]
+        low_m, high_m = self.cells.low_m[cell], self.cells.high_m[cell]
         nothing = np.zeros(len(cell))
         feet = _Feet(np.arange(len(cell)), cell, 0.5 * (low_m + high_m), nothing, nothing)
         offers = self._offers(feet, lane_wanted)
         middle = 0.5 * (offers.inner_m + offers.outer_m)
-        points = self.geometry.surface(cells.road[cell][offers.foot], feet.s_m[offers.foot], middle)
-        return cKDTree(np.stack([points.x_m, points.y_m], axis=1)), cell[offers.foot], offers.lane
+        points = self.geometry.lane_surface(offers.lane, feet.s_m[offers.foot], middle)
+        tree = cKDTree(np.stack([points.x_m, points.y_m], axis=1))
+        return tree, cell[offers.foot], offers.lane, points.z_m
 
 
 def _per_group(reduction: np.ufunc, value: FloatArray, group: IntArray) -> FloatArray:

@@ -8,6 +8,7 @@ from opendrive.errors import LaneNotFoundError
 from opendrive.lanes.table import LaneTable
 from opendrive.roads.borders import SampledBorders, lane_polygon, lane_polygons, sample_borders
 from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.lane_poses import LanePoses
 from opendrive.roads.road import S_TOLERANCE_M, within
 
 
@@ -16,6 +17,7 @@ class NetworkLanes:
 
     def __init__(self, geometry: NetworkGeometry) -> None:
         self._geometry = geometry
+        self._lane_poses = LanePoses(geometry)
 
     @property
     def lanes(self) -> LaneTable:
@@ -38,6 +40,10 @@ class NetworkLanes:
             LaneNotFoundError: no such lane.
             PositionError: s is not finite or off the lane.
         """
+        pose = self._lane_poses.pose(lane, s_m)
+        if pose is not None:
+            x_m, y_m, z_m, heading_rad = pose
+            return np.array(x_m), np.array(y_m), np.array(z_m), np.array(heading_rad)
         lanes, s = self._on_lanes(lane, s_m)
         many, flat = lanes.ravel(), s.ravel()
         inner, outer, d_inner, d_outer = self.lanes.offsets_and_slopes(many, flat)

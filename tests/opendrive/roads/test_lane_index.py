@@ -177,3 +177,114 @@ def test_no_points_give_no_hits(load, text):
     network = load(text.road())
     assert network.locate(np.empty((0, 2))).lane.shape == (0,)
     assert network.nearest_lane(np.empty((0, 2))).found.shape == (0,)
+
+
+HEIGHTS = {"ground": (0.0, "1"), "bridge": (6.0, "2"), "near the ground": (2.5, "1"), "above": (9.0, "2")}
+
+
+@pytest.mark.parametrize("name", list(HEIGHTS))
+def test_heights_tell_a_bridge_from_the_road_below(field_map, name):
+    """Road 1 lies at z = 0, road 2 crosses it at z = 6 m."""
+    network = field_map("bridge_two_levels")
+    z, road = HEIGHTS[name]
+    point = [[48.5, -1.5]]
+    both = network.locate(point)
+    assert {network.lanes.key[lane].road_id for lane in both.lane} == {"1", "2"}
+    hits = network.locate(point, z_m=z)
+    assert [network.lanes.key[lane].road_id for lane in hits.lane] == [road]
+    for options in ({}, {"heading_rad": 0.0}, {"heading_rad": [-np.pi / 2]}):
+        nearest = network.nearest_lane(point, z_m=[z], **options)
+        assert network.lanes.key[nearest.lane[0]].road_id == road
+        assert nearest.distance_m[0] == 0.0
+
+
+def test_a_point_beside_the_ground_road_is_nearer_to_it_than_to_the_bridge_above(field_map):
+    """1.5 m beside the lane of road 1, 0.1 m beside that of the bridge: nearest in space."""
+    network = field_map("bridge_two_levels")
+    point = [[50.1, 1.5]]
+    assert network.lanes.key[network.nearest_lane(point).lane[0]].road_id == "2"
+    nearest = network.nearest_lane(point, z_m=0.0)
+    assert network.lanes.key[nearest.lane[0]].road_id == "1"
+    assert nearest.distance_m[0] == pytest.approx(1.5)
+
+
+def test_overlapping_roads_are_said(field_map, network_of):
+    assert field_map("bridge_two_levels").overlapping_roads == (("1", "2"),)
+    assert network_of("Town01").overlapping_roads == ()
+    assert network_of("Town04").overlapping_roads
+
+
+def test_heights_find_the_lane_that_a_point_is_taken_from(network_of):
+    """Middles of lanes of a town with bridges, with their own heights: each lies in its lane."""
+    network = network_of("Town04")
+    borders = network.sampled_borders(20.0)
+    middle = 0.5 * (borders.left_m + borders.right_m)
+    lane = np.repeat(np.arange(len(network.lanes)), np.diff(borders.first))
+    driving = np.flatnonzero(network.lanes.lane_type[lane] == "driving")
+    nearest = network.nearest_lane(middle[driving, :2], z_m=middle[driving, 2])
+    s, t_inner = nearest.s_m, nearest.t_m
+    height = network._geometry.lane_surface(nearest.lane, s, t_inner).z_m
+    assert np.abs(height - middle[driving, 2]).max() < 0.05
+
+
+@pytest.mark.parametrize("z", [[0.0, 1.0], np.nan])
+def test_heights_that_do_not_fit_are_refused(field_map, z):
+    network = field_map("bridge_two_levels")
+    for query in (network.locate, network.nearest_lane):
+        with pytest.raises(PositionError, match="z_m"):
+            query([[1.0, 1.0]], z_m=z)
+
+
+def single_points(network, count, seed=3):
+    rng = np.random.default_rng(seed)
+    low, high = np.reshape(network.bounds, (2, 2))
+    anywhere = rng.uniform(low - 20.0, high + 20.0, (count, 2))
+    borders = network.sampled_borders(3.0)
+    row = rng.integers(0, len(borders.s_m), count)
+    share = rng.uniform(-0.3, 1.3, (count, 1))
+    beside = borders.left_m[row, :2] + share * (borders.right_m - borders.left_m)[row, :2]
+    return np.concatenate([anywhere, beside])
+
+
+def test_single_queries_say_what_batches_say(network_of, map_name):
+    """Anywhere, and on and beside lanes; the first few are answered by arrays in any case."""
+    network = network_of(map_name)
+    points = single_points(network, 40)
+    types = ("driving", "sidewalk", "shoulder")
+    many, nearest = network.locate(points), network.nearest_lane(points, types)
+    for k, point in enumerate(points.tolist()):
+        of_point = many.point == k
+        hits = network.locate([point])
+        assert hits.lane.tolist() == many.lane[of_point].tolist()
+        for name in ("s_m", "t_m", "margin_m"):
+            expected = getattr(many, name)[of_point]
+            np.testing.assert_allclose(getattr(hits, name), expected, atol=1e-9, err_msg=name)
+        single = network.nearest_lane([point], types)
+        assert bool(single.found[0]) == bool(nearest.found[k])
+        assert single.distance_m[0] == pytest.approx(nearest.distance_m[k], abs=1e-9)
+        if single.lane[0] == nearest.lane[k]:
+            assert single.s_m[0] == pytest.approx(nearest.s_m[k], abs=1e-9)
+            assert single.t_m[0] == pytest.approx(nearest.t_m[k], abs=1e-9)
+        else:
+            # On the border of two lanes of equal width either may come first.
+            keys = [
+                network.lanes.key[lane[0 if lane is single.lane else k]]
+                for lane in (single.lane, nearest.lane)
+            ]
+            assert keys[0] != keys[1]
+
+
+def test_single_poses_are_those_of_batches(network_of, map_name):
+    network = network_of(map_name)
+    lanes = network.lanes
+    rng = np.random.default_rng(5)
+    lane = rng.integers(0, len(lanes), 60)
+    s = lanes.s_start_m[lane] + rng.uniform(0.0, 1.0, 60) * (lanes.s_end_m - lanes.s_start_m)[lane]
+    s[:10] = lanes.s_end_m[lane[:10]]
+    expected = np.stack(network.center_line(lane, s))
+    single = np.array([network.center_line(i, at) for i, at in zip(lane.tolist(), s.tolist(), strict=True)])
+    turn = single[:, 3] - expected[3]
+    np.testing.assert_allclose(single[:, :3], expected[:3].T, atol=1e-9)
+    np.testing.assert_allclose(np.abs(np.sin(0.5 * turn)), 0.0, atol=1e-9)
+    with pytest.raises(PositionError):
+        network.center_line(0, float(lanes.s_end_m[0]) + 1.0)
