@@ -12,6 +12,7 @@ from evaluation.cli import options
 EXAMPLES = options.examples(
     "`smartmot-eval map town.xodr --png town.png`",
     "`smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`",
+    "`smartmot-eval map town.xodr --view town.html`",
     "`smartmot-eval map town.xodr --check --strict --findings town.xqar`",
     "`smartmot-eval map folder_of_maps --check`",
 )
@@ -34,6 +35,14 @@ def command(
     png: Annotated[
         Path | None,
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
+    ] = None,
+    view: Annotated[
+        Path | None,
+        typer.Option(
+            help="Page to write: pan, zoom, search, hover; ids, links, signals, objects and findings; "
+            "with --at also the monitored area.",
+            metavar="FILE.html",
+        ),
     ] = None,
     check: Annotated[
         bool,
@@ -70,18 +79,26 @@ def command(
     site = pose_site(network, place) if place else None
     for line in describe_map(network, site, speed):
         typer.echo(line)
-    if png is not None:
-        from evaluation.views.pictures import save_map
+    monitored, ego = None, None
+    if site is not None and (png is not None or view is not None):
         from scenarios.presets import named_preset
         from scenarios.strategies import make_strategy
         from smartmot.types import EgoState
 
-        if site is None:
-            save_map(network, png)
-        else:
-            ego = EgoState(0.0, *site.route.pose(site.line_m), speed / 3.6)
-            save_map(network, png, make_strategy(strategy, named_preset(preset), site), ego)
+        monitored = make_strategy(strategy, named_preset(preset), site)
+        ego = EgoState(0.0, *site.route.pose(site.line_m), speed / 3.6)
+    if png is not None:
+        from evaluation.views.pictures import save_map
+
+        save_map(network, png, monitored, ego)
         typer.echo(f"picture: {png}")
+    if view is not None:
+        from evaluation.views.map_page import save_map_page
+
+        area = [] if monitored is None or ego is None else monitored.at(ego).polygons()
+        title = network.name or Path(file).stem
+        save_map_page(network, view, title, [outline for _, outline in area])
+        typer.echo(f"page: {view}")
 
 
 def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:

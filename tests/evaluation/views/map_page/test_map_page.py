@@ -1,0 +1,154 @@
+"""The page of a map: what is in it, and how it behaves in a browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from evaluation.views.map_page import map_page, save_map_page
+from evaluation.views.map_page.payload import UNITS_PER_M
+from opendrive import load_map
+from scenarios.catalogue.maps import shipped_map
+
+ROOT = Path(__file__).parents[4]
+FIELD = ROOT / "tests" / "data" / "field" / "opendrive"
+TOWN = ROOT.parent / "shared" / "opendrive" / "maps" / "Town04.xodr"
+REQUIRED = os.environ.get("SMARTMOT_BROWSER") == "required"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+def payload(page: str) -> dict[str, Any]:
+    """The data of a page."""
+    text = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)
+    assert text is not None
+    data: dict[str, Any] = json.loads(text[1])
+    return data
+
+
+def test_outlines_and_places_are_those_of_the_map() -> None:
+    """Within the centimetres that they are written in."""
+    network = load_map(shipped_map("urban_intersection"))
+    data = payload(map_page(network, "a map"))
+    assert [(row["road"], row["section"], row["lane"]) for row in data["lanes"]] == list(network.lanes.key)
+    assert [row["next"] for row in data["lanes"]] == [
+        list(network.successors(lane)) for lane in range(len(network.lanes))
+    ]
+    outlines = network.lane_polygons()
+    for row, outline in zip(data["lanes"], outlines, strict=True):
+        (ring,) = row["rings"]
+        corners = np.cumsum(np.reshape(ring, (-1, 2)), axis=0) / UNITS_PER_M + data["origin"]
+        assert shapely.hausdorff_distance(shapely.Polygon(corners), outline) < 0.01
+    assert len(data["roads"]) == len(network.roads)
+    assert len(data["junctions"]) == 1
+
+
+def test_findings_are_at_their_place() -> None:
+    data = payload(map_page(load_map(FIELD / "linked_roads_apart.xodr"), "apart"))
+    (finding,) = data["findings"]
+    at = np.array(finding["at"]) / UNITS_PER_M + data["origin"]
+    np.testing.assert_allclose(at, (50.0, -1.75), atol=0.01)
+
+
+def test_a_page_needs_no_network_and_trusts_no_name(tmp_path: Path) -> None:
+    content = shipped_map("urban_street").read_text(encoding="utf-8")
+    file = tmp_path / "odd.xodr"
+    file.write_text(content.replace('name=""', 'name="&lt;/script&gt;&lt;b&gt;"'), encoding="utf-8")
+    page = map_page(load_map(file), "<b>title</b>")
+    assert "<b>" not in page
+    assert not re.search(r"(?:src|href)=|https?://", page)
+
+
+def test_a_town_is_of_moderate_size() -> None:
+    if not TOWN.is_file():
+        pytest.skip(f"the reference map is absent: {TOWN}")
+    assert len(map_page(load_map(TOWN), "Town04").encode("utf-8")) < 15e6
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The page of an intersection in a browser; nothing may be on the console or asked of the network."""
+    if REQUIRED:
+        from playwright import sync_api
+    else:
+        sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+        if CHROMIUM is None:
+            pytest.skip("no chromium on the PATH: no browser tests")
+    path = tmp_path_factory.mktemp("map") / "map.html"
+    save_map_page(load_map(shipped_map("urban_intersection")), path, "intersection")
+    messages: list[str] = []
+    urls: list[str] = []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1000, "height": 800})
+        page.on("console", lambda message: messages.append(message.text))
+        page.on("pageerror", lambda error: messages.append(str(error)))
+        page.on("request", lambda request: urls.append(request.url))
+        page.goto(path.as_uri())
+        page.wait_for_function("window.view !== undefined")
+        yield page
+        browser.close()
+    assert messages == []
+    assert [url for url in urls if not url.startswith("file:")] == []
+
+
+SCREEN = "([x, y]) => [view.ox + view.scale * x, view.oy - view.scale * y]"
+
+
+def test_hovering_names_the_lane_below(view: Any) -> None:
+    lane = view.evaluate("() => mapPage.D.lanes.findIndex(l => l.type === 'driving' && !l.junction)")
+    middle = view.evaluate(f"() => mapPage.D.lanes[{lane}].middle")
+    x, y = view.evaluate(SCREEN, middle)
+    view.mouse.move(x, y)
+    key = view.evaluate(f"() => [mapPage.D.lanes[{lane}].road, mapPage.D.lanes[{lane}].lane]")
+    assert f"road {key[0]}, section 0, lane {key[1]}" in view.locator("#tip").text_content()
+    assert view.locator("#place").text_content().startswith("x ")
+
+
+def test_searching_zooms_to_a_road_and_says_if_there_is_none(view: Any) -> None:
+    road = view.evaluate("() => mapPage.D.roads[1].id")
+    before = view.evaluate("() => view.scale")
+    view.fill("#search", f"road {road}")
+    view.press("#search", "Enter")
+    view.wait_for_function(f"view.scale !== {before!r}")
+    assert view.evaluate("() => mapPage.marked.id") == road
+    view.fill("#search", "road of nobody")
+    view.press("#search", "Enter")
+    assert view.locator("#note").text_content() == "nothing of that name"
+
+
+def test_a_click_gives_the_place_for_the_command(view: Any) -> None:
+    view.evaluate("() => mapPage.find('')")
+    lane = view.evaluate("() => mapPage.D.lanes.findIndex(l => l.type === 'driving' && !l.junction)")
+    view.evaluate(f"() => mapPage.fit(mapPage.D.lanes[{lane}].box, 0.5)")
+    view.wait_for_timeout(60)
+    x, y = view.evaluate(SCREEN, view.evaluate(f"() => mapPage.D.lanes[{lane}].middle"))
+    view.mouse.click(x, y)
+    row = view.evaluate(f"() => mapPage.D.lanes[{lane}]")
+    text = view.locator("#note").text_content()
+    place = re.fullmatch(r"--at (\S+),(-?\d+),([\d.]+)", text)
+    assert place is not None
+    assert (place[1], int(place[2])) == (row["road"], row["lane"])
+    assert float(place[3]) == pytest.approx(sum(row["s"]) / 2.0, abs=1.0)
+
+
+def test_layers_can_be_hidden_and_the_wheel_zooms(view: Any) -> None:
+    picture = "() => document.getElementById('map').toDataURL()"
+    view.wait_for_timeout(60)
+    shown = view.evaluate(picture)
+    view.uncheck("input[name=lanes]")
+    view.wait_for_timeout(60)
+    assert view.evaluate(picture) != shown
+    view.check("input[name=lanes]")
+    scale = view.evaluate("() => view.scale")
+    view.mouse.move(500, 400)
+    view.mouse.wheel(0, -400)
+    view.wait_for_function(f"view.scale > {scale!r}")
