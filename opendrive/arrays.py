@@ -62,6 +62,18 @@ def points_xy(xy_m: ArrayLike) -> FloatArray:
     return array
 
 
+def per_point(values: ArrayLike, name: str, points: FloatArray) -> FloatArray:
+    """Return one value for each of N points.
+
+    Raises:
+        PositionError: the shape is neither (N,) nor that of one value, or a value is not finite.
+    """
+    array = finite(values, name)
+    if array.shape not in ((), (1,), (len(points),)):
+        raise PositionError(f"{name}: expected shape ({len(points)},), got {array.shape}")
+    return np.broadcast_to(array, len(points))
+
+
 def wrapped(angle_rad: FloatArray) -> FloatArray:
     """Return angles wrapped to (-pi, pi]."""
     return np.pi - np.mod(np.pi - angle_rad, 2.0 * np.pi)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opendrive.arrays import FloatArray, finite, points_xy
+from opendrive.arrays import FloatArray, finite, per_point, points_xy
 from opendrive.checks import (
     content_warnings,
     curve_warnings,
@@ -34,7 +34,8 @@ from opendrive.lanes.travel import (
 from opendrive.model import MapModel, Signal
 from opendrive.roads.borders import bounds_of
 from opendrive.roads.geometry import NetworkGeometry, SurfacePoints
-from opendrive.roads.lane_index import LEVEL_M, LaneHits, LaneIndex, NearestLanes
+from opendrive.roads.lane_index import LaneHits, LaneIndex, NearestLanes
+from opendrive.roads.levels import overlapping_roads
 from opendrive.roads.network_lanes import NetworkLanes
 from opendrive.roads.objects import (
     Crosswalk,
@@ -46,8 +47,6 @@ from opendrive.roads.objects import (
 )
 from opendrive.roads.road import RoadGeometry, SurfaceAttitudes
 from opendrive.roads.road_records import RoadRecords
-
-_OVERLAP_STEP_M = 2.0
 
 
 class RoadNetwork(NetworkLanes):
@@ -231,7 +230,7 @@ class RoadNetwork(NetworkLanes):
             PositionError: the shape is not (N, 2), or a value is not finite.
         """
         points = points_xy(xy_m)
-        return self._index.containing(points, None if z_m is None else _per_point(z_m, "z_m", points))
+        return self._index.containing(points, None if z_m is None else per_point(z_m, "z_m", points))
 
     def nearest_lane(
         self,
@@ -257,28 +256,17 @@ class RoadNetwork(NetworkLanes):
         """
         types = (lane_types,) if isinstance(lane_types, str) else tuple(lane_types)
         points = points_xy(xy_m)
-        height_m = None if z_m is None else _per_point(z_m, "z_m", points)
+        height_m = None if z_m is None else per_point(z_m, "z_m", points)
         if heading_rad is None:
             return self._index.nearest(points, types, height_m)
         return self._index.nearest_along(
-            points, types, _per_point(heading_rad, "heading_rad", points), height_m
+            points, types, per_point(heading_rad, "heading_rad", points), height_m
         )
 
     @cached_property
     def overlapping_roads(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of roads whose lanes lie above each other, such as a bridge and the road below it.
-
-        Found from the middles of lanes every 2 m; there, queries need a height to tell them apart.
-        """
-        borders = self.sampled_borders(_OVERLAP_STEP_M)
-        middle_m = 0.5 * (borders.left_m + borders.right_m)
-        hits = self._index.containing(np.ascontiguousarray(middle_m[:, :2]))
-        height_m = self._geometry.lane_surface(hits.lane, hits.s_m, hits.t_m).z_m
-        apart = np.abs(height_m - middle_m[hits.point, 2]) > LEVEL_M
-        lane_of_point = np.repeat(np.arange(len(self.lanes)), np.diff(borders.first))
-        pairs = np.stack([lane_of_point[hits.point[apart]], hits.lane[apart]], axis=1)
-        roads = np.unique(np.sort(self.lanes.road[pairs], axis=1), axis=0)
-        return tuple((self._geometry.roads.id[a], self._geometry.roads.id[b]) for a, b in roads.tolist())
+        """Pairs of roads above each other, as bridges lie: queries there need a height."""
+        return overlapping_roads(self._geometry, self._index)
 
     # Topology
 
@@ -510,15 +498,3 @@ class RoadNetwork(NetworkLanes):
         return self.lanes.lane_of_key.get(
             neighbour_key(self.lanes.key[i], int(self.lanes.direction[i]), side)
         )
-
-
-def _per_point(values: ArrayLike, name: str, points: FloatArray) -> FloatArray:
-    """Return one value for each of N points.
-
-    Raises:
-        PositionError: the shape is neither (N,) nor that of one value, or a value is not finite.
-    """
-    array = finite(values, name)
-    if array.shape not in ((), (1,), (len(points),)):
-        raise PositionError(f"{name}: expected shape ({len(points)},), got {array.shape}")
-    return np.broadcast_to(array, len(points))

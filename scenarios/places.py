@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ from smartmot.maps.walks import kerb, lanes_under
 STRAIGHT_M = 0.05
 """A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle
 under test may leave its path in a Euro NCAP test."""
+SITE_STEP_M = 5.0
+"""Places of a lane are tried at this distance."""
+
 RUN_OUT_M = 20.0
 """Straight length that a test needs after its line."""
 
@@ -176,10 +180,76 @@ def find_site(network: RoadNetwork, approach_m: float) -> Site:
                 return site_at(network, lane, s, approach_m)
             except ScenarioError:
                 continue
+    stretches = site_stretches(network, approach_m)
+    if stretches:
+        best = stretches[0].place
+        return site_at(network, lane_at(network, best), best.s_m, approach_m)
     raise ScenarioError(
-        f"no straight stretch of {approach_m:.0f} m among the longest lanes of map "
+        f"no straight stretch of {approach_m:.0f} m on map "
         f"{network.name or '(unnamed)'}; use lower speeds, another map, or --at ROAD,LANE,S"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SiteStretch:
+    """A stretch of a driving lane on which the line of a test can lie.
+
+    Args:
+        place: the middle of the stretch.
+        s_low_m: least s of the line.
+        s_high_m: greatest s of the line.
+        straight_m: straight length before and after the middle together.
+        has_sidewalk: whether a sidewalk begins at the kerb of the near side there.
+    """
+
+    place: Place
+    s_low_m: float
+    s_high_m: float
+    straight_m: float
+    has_sidewalk: bool
+
+
+def site_stretches(network: RoadNetwork, approach_m: float) -> list[SiteStretch]:
+    """Every stretch on which a test can stand, those with a sidewalk first, then the longest straight.
+
+    Args:
+        network: the map.
+        approach_m: straight length that a test needs before its line.
+    """
+    lanes = network.lanes
+    driving = (lanes.lane_type == "driving") & np.array(
+        [j is None for j in lanes.junction_id], dtype=np.bool_
+    )
+    stretches = [
+        s for lane in np.flatnonzero(driving).tolist() for s in _lane_stretches(network, lane, approach_m)
+    ]
+    return sorted(stretches, key=lambda s: (not s.has_sidewalk, -s.straight_m))
+
+
+def _lane_stretches(network: RoadNetwork, lane: int, approach_m: float) -> Iterator[SiteStretch]:
+    """Yield the stretches of one lane, looked for every `SITE_STEP_M`."""
+    key = network.lanes.key[lane]
+    low_m, high_m = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
+    along = int(network.lanes.direction[lane]) > 0
+    count = max(int(np.ceil((high_m - low_m) / SITE_STEP_M)), 1) + 1
+    s_m = np.linspace(low_m, high_m, count)
+    entry_m = low_m if along else high_m
+    ahead_m = high_m - low_m + RUN_OUT_M + 60.0
+    route = route_ahead(network, lane, entry_m, ahead_m=ahead_m, behind_m=approach_m + 5.0)
+    around = np.array([straight_around(route, route.station_of(lane, s)) for s in s_m.tolist()])
+    fits = (around[:, 0] >= approach_m) & (around[:, 1] >= RUN_OUT_M)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]]).astype(np.int8)))
+    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
+        middle = (first + last) // 2
+        try:
+            site_at(network, lane, float(s_m[middle]), approach_m)
+        except ScenarioError:
+            continue  # another branch lies ahead of that place
+        at_m = float(s_m[middle])
+        sidewalk = kerb_m(network, lane, at_m, near_side(network, lane), over_lanes=False)[1]
+        place = Place(key.road_id, key.lane_id, at_m)
+        straight_m = float(around[middle].sum())
+        yield SiteStretch(place, float(s_m[first]), float(s_m[last]), straight_m, sidewalk)
 
 
 def kerb_m(

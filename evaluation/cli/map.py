@@ -13,6 +13,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval map town.xodr --png town.png`",
     "`smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`",
     "`smartmot-eval map town.xodr --view town.html`",
+    "`smartmot-eval map town.xodr --sites --speed 40`",
     "`smartmot-eval map town.xodr --check --strict --findings town.xqar`",
     "`smartmot-eval map folder_of_maps --check`",
 )
@@ -36,6 +37,14 @@ def command(
         Path | None,
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
     ] = None,
+    sites: Annotated[
+        bool,
+        typer.Option(
+            "--sites",
+            help="List every stretch where a pedestrian test at --speed can stand, as ROAD,LANE,S "
+            "for --at, and stop.",
+        ),
+    ] = False,
     view: Annotated[
         Path | None,
         typer.Option(
@@ -76,6 +85,12 @@ def command(
     if findings is not None:
         raise typer.BadParameter("goes with --check; add it", param_hint="--findings")
     network = load_named_map(file, layer)
+    if sites:
+        from evaluation.studies.map_description import describe_sites
+
+        for line in describe_sites(network, speed):
+            typer.echo(line)
+        raise typer.Exit
     site = pose_site(network, place) if place else None
     for line in describe_map(network, site, speed):
         typer.echo(line)

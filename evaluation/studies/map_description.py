@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from opendrive import RoadNetwork
+from scenarios.catalogue.cpna import approach_m
 from scenarios.errors import ScenarioError
-from scenarios.places import Place, Site, lane_at, near_side
+from scenarios.places import RUN_OUT_M, Place, Site, lane_at, near_side, site_stretches
 from smartmot.maps.regulatory import regulatory_elements
 from smartmot.maps.route import route_ahead
 
@@ -21,6 +22,25 @@ def pose_site(network: RoadNetwork, place: Place) -> Site:
         )
     route = route_ahead(network, lane, place.s_m, ahead_m=200.0, behind_m=100.0)
     return Site(network, route, route.station_of(lane, place.s_m), near_side(network, lane))
+
+
+def describe_sites(network: RoadNetwork, speed_kmh: float) -> list[str]:
+    """Every stretch of a map where a pedestrian test can stand, line by line, those with a sidewalk first."""
+    stretches = site_stretches(network, approach_m(speed_kmh))
+    rows = [("ROAD,LANE,S", "line from s to s", "straight", "sidewalk")] if stretches else []
+    rows += [
+        (
+            f"{stretch.place.road_id},{stretch.place.lane_id},{stretch.place.s_m:.1f}",
+            f"{stretch.s_low_m:.1f} .. {stretch.s_high_m:.1f}",
+            f"{stretch.straight_m:.0f} m",
+            "yes" if stretch.has_sidewalk else "no",
+        )
+        for stretch in stretches
+    ]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
+    lines = ["  ".join(cell.ljust(n) for cell, n in zip(row, widths, strict=True)).rstrip() for row in rows]
+    needed = f"{approach_m(speed_kmh):.0f} m straight before the line and {RUN_OUT_M:.0f} m after it"
+    return [*lines, f"{len(stretches)} stretches for a test at {speed_kmh:g} km/h ({needed})"]
 
 
 def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> list[str]:

@@ -5,7 +5,7 @@ is then decided exactly, by projecting the point to (s, t) and comparing t with 
 there.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +14,7 @@ import shapely
 
 from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, run_starts, wrapped
 from opendrive.geometry.cells import RoadCells
+from opendrive.roads.cell_tree import CellTree
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.roads.single import BORDER_M, FOOT_M, SingleLookup
 
@@ -21,11 +22,9 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 _BOX_M = 1e-3
-_BLOCK = 16384
 _BORDER_STEPS = 4
 _SAME_LEVEL_M = 1e-3
 """Of lanes as near as this in space, the one whose middle is nearest is taken, as without heights."""
-_FAR_M = 500.0
 
 _SINGLE_QUERIES = 8
 """From that many single points on, it is worth making what answers them."""
@@ -102,69 +101,6 @@ class _Offers(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _CellTree:
-    """The cells that have lanes of some types.
-
-    Attributes:
-        lane_wanted: (L,) the lanes of these types.
-        cell: (C',) their cells.
-        frame: (C', 4) x, y, cos and sin of the heading of the frames of the boxes around these lanes.
-        box: (C', 4) least and greatest u, least and greatest v of the boxes.
-        circle: x, y and radius of the circles around the boxes, (C',) each.
-        tree: tree over the boxes.
-        samples: tree over points within these lanes, one in each lane of each cell.
-        cell_of_sample: cell of each sample.
-        lane_of_sample: its lane.
-        sample_z_m: its height.
-    """
-
-    lane_wanted: BoolArray
-    cell: IntArray
-    frame: FloatArray
-    box: FloatArray
-    circle: tuple[FloatArray, FloatArray, FloatArray]
-    tree: shapely.STRtree
-    samples: "cKDTree"
-    cell_of_sample: IntArray
-    lane_of_sample: IntArray
-    sample_z_m: FloatArray
-
-    def candidates(self, xy_m: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return pairs of point and row whose box holds the point."""
-        point, row = self.tree.query(shapely.points(xy_m))
-        beside_u, beside_v = self._beside(xy_m[point], row)
-        inside = np.flatnonzero((beside_u <= 0.0) & (beside_v <= 0.0))
-        return point[inside], row[inside]
-
-    def within(self, xy_m: FloatArray, reach_m: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Yield pairs of point and row whose box is within reach, block by block."""
-        for start in range(0, len(xy_m), _BLOCK):
-            xy, reach = xy_m[start : start + _BLOCK], reach_m[start : start + _BLOCK]
-            # A square around the point is the quicker question, but far off the map too many boxes meet it.
-            if reach.max() > _FAR_M:
-                point, row = self.tree.query(shapely.points(xy), predicate="dwithin", distance=reach)
-            else:
-                # The tree looks at envelopes alone, and a diagonal has that of its square.
-                diagonals = np.stack([xy - reach[:, None], xy + reach[:, None]], axis=1)
-                point, row = self.tree.query(shapely.linestrings(diagonals))
-            # Most of them are further off than the circle around the box already is.
-            dx, dy = xy[point, 0] - self.circle[0][row], xy[point, 1] - self.circle[1][row]
-            near = np.flatnonzero(dx**2 + dy**2 <= (reach[point] + self.circle[2][row]) ** 2)
-            point, row = point[near], row[near]
-            beside_u, beside_v = np.maximum(self._beside(xy[point], row), 0.0)
-            near = np.flatnonzero(beside_u**2 + beside_v**2 <= reach[point] ** 2)
-            yield start + point[near], row[near]
-
-    def _beside(self, xy_m: FloatArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return how far points lie outside boxes along u and along v; negative if between the sides."""
-        x, y, cos, sin = self.frame[row].T
-        u_low, u_high, v_low, v_high = self.box[row].T
-        dx, dy = xy_m[:, 0] - x, xy_m[:, 1] - y
-        u, v = cos * dx + sin * dy, cos * dy - sin * dx
-        return np.maximum(u_low - u, u - u_high), np.maximum(v_low - v, v - v_high)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LaneIndex:
     """Spatial index of the lanes of a network.
 
@@ -182,7 +118,7 @@ class LaneIndex:
     geometry: NetworkGeometry
     cells: RoadCells
     overhang_m: FloatArray
-    trees: dict[frozenset[str] | None, _CellTree] = field(default_factory=dict, repr=False)
+    trees: dict[frozenset[str] | None, CellTree] = field(default_factory=dict, repr=False)
     wanted: dict[frozenset[str], list[bool]] = field(default_factory=dict, repr=False)
     single: list[SingleLookup] = field(default_factory=list, repr=False)
     single_queries: list[int] = field(default_factory=lambda: [0], repr=False)
@@ -333,7 +269,7 @@ class LaneIndex:
         nearest.distance_m[rows] = 0.0
         return nearest
 
-    def _reach(self, xy_m: FloatArray, tree: _CellTree, z_m: FloatArray | None) -> FloatArray:
+    def _reach(self, xy_m: FloatArray, tree: CellTree, z_m: FloatArray | None) -> FloatArray:
         """Return how far points (N, 2) at most are from the lane of the nearest sample."""
         distance, sample = tree.samples.query(xy_m)
         reach = np.asarray(distance)
@@ -358,7 +294,7 @@ class LaneIndex:
         z_m: FloatArray | None,
         point: IntArray,
         row: IntArray,
-        tree: _CellTree,
+        tree: CellTree,
     ) -> None:
         """Enter the nearest of the lanes that rows of a tree offer to points."""
         feet = self._feet(xy_m, point, tree.cell[row])
@@ -446,12 +382,12 @@ class LaneIndex:
         t, side = feet.t_m[foot], self.geometry.lanes.side[lane]
         return _Offers(foot, lane, row, inner, outer, np.minimum((t - inner) * side, (outer - t) * side))
 
-    def _tree(self, lane_types: frozenset[str] | None) -> _CellTree:
+    def _tree(self, lane_types: frozenset[str] | None) -> CellTree:
         if lane_types not in self.trees:
             self.trees[lane_types] = self._plant(lane_types)
         return self.trees[lane_types]
 
-    def _plant(self, lane_types: frozenset[str] | None) -> _CellTree:
+    def _plant(self, lane_types: frozenset[str] | None) -> CellTree:
         """Make the tree over the cells of the lanes of some types, or of all lanes."""
         geometry, cells = self.geometry, self.cells
         wanted = np.ones(len(geometry.lanes), dtype=np.bool_)
@@ -475,7 +411,7 @@ class LaneIndex:
         radius = np.hypot(*(corners[:, 0] - middle).T) + _BOX_M
         circle = (middle[:, 0].copy(), middle[:, 1].copy(), radius)
         tree = shapely.STRtree(polygons)
-        return _CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
+        return CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
 
     def _samples(
         self, cell: IntArray, lane_wanted: BoolArray

@@ -22,6 +22,7 @@ from scenarios.places import (
     lane_under,
     near_side,
     site_at,
+    site_stretches,
     straight_around,
 )
 from scenarios.presets import PAPER
@@ -149,3 +150,52 @@ def test_a_place_is_found_by_road_lane_and_s() -> None:
 def test_a_wrong_place_is_answered_with_what_there_is(place: Place, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         lane_at(street(), place)
+
+
+def short_straight(start_m: float) -> str:
+    """A road of 1,000 m that winds but for 200 m from a place on: two bends to the left, one road."""
+    winding = []
+    x = y = heading = 0.0
+    s = 0.0
+    while s < 1000.0:
+        straight = abs(s - start_m) < 1e-6
+        length = 200.0 if straight else 20.0
+        curvature = 0.0 if straight else (0.01 if len(winding) % 2 else -0.01)
+        shape = "<line/>" if straight else f'<arc curvature="{curvature}"/>'
+        length = min(length, 1000.0 - s)
+        pose = f's="{s!r}" x="{x!r}" y="{y!r}" hdg="{heading!r}" length="{length!r}"'
+        winding.append(f"<geometry {pose}>{shape}</geometry>")
+        half = 0.5 * curvature * length
+        chord = length * float(np.sinc(half / np.pi))
+        x, y = x + chord * float(np.cos(heading + half)), y + chord * float(np.sin(heading + half))
+        heading, s = heading + 2.0 * half, s + length
+    width = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
+    lane = f'<right><lane id="-1" type="driving">{width}</lane></right>'
+    lanes = f'<laneSection s="0"><center><lane id="0" type="none"/></center>{lane}</laneSection>'
+    return (
+        '<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="1000" junction="-1">'
+        f"<planView>{''.join(winding)}</planView><lanes>{lanes}</lanes></road></OpenDRIVE>"
+    )
+
+
+@pytest.mark.parametrize("start_m", [60.0, 100.0, 300.0, 620.0])
+def test_every_straight_stretch_is_found(tmp_path: Path, start_m: float) -> None:
+    """200 m of a winding road: the line lies after the approach and before the run-out."""
+    file = tmp_path / "winding.xodr"
+    file.write_text(short_straight(start_m), encoding="utf-8")
+    network = load_map(file)
+    (stretch,) = site_stretches(network, 100.0)
+    # On the arcs of 100 m radius the tangent is left by 5 cm after 3.2 m.
+    assert stretch.s_low_m == pytest.approx(start_m + 100.0, abs=9.0)
+    assert stretch.s_high_m == pytest.approx(start_m + 200.0 - RUN_OUT_M, abs=9.0)
+    assert not stretch.has_sidewalk
+    site = find_site(network, 100.0)
+    before, after = straight_around(site.route, site.line_m)
+    assert before >= 100.0
+    assert after >= RUN_OUT_M
+
+
+def test_stretches_with_a_sidewalk_come_first() -> None:
+    stretches = site_stretches(load_map(shipped_map("urban_street")), 60.0)
+    assert {(s.place.road_id, s.place.lane_id) for s in stretches} == {("1", -1), ("1", 1)}
+    assert all(s.has_sidewalk for s in stretches)
