@@ -194,7 +194,8 @@ def definition_of(spec: RunSpec) -> ScenarioDefinition:
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: the file cannot be read or run.
     """
-    definition = load(scenario_path(spec.file), dict(spec.parameters))
+    # a scenario that names a level in place of a file takes place on the map that the run is given
+    definition = load(scenario_path(spec.file), dict(spec.parameters), spec.map_name)
     if spec.adversaries == "static":
         if definition.map_path is None:
             raise ScenarioError(

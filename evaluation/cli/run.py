@@ -15,6 +15,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval run my_test.xosc --param Ego_speed_kph=50 --no-aeb`",
     "`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`",
     "`smartmot-eval run cpfa --sensor mid70 --perception my_detector:Clouds --street furnished`",
+    "`smartmot-eval run scenarios_of_others --check --roads maps`",
     "Names and parameters of the shipped scenarios: smartmot-eval list",
 )
 
@@ -22,7 +23,10 @@ EXAMPLES = options.examples(
 def command(
     scenario: Annotated[
         str,
-        typer.Argument(help="Scenario or distribution file, or a shipped name.", metavar="FILE.xosc|NAME"),
+        typer.Argument(
+            help="Scenario or distribution file, or a shipped name; with --check also a folder.",
+            metavar="FILE.xosc|NAME",
+        ),
     ],
     param: Annotated[
         list[str] | None,
@@ -58,6 +62,22 @@ def command(
             metavar="FILE.xodr",
         ),
     ] = None,
+    road: Annotated[
+        Path | None,
+        typer.Option(
+            "--road",
+            "--roads",
+            help="Road of a scenario that names a level (Town01) in place of a file: the file, or a folder "
+            "with Town01.xodr.",
+            metavar="FILE.xodr|DIR",
+        ),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Say which files can be run, as a table, and stop.")
+    ] = False,
+    to_end: Annotated[
+        bool, typer.Option("--to-end", help="With --check: run each file unbraked, to its end or for 60 s.")
+    ] = False,
     phase_ms: options.PhaseMs = 0.0,
     seed: options.Seed = 0,
     out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results/run"),
@@ -68,6 +88,10 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
+    if check:
+        _check(scenario, road, to_end, quiet)
+    if road is not None:
+        map_file = _road_of(scenario, road, map_file)
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions, scenario_specs
     from evaluation.runs.workers import available_cores
@@ -98,3 +122,32 @@ def command(
         compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
         if mcap:
             write_mcaps(out, quiet, workers or available_cores())
+
+
+def _check(place: str, road: Path | None, to_end: bool, quiet: bool) -> None:
+    """Print the table of what can be run, with a line per note for a single file; ends the command."""
+    from evaluation.cli.output import counting, one_line
+    from scenarios.catalogue.library import scenario_path
+    from scenarios.openscenario.checking import check, scenario_files, table
+
+    path = Path(place) if Path(place).exists() else scenario_path(place)
+    files = scenario_files(path)
+    checks = []
+    with counting("checking", quiet) as done:
+        for number, file in enumerate(files):
+            done(number, len(files))
+            checks.append(check(file, road, to_end))
+    for line in table(checks, path if path.is_dir() else path.parent):
+        typer.echo(one_line(line))
+    for note in checks[0].lines if len(checks) == 1 else ():
+        typer.echo(f"  {one_line(note)}")
+    raise typer.Exit(1 if any(held.verdict == "refused" for held in checks) else 0)
+
+
+def _road_of(scenario: str, road: Path, map_file: Path | None) -> Path | None:
+    """The map of perception: that which is asked for, or the road that stands in for the scenario's own."""
+    from scenarios.catalogue.library import scenario_path
+    from scenarios.openscenario import expand, load
+
+    variation = expand(scenario_path(scenario))[0]
+    return map_file or load(variation.path, variation.parameters, road).map_path

@@ -72,7 +72,7 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     """
     parameters = dict(spec.parameters)
     path = scenario_path(spec.file)
-    files = [file_digest(file) for file in load(path, parameters).files]
+    files = [file_digest(file) for file in load(path, parameters, spec.map_name).files]
     # without a name perception uses the scenario's map, or this one in its place
     files.append(file_digest(map_file(spec.map_name or NCAP_MAP)))
     parameters.pop("Map", None)

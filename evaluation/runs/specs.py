@@ -99,7 +99,10 @@ def scenario_specs(name: str, parameters: Mapping[str, Value], conditions: Condi
         values = {**variation.parameters, **parameters}
         if all(values != dict(other.parameters) for other in variations):
             variations.append(replace(variation, parameters=values))
-    bare = [bare_run(scenario_name(v.path), v.parameters) for v in variations]
+    bare = [
+        replace(bare_run(scenario_name(v.path), v.parameters), map_name=conditions.map_name)
+        for v in variations
+    ]
     speeds = [initial_speed_kmh(definition_of(run)) for run in bare]
     names = _names(scenario_path(name).stem, variations, speeds)
     return conditions.specs(

@@ -4,6 +4,7 @@ definition = load("scenario.xosc", {"Ego_speed_kph": 40})
 run = Engine(definition).run()
 """
 
+from scenarios.openscenario.checking import FileCheck, check, scenario_files
 from scenarios.openscenario.control import BrakeAt, EgoController, Motion
 from scenarios.openscenario.errors import (
     CatalogError,
@@ -30,6 +31,7 @@ __all__ = [
     "Engine",
     "Entities",
     "ExpressionError",
+    "FileCheck",
     "FileReadError",
     "Motion",
     "OpenScenarioError",
@@ -39,6 +41,8 @@ __all__ = [
     "ScenarioDefinition",
     "UnsupportedError",
     "Variation",
+    "check",
     "expand",
     "load",
+    "scenario_files",
 ]

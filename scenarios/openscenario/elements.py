@@ -154,5 +154,6 @@ def referred(record: object) -> frozenset[str]:
         _REFERENCES[kind] = tuple(
             name for name, hint in hints if any(isinstance(part, Reference) for part in get_args(hint)[1:])
         )
-    names = frozenset(getattr(record, name) for name in _REFERENCES[kind])
+    held = (getattr(record, name) for name in _REFERENCES[kind])
+    names = frozenset(name for name in held if name is not None)
     return names.union(*map(referred, vars(record).values()))

@@ -61,6 +61,9 @@ _ARITHMETIC: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
     ast.Mod: math.fmod,
 }
+_NUMERAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+"""Text that is a number."""
+
 _COMPARISONS: dict[type[ast.cmpop], Callable[[Value, Value], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -104,9 +107,9 @@ def evaluate(text: str, parameters: Callable[[str], Value]) -> Value:
 
 
 def _number(value: Value) -> float:
-    if isinstance(value, str | bool):
+    if isinstance(value, bool) or (isinstance(value, str) and not _NUMERAL.fullmatch(value.strip())):
         raise TypeError(f"{value!r} is not a number")
-    return float(value)
+    return float(value)  # also of a parameter that is declared as text and holds a number
 
 
 def _value(node: ast.expr, parameters: Callable[[str], Value]) -> Value:

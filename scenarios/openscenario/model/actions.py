@@ -318,6 +318,35 @@ class DeleteEntityAction(Element):
     entity: str
 
 
+class SetParameterAction(Element):
+    """Give a parameter a value, which conditions see; what has been read with the old one keeps it."""
+
+    parameter: str
+    value: Value
+
+
+class ModifyParameterAction(Element):
+    """Add to a parameter or multiply it."""
+
+    parameter: str
+    operator: Literal["add", "multiply"]
+    value: float
+
+
+class SignalStateAction(Element):
+    """Let a traffic signal show a state."""
+
+    signal: str
+    state: str
+
+
+class SignalPhaseAction(Element):
+    """Put a controller of traffic signals into a phase."""
+
+    controller: str
+    phase: str
+
+
 class SetVariableAction(Element):
     """Give a variable a value."""
 
@@ -351,6 +380,14 @@ PrivateAction: TypeAlias = (
     | ControllerAction
 )
 GlobalAction: TypeAlias = (
-    EnvironmentAction | AddEntityAction | DeleteEntityAction | SetVariableAction | ModifyVariableAction
+    EnvironmentAction
+    | AddEntityAction
+    | DeleteEntityAction
+    | SetVariableAction
+    | ModifyVariableAction
+    | SetParameterAction
+    | ModifyParameterAction
+    | SignalStateAction
+    | SignalPhaseAction
 )
 Action: TypeAlias = PrivateAction | GlobalAction

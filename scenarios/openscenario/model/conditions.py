@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Never, Only
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model.positions import Position
 
@@ -36,11 +36,15 @@ DISTANCES = {
 }
 """How a distance is measured; 1.0 calls the straight line `cartesianDistance`."""
 
+System: TypeAlias = Literal["entity", "lane", "road", "trajectory"]
+"""In whose coordinates a distance is measured."""
+
+SystemAttribute: TypeAlias = Annotated[System, Attribute("coordinateSystem", "entity")]
+AlongRoute: TypeAlias = Annotated[bool, Attribute("alongRoute", False)]
+"""The older word for a distance along the road."""
+
 TimedDistance: TypeAlias = Annotated[
-    Distance,
-    Only("coordinateSystem", "entity", "entity"),
-    Never("alongRoute", False),
-    Attribute("relativeDistanceType", "euclidianDistance", DISTANCES),
+    Distance, Attribute("relativeDistanceType", "euclidianDistance", DISTANCES)
 ]
 """How a time to an entity measures the distance: in a straight line unless the file says otherwise."""
 
@@ -56,8 +60,9 @@ class SimulationTimeCondition(Element, attributes="value rule"):
 
 
 class ParameterCondition(Element, attributes="parameterRef value rule"):
-    """A parameter's value, which is fixed."""
+    """A parameter's value, which actions may set; `actual` is that at the start."""
 
+    parameter: str
     actual: Value
     rule: Rule
     value: Value
@@ -116,21 +121,41 @@ class RelativeDistanceCondition(
 ):
     """Distance to another entity: between reference points, or between outlines if `freespace`."""
 
-    entity: Annotated[EntityName, Only("coordinateSystem", "entity", "entity")]
+    entity: EntityName
     rule: RuleAttribute
     value: ValueAttribute
     kind: Annotated[Distance, Attribute("relativeDistanceType", values=DISTANCES)]
     freespace: Freespace
+    system: SystemAttribute = "entity"
+    along_route: AlongRoute = False
 
 
-class TimeToCollisionCondition(Element, attributes=TIMED, children="TimeToCollisionConditionTarget"):
-    """Distance to another entity over the speed at which it shrinks; does not hold while it does not."""
+class DistanceCondition(Element, attributes=TIMED, children="Position"):
+    """Distance to a position: from the reference point, or from the outline if `freespace`."""
 
-    entity: EntityName
+    position: Annotated[Position, Child("Position")]
     rule: RuleAttribute
     value: ValueAttribute
     kind: TimedDistance
     freespace: Freespace
+    system: SystemAttribute = "entity"
+    along_route: AlongRoute = False
+
+
+class TimeToCollisionCondition(Element, attributes=TIMED, children="TimeToCollisionConditionTarget"):
+    """Distance to another entity over the speed at which it shrinks; does not hold while it does not.
+
+    `position` is in place of the entity where that is None.
+    """
+
+    entity: Annotated[str | None, Reference()]
+    position: Position | None
+    rule: RuleAttribute
+    value: ValueAttribute
+    kind: TimedDistance
+    freespace: Freespace
+    system: SystemAttribute = "entity"
+    along_route: AlongRoute = False
 
 
 class TimeHeadwayCondition(Element, attributes=f"entityRef {TIMED}"):
@@ -141,6 +166,8 @@ class TimeHeadwayCondition(Element, attributes=f"entityRef {TIMED}"):
     value: ValueAttribute
     kind: TimedDistance
     freespace: Freespace
+    system: SystemAttribute = "entity"
+    along_route: AlongRoute = False
 
 
 class StandStillCondition(Element):
@@ -171,8 +198,62 @@ class ReachPositionCondition(Element):
     tolerance_m: Annotated[float, Attribute("tolerance", sign="not negative")]
 
 
+class EndOfRoadCondition(Element):
+    """At the end of the road for a time."""
+
+    duration_s: Annotated[float, Attribute("duration", sign="not negative")]
+
+
+class OffroadCondition(Element):
+    """On no road for a time."""
+
+    duration_s: Annotated[float, Attribute("duration", sign="not negative")]
+
+
+class RelativeClearanceCondition(
+    Element,
+    attributes="oppositeLanes distanceForward distanceBackward freeSpace",
+    children="RelativeLaneRange EntityRef",
+):
+    """Whether a part of some lanes is free of entities.
+
+    Args:
+        entities: who may be there; none named: anybody else.
+        lanes: first and last lane, counted to the left from the own one; none: all.
+        forward_m, backward_m: how far ahead and back.
+        freespace: whether outlines count; else reference points.
+        opposite_lanes: whether lanes of the other direction count.
+    """
+
+    entities: tuple[str, ...]
+    lanes: tuple[tuple[float, float], ...]
+    forward_m: float
+    backward_m: float
+    freespace: bool
+    opposite_lanes: bool
+
+
+class TrafficSignalCondition(Element):
+    """A traffic signal shows a state."""
+
+    signal: Annotated[str, Attribute("name")]
+    state: Annotated[str, Attribute("state")]
+
+
+class TrafficSignalControllerCondition(Element):
+    """A controller of traffic signals is in a phase."""
+
+    controller: Annotated[str, Attribute("trafficSignalControllerRef")]
+    phase: Annotated[str, Attribute("phase")]
+
+
 ValueConditionKind: TypeAlias = (
-    SimulationTimeCondition | ParameterCondition | VariableCondition | StoryboardElementStateCondition
+    SimulationTimeCondition
+    | ParameterCondition
+    | VariableCondition
+    | StoryboardElementStateCondition
+    | TrafficSignalCondition
+    | TrafficSignalControllerCondition
 )
 EntityConditionKind: TypeAlias = (
     CollisionCondition
@@ -186,6 +267,10 @@ EntityConditionKind: TypeAlias = (
     | TraveledDistanceCondition
     | AngleCondition
     | ReachPositionCondition
+    | DistanceCondition
+    | EndOfRoadCondition
+    | OffroadCondition
+    | RelativeClearanceCondition
 )
 
 

@@ -49,6 +49,26 @@ class EntityDefinition(Element):
     controllers: tuple[Controller, ...] = ()
 
 
+class SignalPhase(Element):
+    """A phase of a controller of traffic signals: how long it lasts, and what the signals show."""
+
+    name: str
+    duration_s: float
+    states: tuple[tuple[str, str], ...]
+
+
+class SignalController(Element):
+    """Traffic signals that go through phases again and again.
+
+    `delay_s` counts from the start of the controller `reference`, or from that of the run.
+    """
+
+    name: str
+    delay_s: float
+    reference: str | None
+    phases: tuple[SignalPhase, ...]
+
+
 class Environment(Element):
     """Light and weather as far as the file gives them.
 

@@ -131,6 +131,7 @@ class Route(Element, attributes="name closed", children="ParameterDeclarations W
 
     name: str
     waypoints: tuple[Position, ...]
+    closed: bool = False
 
 
 class Vertex(Element, first="time_s"):
@@ -192,3 +193,4 @@ class Trajectory(Element, attributes="name closed", children="ParameterDeclarati
 
     name: str
     shape: Shape
+    closed: bool = False

@@ -10,7 +10,7 @@ from scenarios.openscenario.elements import Element
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model.actions import Action
 from scenarios.openscenario.model.conditions import Condition, Trigger
-from scenarios.openscenario.model.entities import EntityDefinition
+from scenarios.openscenario.model.entities import EntityDefinition, SignalController
 
 
 class NamedAction(Element):
@@ -19,16 +19,21 @@ class NamedAction(Element):
     name: str
     action: Action
     entities: tuple[str, ...]
+    is_private: bool = False
 
 
 class Event(Element):
-    """Actions started together. `start` None: as soon as the event may."""
+    """Actions started together. `start` None: as soon as the event may.
+
+    `select`: who makes the trigger hold carries the actions out as well.
+    """
 
     name: str
     priority: str
     max_executions: int
     actions: tuple[NamedAction, ...]
     start: Trigger | None
+    select: bool = False
 
 
 class Maneuver(Element):
@@ -77,6 +82,8 @@ class ScenarioDefinition(Element):
         stop: stop trigger of the storyboard.
         files: every file that was read for it: the scenario, all files of its catalog directories, the map.
         notes: lines about what the file has and the run does not use.
+        criteria: what CARLA's ScenarioRunner judges a run by: name and value.
+        signals: controllers of traffic signals.
     """
 
     path: Path
@@ -90,6 +97,8 @@ class ScenarioDefinition(Element):
     stop: Trigger | None
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    criteria: tuple[tuple[str, str], ...] = ()
+    signals: tuple[SignalController, ...] = ()
 
     def events(self) -> Iterator[Event]:
         """All events, in the order of the file."""

@@ -121,6 +121,7 @@ def _swerve(
     tail = _tail(curve, float(along_m[-1]), float(left_m[-1]), float(gone_m[-1]))
     rows = np.concatenate((change, tail))
     path = Path(rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]), rows[:, 3])
+    path.on_road = curve.on_road
     return Swerve(path, gone_m, along_m, left_m)
 
 

@@ -55,6 +55,7 @@ class Path(Immutable):
         "_station",
         "_yaw",
         "length_m",
+        "on_road",
         "points_m",
         "vertex_places",
     )
@@ -84,6 +85,8 @@ class Path(Immutable):
         else:
             self._yaw = np.asarray(yaw_rad, float).tolist()
         self.length_m: float = self._station[-1]
+        self.on_road = False
+        """Whether it follows lanes."""
         self.vertex_places: list[int] | None = None
         """Which point each vertex of a polyline is, where some are at the same place; None: each its own."""
 
@@ -199,6 +202,10 @@ class Path(Immutable):
             return turn
         headings = self._chord_yaw[i : j + 1]
         return sum(abs(math.remainder(b - a, 2 * math.pi)) for a, b in pairwise(headings))
+
+    def yaw_at_points(self) -> FloatArray | None:
+        """(K,) headings at the points; None where those of the chords hold."""
+        return None if self._yaw is None else np.array(self._yaw)
 
     def station_of_vertices(self) -> list[float]:
         """Arc length at every point, or at every vertex of a polyline."""

@@ -29,6 +29,9 @@ from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.roads import LanePlace, Leg, Roads
 from scenarios.openscenario.motion.trajectories import build, starts_at_entity
 
+CLOSED_WAY_M = 10_000.0
+"""A closed route is driven round for so long a way."""
+
 
 class Locator:
     """Turns positions into poses, routes into legs and trajectories into paths.
@@ -70,7 +73,11 @@ class Locator:
                 return self._relative_lane(position)
             case RelativeRoadPosition():
                 place = self._place(position.entity)
-                frame = self.roads.point(place.road_id, place.s_m + position.ds_m, place.t_m + position.dt_m)
+                lane, s_m, turned = self.roads.walked(place.lane, place.s_m, position.ds_m)
+                road_id = self.roads.network.lanes.key[lane].road_id
+                frame = self.roads.point(road_id, s_m, (place.t_m + position.dt_m) * turned)
+                if turned < 0:
+                    frame = frame.moved(0.0, 0.0, math.pi)
             case RelativeObjectPosition():
                 frame = self._pose_of(position.entity).moved(position.dx_m, position.dy_m)
             case RelativeWorldPosition():
@@ -87,6 +94,10 @@ class Locator:
         self, road_id: str, lane_id: int, s_m: float, offset_m: float, orientation: Orientation
     ) -> Pose:
         """The heading without orientation is that of the traffic in the lane."""
+        if lane_id == 0:  # the line between the lanes of both directions
+            return oriented(
+                self.roads.point(road_id, s_m, self.roads.middle_m(road_id, s_m) + offset_m), orientation
+            )
         lane = self.roads.lane(road_id, lane_id, s_m)
         frame = self.roads.point(road_id, s_m, self.roads.lane_middle_m(lane, s_m) + offset_m)
         if self.roads.direction(lane) < 0:
@@ -104,6 +115,14 @@ class Locator:
         place = self._place(position.entity)
         lane_id = place.beside(position.d_lane)
         s = place.s_m + (0.0 if position.along_lane else position.ds_m * place.along_s)
+        length_m = self.roads.network.roads[place.road_id].length_m
+        if not position.along_lane and not 0.0 <= s <= length_m and lane_id != 0:
+            lane = self.roads.lane(place.road_id, lane_id, place.s_m)
+            lane, s, turned = self.roads.walked(lane, place.s_m, position.ds_m * place.along_s)
+            key = self.roads.network.lanes.key[lane]
+            return self._in_lane(
+                key.road_id, key.lane_id, s, position.offset_m * turned, position.orientation
+            )
         if position.along_lane:
             lane = self.roads.lane(place.road_id, lane_id, place.s_m)
             end = self.roads.network.roads[place.road_id].length_m if place.along_s > 0 else 0.0
@@ -145,7 +164,9 @@ class Locator:
             if place is None:
                 raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
             places.append(place)
-        legs = self.roads.route_legs(places)
+        legs = self.roads.route_legs([*places, places[0]] if route.closed else places)
+        if route.closed:
+            legs = legs * max(2, math.ceil(CLOSED_WAY_M / sum(leg.length_m for leg in legs)))
         if not referred(route):
             self._kept[route] = legs
         return legs

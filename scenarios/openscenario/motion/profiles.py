@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from scenarios.openscenario.elements import Immutable
+from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import Performance, SpeedShape
 
 NEVER_S = math.inf
@@ -191,10 +192,15 @@ def transition(
         value: s, m/s2 or m.
         start_mps: speed before.
         end_mps: speed after.
+
+    Raises:
+        RunError: a rate is 0, and the speeds differ.
     """
     change = abs(end_mps - start_mps)
     if shape == "step" or change == 0.0:
         return ()
+    if dimension == "rate" and value <= 0.0:
+        raise RunError(f"a rate of 0 never leads from {start_mps:.6g} to {end_mps:.6g} m/s")
     if dimension == "rate":
         duration = SLOPES[shape] * change / value
     elif dimension == "distance":

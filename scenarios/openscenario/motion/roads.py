@@ -125,6 +125,19 @@ class Roads(Immutable):
         """+1 if traffic in the lane runs along s, -1 if against."""
         return int(self.network.lanes.direction[lane])
 
+    def nearest(self, pose: Pose) -> LanePlace | None:
+        """The nearest lane beside a pose; None where there is none at all."""
+        if not self.network.roads:
+            return None
+        hits = self.network.nearest_lane(np.array([[pose.x_m, pose.y_m]]))
+        lane, s, t = int(hits.lane[0]), float(hits.s_m[0]), float(hits.t_m[0])
+        if lane < 0:
+            return None
+        key = self.network.lanes.key[lane]
+        turn = math.cos(self.point(key.road_id, s, t).yaw_rad - pose.yaw_rad)
+        offset = t - self.lane_middle_m(lane, s)
+        return LanePlace(lane, key.road_id, key.lane_id, s, t, offset, 1 if turn >= 0 else -1)
+
     def place(self, pose: Pose) -> LanePlace | None:
         """The lane below a pose; of several, the one most nearly along its heading. None off the road."""
         hits = self.network.locate(np.array([[pose.x_m, pose.y_m]]))
@@ -156,17 +169,47 @@ class Roads(Immutable):
         )
         if math.cos(ahead - pose.yaw_rad) < math.cos(ON_LANE_RAD):
             return straight(pose)
-        legs = self._legs_ahead(place.lane, place.s_m, place.along_s)
+        legs = self.legs_ahead(place.lane, place.s_m, place.along_s)
         return self.path(legs, place.offset_m * place.along_s)
 
     def lane_way(self, lane: int, s_m: float, along_s: int, roads: frozenset[str] = frozenset()) -> Path:
         """Way along the middle of a lane and the lanes after it; at forks onto given roads if it can be."""
-        return self.path(self._legs_ahead(lane, s_m, along_s, roads), 0.0)
+        return self.path(self.legs_ahead(lane, s_m, along_s, roads), 0.0)
+
+    def middle_m(self, road_id: str, s_m: float) -> float:
+        """T of the line between the lanes of both directions, which is lane 0.
+
+        Raises:
+            RunError: there is no such road, s is off it, or it has no lanes.
+        """
+        for lane_id in (-1, 1):
+            try:
+                lane = self.lane(road_id, lane_id, s_m)
+            except RunError:
+                if lane_id == 1:
+                    raise
+                continue
+            return float(self.network.lane_offsets(lane, s_m)[0])
+        raise AssertionError
+
+    def walked(self, lane: int, s_m: float, ds_m: float) -> tuple[int, float, int]:
+        """Lane and s after a way along s from a place in a lane; -1 if s runs the other way there, else 1.
+
+        Raises:
+            RunError: the roads end before.
+        """
+        along_s = 1 if ds_m >= 0.0 else -1
+        left_m = abs(ds_m)
+        for leg in self.legs_ahead(lane, s_m, along_s):
+            if left_m <= leg.length_m + 1e-6:
+                return leg.lane, leg.s_start_m + leg.along_s * left_m, leg.along_s * along_s
+            left_m -= leg.length_m
+        raise RunError(f"the road ends {left_m:.6g} m before a place that lies {ds_m:.6g} m along it")
 
     def _is_driving(self, lane: int) -> bool:
         return str(self.network.lanes.lane_type[lane]) not in ("none", "border", "sidewalk", "shoulder")
 
-    def _legs_ahead(
+    def legs_ahead(
         self, lane: int, s_m: float, along_s: int, roads: frozenset[str] = frozenset()
     ) -> list[Leg]:
         """Legs from a place on, through lanes of given roads, or else the straightest that follow."""
@@ -232,7 +275,9 @@ class Roads(Immutable):
 
     def path(self, legs: list[Leg], left_m: float) -> Path:
         """Path along the middle of legs, moved to the left as seen in the direction of travel."""
-        return joined([self._leg_rows(leg, left_m) for leg in legs if leg.length_m > 1e-6])
+        path = joined([self._leg_rows(leg, left_m) for leg in legs if leg.length_m > 1e-6])
+        path.on_road = True
+        return path
 
     def _leg_rows(self, leg: Leg, left_m: float) -> FloatArray:
         """(K, 3) x, y, yaw along a leg: its two ends if it is straight, dense points otherwise."""

@@ -43,9 +43,32 @@ def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], entity_po
         RunError: it has no length, or no start.
     """
     try:
-        return _build(trajectory.shape, pose_of, entity_pose)
+        path = _build(trajectory.shape, pose_of, entity_pose)
+        return _laps(path) if trajectory.closed else path
     except RunError as error:
         raise RunError(f"trajectory '{trajectory.name}': {error}") from None
+
+
+LAPS_M, MOST_LAPS = 10_000.0, 1000
+"""A closed trajectory is followed for so long a way, or so often."""
+
+CLOSED_M = 0.05
+"""The ends of a closed curve may be this far apart; those of a polyline are joined by a straight line."""
+
+
+def _laps(path: Path) -> Path:
+    """A closed curve, followed again and again."""
+    points, yaw = path.points_m, path.yaw_at_points()
+    gap_m = float(np.hypot(*(points[-1] - points[0])))
+    if yaw is not None and gap_m > CLOSED_M:
+        raise RunError(f"it is closed, and its ends are {gap_m:.3g} m apart")
+    ring = points if gap_m > CLOSED_M else points[:-1]
+    count = max(2, min(MOST_LAPS, MAX_POINTS // len(ring), math.ceil(LAPS_M / path.length_m)))
+    laps = np.concatenate((np.tile(ring, (count, 1)), points[:1]))
+    if yaw is None:
+        return Path(laps[:, 0], laps[:, 1])
+    headings = np.concatenate((np.tile(yaw[: len(ring)], count), yaw[:1]))
+    return Path(laps[:, 0], laps[:, 1], np.unwrap(headings))
 
 
 def _build(shape: Shape, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:

@@ -19,12 +19,16 @@ from scenarios.openscenario.model import (
     LaneOffsetAction,
     LightStateAction,
     LongitudinalDistanceAction,
+    ModifyParameterAction,
     ModifyVariableAction,
     PrivateAction,
     RelativeLane,
     RelativeOffset,
     RelativeSpeed,
+    SetParameterAction,
     SetVariableAction,
+    SignalPhaseAction,
+    SignalStateAction,
     SpeedAction,
     SpeedEntry,
     SpeedProfileAction,
@@ -51,10 +55,39 @@ def private_action(node: Node, context: Context) -> Action:
 
 def global_action(node: Node, context: Context) -> Action:
     """Action without actor, from a GlobalAction element."""
-    child = node.one_of("EnvironmentAction EntityAction VariableAction")
-    if child.tag == "EnvironmentAction":
-        return EnvironmentAction(environment(referenced(child, "Environment", context)))
-    return _entity(child, context) if child.tag == "EntityAction" else _variable(child, context)
+    child = node.one_of("EnvironmentAction EntityAction VariableAction ParameterAction InfrastructureAction")
+    match child.tag:
+        case "EnvironmentAction":
+            return EnvironmentAction(environment(referenced(child, "Environment", context)))
+        case "EntityAction":
+            return _entity(child, context)
+        case "ParameterAction":
+            return _parameter(child)
+        case "InfrastructureAction":
+            return _signal(child.one_of("TrafficSignalAction"))
+    return _variable(child, context)
+
+
+def _parameter(node: Node) -> SetParameterAction | ModifyParameterAction:
+    name = node.name("parameterRef")
+    if name not in node.scope:
+        raise ParameterError(f"{node.where} parameter '{name}' is not declared")
+    child = node.one_of("SetAction ModifyAction", "parameterRef")
+    if child.tag == "SetAction":
+        child.allow("value")
+        return SetParameterAction(name, child.value("value"))
+    rule = child.need("Rule").one_of("AddValue MultiplyByValue")
+    rule.allow("value")
+    return ModifyParameterAction(name, "add" if rule.tag == "AddValue" else "multiply", rule.number("value"))
+
+
+def _signal(node: Node) -> SignalStateAction | SignalPhaseAction:
+    child = node.one_of("TrafficSignalStateAction TrafficSignalControllerAction")
+    if child.tag == "TrafficSignalStateAction":
+        child.allow("name state")
+        return SignalStateAction(child.text("name"), child.text("state"))
+    child.allow("trafficSignalControllerRef phase", "Phase")
+    return SignalPhaseAction(child.text("trafficSignalControllerRef"), child.text("phase"))
 
 
 @reads(SpeedAction)
@@ -65,17 +98,14 @@ def _speed(node: Node, context: Context) -> SpeedAction:
     dynamics.choice("followingMode", "position follow", "position")
     shape = dynamics.choice("dynamicsShape", "step linear cubic sinusoidal")
     dimension = dynamics.choice("dynamicsDimension", "time rate distance")
-    value = amount(dynamics, dimension, shape)
+    value = amount(dynamics, dimension)
     target = _speed_target(node.need("SpeedActionTarget"), context)
     return SpeedAction(cast(SpeedShape, shape), cast(Dimension, dimension), value, target)
 
 
-def amount(dynamics: Node, dimension: str, shape: str) -> float:
+def amount(dynamics: Node, dimension: str) -> float:
     """The value of dynamics: a duration, a distance, or a rate, whose sign follows from the change."""
-    zero = shape == "step" or dimension != "rate"
-    if dimension == "rate" and dynamics.number("value") < 0.0:
-        return -dynamics.number("value")
-    return dynamics.positive("value", zero=zero)
+    return abs(dynamics.number("value")) if dimension == "rate" else dynamics.positive("value")
 
 
 def _speed_target(node: Node, context: Context) -> float | RelativeSpeed:
@@ -125,7 +155,7 @@ def _lane_change(node: Node, context: Context) -> LaneChangeAction:
     return LaneChangeAction(
         cast(SpeedShape, shape),
         cast(Dimension, dimension),
-        amount(dynamics, dimension, shape),
+        amount(dynamics, dimension),
         target,
         node.number("targetLaneOffset", 0.0),
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
-from scenarios.openscenario.errors import ContentError, ParameterError
+from scenarios.openscenario.errors import ContentError, ExpressionError, ParameterError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     CollisionCondition,
@@ -12,6 +13,7 @@ from scenarios.openscenario.model import (
     EntityCondition,
     EntityConditionKind,
     ParameterCondition,
+    RelativeClearanceCondition,
     Rule,
     StoryboardElementStateCondition,
     TimeToCollisionCondition,
@@ -22,6 +24,7 @@ from scenarios.openscenario.model import (
 from scenarios.openscenario.reading.document import Node
 from scenarios.openscenario.reading.elements import Context, allow, chosen, declared, one_of, read, reads
 from scenarios.openscenario.reading.parameters import RULES, compare
+from scenarios.openscenario.reading.positions import position
 
 
 def trigger(node: Node | None, context: Context) -> Trigger | None:
@@ -32,6 +35,32 @@ def trigger(node: Node | None, context: Context) -> Trigger | None:
     return tuple([tuple([_condition(child, context) for child in group.some("Condition")]) for group in node])
 
 
+CRITERION = "criteria_"
+"""How names of conditions begin by which CARLA's ScenarioRunner judges a run, and does not stop it."""
+
+
+def stop_trigger(node: Node | None, context: Context) -> tuple[Trigger | None, tuple[tuple[str, str], ...]]:
+    """Trigger that stops the storyboard, and the criteria of CARLA's ScenarioRunner that stand in it."""
+    if node is None:
+        return None, ()
+    node.allow(children="ConditionGroup")
+    criteria: list[tuple[str, str]] = []
+    groups: list[tuple[Condition, ...]] = []
+    for group in node:
+        conditions: list[Condition] = []
+        for child in group.some("Condition"):
+            name = child.text("name")
+            if name.startswith(CRITERION):
+                held = child.need("ByValueCondition").get("ParameterCondition")
+                value = "" if held is None else held.text("value", "")
+                criteria.append((name.removeprefix(CRITERION), value))
+            else:
+                conditions.append(_condition(child, context))
+        if conditions:
+            groups.append(tuple(conditions))
+    return tuple(groups), tuple(criteria)
+
+
 def _condition(node: Node, context: Context) -> Condition:
     child = node.one_of("ByEntityCondition ByValueCondition", "name delay conditionEdge")
     kind: ValueConditionKind | EntityCondition
@@ -39,7 +68,16 @@ def _condition(node: Node, context: Context) -> Condition:
         kind = read(EntityCondition, child, context)
     else:
         kind = cast(ValueConditionKind, one_of(ValueConditionKind, child, context))
-    return declared(Condition, node, context, kind=kind)
+    return declared(Condition, node, context, kind=kind, name=_label(node, context))
+
+
+def _label(node: Node, context: Context) -> str:
+    """Name of a condition, which nothing refers to: where it has no value, the text itself."""
+    try:
+        return node.text("name")
+    except ExpressionError as error:
+        context.note(node, f"has a name without a value: {error}")
+        return str(node.element.get("name"))
 
 
 @reads(ParameterCondition)
@@ -48,7 +86,7 @@ def _parameter(node: Node, context: Context) -> ParameterCondition:
     name = node.text("parameterRef")
     if name not in node.scope:
         raise ParameterError(f"{node.where} parameter '{name}' is not declared")
-    return ParameterCondition(node.scope[name], *_comparison(node, node.scope[name]))
+    return ParameterCondition(name, node.scope[name], *_comparison(node, node.scope[name]))
 
 
 @reads(VariableCondition)
@@ -109,8 +147,34 @@ def _collision(node: Node, context: Context) -> CollisionCondition:
 @reads(TimeToCollisionCondition)
 def _time_to_collision(node: Node, context: Context) -> TimeToCollisionCondition:
     allow(TimeToCollisionCondition, node)
-    entity = _target(node.need("TimeToCollisionConditionTarget"), context)
-    return declared(TimeToCollisionCondition, node, context, entity=entity)
+    target = node.need("TimeToCollisionConditionTarget").one_of("EntityRef Position")
+    entity, place = None, None
+    if target.tag == "Position":
+        place = position(target, context)
+    else:
+        target.allow("entityRef")
+        entity = context.entity(target)
+    return declared(TimeToCollisionCondition, node, context, entity=entity, position=place)
+
+
+@reads(RelativeClearanceCondition)
+def _clearance(node: Node, context: Context) -> RelativeClearanceCondition:
+    allow(RelativeClearanceCondition, node)
+    lanes: list[tuple[float, float]] = []
+    for child in node.all("RelativeLaneRange"):
+        child.allow("from to")
+        low = child.integer("from") if child.has("from") else -math.inf
+        high = child.integer("to") if child.has("to") else math.inf
+        lanes.append((low, high))
+    names = tuple(context.entity(child) for child in node.all("EntityRef"))
+    return RelativeClearanceCondition(
+        names,
+        tuple(lanes),
+        node.positive("distanceForward", 0.0),
+        node.positive("distanceBackward", 0.0),
+        node.boolean("freeSpace"),
+        node.boolean("oppositeLanes"),
+    )
 
 
 def _target(node: Node, context: Context) -> str:

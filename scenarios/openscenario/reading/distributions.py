@@ -60,7 +60,7 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
         )
     kinds = "DeterministicSingleParameterDistribution DeterministicMultiParameterDistribution"
     axes = [_axis(child) for child in node.need("Deterministic").some(kinds, "distribution")]
-    names: list[str] = [name for axis in axes for name in axis[0]]
+    names: list[str] = [name for axis in axes for name in dict.fromkeys(n for part in axis for n in part)]
     for name in names:
         if names.count(name) > 1:
             raise ContentError(f"{node.where} distributes parameter '{name}' twice")
@@ -91,8 +91,8 @@ def _axis(node: Node) -> list[dict[str, Value]]:
         sets.allow(children="ParameterValueSet")
         # the standard's ParameterValueSet is itself a list of assignments
         axis = [dict(assignments(child)) for child in sets]
-        if not axis or any(part.keys() != axis[0].keys() for part in axis):
-            raise ContentError(f"{sets.where} needs ParameterValueSets that assign the same parameters")
+        if not axis:
+            raise ContentError(f"{sets.where} needs at least one ParameterValueSet")
         return axis
     name = node.text("parameterName")
     child = node.one_of("DistributionSet DistributionRange UserDefinedDistribution", "parameterName")

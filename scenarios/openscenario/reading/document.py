@@ -77,7 +77,9 @@ def _parse(path: Path, _mtime_ns: int, _size: int) -> _Parsed:
         raise FileReadError(f"{path}: the root element is <{root.tag}>, expected <OpenSCENARIO>")
     header = root.find("FileHeader")
     version = ("", "") if header is None else (header.get("revMajor", ""), header.get("revMinor", ""))
-    if version[0] != "1" or version[1] not in ("0", "1", "2", "3"):
+    # entries of catalogs are the same in 0.9, by which CARLA's still call themselves
+    catalog = version == ("0", "9") and root.find("Catalog") is not None
+    if not catalog and (version[0] != "1" or version[1] not in ("0", "1", "2", "3")):
         raise FileReadError(
             f"{path}: FileHeader gives version '{version[0]}.{version[1]}'; "
             "OpenSCENARIO XML 1.0 to 1.3 is read"

@@ -69,21 +69,15 @@ def referenced(parent: Node, tag: str, context: Context, attributes: str = "") -
     return context.catalogs.entry(child, tag) if child.tag == "CatalogReference" else scoped(child)
 
 
-def _refuse_closed(node: Node, kind: str) -> None:
-    if node.boolean("closed"):
-        raise UnsupportedError(f"{node.where} closed='true' is not supported; give an open {kind}")
-
-
 @reads(Route)
 def route(parent: Node, context: Context) -> Route:
     """Route from RouteRef or AssignRouteAction."""
     node = referenced(parent, "Route", context)
     allow(Route, node)
-    _refuse_closed(node, "route")
     waypoints = [read(Waypoint, child, context).position for child in node.all("Waypoint")]
     if len(waypoints) < 2:
         raise ContentError(f"{node.where} needs at least two Waypoints, got {len(waypoints)}")
-    return Route(node.text("name"), tuple(waypoints))
+    return Route(node.text("name"), tuple(waypoints), node.boolean("closed"))
 
 
 @reads(Trajectory)
@@ -91,13 +85,15 @@ def trajectory(parent: Node, context: Context, timed: bool = False) -> Trajector
     """Trajectory from TrajectoryRef (or, as in 1.0, from the action itself); by time or not."""
     node = referenced(parent, "Trajectory", context)
     allow(Trajectory, node)
-    _refuse_closed(node, "trajectory")
+    closed = node.boolean("closed")
+    if closed and timed:
+        raise UnsupportedError(f"{node.where} closed='true' is not supported together with times")
     shape = node.need("Shape").one_of("Polyline ClothoidSpline Clothoid Nurbs")
     kind = {"Polyline": Polyline, "Nurbs": Nurbs}.get(shape.tag, ClothoidSpline)
     curve = cast(Shape, read(kind, shape, context))
     if timed and isinstance(curve, Polyline) and all(map(_gives_heading, shape)):
         curve = Polyline(curve.vertices, headed=True)
-    return Trajectory(node.text("name"), curve)
+    return Trajectory(node.text("name"), curve, closed)
 
 
 def _gives_heading(vertex: Node) -> bool:

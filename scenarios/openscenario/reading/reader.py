@@ -24,6 +24,8 @@ from scenarios.openscenario.model import (
     NamedAction,
     Performance,
     ScenarioDefinition,
+    SignalController,
+    SignalPhase,
     Story,
     StoryboardElementStateCondition,
     Trigger,
@@ -32,7 +34,7 @@ from scenarios.openscenario.model import (
 )
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
-from scenarios.openscenario.reading.conditions import entity_references, trigger
+from scenarios.openscenario.reading.conditions import entity_references, stop_trigger, trigger
 from scenarios.openscenario.reading.controllers import controller
 from scenarios.openscenario.reading.document import Node, parse
 from scenarios.openscenario.reading.elements import Context, read
@@ -58,12 +60,18 @@ _PEDESTRIANS = {"pedestrian": "pedestrian", "wheelchair": "pedestrian", "animal"
 """OpenSCENARIO's categories in terms of the detection categories."""
 
 
-def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = None) -> ScenarioDefinition:
+def load(
+    path: str | PathLike[str],
+    parameters: Mapping[str, Value] | None = None,
+    road: str | PathLike[str] | None = None,
+) -> ScenarioDefinition:
     """Read a scenario.
 
     Args:
         path: the `.xosc` file.
         parameters: values in place of the declared ones, as text, number or truth value.
+        road: OpenDRIVE file in place of one that is not there, or a folder with files by the names of levels
+            (CARLA's scenarios name Town01, not a file).
 
     Raises:
         FileReadError: a file cannot be read or is no scenario.
@@ -109,9 +117,9 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
-    stop = trigger(storyboard.get("StopTrigger"), context)
+    stop, criteria = stop_trigger(storyboard.get("StopTrigger"), context)
     _check_element_references(file, stories, stop)
-    map_path = _map_path(root.need("RoadNetwork"))
+    map_path = _map_path(root.need("RoadNetwork"), None if road is None else Path(road))
     init = tuple(_init(storyboard.need("Init"), context))
     catalogs.note_missing()
     return ScenarioDefinition(
@@ -126,10 +134,12 @@ def load(path: str | PathLike[str], parameters: Mapping[str, Value] | None = Non
         stop=stop,
         files=(file, *catalogs.files, *(() if map_path is None else (map_path,))),
         notes=tuple(catalogs.notes),
+        criteria=criteria,
+        signals=_signals(root.need("RoadNetwork").get("TrafficSignals")),
     )
 
 
-def _map_path(node: Node) -> Path | None:
+def _map_path(node: Node, road: Path | None) -> Path | None:
     """The road network; None: the scenario takes place on a plane."""
     node.allow(children="LogicFile SceneGraphFile TrafficSignals UsedArea")
     file = node.get("LogicFile")
@@ -137,9 +147,39 @@ def _map_path(node: Node) -> Path | None:
         return None
     file.allow("filepath")
     path = file.path("filepath")
-    if not path.is_file():
-        raise FileReadError(f"{file.where} road network {path} does not exist")
-    return path
+    if path.is_file():
+        return path
+    level = path.name if path.suffix == ".xodr" else f"{path.name}.xodr"
+    places = [path.with_name(level)]
+    if road is not None:
+        places.insert(0, road / level if road.is_dir() else road)
+    for place in places:
+        if place.is_file():
+            return place
+    raise FileReadError(
+        f"{file.where} road network {path} does not exist; give its file, or a folder with {level}, by --road"
+    )
+
+
+def _signals(node: Node | None) -> tuple[SignalController, ...]:
+    controllers: list[SignalController] = []
+    for child in () if node is None else node.some("TrafficSignalController"):
+        child.allow("name delay reference", "Phase")
+        phases: list[SignalPhase] = []
+        for phase in child.all("Phase"):
+            phase.allow("name duration", "TrafficSignalState TrafficSignalGroupState")
+            states = [(s.text("trafficSignalId"), s.text("state")) for s in phase.all("TrafficSignalState")]
+            phases.append(SignalPhase(phase.text("name"), phase.positive("duration"), tuple(states)))
+        reference = child.text("reference") if child.has("reference") else None
+        controllers.append(
+            SignalController(child.text("name"), child.positive("delay", 0.0), reference, tuple(phases))
+        )
+    names = [held.name for held in controllers]
+    for held in controllers:
+        if held.reference is not None and held.reference not in names:
+            assert node is not None
+            raise ContentError(f"{node.where} '{held.name}' refers to '{held.reference}', which is none")
+    return tuple(controllers)
 
 
 # Entities
@@ -251,17 +291,15 @@ def _group(node: Node, context: Context) -> ManeuverGroup:
     node.allow("name maximumExecutionCount", "Actors CatalogReference Maneuver")
     actors = node.need("Actors")
     actors.allow("selectTriggeringEntities", "EntityRef")
-    if actors.boolean("selectTriggeringEntities"):
-        raise UnsupportedError(
-            f"{actors.where} selectTriggeringEntities='true' is not supported; name the actors"
-        )
+    select = actors.boolean("selectTriggeringEntities")
     entities = entity_references(actors, context)
     maneuvers: list[Maneuver] = []
     for child in node:
         if child.tag == "CatalogReference":
-            maneuvers.append(_maneuver(context.catalogs.entry(child, "Maneuver"), entities, context))
+            entry = context.catalogs.entry(child, "Maneuver")
+            maneuvers.append(_maneuver(entry, entities, select, context))
         elif child.tag == "Maneuver":
-            maneuvers.append(_maneuver(scoped(child), entities, context))
+            maneuvers.append(_maneuver(scoped(child), entities, select, context))
     return ManeuverGroup(node.text("name"), _count(node), tuple(maneuvers))
 
 
@@ -272,23 +310,28 @@ def _count(node: Node) -> int:
     return count
 
 
-def _maneuver(node: Node, entities: tuple[str, ...], context: Context) -> Maneuver:
+def _maneuver(node: Node, entities: tuple[str, ...], select: bool, context: Context) -> Maneuver:
     node.allow("name", "ParameterDeclarations Event")
-    return Maneuver(node.text("name"), tuple(_event(child, entities, context) for child in node.all("Event")))
+    events = [_event(child, entities, select, context) for child in node.all("Event")]
+    return Maneuver(node.text("name"), tuple(events))
 
 
-def _event(node: Node, entities: tuple[str, ...], context: Context) -> Event:
+def _event(node: Node, entities: tuple[str, ...], select: bool, context: Context) -> Event:
     node.allow("name priority maximumExecutionCount", "Action StartTrigger")
     actions: list[NamedAction] = []
     for child in node.all("Action"):
+        if not len(list(child)):
+            child.allow("name")
+            context.note(child, "has no action: it does nothing")
+            continue
         kind = child.one_of("GlobalAction PrivateAction", "name")
         if kind.tag == "GlobalAction":
             actions.append(NamedAction(child.text("name"), global_action(kind, context), ()))
             continue
-        if not entities:
+        if not entities and not select:
             raise ContentError(f"{kind.where} needs an actor, and its ManeuverGroup names none")
-        actions.append(NamedAction(child.text("name"), private_action(kind, context), entities))
-    if not actions:
+        actions.append(NamedAction(child.text("name"), private_action(kind, context), entities, True))
+    if not node.all("Action"):
         raise ContentError(f"{node.where} needs at least one Action")
     priority = node.choice("priority", "override overwrite parallel skip")
     return Event(
@@ -297,6 +340,7 @@ def _event(node: Node, entities: tuple[str, ...], context: Context) -> Event:
         _count(node),
         tuple(actions),
         trigger(node.get("StartTrigger"), context),
+        select,
     )
 
 

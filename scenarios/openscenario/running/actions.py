@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
 from scenarios.openscenario.running.actors import Actor, State
@@ -172,16 +173,38 @@ class Switch(RunningAction[model.Action]):
                 world.environment = action.environment
             case model.DeleteEntityAction():
                 world.actors[action.entity].exists = False
+            case model.SetParameterAction():
+                world.parameters[action.parameter] = action.value
+            case model.ModifyParameterAction():
+                value = modified(
+                    world.parameters[action.parameter], action, f"parameter '{action.parameter}'"
+                )
+                world.parameters[action.parameter] = value
+            case model.SignalStateAction():
+                world.signals.set_state(action.signal, action.state, time_s)
+            case model.SignalPhaseAction():
+                world.signals.set_phase(action.controller, action.phase, time_s)
             case model.SetVariableAction():
                 world.variables[action.variable] = action.value
             case model.ModifyVariableAction():
-                before = as_number(world.variables[action.variable])
-                if before is None:
-                    raise RunError(f"variable '{action.variable}' is not a number and cannot be modified")
-                value = before + action.value if action.operator == "add" else before * action.value
+                value = modified(world.variables[action.variable], action, f"variable '{action.variable}'")
                 world.variables[action.variable] = value
             case _:
                 raise RunError(f"{type(action).__name__} is not carried out")
+
+
+def modified(
+    value: Value, action: model.ModifyVariableAction | model.ModifyParameterAction, name: str
+) -> float:
+    """A value after an action.
+
+    Raises:
+        RunError: it is not a number.
+    """
+    before = as_number(value)
+    if before is None:
+        raise RunError(f"{name} is not a number and cannot be modified")
+    return before + action.value if action.operator == "add" else before * action.value
 
 
 def target_speed_mps(target: float | model.RelativeSpeed, world: World, time_s: float) -> float:

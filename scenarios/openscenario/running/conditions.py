@@ -6,8 +6,7 @@ import math
 
 from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
-from scenarios.openscenario.reading.parameters import compare
-from scenarios.openscenario.running import holding, own, relative
+from scenarios.openscenario.running import holding, on_road, own, relative
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.holding import Holding, Mark
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
@@ -21,11 +20,13 @@ def bare(kind: model.ValueConditionKind | model.EntityCondition, world: World) -
         case model.SimulationTimeCondition():
             return holding.TimeIs(kind)
         case model.ParameterCondition():
-            return holding.Fixed(compare(kind.rule, kind.actual, kind.value))
+            return holding.ParameterIs(kind, world)
         case model.VariableCondition():
             return holding.VariableIs(kind, world)
         case model.StoryboardElementStateCondition():
             return holding.ElementStateIs(kind, world)
+        case model.TrafficSignalCondition() | model.TrafficSignalControllerCondition():
+            return holding.SignalIs(kind, world)
 
 
 def _on_entities(condition: model.EntityCondition, world: World) -> Holding:
@@ -52,6 +53,19 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
             return own.Angle(kind, actor)
         case model.ReachPositionCondition():
             return own.ReachPosition(kind, actor, world)
+        case model.EndOfRoadCondition():
+            return on_road.EndOfRoad(kind.duration_s, actor, world)
+        case model.OffroadCondition():
+            return on_road.OffRoad(kind.duration_s, actor, world)
+        case model.RelativeClearanceCondition():
+            return on_road.Clearance(kind, actor, world)
+        case model.DistanceCondition():
+            place = on_road.PlaceActor(kind.position, world, bool(referred(kind.position)))
+            return relative.RelativeDistance(kind, actor, place, world)
+        case model.TimeToCollisionCondition(position=position) if position is not None:
+            place = on_road.PlaceActor(position, world, bool(referred(position)))
+            return relative.TimeToCollision(kind, actor, place, world)
+    assert kind.entity is not None
     other = world.actors[kind.entity]
     match kind:
         case model.CollisionCondition():
@@ -59,11 +73,11 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
         case model.RelativeSpeedCondition():
             return relative.RelativeSpeed(kind, actor, other)
         case model.RelativeDistanceCondition():
-            return relative.RelativeDistance(kind, actor, other)
+            return relative.RelativeDistance(kind, actor, other, world)
         case model.TimeToCollisionCondition():
-            return relative.TimeToCollision(kind, actor, other)
+            return relative.TimeToCollision(kind, actor, other, world)
         case model.TimeHeadwayCondition():
-            return relative.TimeHeadway(kind, actor, other)
+            return relative.TimeHeadway(kind, actor, other, world)
 
 
 WORTH_S, RETRY_S = 0.02, 0.1
@@ -112,6 +126,15 @@ class Observed:
                 self._retry_s = now.time_s + RETRY_S
 
 
+MOVING = (
+    model.EntityCondition
+    | model.SimulationTimeCondition
+    | model.TrafficSignalCondition
+    | model.TrafficSignalControllerCondition
+)
+"""Conditions that can change while the storyboard does not."""
+
+
 class Watch(Observed):
     """A condition of a trigger.
 
@@ -124,7 +147,8 @@ class Watch(Observed):
     """
 
     __slots__ = (
-        "_about", "_delay_s", "_due", "_edge", "_history", "_last", "_moves", "_pulses", "_there", "varies"
+        "_about", "_delay_s", "_due", "_edge", "_history", "_last", "_moves", "_parts", "_pulses", "_there",
+        "varies",
     )  # fmt: skip
 
     def __init__(self, condition: model.Condition, world: World) -> None:
@@ -134,11 +158,16 @@ class Watch(Observed):
         self._history: list[tuple[float, bool]] = []
         self._pulses: list[float] = []
         self._due = False
-        self._moves = isinstance(condition.kind, model.EntityCondition | model.SimulationTimeCondition)
+        self._moves = isinstance(condition.kind, MOVING)
         self._about: list[Actor] = []
+        self._parts: list[tuple[str, Holding]] = []
         if isinstance(condition.kind, model.EntityCondition):
             names = (*condition.kind.entities, *sorted(referred(condition.kind.kind)))
             self._about = [world.actors[name] for name in names]
+            self._parts = [
+                (name, _on_entity(condition.kind.kind, world.actors[name], world))
+                for name in condition.kind.entities
+            ]
         self._there = [True] * len(self._about)
         self.varies = self._moves or self._delay_s > 0.0
         """Whether it can change while the storyboard does not."""
@@ -180,6 +209,10 @@ class Watch(Observed):
         latest = instant.time_s - self._delay_s + TIME_EPSILON_S
         self._pulses = [pulse for pulse in self._pulses if pulse > latest]
         return due
+
+    def triggering(self, instant: Instant) -> list[str]:
+        """Triggering entities on which the bare condition holds."""
+        return [name for name, part in self._parts if part.holds(instant)]
 
     def forget(self) -> None:
         """Begin to look again after a time in which nobody did: what changed meanwhile is no edge now."""

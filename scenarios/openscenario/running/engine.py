@@ -22,6 +22,7 @@ from scenarios.openscenario.motion.trajectories import starts_at_entity
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
+from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.initial import in_order
 from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
@@ -90,6 +91,8 @@ class Engine:
             dict(definition.variables),
             apply_performance=apply_performance,
             ego=self.ego.name,
+            parameters=dict(definition.parameters),
+            signals=Signals(definition.signals),
         )
         controllers.check(definition, self.ego.name)
         self.storyboard = Storyboard(definition, self.world)
@@ -131,8 +134,10 @@ class Engine:
         }
         for actor in self._actors.values():
             if not actor.placed:
-                if actor.name not in added or actor is self.ego:
+                if actor is self.ego or (actor.name not in added and self._is_used(actor.name)):
                     raise RunError(f"entity '{actor.name}' is never given a position in Init")
+                if actor.name not in added:
+                    self.world.note(f"'{actor.name}' is never given a position, and nothing refers to it")
                 actor.exists = False
         self.ego.controller = controller
         for actor in self._actors.values():
@@ -142,6 +147,22 @@ class Engine:
         self._first_contact(self._now)
         self._process()
         self._sample()
+
+    def _is_used(self, name: str) -> bool:
+        """Whether an action moves an entity, or anything refers to it."""
+        definition = self.definition
+        if any(name == who or name in referred(action) for who, action in definition.init):
+            return True
+        for event in definition.events():
+            for named in event.actions:
+                if name in named.entities or name in referred(named.action):
+                    return True
+        kinds = (condition.kind for condition in definition.conditions())
+        return any(
+            name in kind.entities or name in referred(kind.kind)
+            for kind in kinds
+            if isinstance(kind, model.EntityCondition)
+        )
 
     def _check_places(self) -> None:
         """Find places off the road that an action or a condition names before the run.
@@ -165,7 +186,10 @@ class Engine:
                         locator.legs(action.route)
         for condition in self.definition.conditions():
             match condition.kind:
-                case model.EntityCondition(kind=model.ReachPositionCondition(position=position)):
+                case model.EntityCondition(
+                    kind=model.ReachPositionCondition(position=position)
+                    | model.DistanceCondition(position=position)
+                ):
                     if not referred(position):
                         locator.pose(position)
 

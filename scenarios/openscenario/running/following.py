@@ -81,7 +81,9 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
         return station
 
     def ended(self, instant: Instant) -> bool:
-        """At its end."""
+        """At its end; a closed one has none."""
+        if self.action.trajectory.closed:
+            return False
         return instant.state(self.who.name).station_m >= self._path.length_m
 
     def finish(self, time_s: float) -> None:

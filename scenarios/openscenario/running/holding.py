@@ -70,6 +70,40 @@ class Fixed(Holding):
         return self._value
 
 
+class ParameterIs(Holding):
+    """ParameterCondition."""
+
+    def __init__(self, condition: model.ParameterCondition, world: World) -> None:
+        self._condition, self._world = condition, world
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether the rule holds for the present value."""
+        condition = self._condition
+        actual = self._world.parameters.get(condition.parameter, condition.actual)
+        return compare(condition.rule, actual, condition.value)
+
+
+class SignalIs(Holding):
+    """TrafficSignalCondition and TrafficSignalControllerCondition."""
+
+    def __init__(
+        self, condition: model.TrafficSignalCondition | model.TrafficSignalControllerCondition, world: World
+    ) -> None:
+        self._condition, self._signals = condition, world.signals
+        self._seen_s = 0.0
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether the signal shows the state, or the controller is in the phase."""
+        condition, self._seen_s = self._condition, instant.time_s
+        if isinstance(condition, model.TrafficSignalCondition):
+            return self._signals.state(condition.signal, instant.time_s) == condition.state
+        return self._signals.phase(condition.controller, instant.time_s) == condition.phase
+
+    def next_s(self) -> float:
+        """The end of the next phase."""
+        return self._signals.next_change_s(self._seen_s)
+
+
 class VariableIs(Holding):
     """VariableCondition."""
 
@@ -227,7 +261,8 @@ class OnEntities(Holding):
 
     def holds(self, instant: Instant) -> bool:
         """Whether it holds on enough of them."""
-        each = (actor.exists and condition.holds(instant) for actor, condition in self._parts)
+        # all are asked, so that those that have to last know when they began
+        each = [actor.exists and condition.holds(instant) for actor, condition in self._parts]
         return _exist(self._referred) and (all(each) if self._every else any(each))
 
     def mark(self, instant: Instant) -> Mark:

@@ -29,10 +29,16 @@ def in_order(init: Sequence[InitialAction]) -> list[InitialAction]:
     return ordered
 
 
+def _who(item: InitialAction) -> str | None:
+    """Whom an action is about: the one that it adds, or the one that carries it out."""
+    entity, action = item
+    return action.entity if isinstance(action, model.AddEntityAction) else entity
+
+
 def _sets(action: model.Action) -> frozenset[str]:
     """What an action gives its entity."""
     match action:
-        case model.TeleportAction():
+        case model.TeleportAction() | model.AddEntityAction():
             return frozenset({_PLACE})
         case model.SpeedAction() | model.SynchronizeAction():
             return frozenset({_SPEED})
@@ -60,17 +66,22 @@ def _asks(action: model.Action) -> frozenset[str]:
 
 def _waits(k: int, waiting: Sequence[InitialAction]) -> bool:
     """Whether an action depends on another one that waits too."""
-    entity, action = waiting[k]
+    entity, action = _who(waiting[k]), waiting[k][1]
     names, asked, set_by_it = referred(action), _asks(action), _sets(action)
-    needs_place = not isinstance(action, model.TeleportAction | model.SpeedAction)
-    for number, (other, before) in enumerate(waiting):
+    needs_place = not isinstance(action, model.TeleportAction | model.AddEntityAction | model.SpeedAction)
+    for number, item in enumerate(waiting):
         if number == k:
             continue
+        other, before = _who(item), item[1]
         if other in names and other != entity and _sets(before) & asked:
             return True
         # of the entity's own the place comes first, and what sets the same stays in the order of the file
         if other == entity and number < k and _sets(before) & set_by_it:
             return True
-        if other == entity and needs_place and isinstance(before, model.TeleportAction | model.SpeedAction):
+        if (
+            other == entity
+            and needs_place
+            and isinstance(before, model.TeleportAction | model.AddEntityAction | model.SpeedAction)
+        ):
             return True
     return False

@@ -15,15 +15,22 @@ from scenarios.openscenario.running.holding import (
     Mark,
     settled_for_s,
 )
+from scenarios.openscenario.running.on_road import PlaceActor, road_distance_m
 from scenarios.openscenario.running.own import MOMENT_S
-from scenarios.openscenario.running.world import Instant
+from scenarios.openscenario.running.world import Instant, World
 from smartmot.geometry import signed_gap_scalar
+
+ROAD_SETTLED_S = 0.2
+"""A distance along the road is worked out again after this at the latest."""
 
 BRIEFLY_S = 1e-5
 """Over which a distance changes for the speed at which it shrinks."""
 
 DistanceKind: TypeAlias = (
-    model.RelativeDistanceCondition | model.TimeHeadwayCondition | model.TimeToCollisionCondition
+    model.RelativeDistanceCondition
+    | model.DistanceCondition
+    | model.TimeHeadwayCondition
+    | model.TimeToCollisionCondition
 )
 
 
@@ -35,7 +42,16 @@ class Pair:
 
     def states(self, instant: Instant) -> tuple[State, State]:
         """Their states."""
-        return instant.state(self.actor.name), instant.state(self.other.name)
+        return instant.state(self.actor.name), self._seen(instant)
+
+    def _seen(self, instant: Instant) -> State:
+        """State of the other, which may be a place that is none of the entities."""
+        if not isinstance(self.other, PlaceActor):
+            return instant.state(self.other.name)
+        state: State | None = instant.memo.get(self.other)
+        if state is None:
+            state = instant.memo[self.other] = self.other.state(instant.time_s)
+        return state
 
     def apart_m(self, instant: Instant) -> float:
         """Distance of their reference points."""
@@ -129,11 +145,21 @@ def relative_speed_mps(a: State, b: State, direction: model.Direction | None) ->
 class _Distance(Compared):
     """What conditions on a distance share."""
 
-    def __init__(self, condition: DistanceKind, actor: Actor, other: Actor) -> None:
+    def __init__(self, condition: DistanceKind, actor: Actor, other: Actor, world: World) -> None:
         super().__init__(condition.rule, condition.value)
         self._pair, self._kind, self._freespace = Pair(actor, other), condition.kind, condition.freespace
+        system = condition.system
+        if condition.along_route:  # the word of 1.0 for a distance along the road
+            system, self._kind = "road", "longitudinal"
+        on_road = system != "entity" and self._kind != "euclidianDistance"
+        self._roads = world.road_distances if on_road else None
 
     def _between_m(self, state: State, other: State) -> float:
+        if self._roads is not None:
+            pair, lateral = self._pair, self._kind == "lateral"
+            return road_distance_m(
+                self._roads, pair.actor, pair.other, state, other, lateral, self._freespace
+            )
         return signed_distance_m(
             self._pair.actor, self._pair.other, state, other, self._kind, self._freespace
         )
@@ -149,6 +175,13 @@ class _Distance(Compared):
         """How much the distance can have changed."""
         pair = self._pair
         reach_m, turn, other_turn = pair.passed(a, b)
+        if self._roads is not None:
+            # beside a bend the way along the road is longer or shorter, by no more than twice
+            (state, other), (later, other_later) = pair.states(a), pair.states(b)
+            way_m = abs(later.travelled_m - state.travelled_m) + abs(
+                other_later.travelled_m - other.travelled_m
+            )
+            return 2.0 * way_m
         actor_m, other_m = pair.actor.radius_m, pair.other.radius_m
         if self._freespace:
             reach_m += turn * actor_m + other_turn * other_m
@@ -164,6 +197,11 @@ class _Distance(Compared):
         apart_m, fastest_mps = pair.apart_m(now), pair.fastest_mps(now)
         if not math.isfinite(fastest_mps):
             return now.time_s
+        if self._roads is not None:
+            left_m = self._signed_m(now) - value_m - headway_s * fastest_mps
+            until_s = settled_for_s(now, left_m if left_m > 0.0 or headway_s else -left_m, 2.0 * fastest_mps)
+            # a fork ahead may change the distance at once
+            return min(until_s, now.time_s + ROAD_SETTLED_S) if math.isfinite(until_s) else now.time_s
         # distances along an axis and between outlines are no greater, whatever the headings
         if apart_m < value_m and headway_s == 0.0:
             return settled_for_s(now, value_m - apart_m, fastest_mps)
@@ -219,8 +257,10 @@ class TimeHeadway(_Distance):
 class TimeToCollision(_Distance):
     """TimeToCollisionCondition; does not hold while the distance does not shrink."""
 
-    def __init__(self, condition: model.TimeToCollisionCondition, actor: Actor, other: Actor) -> None:
-        super().__init__(condition, actor, other)
+    def __init__(
+        self, condition: model.TimeToCollisionCondition, actor: Actor, other: Actor, world: World
+    ) -> None:
+        super().__init__(condition, actor, other, world)
         self._upwards = condition.rule not in ("lessThan", "lessOrEqual")
 
     def _closing(self, instant: Instant) -> tuple[float, float]:
@@ -235,7 +275,7 @@ class TimeToCollision(_Distance):
     def _side(self, instant: Instant) -> int:
         """0: it does not shrink; else whether the time is below (2), at (3) or above (4) the value."""
         apart_m, speed_mps = self._closing(instant)
-        if speed_mps <= STANDING_MPS:
+        if not speed_mps > STANDING_MPS:  # also where there is no distance
             return 0
         differs = apart_m / speed_mps - self._value
         return 3 if abs(differs) <= EQUAL else 4 if differs > 0.0 else 2

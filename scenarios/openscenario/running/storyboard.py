@@ -77,6 +77,10 @@ class TriggerWatch:
         values = [[watch.look(instant) for watch in group] for group in self.groups]
         return any(all(group) for group in values)
 
+    def entities(self, instant: Instant) -> list[str]:
+        """Who makes it hold: the triggering entities on which a condition of it does."""
+        return [name for watch in self.watches() for name in watch.triggering(instant)]
+
     def forget(self) -> None:
         """Begin to look again."""
         for watch in self.watches():
@@ -227,7 +231,15 @@ class EventElement(Element):
         self.begin()
         for action in self.actions:
             action.begin()
-            action.running = storyboard.execute(instant, action.action.action, action.action.entities)
+            named = action.action
+            entities = named.entities
+            if self.event.select and named.is_private:
+                entities = tuple(dict.fromkeys((*entities, *self.start.entities(instant))))
+            action.running = (
+                storyboard.execute(instant, named.action, entities)
+                if entities or not (named.is_private)
+                else []
+            )
         return True
 
     def children_completed(self) -> None:

@@ -9,7 +9,9 @@ from typing import Any
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import Controller, Environment
 from scenarios.openscenario.motion.positions import Locator
+from scenarios.openscenario.motion.road_distances import RoadDistances
 from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.driving.signals import Signals
 from smartmot.geometry import signed_gap_scalar
 
 TIME_EPSILON_S = 1e-9
@@ -67,6 +69,8 @@ class World:
         apply_performance: whether entities stay within their Performance, whatever the file asks for.
         ego: name of the ego.
         assigned: controllers that actions have given to entities.
+        parameters: present values.
+        signals: traffic signals.
     """
 
     actors: dict[str, Actor]
@@ -77,7 +81,17 @@ class World:
     apply_performance: bool = False
     ego: str = ""
     assigned: dict[str, list[Controller]] = field(default_factory=dict)
+    parameters: dict[str, Value] = field(default_factory=dict)
+    signals: Signals = field(default_factory=Signals)
+    _road_distances: RoadDistances | None = None
     _notes: dict[tuple[str, ...], tuple[float, str]] = field(default_factory=dict)
+
+    @property
+    def road_distances(self) -> RoadDistances:
+        """Distances along the roads."""
+        if self._road_distances is None:
+            self._road_distances = RoadDistances(self.locator.roads)
+        return self._road_distances
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -107,9 +107,8 @@ def test_actions_that_are_not_carried_out_are_refused_by_name(write, action):
     "kind",
     [
         by_value('<TimeOfDayCondition dateTime="2026-01-01T00:00:00" rule="equalTo"/>'),
-        by_value('<TrafficSignalCondition name="x" state="y"/>'),
-        by_entity('<OffroadCondition duration="1"/>'),
-        by_entity("<RelativeClearanceCondition/>"),
+        by_value('<UserDefinedValueCondition name="x" value="1" rule="equalTo"/>'),
+        by_entity("<RelativeAngleCondition/>"),
     ],
 )
 def test_conditions_that_are_not_known_are_refused_by_name(write, kind):
@@ -165,7 +164,15 @@ def test_places_are_checked_before_the_run(write):
     ):
         late = trigger(condition(by_value('<SimulationTimeCondition value="5" rule="greaterThan"/>')))
         refused(write(act(maneuver(event("e", teleport(position), late)))), RunError, text)
-    refused(write(init=EGO_AT_START), RunError, "'Other' is never given a position")
+    moved = act(maneuver(event("e", speed(1))))
+    refused(write(moved, init=EGO_AT_START), RunError, "'Other' is never given a position")
+    refused(write(init=""), RunError, "'Ego' is never given a position")
+
+
+def test_an_entity_that_nothing_places_or_uses_is_not_there(write):
+    engine = Engine(load(write(init=EGO_AT_START)))
+    assert not engine.run(1.0).exists[:, 1].any()
+    assert any("'Other' is never given a position, and nothing refers to it" in n for n in engine.notes)
 
 
 def test_what_is_no_scenario(write, tmp_path):

@@ -222,7 +222,9 @@ class LaneChange(_Sideways[model.LaneChangeAction]):
             pose = self.who.state(time_s).pose
             change = abs(offset - curve.project(pose.x_m, pose.y_m)[1])
             rate = action.dimension == "rate"
-            duration = SLOPES[action.shape] * change / action.value if rate else action.value
+            if rate and action.value <= 0.0 and change > NO_OFFSET_M:
+                raise RunError(f"a rate of 0 never leads '{self.who.name}' to lane {lane_id}")
+            duration = SLOPES[action.shape] * change / action.value if rate and change > 0.0 else action.value
             self._begin(time_s, curve, offset, duration)
 
 

@@ -218,9 +218,18 @@ def test_too_far_along_and_closed(write):
     long = follow(polyline((0, 0), (5, 0)), offset=' initialDistanceOffset="6"')
     with pytest.raises(RunError, match="initialDistanceOffset 6 m is more than its length of 5 m"):
         Engine(load(write(init=EGO_AT_START + private("Other", long))))
-    closed = follow(polyline((0, 0), (5, 0))).replace('closed="false"', 'closed="true"')
-    with pytest.raises(UnsupportedError, match="closed='true'"):
-        load(write(init=EGO_AT_START + private("Other", closed)))
+    timed = follow(headed(*WAITS), BY_TIME).replace('closed="false"', 'closed="true"')
+    with pytest.raises(UnsupportedError, match="closed='true' is not supported together with times"):
+        load(write(init=EGO_AT_START + private("Other", timed)))
+
+
+def test_a_closed_polyline_is_followed_round_and_round(play):
+    """A square of 10 m at 5 m/s, begun in its first corner: after 9 s 5 m into the second lap."""
+    square = follow(polyline((0, 20), (10, 20), (10, 30), (0, 30))).replace('closed="false"', 'closed="true"')
+    run = other(play, square, speed(5))
+    assert at(run, "Other", 1.0)[:2] == pytest.approx((5, 20))
+    assert at(run, "Other", 7.0)[:2] == pytest.approx((0, 25))
+    assert at(run, "Other", 9.0)[:2] == pytest.approx((5, 20))
 
 
 def test_teleport_along_and_off_a_trajectory(play):

@@ -96,7 +96,7 @@ def test_a_variation_knows_the_file_that_asks_for_it(variation):
         ((steps("v", 0, 1e9, 1e-3),), "Deterministic", ContentError, "more than 100000"),
         ((steps("v", 0, 999, 1), steps("w", 0, 999, 1)), "Deterministic", ContentError, "more than 100000"),
         ((values("v", 1), values("v", 2)), "Deterministic", ContentError, "'v' twice"),
-        ((sets({"a": 1}, {"b": 2}),), "Deterministic", ContentError, "same parameters"),
+        ((sets({"a": 1}, {"b": 2}), values("b", 1)), "Deterministic", ContentError, "'b' twice"),
         ((values("v"),), "Deterministic", ContentError, "at least one Element"),
         ((), "Deterministic", ContentError, "at least one distribution"),
         ((), "Stochastic", UnsupportedError, "<Stochastic> is not supported"),

@@ -1,0 +1,106 @@
+"""Which scenario files run: each is read and begun, or also run unbraked to its end."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Literal, get_args
+
+from scenarios.openscenario.errors import FileReadError, OpenScenarioError
+from scenarios.openscenario.reading.distributions import expand
+from scenarios.openscenario.reading.document import Node, parse
+from scenarios.openscenario.reading.reader import load
+from scenarios.openscenario.running.engine import Engine
+
+Verdict = Literal["supported", "noted", "refused"]
+
+TIME_LIMIT_S = 60.0
+"""A run without an end of its own is cut off."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileCheck:
+    """What came of a file.
+
+    Args:
+        path: the file.
+        version: of the standard, as the file gives it.
+        verdict: supported; noted: it runs, and something of it is not used or not as the file asks for it.
+        lines: notes, or why it is refused.
+        outcome: how the run ended; empty if it was not run.
+    """
+
+    path: Path
+    version: str
+    verdict: Verdict
+    lines: tuple[str, ...]
+    outcome: str = ""
+
+
+def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, run: bool = False) -> FileCheck:
+    """Read a scenario or distribution file and begin its first variation.
+
+    Args:
+        path: the `.xosc` file.
+        road: see `load`.
+        run: also run it unbraked, to its end or for 60 s.
+    """
+    file = Path(path)
+    version, outcome = "?", ""
+    try:
+        header = Node(parse(file), file, {}).need("FileHeader")
+        version = f"{header.element.get('revMajor')}.{header.element.get('revMinor')}"
+        variation = expand(file)[0]
+        engine = Engine(load(variation.path, variation.parameters, road))
+        if run:
+            result = engine.run(TIME_LIMIT_S)
+            end = "by its stop trigger" if result.stopped else "cut off"
+            outcome = f"{end} at {result.end_time_s:.2f} s"
+            if result.contact_time_s is not None:
+                outcome += f", contact at {result.contact_time_s:.2f} s"
+    except OpenScenarioError as error:
+        return FileCheck(file, version, "refused", (str(error),))
+    return FileCheck(file, version, "noted" if engine.notes else "supported", engine.notes, outcome)
+
+
+def scenario_files(path: str | PathLike[str]) -> list[Path]:
+    """Scenario and distribution files: the file itself, or all below a folder, without catalogs.
+
+    Raises:
+        FileReadError: there is none.
+    """
+    place = Path(path)
+    files = sorted(place.rglob("*.xosc")) if place.is_dir() else [place]
+    files = [file for file in files if not _is_catalog(file)]
+    if not files:
+        raise FileReadError(f"{place}: no scenario file (.xosc) there")
+    return files
+
+
+def _is_catalog(file: Path) -> bool:
+    try:
+        return parse(file).find("Catalog") is not None
+    except OpenScenarioError:
+        return False
+
+
+def table(checks: Sequence[FileCheck], base: Path) -> Iterator[str]:
+    """A line for each file, then the counts; paths count from a folder."""
+    names = [
+        str(held.path.relative_to(base)) if held.path.is_relative_to(base) else str(held.path)
+        for held in checks
+    ]
+    width = max(map(len, names), default=0)
+    for name, held in zip(names, checks, strict=True):
+        text = held.outcome
+        if held.verdict == "refused":
+            text = held.lines[0].removeprefix(f"{held.path}:").strip()
+        elif held.lines and not text:
+            text = f"{len(held.lines)} notes, the first: {held.lines[0].removeprefix(f'{held.path}:')}"
+        yield f"{name:<{width}}  {held.version:<4} {held.verdict:<9}  {text}".rstrip()
+    counts = Counter(held.verdict for held in checks)
+    words = ", ".join(f"{counts[verdict]} {verdict}" for verdict in get_args(Verdict))
+    yield f"{len(checks)} file{'' if len(checks) == 1 else 's'}: {words}"

@@ -1,0 +1,82 @@
+"""Distances along the roads of a network."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from scenarios.openscenario.motion.paths import Pose
+from scenarios.openscenario.motion.roads import LanePlace, Roads
+
+NO_DISTANCE_M = math.nan
+"""Between places that no lanes join: no rule but `notEqualTo` holds for it."""
+
+
+class _Stretch(NamedTuple):
+    """A road on the way ahead: where it is entered, which way, and how far ahead of the lane's end."""
+
+    road_id: str
+    enter_m: float
+    along_s: int
+    before_m: float
+    length_m: float
+
+
+class RoadDistances:
+    """Distances of places along the reference lines of roads, ahead or back along lanes.
+
+    Args:
+        roads: the network.
+    """
+
+    def __init__(self, roads: Roads) -> None:
+        self._roads = roads
+        self._chains: dict[tuple[int, int], list[_Stretch]] = {}
+
+    def place(self, pose: Pose) -> LanePlace | None:
+        """The lane below a pose; beside the road that of the nearest lane. None without roads."""
+        return self._roads.place(pose) or self._roads.nearest(pose)
+
+    def apart(self, a: Pose, b: Pose) -> tuple[float, float]:
+        """How far b is ahead of a along the road, and to the left of it, as a sees it; NaN without a way."""
+        place, other = self.place(a), self.place(b)
+        hit = None if place is None or other is None else self.relate(place, other)
+        return (NO_DISTANCE_M, NO_DISTANCE_M) if hit is None else hit[:2]
+
+    def relate(self, place: LanePlace, other: LanePlace) -> tuple[float, float, int] | None:
+        """How far another place is ahead and to the left; -1 if s runs the other way there, else 1."""
+        side = place.along_s
+        if place.road_id == other.road_id:
+            return (other.s_m - place.s_m) * side, (other.t_m - place.t_m) * side, 1
+        for way in (1, -1):
+            hit = self._ahead(place, other, way * side)
+            if hit is not None:
+                ahead_m, turned = hit
+                return way * ahead_m, (other.t_m * turned - place.t_m) * side, turned
+        return None
+
+    def _ahead(self, place: LanePlace, other: LanePlace, along_s: int) -> tuple[float, int] | None:
+        chain = self._chain(place.lane, along_s)
+        first = chain[0]
+        left_m = first.length_m - (place.s_m - first.enter_m) * along_s
+        for stretch in chain[1:]:
+            gone = (other.s_m - stretch.enter_m) * stretch.along_s
+            if stretch.road_id == other.road_id and -1e-6 <= gone <= stretch.length_m + 1e-6:
+                return left_m + stretch.before_m + gone, stretch.along_s * along_s
+        return None
+
+    def _chain(self, lane: int, along_s: int) -> list[_Stretch]:
+        """Roads on the way from a lane on; the first is that of the lane itself."""
+        if (lane, along_s) not in self._chains:
+            lanes = self._roads.network.lanes
+            start = float(lanes.s_start_m[lane] if along_s > 0 else lanes.s_end_m[lane])
+            chain: list[_Stretch] = []
+            before = 0.0
+            for leg in self._roads.legs_ahead(lane, start, along_s):
+                if chain:
+                    before += chain[-1].length_m if len(chain) > 1 else 0.0
+                chain.append(
+                    _Stretch(lanes.key[leg.lane].road_id, leg.s_start_m, leg.along_s, before, leg.length_m)
+                )
+            self._chains[lane, along_s] = chain
+        return self._chains[lane, along_s]
