@@ -149,13 +149,13 @@ class TimeToCollisionCondition(Element, attributes=TIMED, children="TimeToCollis
     """
 
     entity: Annotated[str | None, Reference()]
-    position: Position | None
     rule: RuleAttribute
     value: ValueAttribute
     kind: TimedDistance
     freespace: Freespace
     system: SystemAttribute = "entity"
     along_route: AlongRoute = False
+    position: Position | None = None
 
 
 class TimeHeadwayCondition(Element, attributes=f"entityRef {TIMED}"):
