@@ -17,7 +17,7 @@ import numpy as np
 
 from scenarios.openscenario.elements import Immutable
 from smartmot.path import chord_stations
-from smartmot.types import FloatArray
+from smartmot.types import BoolArray, FloatArray
 
 SPACING_M = 0.05
 """Distance of points where a curve bends."""
@@ -39,6 +39,25 @@ class Pose(Immutable):
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Track(Immutable):
+    """Lanes below the points of a path.
+
+    Args:
+        s_m: (K,) road s at each point.
+        leg: (K,) which leg each point is of.
+        lane: lane of each leg.
+        start_m: road s where each leg begins.
+        along_s: +1 where s grows along a leg, -1 where it falls.
+    """
+
+    s_m: list[float]
+    leg: list[int]
+    lane: list[int]
+    start_m: list[float]
+    along_s: list[int]
+
+
 class Path(Immutable):
     """A curve by arc length.
 
@@ -57,6 +76,7 @@ class Path(Immutable):
         "length_m",
         "on_road",
         "points_m",
+        "track",
         "vertex_places",
     )
 
@@ -87,6 +107,8 @@ class Path(Immutable):
         self.length_m: float = self._station[-1]
         self.on_road = False
         """Whether it follows lanes."""
+        self.track: Track | None = None
+        """Roads below it, if it follows lanes all along."""
         self.vertex_places: list[int] | None = None
         """Which point each vertex of a polyline is, where some are at the same place; None: each its own."""
 
@@ -107,6 +129,17 @@ class Path(Immutable):
         else:
             heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
         return x0 + part * dx, y0 + part * dy, heading
+
+    def lane_at(self, station_m: float) -> tuple[int, float, int] | None:
+        """Lane below an arc length, road s, and +1 if s grows along the path, else -1; None if unknown."""
+        track, stations = self.track, self._station
+        if track is None or not 0.0 <= station_m <= stations[-1]:
+            return None
+        i = bisect_right(stations, station_m, 1, len(stations) - 1) - 1
+        leg = track.leg[i + 1]
+        s0 = track.s_m[i] if track.leg[i] == leg else track.start_m[leg]
+        part = (station_m - stations[i]) / (stations[i + 1] - stations[i])
+        return track.lane[leg], s0 + part * (track.s_m[i + 1] - s0), track.along_s[leg]
 
     def poses(self, station_m: FloatArray) -> FloatArray:
         """(K, 3) x, y and heading at (K,) arc lengths, which may lie beyond the ends."""
@@ -220,13 +253,13 @@ def straight(pose: Pose, length_m: float = 1000.0) -> Path:
     return Path([pose.x_m, end.x_m], [pose.y_m, end.y_m])
 
 
-def joined(pieces: Sequence[FloatArray]) -> Path:
-    """Path through the rows (x, y, yaw) of pieces, leaving out points that repeat.
+def joined(pieces: Sequence[FloatArray]) -> tuple[Path, BoolArray]:
+    """Path through rows (x, y, yaw, ...) of pieces without points that repeat; and which rows it has.
 
     Args:
-        pieces: (K, 3) each.
+        pieces: (K, 3 or more) each.
     """
-    rows = np.concatenate(pieces)
+    rows = np.concatenate([piece[:, :3] for piece in pieces])
     keep = np.concatenate(([True], np.hypot(*np.diff(rows[:, :2], axis=0).T) > 1e-9))
     rows = rows[keep]
-    return Path(rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
+    return Path(rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2])), keep

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scenarios.openscenario.motion.paths import Pose
+from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.roads import LanePlace, Roads
 
 NO_DISTANCE_M = math.nan
 """Between places that no lanes join: no rule but `notEqualTo` holds for it."""
+
+
+ON_PATH_M = 1e-3
+"""Who is further from its path is looked up on the map."""
 
 
 class _Stretch(NamedTuple):
@@ -42,6 +46,23 @@ class RoadDistances:
         place, other = self.place(a), self.place(b)
         hit = None if place is None or other is None else self.relate(place, other)
         return (NO_DISTANCE_M, NO_DISTANCE_M) if hit is None else hit[:2]
+
+    def ahead_m(self, a: LanePlace | None, b: LanePlace | None) -> float:
+        """How far one place is ahead of another; NaN without a way."""
+        hit = None if a is None or b is None else self.relate(a, b)
+        return NO_DISTANCE_M if hit is None else hit[0]
+
+    def place_on(self, path: Path, station_m: float, pose: Pose) -> LanePlace | None:
+        """The lane below an entity on a path, without a look at the map where that is known; t is not."""
+        known = path.lane_at(station_m)
+        if known is not None:
+            x, y, yaw = path.pose(station_m)
+            if abs(x - pose.x_m) + abs(y - pose.y_m) < ON_PATH_M:
+                lane, s, along = known
+                facing = 1 if math.cos(yaw - pose.yaw_rad) >= 0.0 else -1
+                key = self._roads.network.lanes.key[lane]
+                return LanePlace(lane, key.road_id, key.lane_id, s, math.nan, math.nan, along * facing)
+        return self.place(pose)
 
     def relate(self, place: LanePlace, other: LanePlace) -> tuple[float, float, int] | None:
         """How far another place is ahead and to the left; -1 if s runs the other way there, else 1."""

@@ -15,7 +15,7 @@ from opendrive.errors import OpenDriveError
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
-from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, joined, straight
+from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, Track, joined, straight
 from smartmot.types import FloatArray
 
 MAX_WAY_M = 5000.0
@@ -275,12 +275,21 @@ class Roads(Immutable):
 
     def path(self, legs: list[Leg], left_m: float) -> Path:
         """Path along the middle of legs, moved to the left as seen in the direction of travel."""
-        path = joined([self._leg_rows(leg, left_m) for leg in legs if leg.length_m > 1e-6])
+        used = [leg for leg in legs if leg.length_m > 1e-6]
+        pieces = [self._leg_rows(leg, left_m) for leg in used]
+        path, kept = joined(pieces)
         path.on_road = True
+        path.track = Track(
+            np.concatenate([piece[:, 3] for piece in pieces])[kept].tolist(),
+            np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[kept].tolist(),
+            [leg.lane for leg in used],
+            [leg.s_start_m for leg in used],
+            [leg.along_s for leg in used],
+        )
         return path
 
     def _leg_rows(self, leg: Leg, left_m: float) -> FloatArray:
-        """(K, 3) x, y, yaw along a leg: its two ends if it is straight, dense points otherwise."""
+        """(K, 4) x, y, yaw, s along a leg: its two ends if it is straight, dense points otherwise."""
         probes = max(3, math.ceil(leg.length_m) + 1)
         rows = self._rows(leg, left_m, probes)
         chord = rows[-1, :2] - rows[0, :2]
@@ -295,7 +304,7 @@ class Roads(Immutable):
         if leg.along_s != self.direction(leg.lane):
             heading = heading + np.pi
         return np.column_stack(
-            (x - np.sin(heading) * left_m, y + np.cos(heading) * left_m, np.unwrap(heading))
+            (x - np.sin(heading) * left_m, y + np.cos(heading) * left_m, np.unwrap(heading), s)
         )
 
 

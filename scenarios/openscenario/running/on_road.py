@@ -18,8 +18,12 @@ def road_distance_m(
     distances: RoadDistances, actor: Actor, other: Actor, a: State, b: State, lateral: bool, freespace: bool
 ) -> float:
     """Distance of two entities along the road, or across it; between outlines negative where they overlap."""
-    ahead, left = distances.apart(a.pose, b.pose)
-    apart = abs(left if lateral else ahead)
+    if lateral:
+        ahead, apart = 0.0, abs(distances.apart(a.pose, b.pose)[1])
+    else:
+        place = distances.place_on(actor.path, a.station_m, a.pose)
+        ahead = distances.ahead_m(place, distances.place_on(other.path, b.station_m, b.pose))
+        apart = abs(ahead)
     if not freespace or math.isnan(apart):
         return apart
     if lateral:

@@ -328,7 +328,7 @@ def _moved(state: State, time_s: float) -> State:
     """Where an entity would be that goes straight on at its speed."""
     way_m = state.speed_mps * time_s
     x_m, y_m = state.x_m + way_m * math.cos(state.yaw_rad), state.y_m + way_m * math.sin(state.yaw_rad)
-    return state._replace(x_m=x_m, y_m=y_m)
+    return state._replace(x_m=x_m, y_m=y_m, station_m=state.station_m + way_m)
 
 
 def signed_distance_m(

@@ -164,6 +164,12 @@ class _Sideways(RunningAction[LateralT_co]):
         """At the offset."""
         return instant.state(self.who.name).station_m >= self._end_m - NO_OFFSET_M
 
+    def finish(self, time_s: float) -> None:
+        """Go on along the curve itself where there is no offset from it."""
+        if self._target == 0.0:
+            self.who.follow(time_s, self._curve, self._station_now(time_s), trajectory=False)
+        super().finish(time_s)
+
     def leave(self, time_s: float) -> None:
         """Go on along the lane at the present offset."""
         go_on(self.who, self.world, time_s)
