@@ -22,12 +22,13 @@ from opendrive.errors import (
     RouteNotFoundError,
     WarningKind,
 )
+from opendrive.export import write_mesh
 from opendrive.geo import GeoReferenceError
 from opendrive.lanes.table import LaneKey, LaneTable
 from opendrive.lanes.travel import LanePlaces, LaneRoute
 from opendrive.loading import load_map
 from opendrive.network import RoadNetwork
-from opendrive.roads.borders import SampledBorders
+from opendrive.roads.borders import SampledBorders, SampledCenters
 from opendrive.roads.geometry import SurfacePoints
 from opendrive.roads.lane_index import LaneHits, NearestLanes
 from opendrive.roads.objects import Crosswalk, PlacedObject, RoadSignal
@@ -57,10 +58,12 @@ __all__ = [
     "RoadSignal",
     "RouteNotFoundError",
     "SampledBorders",
+    "SampledCenters",
     "SurfaceAttitudes",
     "SurfacePoints",
     "WarningKind",
     "load_map",
     "read_map",
     "write_map",
+    "write_mesh",
 ]

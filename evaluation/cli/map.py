@@ -37,6 +37,10 @@ def command(
         Path | None,
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
     ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(help="Surfaces of all lanes to write, as Wavefront OBJ.", metavar="FILE.obj"),
+    ] = None,
     sites: Annotated[
         bool,
         typer.Option(
@@ -94,6 +98,12 @@ def command(
     site = pose_site(network, place) if place else None
     for line in describe_map(network, site, speed):
         typer.echo(line)
+    if mesh is not None:
+        from evaluation.views.pictures import told_of_writing
+        from opendrive import write_mesh
+
+        with told_of_writing("--mesh", mesh):
+            typer.echo(f"mesh: {mesh}, {write_mesh(network, mesh)} triangles")
     monitored, ego = None, None
     if site is not None and (png is not None or view is not None):
         from scenarios.presets import named_preset

@@ -49,6 +49,24 @@ class SampledBorders(NamedTuple):
     right_m: FloatArray
 
 
+class SampledCenters(NamedTuple):
+    """Middles of all lanes: the points of lane i are rows first[i] to first[i + 1], in travel direction.
+
+    Attributes:
+        first: (L + 1,) first row of each lane.
+        s_m: (N,) road s, monotonic within a lane.
+        xyz_m: (N, 3) x, y, z, map frame.
+        heading_rad: (N,) heading in travel direction, wrapped to (-pi, pi].
+        width_m: (N,) width of the lane along t.
+    """
+
+    first: IntArray
+    s_m: FloatArray
+    xyz_m: FloatArray
+    heading_rad: FloatArray
+    width_m: FloatArray
+
+
 def sample_borders(geometry: NetworkGeometry, step_m: float) -> SampledBorders:
     """Sample the borders of all lanes at equal distances of at most `step_m` along each lane section."""
     lanes, borders = geometry.lanes, geometry.lanes.borders

@@ -3,10 +3,24 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opendrive.arrays import FloatArray, IntArray, finite, positive, wrapped
+from opendrive.arrays import (
+    FloatArray,
+    IntArray,
+    concatenated_ranges,
+    finite,
+    first_rows,
+    positive,
+    wrapped,
+)
 from opendrive.errors import LaneNotFoundError
 from opendrive.lanes.table import LaneTable
-from opendrive.roads.borders import SampledBorders, lane_polygon, lane_polygons, sample_borders
+from opendrive.roads.borders import (
+    SampledBorders,
+    SampledCenters,
+    lane_polygon,
+    lane_polygons,
+    sample_borders,
+)
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.roads.lane_poses import LanePoses
 from opendrive.roads.road import S_TOLERANCE_M, within
@@ -161,6 +175,23 @@ class NetworkLanes:
             PositionError: the step is not positive.
         """
         return sample_borders(self._geometry, positive(step_m, "step_m"))
+
+    def center_lines(self, step_m: float = 1.0) -> SampledCenters:
+        """Return points of the middles of all lanes, at equal distances of at most `step_m` along the road.
+
+        Raises:
+            PositionError: the step is not positive.
+        """
+        lanes = self.lanes
+        count = np.ceil((lanes.s_end_m - lanes.s_start_m) / positive(step_m, "step_m")).astype(np.int64)
+        count = np.maximum(count, 1) + 1
+        lane = np.repeat(np.arange(len(lanes), dtype=np.int64), count)
+        share = concatenated_ranges(np.zeros(len(lanes), dtype=np.int64), count) / (count - 1)[lane]
+        share = np.where(lanes.direction[lane] > 0, share, 1.0 - share)
+        s_m = lanes.s_start_m[lane] + share * (lanes.s_end_m - lanes.s_start_m)[lane]
+        x, y, z, heading = self.center_line(lane, s_m)
+        width = self.lane_width(lane, s_m)
+        return SampledCenters(first_rows(count), s_m, np.stack([x, y, z], axis=1), heading, width)
 
     # Checks
 

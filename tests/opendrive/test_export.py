@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
-from opendrive import LaneKey, PositionError
+from opendrive import LaneKey, PositionError, write_mesh
 
 TOLERANCE_M = 0.02
 
@@ -207,3 +207,59 @@ def test_a_map_without_lanes_exports_nothing(load, text):
     network = load(text.road(sections=text.section()))
     assert network.to_geojson()["features"] == []
     assert len(network.sampled_borders().s_m) == 0
+
+
+def read_obj(path):
+    """Vertices, and triangles by group, of an OBJ file."""
+    vertices, groups = [], {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        word, _, values = line.partition(" ")
+        if word == "v":
+            vertices.append([float(value) for value in values.split()])
+        elif word == "g":
+            name = values
+        elif word == "f":
+            groups.setdefault(name, []).append([int(value) - 1 for value in values.split()])
+    return np.array(vertices), {name: np.array(faces) for name, faces in groups.items()}
+
+
+def test_a_mesh_is_the_surface_of_the_lanes(load, text, tmp_path):
+    """A road that climbs by 10 % and is banked by 0.1 rad on a bend; z and areas in closed form."""
+    profile = f"<elevationProfile>{text.record('elevation', 1.0, 0.1)}</elevationProfile>"
+    plan = '<geometry s="0" x="0" y="0" hdg="0" length="100"><arc curvature="0.01"/></geometry>'
+    network = load(text.road(plan, extra=profile))
+    count = write_mesh(network, tmp_path / "road.obj", 0.5)
+    vertices, groups = read_obj(tmp_path / "road.obj")
+    assert sum(map(len, groups.values())) == count
+    assert sorted(groups) == ["r/0/-1 driving", "r/0/1 driving"]
+    for name, side in (("r/0/1 driving", 1.0), ("r/0/-1 driving", -1.0)):
+        a, b, c = np.moveaxis(vertices[groups[name]], 1, 0)
+        normal = np.cross(b - a, c - a)
+        assert (normal[:, 2] > 0.0).all()
+        in_plan = 3.5 * 100.0 - 0.01 * side * 0.5 * 3.5**2 * 100.0
+        assert 0.5 * normal[:, 2].sum() == pytest.approx(in_plan, rel=1e-4)
+        s = np.arctan2(a[:, 0], 100.0 - a[:, 1]) * 100.0
+        np.testing.assert_allclose(a[:, 2], 1.0 + 0.1 * s, atol=1e-3)
+
+
+def test_a_mesh_of_a_town_covers_its_lanes(network_of, tmp_path):
+    network = network_of("Town01")
+    write_mesh(network, tmp_path / "town.obj")
+    vertices, groups = read_obj(tmp_path / "town.obj")
+    a, b, c = np.moveaxis(vertices[np.concatenate(list(groups.values()))][..., :2], 1, 0)
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
+    assert area == pytest.approx(shapely.area(network.lane_polygons()).sum(), rel=2e-3)
+
+
+def test_center_lines_run_the_way_of_the_traffic(network_of):
+    network = network_of("Town01")
+    lines = network.center_lines(2.0)
+    for lane in range(0, len(network.lanes), 23):
+        rows = slice(lines.first[lane], lines.first[lane + 1])
+        x, y, z, heading = network.center_line(lane, lines.s_m[rows])
+        np.testing.assert_allclose(lines.xyz_m[rows], np.stack([x, y, z], axis=1), atol=1e-9)
+        np.testing.assert_allclose(lines.heading_rad[rows], heading, atol=1e-9)
+        np.testing.assert_allclose(lines.width_m[rows], network.lane_width(lane, lines.s_m[rows]))
+        steps = np.diff(lines.xyz_m[rows, :2], axis=0)
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)[:-1]
+        assert ((steps * ahead).sum(axis=1) > 0.0).all()
