@@ -8,17 +8,21 @@ import numpy as np
 
 from smartmot.arrays import BoolArray, frozen
 from smartmot.errors import ConfigError
+from smartmot.lidar.classical import ClassicalConfig, detect_classical
 from smartmot.lidar.detections import BoxDetections
 from smartmot.lidar.plain import PlainConfig, detect_plain
 from smartmot.pointcloud import PointCloud
 
-METHODS = {"plain": PlainConfig}
+METHODS: dict[str, type[ClassicalConfig] | type[PlainConfig]] = {
+    "classical": ClassicalConfig,
+    "plain": PlainConfig,
+}
 """Detectors by name, and the parameters of each."""
 
 
 def detect(
     cloud: PointCloud,
-    config: PlainConfig,
+    config: ClassicalConfig | PlainConfig,
     *,
     monitored: BoolArray | None = None,
     sensor_height_m: float | None = None,
@@ -41,4 +45,6 @@ def detect(
         raise ConfigError(f"sensor_height_m: must be positive, got {sensor_height_m:g} m")
     if monitored is not None:
         monitored = frozen(monitored, np.bool_, (len(cloud),), "monitored")
+    if isinstance(config, ClassicalConfig):
+        return detect_classical(cloud, config, monitored=monitored, sensor_height_m=sensor_height_m)
     return detect_plain(cloud, config, monitored=monitored, sensor_height_m=sensor_height_m)

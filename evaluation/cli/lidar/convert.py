@@ -81,7 +81,7 @@ class _Account:
     """What is to be said of the clouds that were read and written."""
 
     def __init__(self) -> None:
-        self.points = self.dropped = 0
+        self.points = self.dropped = self.empty = 0
         self.said: Counter[str] = Counter()
         self.names: set[str] = set()
 
@@ -90,6 +90,7 @@ class _Account:
         for named in clouds:
             if named.name in self.names:
                 raise ArgumentError(f"two clouds are named {named.name}: convert one format at a time")
+            self.empty += not len(named.cloud)
             self.names.add(named.name)
             self.points += len(named.cloud)
             self.dropped += named.dropped
@@ -110,6 +111,8 @@ class _Account:
         """Every note once, with the number of clouds."""
         if self.dropped:
             yield f"{self.dropped} points with a value that is not finite dropped"
+        if self.empty:
+            yield f"{self.empty} of {count} clouds have no points"
         for note, times in self.said.items():
             yield f"{note} ({times} clouds)" if count > 1 else note
 
@@ -120,6 +123,8 @@ def _only(clouds: Iterator[NamedCloud], source: Path, kind: str) -> NamedCloud:
     if len(first) != 1:
         count = "several clouds" if first else "no cloud"
         raise ArgumentError(f"{source}: {count}; for several name a folder and --to {kind}")
+    if not len(first[0].cloud):
+        raise ArgumentError(f"{source}: no points to convert")
     return first[0]
 
 

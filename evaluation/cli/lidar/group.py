@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import typer
 
-from evaluation.cli.lidar import convert, score
+from evaluation.cli.lidar import bench, convert, detect, score
 
 app = typer.Typer(
     name="lidar",
-    help="Point clouds: convert files, score boxes.",
+    help="Point clouds: convert files, detect road users, score boxes.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 # in the order of the help
 app.command("convert", epilog=convert.EXAMPLES)(convert.command)
+app.command("detect", epilog=detect.EXAMPLES)(detect.command)
 app.command("score", epilog=score.EXAMPLES)(score.command)
+
+app.command("bench", epilog=bench.EXAMPLES)(bench.command)
 
 
 @app.callback()
 def group() -> None:
-    """Point clouds: convert files, score boxes."""
+    """Point clouds: convert files, detect road users, score boxes."""

@@ -103,8 +103,8 @@ def average_precision(
             near = overlap > least
             for level, difficulty in enumerate(DIFFICULTIES):
                 pairs, valid = _pairs(kept, detections, name, level, (i[near], j[near], overlap[near]))
-                stuff = in_region if view == "image" else np.zeros(len(detections), dtype=np.bool_)
-                precision = _precision(pairs, valid, stuff)
+                unlabelled = in_region if view == "image" else np.zeros(len(detections), dtype=np.bool_)
+                precision = _precision(pairs, valid, unlabelled)
                 r11, r40 = 100.0 * precision[::4].mean(), 100.0 * precision[1:].mean()
                 results.append(AveragePrecision(name, view, difficulty, valid, least, float(r11), float(r40)))
     return results
@@ -150,12 +150,12 @@ def _pairs(
     return _Pairs(candidates, ~counted, low, valid, detections.score), int(counted.sum())
 
 
-def _precision(pairs: _Pairs, valid: int, stuff: BoolArray) -> FloatArray:
+def _precision(pairs: _Pairs, valid: int, unlabelled: BoolArray) -> FloatArray:
     """(41,) best precision at recalls of at least k/40; 0 where none is reached."""
     precision = np.zeros(_STEPS + 1)
     thresholds = _thresholds(_true_positive_scores(pairs), valid)
     for number, threshold in enumerate(thresholds):
-        true, false = _counts(pairs, threshold, stuff)
+        true, false = _counts(pairs, threshold, unlabelled)
         precision[number] = true / (true + false) if true + false else 0.0
     return np.maximum.accumulate(precision[::-1])[::-1]
 
@@ -191,7 +191,7 @@ def _thresholds(scores: list[float], valid: int) -> list[float]:
     return thresholds[: _STEPS + 1]
 
 
-def _counts(pairs: _Pairs, threshold: float, stuff: BoolArray) -> tuple[int, int]:
+def _counts(pairs: _Pairs, threshold: float, unlabelled: BoolArray) -> tuple[int, int]:
     """True and false positives among the detections with a score of at least the threshold."""
     above = pairs.score >= threshold
     assigned = np.zeros(len(above), dtype=np.bool_)
@@ -209,5 +209,5 @@ def _counts(pairs: _Pairs, threshold: float, stuff: BoolArray) -> tuple[int, int
             continue
         assigned[best if best >= 0 else low] = True
         true += best >= 0 and not pairs.label_ignored[label]
-    false = pairs.detection_valid & above & ~assigned & ~stuff
+    false = pairs.detection_valid & above & ~assigned & ~unlabelled
     return true, int(np.count_nonzero(false))

@@ -67,7 +67,10 @@ def score_files(label_path: Path, detection_path: Path, options: ScoreOptions) -
         DatasetError: a file cannot be read.
         ArgumentError: nothing can be compared, or an option lacks another.
     """
-    labels, detections, notes = in_same_frames(read_objects(label_path), read_objects(detection_path))
+    labels, detections, notes = in_same_frames(
+        read_objects(label_path),
+        read_objects(detection_path, results=True, scored=options.protocol != "thesis"),
+    )
     if options.least_score is not None:
         detections = detections.chosen(detections.score >= options.least_score)
     present = set(labels.type_name.tolist())

@@ -93,10 +93,15 @@ COLUMNS = tuple(name for name in ObjectLines.__slots__ if name != "frames")
 """Fields with an entry per line."""
 
 
-def read_objects(path: Path) -> ObjectLines:
+def read_objects(path: Path, *, results: bool = False, scored: bool = False) -> ObjectLines:
     """Read a file of a frame or sequence, a folder of them, or AB3DMOT's folder with one per class.
 
     Frames are named after their files; those of sequences SEQUENCE/FRAME.
+
+    Args:
+        path: file or folder.
+        results: whether the lines are those of a detector, which has no regions.
+        scored: whether every line must have a score; if not, it is 1 where there is none.
 
     Raises:
         DatasetError: there is no file, or a line is wrong; the message names file, line and field.
@@ -107,7 +112,7 @@ def read_objects(path: Path) -> ObjectLines:
             raise DatasetError(f"{path}: no file *.txt and no folder with one")
     else:
         files = [path]
-    parts = [_lines(file) for file in files]
+    parts = [_lines(file, results, scored) for file in files]
     frames = sorted({name for part in parts for name in part.frames})
     if any("/" in name for name in frames):
         # an empty file does not show its layout: beside files of sequences it is one of them
@@ -119,17 +124,19 @@ def read_objects(path: Path) -> ObjectLines:
     return ObjectLines(**columns, frames=tuple(frames))
 
 
-def _lines(path: Path) -> ObjectLines:
+def _lines(path: Path, results: bool, scored: bool) -> ObjectLines:
     """The lines of one file of any of the layouts."""
     first = next((line for line in read_text(path).splitlines() if line.strip()), "")
     if "," in first:
         table = read_table(path, DETECTION_COLUMNS, ("type",))
         sequence = "" if path.stem in _TYPE_OF_CODE.values() else path.stem
-        return _sequence_lines(_with_types(table), sequence)
+        return _sequence_lines(_with_types(table), sequence, results, scored)
     if not first or len(first.split()) <= len(OBJECT_COLUMNS):
         table = read_table(path, OBJECT_COLUMNS, ("type",), optional=1)
-        return _checked(table, np.full(len(table), path.stem), (path.stem,))
-    return _sequence_lines(read_table(path, TRACKING_COLUMNS, ("type",), optional=1), path.stem)
+        return _checked(table, np.full(len(table), path.stem), (path.stem,), results, scored)
+    return _sequence_lines(
+        read_table(path, TRACKING_COLUMNS, ("type",), optional=1), path.stem, results, scored
+    )
 
 
 def _with_types(table: TextTable) -> TextTable:
@@ -141,17 +148,26 @@ def _with_types(table: TextTable) -> TextTable:
     return TextTable(table.path, table.line, {**table.columns, "type": names})
 
 
-def _sequence_lines(table: TextTable, sequence: str) -> ObjectLines:
+def _sequence_lines(table: TextTable, sequence: str, results: bool, scored: bool) -> ObjectLines:
     """Lines with a number of the frame."""
     number = table.whole("frame")
     table.require(number >= 0, "frame", "must not be negative")
     prefix = f"{sequence}/"
     names = np.array([f"{prefix}{k:06d}" for k in number.tolist()], dtype=np.str_)
-    return _checked(table, names, tuple(np.unique(names).tolist()))
+    return _checked(table, names, tuple(np.unique(names).tolist()), results, scored)
 
 
-def _checked(table: TextTable, frame: StrArray, frames: tuple[str, ...]) -> ObjectLines:
+def _checked(
+    table: TextTable, frame: StrArray, frames: tuple[str, ...], results: bool, scored: bool
+) -> ObjectLines:
     """Lines whose boxes are boxes."""
+    if results:
+        rule = "is a region of label files and no detection; leave such lines out"
+        table.require(table["type"] != DONT_CARE, "type", rule)
+    if scored and len(table) and "score" not in table:
+        raise DatasetError(
+            f"{table.path}:{table.line[0]}: field 'score' is missing, as in labels; add it at the line's end"
+        )
     given = [name for name in ("score", "truncated", "occluded") if name in table]
     table.require_finite("x1", "y1", "x2", "y2", "h", "w", "l", "x", "y", "z", "ry", "alpha", *given)
     region = table["type"] == DONT_CARE
@@ -182,6 +198,8 @@ def object_text(
     score: FloatArray | None = None,
     truncated: FloatArray | None = None,
     occluded: FloatArray | None = None,
+    *,
+    image: bool = True,
 ) -> str:
     """Label or result lines of one frame; alpha and the 2-D box, cut at the image's border, are computed.
 
@@ -192,11 +210,12 @@ def object_text(
         score: (K,) confidences, for results.
         truncated: (K,) shares outside the image; None: -1, as in results.
         occluded: (K,) levels; None: -1.
+        image: whether there is one; if not, the 2-D box is 0 0 0 0.
     """
     camera_box = calibration.boxes_to_camera(boxes)
     x, z, ry = camera_box[:, 3], camera_box[:, 5], camera_box[:, 6]
     alpha = wrap_angle(ry - np.arctan2(x, z))
-    pixels = image_boxes(camera_box, calibration.projection[2])
+    pixels = image_boxes(camera_box, calibration.projection[2]) if image else np.zeros((len(boxes), 4))
     lines = []
     for row, name in enumerate(type_names):
         share = -1.0 if truncated is None else truncated[row]

@@ -48,6 +48,7 @@ def test_what_is_lost_is_said_once(velodyne: Path, tmp_path: Path, capsys: Captu
     output = capsys.readouterr()
     assert output.out.split(": ")[1] == "3 clouds, 50 points\n"
     assert output.err.splitlines() == [
+        "smartmot-eval: 1 of 3 clouds have no points",
         "smartmot-eval: axes of nuScenes kept: x right, y ahead (3 clouds)",
         "smartmot-eval: bin does not hold: ring (3 clouds)",
     ]

@@ -1,0 +1,50 @@
+"""`smartmot-eval lidar bench`: processor time of the detectors, stage by stage."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.cli.lidar.detect import Clouds, Topic, parse_method
+
+EXAMPLES = options.examples(
+    "`smartmot-eval lidar bench training/velodyne`",
+    "`smartmot-eval lidar bench 000001.bin --method classical,plain --rounds 50`",
+)
+
+
+def command(
+    clouds: Clouds,
+    method: Annotated[str, typer.Option(help="classical, plain; comma-separated.")] = "classical",
+    rounds: Annotated[int, typer.Option(help="How often each cloud is taken.", min=1)] = 10,
+    topic: Topic = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Milliseconds of each stage of a detector, with points, boxes and the host's processor."""
+    import rich.console
+
+    from evaluation.cli.output import counting
+    from evaluation.results.tables import rich_table
+    from evaluation.studies.lidar.detect import Account, detected_cloud, stage_table
+    from scenarios.recorded.clouds.files import read_clouds
+    from smartmot.lidar import METHODS
+
+    names = options.parse_names(method, tuple(METHODS), "--method")
+    console = rich.console.Console()
+    read = list(read_clouds(clouds, topic))
+    points = sorted(len(named.cloud) for named in read)
+    with counting("measuring", quiet) as done:
+        tables = []
+        for number, name in enumerate(names):
+            config, account = parse_method(name, None), Account()
+            detected_cloud(read[0], config)  # what is loaded and tabulated at the first call is not counted
+            for turn in range(rounds):
+                for named in read:
+                    account.add(detected_cloud(named, config))
+                done(number * rounds + turn + 1, rounds * len(names))
+            tables.append((name, stage_table(account)))
+    console.print(f"{len(read)} clouds, {points[len(points) // 2]} points in the median", highlight=False)
+    for name, table in tables:
+        console.print(rich_table(table, name, texts=1), "")

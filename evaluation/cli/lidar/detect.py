@@ -1,0 +1,153 @@
+"""`smartmot-eval lidar detect`: road users in clouds, and tracks of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.cli.output import counting, one_line
+from evaluation.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import rich.console
+
+    from evaluation.studies.lidar.detect import Account
+    from smartmot.lidar import ClassicalConfig, PlainConfig
+
+EXAMPLES = options.examples(
+    "`smartmot-eval lidar detect training/velodyne --calib training/calib --out results/lidar`",
+    "`smartmot-eval lidar detect drive.mcap --topic /velodyne_points --method plain`",
+    "`smartmot-eval lidar detect 000001.bin --stages`",
+    "`smartmot-eval lidar detect velodyne --calib calib.txt --track --labels label_02/0000.txt`",
+    "Stages, parameters, files written: docs/lidar.md.",
+)
+
+Clouds = Annotated[
+    Path,
+    typer.Argument(help="Cloud (.bin, .pcd.bin, .pcd, .npz), folder of them, or bag.", metavar="CLOUDS"),
+]
+Method = Annotated[str, typer.Option(help="classical, or plain: the thesis' chain.")]
+Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]
+
+
+def command(
+    clouds: Clouds,
+    method: Method = "classical",
+    out: Annotated[Path, typer.Option(help="Folder for boxes and tracks.")] = Path("results/lidar"),
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            help="KITTI calibration, file or folder: result lines get the camera's frame and image boxes.",
+            metavar="PATH",
+        ),
+    ] = None,
+    score_min: Annotated[
+        float | None,
+        typer.Option(
+            help="Leave out boxes with a lower score. Default: 0.3, under which trackers drop them.",
+            min=0.0,
+            max=1.0,
+        ),
+    ] = None,
+    stages: Annotated[
+        bool, typer.Option(help="Show each step with count and ms; a picture and an .npz of each cloud.")
+    ] = False,
+    track: Annotated[bool, typer.Option(help="Track the boxes, as `mot` does.")] = False,
+    labels: Annotated[
+        Path | None,
+        typer.Option(help="KITTI tracking labels of the clouds: scores the tracks.", metavar="FILE"),
+    ] = None,
+    topic: Topic = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Detect cars, pedestrians and cyclists in point clouds, without training data."""
+    import rich.console
+
+    from evaluation.results.tables import rich_table
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.lidar.detect import (
+        STAGES_FOLDER,
+        Account,
+        Calibrations,
+        DetectionWriter,
+        cloud_count,
+        detected_clouds,
+        stage_table,
+        write_labels,
+    )
+    from evaluation.views.clouds import write_stages
+
+    if labels is not None and (calib is None or not track):
+        raise ArgumentError("--labels: needs --track and --calib, which says where the camera is")
+    config = parse_method(method, score_min)
+    calibrations = None if calib is None else Calibrations(calib)
+    account = Account()
+    out = writable_folder(out)
+    console = rich.console.Console(quiet=quiet)
+    with locked(out):
+        writer = DetectionWriter(out, calibrations, account)
+        total = cloud_count(clouds)
+        with counting("detecting", quiet) as done:
+            for detected in detected_clouds(clouds, topic, config, account):
+                writer.add(detected)
+                if stages:
+                    write_stages(out / STAGES_FOLDER, detected.name, detected.cloud, detected.detections)
+                done(account.clouds, total)
+        writer.finish()
+        if labels is not None and calibrations is not None:
+            write_labels(labels, calibrations, writer)
+        _print_notes(account)
+        if stages:
+            console.print(rich_table(stage_table(account), texts=1))
+        counts = ", ".join(f"{name} {count}" for name, count in sorted(account.boxes.items())) or "none"
+        console.print(
+            f"{account.clouds} clouds, {account.points} points; boxes: {counts}; "
+            f"{account.median_ms:.1f} ms of processor time a cloud",
+            highlight=False,
+            soft_wrap=True,
+        )
+        if track:
+            _track(out, console)
+        console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
+
+
+def parse_method(method: str, score_min: float | None) -> ClassicalConfig | PlainConfig:
+    """The parameters of a detector by its name.
+
+    Raises:
+        ArgumentError: there is no such detector, or it has no scores to leave boxes out by.
+    """
+    from smartmot.lidar import METHODS, ClassicalConfig
+
+    kind = METHODS[options.parse_name(method, tuple(METHODS), "--method")]
+    if score_min is None:
+        return kind()
+    if kind is not ClassicalConfig:
+        raise ArgumentError(f"--score-min: all boxes of {method} have score 1; leave it out")
+    return ClassicalConfig(least_score=score_min)
+
+
+def _print_notes(account: Account) -> None:
+    for note, times in account.notes.items():
+        line = f"{note} ({times} clouds)" if account.clouds > 1 else note
+        typer.echo(f"smartmot-eval: {one_line(line)}", err=True)
+
+
+def _track(out: Path, console: rich.console.Console) -> None:
+    """Track what has been written, as `mot` does with its default configuration."""
+    from evaluation.progress import study_progress
+    from evaluation.studies.mot import run
+    from evaluation.studies.mot.tables import score_table, summary
+    from smartmot.tracking.configs import tracker_config
+
+    study = run.prepare(out, tracker_config("default"), "csv")
+    for note in study.notes:
+        console.print(f"note: {note}", highlight=False, soft_wrap=True)
+    with study_progress(console) as progress:
+        result = run.carry_out(study, out, None, ("distance",), False, False, progress)
+    console.print(summary(study.data, result.tracked), highlight=False, soft_wrap=True)
+    if result.scores:
+        console.print(score_table(result.scores, "distance"), "")

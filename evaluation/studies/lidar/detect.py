@@ -1,0 +1,278 @@
+"""Road users detected in recorded clouds, written for scores, trackers and drives."""
+
+from __future__ import annotations
+
+import platform
+import statistics
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from evaluation.errors import ArgumentError
+from evaluation.results.files import write_bytes
+from evaluation.results.tables import Table, csv_bytes, fixed
+from scenarios.errors import DatasetError
+from scenarios.recorded.camera import image_boxes
+from scenarios.recorded.clouds.fields import NamedCloud
+from scenarios.recorded.clouds.files import cloud_files, read_clouds
+from scenarios.recorded.csv_files import DETECTIONS, LABELS
+from scenarios.recorded.kitti import (
+    CATEGORY_OF_TYPE,
+    MAX_OCCLUSION,
+    MAX_TRUNCATION,
+    NEIGHBOURS,
+    TRACKING_COLUMNS,
+    TYPE_OF_CATEGORY,
+)
+from scenarios.recorded.kitti_objects.calibration import Calibration, read_calibration
+from scenarios.recorded.kitti_objects.labels import object_text
+from scenarios.recorded.textfile import read_table
+from scenarios.ros.bags.bag import is_bag
+from smartmot.lidar import BoxDetections, ClassicalConfig, PlainConfig, detect
+from smartmot.lidar.detections import Stage
+from smartmot.pointcloud import Boxes3D, PointCloud
+
+KITTI_FOLDER, STAGES_FOLDER = "kitti", "stages"
+
+_BOX_COLUMNS = ("ahead_m", "left_m", "length_m", "width_m", "yaw_rad", "z_m", "height_m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DetectedCloud:
+    """A cloud and what was detected in it.
+
+    Args:
+        name: of the cloud.
+        cloud: its points.
+        detections: boxes in its frame.
+        spent_s: processor time of the detector.
+    """
+
+    name: str
+    cloud: PointCloud
+    detections: BoxDetections
+    spent_s: float
+
+
+@dataclass(slots=True)
+class Account:
+    """What has been read and detected, and what is to be said of it.
+
+    Args:
+        clouds: how many.
+        points: in all of them.
+        boxes: by class.
+        stages: of every cloud.
+        spent_s: processor time of every cloud.
+        notes: each once, with the number of clouds.
+    """
+
+    clouds: int = 0
+    points: int = 0
+    boxes: Counter[str] = field(default_factory=Counter)
+    stages: list[tuple[Stage, ...]] = field(default_factory=list)
+    spent_s: list[float] = field(default_factory=list)
+    notes: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def median_ms(self) -> float:
+        """Processor time of a cloud."""
+        return 1e3 * statistics.median(self.spent_s)
+
+    def add(self, detected: DetectedCloud) -> None:
+        """Count a cloud."""
+        self.clouds += 1
+        self.points += len(detected.cloud)
+        self.boxes.update(detected.detections.category.tolist())
+        self.stages.append(detected.detections.stages)
+        self.spent_s.append(detected.spent_s)
+
+
+def cloud_count(path: Path) -> int | None:
+    """How many clouds a file or folder has; None: a bag, of which it is not known."""
+    if path.is_dir() and not is_bag(path):
+        return len(cloud_files(path))
+    return None if is_bag(path) else 1
+
+
+def detected_clouds(
+    path: Path, topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
+) -> Iterator[DetectedCloud]:
+    """Detections of a file, a folder or a bag, one cloud at a time.
+
+    Raises:
+        DatasetError: there is no cloud, two have one name, or a file is damaged.
+    """
+    names: set[str] = set()
+    for named in read_clouds(path, topic):
+        if named.name in names:
+            raise DatasetError(f"{path}: two clouds are named {named.name}: name files of one format")
+        names.add(named.name)
+        account.notes.update(named.notes)
+        if named.dropped:
+            account.notes["points with a value that is not finite dropped"] += 1
+        detected = detected_cloud(named, config)
+        account.add(detected)
+        yield detected
+
+
+def detected_cloud(named: NamedCloud, config: ClassicalConfig | PlainConfig) -> DetectedCloud:
+    """The detections of one cloud."""
+    start_s = time.thread_time()
+    detections = detect(named.cloud, config)
+    return DetectedCloud(named.name, named.cloud, detections, time.thread_time() - start_s)
+
+
+def stage_table(account: Account) -> Table:
+    """Medians of the stages over the clouds."""
+    rows = []
+    for column in zip(*account.stages, strict=True):
+        first = column[0]
+        count = statistics.median(stage.count for stage in column)
+        milliseconds = statistics.median(1e3 * stage.elapsed_s for stage in column)
+        rows.append((first.name, f"{count:g}", first.unit, fixed(milliseconds, 2)))
+    total = fixed(account.median_ms, 2)
+    boxes = ", ".join(f"{name} {count}" for name, count in sorted(account.boxes.items())) or "none"
+    caption = f"Medians over {account.clouds} clouds; boxes of all: {boxes}. Host: {host_name()}."
+    return Table(("stage", "count", "unit", "ms"), tuple(rows), (("processor time", "", "", total),), caption)
+
+
+def host_name() -> str:
+    """The model of the processor, as the system says it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+class DetectionWriter:
+    """Writes the detections of clouds into a folder: KITTI's result lines, and a table for all.
+
+    Args:
+        folder: where.
+        calibrations: where the camera is; None: result lines have the sensor's axes and no image box.
+        account: is given notes.
+    """
+
+    def __init__(self, folder: Path, calibrations: Calibrations | None, account: Account) -> None:
+        self.folder, self.calibrations, self.account = folder, calibrations, account
+        self.rows: list[tuple[int, tuple[object, ...]]] = []
+        self.names: list[str] = []
+        self.stamps: list[float | None] = []
+
+    def add(self, detected: DetectedCloud) -> None:
+        """Write one cloud's result lines and keep its rows of the table."""
+        detections = detected.detections
+        self.names.append(detected.name)
+        self.stamps.append(detected.cloud.stamp_s)
+        text = self._kitti_text(detected.name, detections)
+        write_bytes(self.folder / KITTI_FOLDER / f"{detected.name}.txt", text.encode())
+        cloud = len(self.names) - 1
+        columns = (*_columns(detections.boxes), detections.score.tolist(), detections.category.tolist())
+        self.rows += [(cloud, row) for row in zip(*columns, strict=True)]
+
+    def finish(self) -> None:
+        """Write the table of all clouds."""
+        name, times = self.times()
+        rows = ((times[cloud], *row) for cloud, row in self.rows)
+        header = (name, *_BOX_COLUMNS, "score", "category")
+        write_bytes(self.folder / DETECTIONS, csv_bytes(header, rows))
+
+    def times(self) -> tuple[str, list[float] | list[int]]:
+        """Column and value that say when each cloud was measured."""
+        stamps = [stamp for stamp in self.stamps if stamp is not None]
+        if len(stamps) == len(self.stamps) and len(set(stamps)) == len(stamps):
+            return "stamp_s", stamps
+        if all(name.isdecimal() for name in self.names):
+            return "frame", [int(name) for name in self.names]
+        self.account.notes["clouds have neither times nor numbers: frames are counted from 0"] += 1
+        return "frame", list(range(len(self.names)))
+
+    def _kitti_text(self, name: str, detections: BoxDetections) -> str:
+        types = [TYPE_OF_CATEGORY[category] for category in detections.category.tolist()]
+        if self.calibrations is None:
+            return object_text(detections.boxes, types, SENSOR_AXES, detections.score, image=False)
+        calibration = self.calibrations.of(name)
+        ahead = calibration.to_camera(detections.boxes.center_m)[:, 2] > 0.0
+        pixels = image_boxes(calibration.boxes_to_camera(detections.boxes), calibration.projection[2])
+        seen = ahead & (pixels[:, 2] > pixels[:, 0]) & (pixels[:, 3] > pixels[:, 1])
+        if not seen.all():
+            self.account.notes["boxes outside the image are not in KITTI's result lines"] += 1
+        kept = np.flatnonzero(seen)
+        return object_text(
+            detections.boxes[kept], [types[k] for k in kept.tolist()], calibration, detections.score[kept]
+        )
+
+
+def _columns(boxes: Boxes3D) -> tuple[list[float], ...]:
+    """The fields of `_BOX_COLUMNS`."""
+    x, y, z = boxes.center_m.T.tolist()
+    length, width, height = boxes.size_m.T.tolist()
+    return x, y, length, width, boxes.yaw_rad.tolist(), z, height
+
+
+class Calibrations:
+    """KITTI's calibration of all clouds, or of each.
+
+    Args:
+        path: a file, or a folder with one file per cloud.
+
+    Raises:
+        DatasetError: the file cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._shared = None if path.is_dir() else read_calibration(path)
+
+    def of(self, name: str) -> Calibration:
+        """That of a cloud."""
+        return self._shared or read_calibration(self._path / f"{name}.txt")
+
+
+SENSOR_AXES = Calibration(
+    np.broadcast_to(np.eye(3, 4), (4, 3, 4)).copy(),
+    np.eye(3),
+    np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0]]),
+)
+"""A camera in the sensor's place that looks along its x: for result lines without a calibration."""
+
+
+def write_labels(path: Path, calibrations: Calibrations, writer: DetectionWriter) -> None:
+    """Labels of KITTI's tracking data beside the table of detections, in the sensor's frame.
+
+    Raises:
+        ArgumentError: the clouds have no numbers, or no label is in any of them.
+        DatasetError: the file is wrong.
+    """
+    name, times = writer.times()
+    if not all(cloud.isdecimal() for cloud in writer.names):
+        raise ArgumentError("--labels: clouds need the numbers of their frames as names, such as 000100.bin")
+    table = read_table(path, TRACKING_COLUMNS, ("type",), optional=1)
+    time_of = dict(zip((int(cloud) for cloud in writer.names), times, strict=True))
+    known = np.array([category in CATEGORY_OF_TYPE for category in table["type"].tolist()])
+    inside = np.isin(table.whole("frame"), list(time_of))
+    if not inside.any():
+        raise ArgumentError(f"--labels: {path} has no label in frames {min(time_of)} to {max(time_of)}")
+    rows: list[tuple[object, ...]] = []
+    for number in sorted(time_of):
+        chosen = table.rows(known & (table.whole("frame") == number))
+        boxes = calibrations.of(f"{number:06d}").boxes_to_lidar(
+            chosen.stacked("h", "w", "l", "x", "y", "z", "ry")
+        )
+        # as `mot` reads KITTI's own folders
+        ignored = np.isin(chosen["type"], NEIGHBOURS)
+        ignored |= (chosen["truncated"] > MAX_TRUNCATION) | (chosen["occluded"] > MAX_OCCLUSION)
+        columns = (chosen.whole("id").tolist(), chosen["type"].tolist(), ignored.astype(np.int64).tolist())
+        rows += [
+            (time_of[number], *row, identity, CATEGORY_OF_TYPE[kind], hidden)
+            for *row, identity, kind, hidden in zip(*_columns(boxes), *columns, strict=True)
+        ]
+    header = (name, *_BOX_COLUMNS, "track_id", "category", "ignored")
+    write_bytes(writer.folder / LABELS, csv_bytes(header, rows))
