@@ -80,10 +80,7 @@ def drawn_frames(
         own_street = street
         if clutter:
             extra = _clutter(network, surface, street, ego, world, rng)
-            bodies = joined([street.bodies, extra])
-            own_street = Street(
-                bodies, street.sidewalk_blocks, (*street.kind, *["clutter"] * len(extra)), street.dropped
-            )
+            own_street = replace(street, bodies=joined([street.bodies, extra]))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
         cloud = _smeared(sensor.measure(world, ego).cloud, rng)
         frame = _frame(cloud, world, street, ego, mount)
@@ -109,8 +106,9 @@ class _Kind:
     speed_mps: float
 
 
-_ADULT = _Kind("pedestrian", (0.4, 0.45, 1.5), (0.9, 0.65, 1.95), 2.0)
-_CHILD = _Kind("pedestrian", (0.35, 0.3, 0.95), (0.7, 0.45, 1.35), 2.0)
+# legs of bodies are upright up to the hip: a longer stride would make them deeper than people are
+_ADULT = _Kind("pedestrian", (0.35, 0.45, 1.5), (0.7, 0.65, 1.95), 2.0)
+_CHILD = _Kind("pedestrian", (0.3, 0.3, 0.95), (0.5, 0.45, 1.35), 2.0)
 _CYCLIST = _Kind("cyclist", (1.6, 0.5, 1.6), (1.95, 0.75, 1.9), 7.0)
 _CAR = _Kind("car", (3.5, 1.6, 1.38), (5.0, 1.95, 1.75), 14.0)
 _VAN = _Kind("car", (4.8, 1.85, 1.9), (6.0, 2.05, 2.1), 14.0)
@@ -130,7 +128,7 @@ def _world(
         yaw.append(rng.uniform(-math.pi, math.pi))
     usable = np.flatnonzero(np.isin(network.lanes.lane_type, ("driving", "biking")))
     for kind, many in (
-        (_CYCLIST, rng.integers(1, 6)),
+        (_CYCLIST, rng.integers(2, 12)),
         (_CAR, rng.integers(2, 10)),
         (_VAN, rng.integers(0, 3)),
     ):
