@@ -108,12 +108,20 @@ class Speed(RunningAction[model.SpeedAction]):
         """Set the profile that leads to the target speed."""
         action, now = self.action, self.who.state(time_s).speed_mps
         target = target_speed_mps(action.target, self.world, time_s)
+        self._for_ever = action.shape != "step" and action.dimension == "rate" and action.value == 0.0
+        if self._for_ever and target != now:  # at a rate of 0 the speed never comes to its target
+            self._profile = self.drive(time_s, SpeedProfile(time_s, now))
+            self.world.note(
+                f"'{self.who.name}' is to change its speed at a rate of 0: it keeps {now:.4g} m/s"
+            )
+            return
+        self._for_ever = False
         pieces = transition(action.shape, action.dimension, action.value, now, target)
         self._profile = self.drive(time_s, SpeedProfile(time_s, target, pieces))
 
     def ended(self, instant: Instant) -> bool:
         """At the target speed."""
-        return instant.time_s >= self._profile.end_s - 1e-9
+        return not self._for_ever and instant.time_s >= self._profile.end_s - 1e-9
 
 
 class LongitudinalDistance(RunningAction[model.LongitudinalDistanceAction]):

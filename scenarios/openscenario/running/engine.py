@@ -19,6 +19,7 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
+from scenarios.openscenario.reading.document import as_number
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
@@ -226,7 +227,19 @@ class Engine:
     @property
     def notes(self) -> tuple[str, ...]:
         """Lines about what the file has and is not used, and what is not as it asks for it, so far."""
-        return (*self.definition.notes, *self.world.notes)
+        return (*self.definition.notes, *self.world.notes, *self._judged())
+
+    def _judged(self) -> Iterator[str]:
+        """Criteria of CARLA's ScenarioRunner so far, a line each."""
+        for name, value in self.definition.criteria:
+            if name == "CollisionTest":
+                verdict = "not met" if self.contact is not None else "met so far"
+            elif name == "DrivenDistanceTest" and as_number(value) is not None:
+                driven_m = self._now.state(self.ego.name).travelled_m
+                verdict = f"{'met' if driven_m >= float(value) else 'not met so far'} ({driven_m:.1f} m)"
+            else:
+                verdict = "not evaluated"
+            yield f"criterion {name}: {verdict}"
 
     # Stepping
 

@@ -52,6 +52,12 @@ def test_speed_from_2_s_on(play, change, x, v):
     assert at(run, "Other", 10.0)[3] == pytest.approx(6.0)
 
 
+def test_at_a_rate_of_0_a_speed_never_changes(play):
+    engine, run = play(act(maneuver(event("e", speed(6, "linear", "rate", 0), later(2)))))
+    assert at(run, "Other", 9.0) == pytest.approx((60, -1.75, 0, 0))
+    assert any("at a rate of 0" in note for note in engine.notes)
+
+
 @pytest.mark.parametrize(("kind", "value", "expected"), [("delta", -4, 6.0), ("factor", 0.5, 5.0)])
 def test_relative_speed(play, kind, value, expected):
     target = (
@@ -289,7 +295,7 @@ def test_a_deleted_entity_comes_back_standing(play):
 
 def test_who_is_never_added_needs_a_place(play):
     with pytest.raises(RunError, match="entity 'Other' is never given a position in Init"):
-        play(init=EGO_AT_START)
+        play(act(maneuver(event("e", speed(1)))), init=EGO_AT_START)
     with pytest.raises(RunError, match="entity 'Ego' is never given a position in Init"):
         play(
             act(maneuver(event("comes", added(9).replace("Other", "Ego")))),

@@ -248,6 +248,9 @@ def test_criteria_judge_and_do_not_stop(write):
     stop = f"<StopTrigger><ConditionGroup>{criterion}{condition(at_time(8))}</ConditionGroup></StopTrigger>"
     definition = load(write(stop=stop))
     assert definition.criteria == (("CollisionTest", ""),)
-    assert Engine(definition).run().end_time_s == pytest.approx(8.0)
+    engine = Engine(definition)
+    assert "criterion CollisionTest: met so far" in engine.notes
+    assert engine.run().end_time_s == pytest.approx(8.0)
+    assert "criterion CollisionTest: not met" in engine.notes  # the ego drives into the other one
     alone = f"<StopTrigger><ConditionGroup>{criterion}</ConditionGroup></StopTrigger>"
     assert not Engine(load(write(stop=alone))).run(5.0).stopped
