@@ -3,8 +3,10 @@
 - ADE: mean distance between forecast and label over the label's frames up to the horizon.
 - FDE: distance at the horizon.
 - miss rate: share of forecasts whose distance at the horizon exceeds 2 m.
+- inside: share of forecasts whose 95 % region, by their own covariance, holds the true place: 95 % if it is
+right.
 
-Source of the three: Chang et al., Argoverse, CVPR 2019 (miss: endpoint error over 2 m). They hold
+Source of the first three: Chang et al., Argoverse, CVPR 2019 (miss: endpoint error over 2 m). They hold
 for one forecast per object. Distances are between centres on the ground of the world frame, and contain the
 track's own error of position. `moving` takes the objects that really move, 0.5 m/s on average up to the
 horizon.
@@ -12,11 +14,13 @@ horizon.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
 
+from smartmot.forecast import CHI2_95
 from smartmot.types import BoolArray, FloatArray, IntArray
 
 HORIZONS_S = (1.0, 2.0, 3.0)
@@ -25,6 +29,9 @@ MISS_M = 2.0
 
 MOVING_MPS = 0.5
 """Slower objects count as standing (the paper's threshold between static and dynamic)."""
+
+Spread = Callable[[IntArray, FloatArray], FloatArray]
+"""(N, 2, 2) covariances of N of the forecasts, by their indices, for (N,) times after their beginning."""
 
 Positions = Callable[[IntArray, FloatArray], FloatArray]
 """(N, 2) positions that N of the forecasts, by their indices, give for (N,) times after their beginning."""
@@ -37,12 +44,13 @@ class ForecastScore:
     Args:
         category: Category of the objects.
         objects: all, or moving.
-        model: cv, ctrv or ca.
+        model: cv, ctrv, ca, class or shipped.
         with_map: Whether forecasts followed the lanes of a map.
         horizon_s: How far ahead.
         ade_m, fde_m: Mean errors.
         miss_rate_percent: Share of forecasts that miss.
         forecasts: Number of forecasts.
+        inside_95_percent: Share whose 95 % region holds the true place; NaN without covariance.
     """
 
     category: str
@@ -54,6 +62,7 @@ class ForecastScore:
     fde_m: float
     miss_rate_percent: float
     forecasts: int
+    inside_95_percent: float = math.nan
 
 
 FORECAST_COLUMNS = tuple(item.name for item in fields(ForecastScore))
@@ -67,11 +76,13 @@ class DisplacementErrors:
         ade_m: (R, H) mean errors up to the horizon; NaN where the label is not known at it.
         fde_m: (R, H) errors at the horizon; NaN in the same places.
         moving: (R, H) objects that move on average up to it.
+        inside: (R, H) 1 where the 95 % region holds the true place, else 0; NaN without covariance.
     """
 
     ade_m: FloatArray
     fde_m: FloatArray
     moving: BoolArray
+    inside: FloatArray
 
 
 def displacement_errors(
@@ -81,6 +92,7 @@ def displacement_errors(
     start: IntArray,
     positions: Positions,
     tolerance_s: float,
+    spread: Spread | None = None,
 ) -> DisplacementErrors:
     """Errors of forecasts, each of which begins at one row of the labels.
 
@@ -91,9 +103,10 @@ def displacement_errors(
         start: (R,) rows at which the forecasts begin.
         positions: The forecasts.
         tolerance_s: A label is at a horizon if it is no farther from it in time.
+        spread: Covariances of the forecasts; None: they have none.
     """
     shape = (len(start), len(HORIZONS_S))
-    ade, fde, mean_speed = (np.full(shape, np.nan) for _ in range(3))
+    ade, fde, mean_speed, inside = (np.full(shape, np.nan) for _ in range(4))
     total, count = np.zeros(len(start)), np.zeros(len(start))
     # all forecasts go on by one label at a time, until their object or the longest horizon ends
     active = np.arange(len(start))
@@ -105,7 +118,8 @@ def displacement_errors(
         elapsed = stamp_s[then] - stamp_s[now]
         goes_on = (object_id[then] == object_id[now]) & (elapsed <= HORIZONS_S[-1] + tolerance_s)
         active, now, then, elapsed = active[goes_on], now[goes_on], then[goes_on], elapsed[goes_on]
-        error = np.linalg.norm(positions(active, elapsed) - center_m[then], axis=1)
+        offset = positions(active, elapsed) - center_m[then]
+        error = np.linalg.norm(offset, axis=1)
         total[active] += error
         count[active] += 1
         for k, horizon_s in enumerate(HORIZONS_S):
@@ -114,8 +128,11 @@ def displacement_errors(
             fde[active[at], k] = error[at]
             gone_m = np.linalg.norm(center_m[then[at]] - center_m[now[at]], axis=1)
             mean_speed[active[at], k] = gone_m / elapsed[at]
+            if spread is not None and at.any():
+                scaled = np.linalg.solve(spread(active[at], elapsed[at]), offset[at][..., None])[..., 0]
+                inside[active[at], k] = (offset[at] * scaled).sum(axis=1) <= CHI2_95
     with np.errstate(invalid="ignore"):
-        return DisplacementErrors(ade, fde, mean_speed >= MOVING_MPS)
+        return DisplacementErrors(ade, fde, mean_speed >= MOVING_MPS, inside)
 
 
 def forecast_scores(
@@ -130,12 +147,20 @@ def forecast_scores(
         with_map: For the result.
     """
     parts = list(errors)
-    ade, fde, moving = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("ade_m", "fde_m", "moving")
+    ade, fde, moving, inside = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("ade_m", "fde_m", "moving", "inside")
     )
     known = np.isfinite(fde)
     return [
-        _score(category, objects, model, with_map, horizon_s, ade[rows[:, k], k], fde[rows[:, k], k])
+        _score(
+            category,
+            objects,
+            model,
+            with_map,
+            horizon_s,
+            *(values[rows[:, k], k] for values in (ade, fde, inside)),
+        )
         for objects, rows in (("all", known), ("moving", known & moving))
         for k, horizon_s in enumerate(HORIZONS_S)
     ]
@@ -149,6 +174,7 @@ def _score(
     horizon_s: float,
     ade_m: FloatArray,
     fde_m: FloatArray,
+    inside: FloatArray,
 ) -> ForecastScore:
     """One score; its errors are NaN without forecasts."""
     some = len(fde_m) > 0
@@ -162,4 +188,5 @@ def _score(
         fde_m=float(fde_m.mean()) if some else np.nan,
         miss_rate_percent=float(100.0 * (fde_m > MISS_M).mean()) if some else np.nan,
         forecasts=len(fde_m),
+        inside_95_percent=float(100.0 * inside.mean()) if some else np.nan,
     )

@@ -19,6 +19,7 @@ from smartmot.filters.motion_models import (
     RATIO,
     YAW,
     ConstantAcceleration,
+    DecayingAcceleration,
     LinearMotion,
     X,
     Y,
@@ -82,7 +83,7 @@ class ChannelFilter:
     def _initial_covariance(self) -> FloatArray:
         """(C, 5, T) upper triangles of a new track's covariance."""
         variances = [self._config.initial_factor * self._noise, self._config.initial_rate_variance()]
-        if isinstance(self._motion, ConstantAcceleration):
+        if isinstance(self._motion, ConstantAcceleration | DecayingAcceleration):
             acceleration = np.zeros_like(self._noise)
             acceleration[:, :AREA] = table(self._motion.initial_acceleration_mps2)[:, None] ** 2
             variances.append(acceleration)
@@ -102,7 +103,11 @@ class ChannelFilter:
         # F P F^T, from upper triangle to upper triangle.
         matrix[k:, k:] = pick @ (f[:, None, :, None] * f[:, None, :]).reshape(k * k, k * k) @ spread
         offset = np.zeros((*self._noise.shape, self._parts))
-        offset[..., k:] = process_noise(self._densities, dt_s).reshape(*self._noise.shape, k * k) @ pick.T
+        if isinstance(self._motion, DecayingAcceleration):
+            noise = self._motion.process_noise(dt_s)
+        else:
+            noise = process_noise(self._densities, dt_s)
+        offset[..., k:] = noise.reshape(*self._noise.shape, k * k) @ pick.T
         if len(self._steps) == _STEPS:
             self._steps.clear()
         step = self._steps[dt_s] = matrix.T.copy(), offset

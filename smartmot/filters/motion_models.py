@@ -8,7 +8,7 @@ Constant turn rate and velocity couples position, heading and speed (`smartmot.f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Protocol
 
@@ -62,10 +62,10 @@ class PerCategory:
     unknown: float
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for each in fields(self):
+            value = getattr(self, each.name)
             if not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ConfigError(f"PerCategory.{field.name}: expected a finite number, got {value!r}")
+                raise ConfigError(f"PerCategory.{each.name}: expected a finite number, got {value!r}")
 
     @classmethod
     def grouped(cls, vehicle: float, pedestrian: float, two_wheeler: float) -> PerCategory:
@@ -146,8 +146,8 @@ class ConstantVelocity:
     yaw_rate_rad2ps3: Setting = 0.02
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            check_range(self, field.name, 0.0, math.inf)
+        for each in fields(self):
+            check_range(self, each.name, 0.0, math.inf)
 
     @classmethod
     def paper(cls) -> ConstantVelocity:
@@ -205,8 +205,8 @@ class ConstantAcceleration:
     initial_acceleration_mps2: Setting = 2.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            check_range(self, field.name, 0.0, math.inf)
+        for each in fields(self):
+            check_range(self, each.name, 0.0, math.inf)
 
     @property
     def order(self) -> int:
@@ -227,6 +227,83 @@ class ConstantAcceleration:
             ),
             axis=-1,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class DecayingAcceleration:
+    """Acceleration of the centre that fades (Singer, IEEE Trans. AES 6, 1970); else as `ConstantVelocity`.
+
+    Who brakes stops braking soon: a constant acceleration runs away within a forecast's horizon, and a
+    constant velocity lags behind who brakes.
+
+    Args:
+        acceleration_mps2: Standard deviation of an acceleration along each axis. Over times longer than the
+            memory the velocity wanders as with a `ConstantVelocity` of 2 a^2 memory: 1 m2/s3, for pedestrians
+            0.2.
+        memory_s: Time over which it fades.
+        area_m4ps: Density of the area noise, m4/s.
+        ratio_ps: Density of the noise on the aspect ratio, 1/s.
+        yaw_rate_rad2ps3: Density of the angular acceleration noise, rad2/s3.
+
+    Raises:
+        ConfigError: A value is negative or not finite, or the time 0.
+    """
+
+    acceleration_mps2: Setting = field(default=PerCategory.grouped(1.0, 0.45, 1.0))
+    memory_s: float = 0.5
+    area_m4ps: Setting = 0.05
+    ratio_ps: Setting = 0.05
+    yaw_rate_rad2ps3: Setting = 0.02
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            check_range(self, each.name, 1e-3 if each.name == "memory_s" else 0.0, math.inf)
+
+    @property
+    def initial_acceleration_mps2(self) -> Setting:
+        """Standard deviation of a new track's acceleration: that of any."""
+        return self.acceleration_mps2
+
+    @property
+    def order(self) -> int:
+        """A value, its rate and its acceleration."""
+        return 3
+
+    def transition(self, dt_s: float) -> FloatArray:
+        """(3, 3) matrix of motion with an acceleration that fades exponentially."""
+        memory_s = self.memory_s
+        left = -math.expm1(-dt_s / memory_s)  # what has faded
+        return np.array(
+            [
+                [1.0, dt_s, memory_s * (dt_s - memory_s * left)],
+                [0.0, 1.0, memory_s * left],
+                [0.0, 0.0, 1.0 - left],
+            ]
+        )
+
+    def densities(self) -> FloatArray:
+        """(C, 5, 3) noise on values, rates and accelerations; the last keep their variance."""
+        settings = _densities(self.acceleration_mps2, self.acceleration_mps2, 0.0, 0.0, 0.0)
+        return np.stack(
+            (
+                _densities(0.0, 0.0, self.area_m4ps, self.ratio_ps, 0.0),
+                _densities(0.0, 0.0, 0.0, 0.0, self.yaw_rate_rad2ps3),
+                2.0 * settings**2 / self.memory_s,
+            ),
+            axis=-1,
+        )
+
+    def process_noise(self, dt_s: float) -> FloatArray:
+        """(C, 5, 3, 3) covariance of the noise over dt_s: the integral of F(t) D F(t)^T, by quadrature.
+
+        The integrand is made of exponentials of at most dt_s / memory_s; eight nodes are exact to rounding.
+        """
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        noise = np.zeros((*self.densities().shape, 3))
+        for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True):
+            f = self.transition(0.5 * dt_s * (node + 1.0))
+            noise += 0.5 * dt_s * weight * (f * self.densities()[..., None, :]) @ f.T
+        return noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,8 +328,8 @@ class ConstantTurnRate:
     ratio_ps: Setting = 0.05
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            check_range(self, field.name, 0.0, math.inf)
+        for each in fields(self):
+            check_range(self, each.name, 0.0, math.inf)
 
 
 def _densities(*channels: Setting) -> FloatArray:
@@ -326,3 +403,60 @@ def ctrv_positions(
     np.add(np.asarray(x_m)[..., None], chord * np.cos(mean_course), out=positions[..., 0])
     np.add(np.asarray(y_m)[..., None], chord * np.sin(mean_course), out=positions[..., 1])
     return positions, start_course + 2.0 * half_turn
+
+
+def fading_positions(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    course_rad: FloatArray,
+    speed_mps: FloatArray,
+    yaw_rate_radps: FloatArray,
+    acceleration_mps2: FloatArray,
+    turn_memory_s: FloatArray,
+    acceleration_memory_s: float,
+    time_s: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Path with turn rate and acceleration that fade exponentially; what brakes stops.
+
+    Speed and course are closed forms of time; the path is their integral by Gauss-Legendre quadrature.
+
+    Args:
+        x_m: (M,) start, map frame.
+        y_m: (M,) start, map frame.
+        course_rad: (M,) direction of travel at the start.
+        speed_mps: (M,) speed along the course.
+        yaw_rate_radps: (M,) turn rate at the start.
+        acceleration_mps2: (M,) acceleration along the course at the start.
+        turn_memory_s: (M,) time over which the turn rate fades; 0: straight on.
+        acceleration_memory_s: Time over which the acceleration fades.
+        time_s: (T,) times after the start, or (M, T).
+
+    Returns:
+        (M, T, 2) positions, map frame, metres, and (M, T) courses in radians (not wrapped).
+    """
+    time = np.broadcast_to(time_s, (len(x_m), np.shape(time_s)[-1]))
+    memory = np.maximum(turn_memory_s, 1e-9)
+
+    def course(after_s: FloatArray) -> FloatArray:
+        places = (slice(None),) + (None,) * (after_s.ndim - 1)
+        turned = (yaw_rate_radps * turn_memory_s)[places] * -np.expm1(-after_s / memory[places])
+        return np.asarray(course_rad)[places] + turned
+
+    nodes, weights = _legendre()
+    after = time[..., None] * nodes
+    gained = (
+        acceleration_mps2[:, None, None] * acceleration_memory_s * -np.expm1(-after / acceleration_memory_s)
+    )
+    speed = np.maximum(np.asarray(speed_mps)[:, None, None] + gained, 0.0)
+    direction = course(after)
+    positions = np.empty((*time.shape, 2))
+    positions[..., 0] = np.asarray(x_m)[:, None] + time * ((speed * np.cos(direction)) @ weights)
+    positions[..., 1] = np.asarray(y_m)[:, None] + time * ((speed * np.sin(direction)) @ weights)
+    return positions, course(time)
+
+
+@lru_cache(maxsize=1)
+def _legendre() -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of the quadrature over 0 to 1; 12 are exact to 1 cm where braking ends in between."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    return 0.5 * (nodes + 1.0), 0.5 * weights

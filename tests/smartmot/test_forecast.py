@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,14 +10,18 @@ from opendrive import load_map
 from scenarios.catalogue.maps import shipped_map
 from smartmot.errors import ConfigError
 from smartmot.forecast import (
+    CHI2_95,
+    SPREAD_M2PS3,
     ForecastConfig,
+    forecast_covariance,
     forecast_ego,
     forecast_ego_along,
     forecast_times,
     forecast_tracks,
+    sure_turn_rates,
 )
 from smartmot.maps.route import route_ahead
-from smartmot.types import Boxes, EgoState, FloatArray, Tracks
+from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray, Tracks
 
 TIMES = forecast_times(3.0, 0.1)
 
@@ -197,3 +203,74 @@ def test_ego_beside_its_route_keeps_its_offset() -> None:
 def test_unknown_ego_forecast_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"ego must be one of ctrv, path, got 'magic'"):
         ForecastConfig(ego="magic")
+
+
+BY_CLASS = ForecastConfig(model="class")
+
+
+def test_by_class_pedestrians_go_straight_on_and_vehicles_leave_their_bend() -> None:
+    walker = _tracks([[1.4, 0.0]], [0.8])
+    straight = forecast_tracks(walker, TIMES, BY_CLASS)
+    np.testing.assert_allclose(straight.center_m[0], 1.4 * TIMES[:, None] * [1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(straight.yaw_rad[0], 0.0, atol=1e-9)
+    car = replace(_tracks([[10.0, 0.0]], [0.4]), category=np.array(["car"]))
+    bend = forecast_tracks(car, TIMES, BY_CLASS)
+    # in all it turns by the rate times the memory of 1 s
+    np.testing.assert_allclose(bend.yaw_rad[0], 0.4 * (1.0 - np.exp(-TIMES)), atol=1e-9)
+    assert 0.0 < bend.center_m[0, -1, 1] < forecast_tracks(car, TIMES, ForecastConfig()).center_m[0, -1, 1]
+
+
+def test_by_class_a_known_acceleration_fades() -> None:
+    """10 m/s and -4 m/s2 that fade over 0.5 s: 2 m/s slower in the end."""
+    mean = np.zeros((1, 11))
+    mean[0, 9] = -4.0
+    car = replace(
+        _tracks([[10.0, 0.0]]), category=np.array(["car"]), mean=mean, covariance=np.zeros((1, 11, 11))
+    )
+    x = forecast_tracks(car, TIMES, BY_CLASS).center_m[0, :, 0]
+    np.testing.assert_allclose(
+        x, 10.0 * TIMES - 2.0 * (TIMES - 0.5 * (1.0 - np.exp(-TIMES / 0.5))), atol=1e-6
+    )
+
+
+def test_by_class_what_stands_stays() -> None:
+    tracks = _tracks([[1.4, 0.0]], dynamic=False)
+    assert (forecast_tracks(tracks, TIMES, BY_CLASS).center_m == 0.0).all()
+
+
+def test_turn_rates_within_their_noise_are_none() -> None:
+    covariance = np.zeros((3, 9, 9))
+    covariance[:, 8, 8] = 0.01, 0.01, 0.0
+    np.testing.assert_allclose(
+        sure_turn_rates(np.array([0.05, 0.2, 0.05]), covariance), [0.0, 0.2 * 0.75, 0.05]
+    )
+    assert sure_turn_rates(np.array([0.05]), np.zeros((1, 0, 0))).tolist() == [0.05]
+
+
+def test_the_region_of_a_forecast_by_hand() -> None:
+    """After 2 s: position, velocity and their covariance, and the acceleration that nobody knows."""
+    covariance = np.zeros((1, 9, 9))
+    covariance[0, 0, 0], covariance[0, 5, 5], covariance[0, 0, 5] = 0.04, 0.25, 0.05
+    covariance[0, 5, 0] = 0.05
+    code = np.array([CATEGORIES.index("car")])
+    region = forecast_covariance(covariance, code, np.array([0.0, 2.0]))
+    unknown = SPREAD_M2PS3[code[0]] * 2.0**3 / 3.0
+    np.testing.assert_allclose(region[0, :, 0, 0], [0.04, 0.04 + 2 * 2.0 * 0.05 + 4.0 * 0.25 + unknown])
+    np.testing.assert_allclose(region[0, :, 1, 1], [0.0, unknown])
+    assert (region[..., 0, 1] == 0.0).all()
+
+
+def test_the_region_holds_the_truth_as_often_as_it_says() -> None:
+    """Objects that white noise of that density disturbs, from an exact start: 95 % after 3 s."""
+    rng, steps, dt_s = np.random.default_rng(0), 300, 0.01
+    code = CATEGORIES.index("pedestrian")
+    velocity = np.cumsum(rng.normal(0.0, np.sqrt(SPREAD_M2PS3[code] * dt_s), (4000, steps, 2)), axis=1)
+    error = velocity.sum(axis=1) * dt_s
+    region = forecast_covariance(np.zeros((1, 9, 9)), np.array([code]), np.array([3.0]))[0, 0]
+    inside = (error * np.linalg.solve(region, error.T).T).sum(axis=1) <= CHI2_95
+    assert inside.mean() == pytest.approx(0.95, abs=0.015)
+
+
+def test_an_unknown_model_is_refused() -> None:
+    with pytest.raises(ConfigError, match="forecast: model must be one of ctrv, class, got 'best'"):
+        ForecastConfig(model="best")

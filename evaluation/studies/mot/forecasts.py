@@ -22,11 +22,12 @@ from smartmot.filters.motion_models import (
     ConstantAcceleration,
     ConstantTurnRate,
     ConstantVelocity,
+    DecayingAcceleration,
     LinearMotion,
     ctrv_positions,
 )
-from smartmot.forecast import ForecastConfig
-from smartmot.types import FloatArray, IntArray
+from smartmot.forecast import ForecastConfig, class_positions, forecast_covariance, sure_turn_rates
+from smartmot.types import CATEGORIES, FloatArray, IntArray
 
 MAX_YAW_RATE_RADPS = ForecastConfig().max_yaw_rate_radps
 """Turn rates of tracks are limited to this, as in `smartmot.forecast`."""
@@ -35,8 +36,12 @@ MODELS: dict[str, LinearMotion | ConstantTurnRate] = {
     "cv": ConstantVelocity(),
     "ctrv": ConstantTurnRate(),
     "ca": ConstantAcceleration(),
+    "class": DecayingAcceleration(),
 }
 """Motion models by name, with their default noise."""
+
+SHIPPED = "shipped"
+"""The pipeline's forecast: CTRV of the tracker's own tracks; what is static stays (`smartmot.forecast`)."""
 
 assert MATCH_DISTANCE_M == 2.0  # the module's text says so
 
@@ -51,7 +56,13 @@ def motions(own: LinearMotion | ConstantTurnRate) -> dict[str, LinearMotion | Co
 
 def carried_on(model: str) -> Carry:
     """How a model moves tracks on."""
-    return {"cv": _constant_velocity, "ctrv": _constant_turn_rate, "ca": _constant_acceleration}[model]
+    return {
+        "cv": _constant_velocity,
+        "ctrv": _constant_turn_rate,
+        "ca": _constant_acceleration,
+        "class": _by_class,
+        SHIPPED: _shipped,
+    }[model]
 
 
 def _constant_velocity(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
@@ -77,6 +88,35 @@ def _constant_acceleration(tracked: TrackedSequence, rows: IntArray, time_s: Flo
     return moved + 0.5 * time_s[:, None] ** 2 * tracked.acceleration_mps2[rows]
 
 
+def _by_class(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    tracks = tracked.tracks
+    rate = np.clip(tracked.yaw_rate_radps[rows], -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS)
+    if tracked.covariance is not None:
+        rate = sure_turn_rates(rate, tracked.covariance[rows])
+    positions, _ = class_positions(
+        tracks.center_m[rows],
+        tracks.velocity_mps[rows],
+        rate,
+        tracked.acceleration_mps2[rows],
+        _codes(tracked, rows),
+        time_s[:, None],
+    )
+    return positions[:, 0]
+
+
+def _shipped(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    moved = _constant_turn_rate(tracked, rows, time_s)
+    if tracked.dynamic is None:
+        return moved
+    return np.where(tracked.dynamic[rows, None], moved, tracked.tracks.center_m[rows])
+
+
+def _codes(tracked: TrackedSequence, rows: IntArray) -> IntArray:
+    return np.array(
+        [CATEGORIES.index(name) for name in tracked.tracks.category[rows].tolist()], dtype=np.int64
+    )
+
+
 def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> DisplacementErrors:
     """Compare forecasts of a sequence with its labels.
 
@@ -100,6 +140,13 @@ def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> Di
     place = np.empty_like(by_object)
     place[by_object] = np.arange(len(by_object))
     rows = track_rows[track]
+    covariance = tracked.covariance
+
+    def spread(forecasts: IntArray, elapsed_s: FloatArray) -> FloatArray:
+        assert covariance is not None
+        chosen = rows[forecasts]
+        return forecast_covariance(covariance[chosen], _codes(tracked, chosen), elapsed_s[:, None])[:, 0]
+
     return displacement_errors(
         sequence.stamp_s[labels.frame[by_object]],
         labels.object_id[by_object],
@@ -107,6 +154,7 @@ def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> Di
         place[label],
         lambda forecasts, elapsed_s: carry(tracked, rows[forecasts], elapsed_s),
         0.5 * float(np.median(np.diff(sequence.stamp_s))) if len(sequence) > 1 else 0.0,
+        None if covariance is None or covariance.shape[1] == 0 else spread,
     )
 
 

@@ -13,7 +13,7 @@ from evaluation.metrics.matching import compare
 from evaluation.metrics.mot import MotScore, evaluate
 from evaluation.progress import Progress
 from evaluation.studies.mot.film import Film
-from evaluation.studies.mot.forecasts import MODELS, carried_on, motions, score_forecasts
+from evaluation.studies.mot.forecasts import MODELS, SHIPPED, carried_on, motions, score_forecasts
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.notes import notes_on
@@ -31,7 +31,7 @@ from smartmot.types import CATEGORIES
 
 NEEDS_MAP = "--filter map: needs --map FILE (.xodr, or a map of Argoverse 2)"
 
-OF_VELOCITY = ("cv", "ctrv")
+OF_VELOCITY = ("cv", "ctrv", SHIPPED)
 """Forecasts that need no more than the velocity and turn rate that every tracker tells."""
 
 
@@ -255,7 +255,7 @@ def _tracked_by_model(
     if not isinstance(config, TrackerConfig):
         return dict.fromkeys(OF_VELOCITY, tracked)
     progress.begin("forecasting", study.data.frame_count * (len(MODELS) - 1))
-    return {
+    return {SHIPPED: tracked} | {
         name: tracked
         if model == config.motion
         else track_dataset(study.data, replace(config, motion=model), progress.done)

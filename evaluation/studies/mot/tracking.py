@@ -32,6 +32,8 @@ class TrackedSequence:
         yaw_rate_radps: (K,) turn rates.
         acceleration_mps2: (K, 2) acceleration, world frame; zero where the motion model has none.
         coasted_s: (K,) time since the last detection.
+        dynamic: (K,) what the tracker says moves; None: not known.
+        covariance: (K, D, D) of the filter's states; None: not known.
     """
 
     sequence: Sequence
@@ -39,6 +41,8 @@ class TrackedSequence:
     yaw_rate_radps: FloatArray
     acceleration_mps2: FloatArray
     coasted_s: FloatArray
+    dynamic: BoolArray | None = None
+    covariance: FloatArray | None = None
 
 
 def track_sequence(
@@ -94,6 +98,8 @@ def track_sequence(
         yaw_rate_radps=column("yaw_rate_radps")[confirmed],
         acceleration_mps2=_accelerations(tracker, column("mean"))[confirmed],
         coasted_s=coasted_s[confirmed],
+        dynamic=column("dynamic").astype(np.bool_)[confirmed],
+        covariance=column("covariance")[confirmed],
     )
 
 

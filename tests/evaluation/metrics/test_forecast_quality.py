@@ -62,3 +62,18 @@ def test_without_forecasts_there_is_no_error() -> None:
         assert score.forecasts == 0
         assert math.isnan(score.ade_m)
         assert math.isnan(score.miss_rate_percent)
+
+
+def test_true_places_in_the_region_of_the_forecast() -> None:
+    """1 m/s away from who was to stay, standard deviations of 0.9 m: within 2.45 of them up to 2.2 s."""
+
+    def spread(forecasts: IntArray, elapsed_s: FloatArray) -> FloatArray:
+        return np.tile(0.81 * np.eye(2), (len(forecasts), 1, 1))
+
+    start = np.array([0])
+    errors = displacement_errors(STAMP_S, np.zeros(7, np.int64), ahead(1.0), start, stays, 0.25, spread)
+    assert errors.inside[0].tolist() == [1.0, 1.0, 0.0]
+    scores = forecast_scores([errors], "car", "cv", with_map=False)
+    assert [s.inside_95_percent for s in scores if s.objects == "all"] == [100.0, 100.0, 0.0]
+    without = displacement_errors(STAMP_S, np.zeros(7, np.int64), ahead(1.0), start, stays, 0.25)
+    assert np.isnan(without.inside).all()

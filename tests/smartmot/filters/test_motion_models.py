@@ -11,14 +11,17 @@ from smartmot.filters.motion_models import (
     YAW,
     ConstantAcceleration,
     ConstantVelocity,
+    DecayingAcceleration,
     PerCategory,
     X,
     ctrv_positions,
+    fading_positions,
     process_noise,
     table,
 )
 
 MODELS = [ConstantVelocity(), ConstantVelocity.paper(), ConstantAcceleration()]
+FADING = DecayingAcceleration()
 
 
 def test_transitions_by_hand() -> None:
@@ -120,3 +123,77 @@ def test_ctrv_shapes(m: int, t: int) -> None:
     assert course.shape == (m, t)
     own_times, _ = ctrv_positions(x, y, yaw, speed, rate, np.broadcast_to(np.linspace(0, 3, t), (m, t)))
     np.testing.assert_array_equal(own_times, position)
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.01, 1.0))
+@settings(max_examples=50, deadline=None)
+def test_steps_of_a_fading_acceleration_compose(first_s: float, second_s: float) -> None:
+    f, g = FADING.transition(first_s), FADING.transition(second_s)
+    np.testing.assert_allclose(g @ f, FADING.transition(first_s + second_s), atol=1e-12)
+    composed = g @ FADING.process_noise(first_s) @ g.T + FADING.process_noise(second_s)
+    np.testing.assert_allclose(composed, FADING.process_noise(first_s + second_s), atol=1e-9)
+
+
+def test_a_fading_acceleration_keeps_its_variance() -> None:
+    """Singer's model is stationary: what fades is made up by the noise."""
+    f, noise = FADING.transition(0.3), FADING.process_noise(0.3)
+    variance = table(FADING.acceleration_mps2) ** 2
+    np.testing.assert_allclose(f[2, 2] ** 2 * variance + noise[:, X, 2, 2], variance)
+    assert (noise[:, YAW, 2, 2] == 0.0).all()
+
+
+def test_with_a_long_memory_it_is_a_constant_acceleration() -> None:
+    slow = DecayingAcceleration(memory_s=1e6)
+    np.testing.assert_allclose(slow.transition(0.5), ConstantAcceleration().transition(0.5), atol=1e-5)
+
+
+def _fading(
+    speed: float, rate: float, acceleration: float, turn_memory_s: float, memory_s: float = 0.5
+) -> np.ndarray:
+    one = np.ones(1)
+    time = np.linspace(0.0, 3.0, 7)
+    positions, _ = fading_positions(
+        0.0 * one,
+        0.0 * one,
+        0.3 * one,
+        speed * one,
+        rate * one,
+        acceleration * one,
+        turn_memory_s * one,
+        memory_s,
+        time,
+    )
+    return np.asarray(positions[0])
+
+
+def test_a_fading_path_agrees_with_an_ode_solver() -> None:
+    def change(t: float, state: np.ndarray) -> list[float]:
+        speed = 10.0 + 2.0 * 0.5 * (1.0 - np.exp(-t / 0.5))
+        course = 0.3 + 0.4 * 1.0 * (1.0 - np.exp(-t / 1.0))
+        return [speed * np.cos(course), speed * np.sin(course)]
+
+    truth = solve_ivp(change, (0.0, 3.0), [0.0, 0.0], t_eval=np.linspace(0.0, 3.0, 7), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(_fading(10.0, 0.4, 2.0, 1.0), truth.y.T, atol=1e-6)
+
+
+def test_limits_of_fading_paths() -> None:
+    time = np.linspace(0.0, 3.0, 7)
+    line = 8.0 * time[:, None] * [np.cos(0.3), np.sin(0.3)]
+    np.testing.assert_allclose(_fading(8.0, 0.5, 0.0, 0.0), line, atol=1e-9)
+    one = np.ones(1)
+    arc, _ = ctrv_positions(0.0 * one, 0.0 * one, 0.3 * one, 8.0 * one, 0.5 * one, time)
+    np.testing.assert_allclose(_fading(8.0, 0.5, 0.0, 1e6), arc[0], atol=1e-4)
+
+
+def test_what_brakes_stops_and_does_not_return() -> None:
+    """1 m/s and -4 m/s2 that fade over 0.5 s: it stands after 0.5 ln 2 s, 0.153 m on."""
+    gone_m = np.hypot(*_fading(1.0, 0.0, -4.0, 1.0).T)
+    stop_s = 0.5 * np.log(2.0)
+    expected = stop_s - 4.0 * 0.5 * (stop_s - 0.5 * (1.0 - np.exp(-stop_s / 0.5)))
+    np.testing.assert_allclose(gone_m[1:], expected, atol=0.011)
+
+
+@pytest.mark.parametrize("values", [{"memory_s": 0.0}, {"acceleration_mps2": -1.0}])
+def test_a_fading_acceleration_must_be_possible(values: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match="DecayingAcceleration"):
+        DecayingAcceleration(**values)
