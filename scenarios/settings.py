@@ -177,12 +177,14 @@ _TURNING_RADPS = 1.0
 
 
 def _motion_of(preset: Preset) -> str:
-    return "ctrv" if preset.pipeline.forecast.max_yaw_rate_radps > 0 else "cv"
+    forecast = preset.pipeline.forecast
+    return "class" if forecast.model == "class" else "ctrv" if forecast.max_yaw_rate_radps > 0 else "cv"
 
 
 def _put_motion(preset: Preset, value: Setting) -> Preset:
     limit = 0.0 if value == "cv" else preset.pipeline.forecast.max_yaw_rate_radps or _TURNING_RADPS
-    return _put_forecast(preset, max_yaw_rate_radps=limit)
+    model = "class" if value == "class" else "ctrv"
+    return _put_forecast(preset, max_yaw_rate_radps=limit, model=model)
 
 
 OF_PRESET = "preset"
@@ -401,7 +403,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             _put_filter,
         ),
         "motion": Parameter(
-            "forecast of the others", "", STRATEGIES, ("cv", "ctrv"), _motion_of, _put_motion
+            "forecast of the others", "", STRATEGIES, ("cv", "ctrv", "class"), _motion_of, _put_motion
         ),
         "tracker": Parameter(
             "tracker", "", STRATEGIES, _TRACKERS, _tracker_of, _put_tracker, own=True, profiles=True
