@@ -33,6 +33,8 @@ from smartmot.decision.shipped import RULES
 from smartmot.errors import ConfigError
 from smartmot.filters.motion_models import PerCategory, table
 from smartmot.plugins import Plugin
+from smartmot.tracking.configs import tracker_config
+from smartmot.tracking.profile import CategoryProfile, DetectorProfile
 from smartmot.tracking.tracker import TrackerConfig
 
 
@@ -309,3 +311,23 @@ def test_the_last_point_to_brake_is_that_of_the_presets_own_brakes_on_a_dry_road
         assert (rule.required_decel_mps2, rule.delay_s, rule.build_up_s) == (
             brakes.max_decel_mps2, brakes.delay_s + 0.05, brakes.build_up_s
         )  # fmt: skip
+
+
+def test_others_may_be_forecast_by_category() -> None:
+    forecasts = {
+        name: preset_with(PAPER, (("motion", name),)).pipeline.forecast for name in ("cv", "ctrv", "class")
+    }
+    assert [f.model for f in forecasts.values()] == ["ctrv", "ctrv", "class"]
+    assert forecasts["ctrv"] == PAPER.pipeline.forecast
+    assert forecasts["cv"].max_yaw_rate_radps == 0.0 < forecasts["class"].max_yaw_rate_radps
+
+
+def test_a_detectors_profile_is_a_tracker(tmp_path: Path) -> None:
+    DetectorProfile("mine", 10.0, {"car": CategoryProfile(100, 0.5, 0.1)}).save(tmp_path / "mine.json")
+    value = str(tmp_path / "mine.json")
+    assert PARAMETERS["tracker"].admits(value)
+    assert not PARAMETERS["rule"].admits(value)
+    tracker = preset_with(REAL, (("tracker", value),)).pipeline.tracker
+    assert tracker == tracker_config(value)
+    with pytest.raises(ConfigError, match=r"nowhere\.json: No such file"):
+        preset_with(REAL, (("tracker", "nowhere.json"),))
