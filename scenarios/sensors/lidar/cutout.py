@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarios.sensors.lidar.measurement import LidarMeasurement
 from scenarios.sensors.world import World
-from smartmot.arrays import FloatArray, IntArray
-from smartmot.lidar.plain import least_rectangle
+from smartmot.arrays import FloatArray, IntArray, StrArray
+from smartmot.lidar.features import FEATURES, Clusters
+from smartmot.lidar.fit import car_outlines, cyclist_outlines, pedestrian_outlines
 from smartmot.pointcloud import Boxes3D
 from smartmot.types import Detections
 
@@ -56,7 +56,7 @@ class LabelDetector:
 class CutoutDetector:
     """Fits a box to the points of every road user, whose category it knows but not its box.
 
-    What it adds to the errors of `LabelDetector` are those of the fit.
+    What it adds to the errors of `LabelDetector` are those of the fit, which is that of the shipped detector.
     """
 
     latency_s = 0.0
@@ -65,54 +65,46 @@ class CutoutDetector:
     def detect(self, measurement: LabelledCloud) -> Detections:
         """Fitted boxes, all with score 1."""
         order = np.argsort(measurement.row, kind="stable")
-        row = measurement.row[order]
-        rows, first = np.unique(row, return_index=True)
-        ends = [*first[1:].tolist(), len(row)]
-        xyz = measurement.lidar.cloud.xyz_m[order].astype(np.float64)
-        category = measurement.world.category
-        fits = [
-            fit_box(xyz[low:high], str(category[number]))
-            for number, low, high in zip(rows.tolist(), first.tolist(), ends, strict=True)
-            if number >= 0
-        ]
-        rows = rows[rows >= 0]
-        boxes = Boxes3D(
-            np.array([fit[0] for fit in fits]).reshape(-1, 3),
-            np.array([fit[1] for fit in fits]).reshape(-1, 3),
-            np.array([fit[2] for fit in fits]),
-        )
-        return measurement.lidar.detections(boxes, np.ones(len(rows)), category[rows])
-
-
-CLASS_SIZE_M = {
-    "car": (3.9, 1.6, 1.56),
-    "pedestrian": (0.8, 0.6, 1.73),
-    "cyclist": (1.76, 0.6, 1.73),
-    "truck": (6.93, 2.51, 2.84),
-    "motorcycle": (2.11, 0.77, 1.47),
-}
-"""Length, width and height that boxes are grown to at least. The first three: anchors of SECOND (Yan, Mao, Li
-2018) on KITTI; the others: anchors of its nuScenes configuration in OpenPCDet."""
-
-
-def fit_box(xyz_m: FloatArray, category: str) -> tuple[FloatArray, FloatArray, float]:
-    """The least rectangle around points, grown away from the sensor to the size of a class.
-
-    Args:
-        xyz_m: (K, 3) points of one road user, sensor's frame; K at least 1.
-        category: its class; others than those of `CLASS_SIZE_M` are not grown.
-
-    Returns:
-        Middle (3,), length, width and height (3,), heading.
-    """
-    middle, extent, yaw = least_rectangle(xyz_m[:, :2])
-    bottom, top = float(xyz_m[:, 2].min()), float(xyz_m[:, 2].max())
-    size = np.maximum([*extent, top - bottom], CLASS_SIZE_M.get(category, (LEAST_M,) * 3))
-    axes = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
-    away = np.where(axes @ middle < 0.0, -1.0, 1.0)
-    middle = middle + (0.5 * away * (size[:2] - extent)) @ axes
-    return np.array([*middle, top - 0.5 * size[2]]), size, yaw
+        order = order[np.searchsorted(measurement.row[order], 0) :]  # without points of no road user
+        rows, first, count = np.unique(measurement.row[order], return_index=True, return_counts=True)
+        category = measurement.world.category[rows]
+        xyz = measurement.lidar.cloud.xyz_m.take(order, axis=0).astype(np.float64)
+        boxes = fit_boxes(xyz, first, count, category)
+        return measurement.lidar.detections(boxes, np.ones(len(rows)), category)
 
 
 LEAST_M = 0.1
-"""Size of what is a single point."""
+"""Least height of a box: that of a single point."""
+
+FITS = {"pedestrian": pedestrian_outlines, "cyclist": cyclist_outlines, "motorcycle": cyclist_outlines}
+"""How the shipped detector fits boxes of a category; all others as cars."""
+
+
+def fit_boxes(xyz_m: FloatArray, first: IntArray, count: IntArray, category: StrArray) -> Boxes3D:
+    """Boxes around the points of road users of known category.
+
+    Args:
+        xyz_m: (K, 3) points, sensor's frame, one road user after the other.
+        first: (N,) where each begins.
+        count: (N,) its points, 1 or more.
+        category: (N,) names out of `smartmot.types.CATEGORIES`.
+    """
+    if not len(first):
+        return Boxes3D.empty()
+    xy = np.ascontiguousarray(xyz_m[:, :2])
+    middle = np.add.reduceat(xy, first) / count[:, None]
+    rel = xy - np.repeat(middle, count, axis=0)
+    moments = np.column_stack((rel[:, 0] ** 2 - rel[:, 1] ** 2, 2.0 * rel[:, 0] * rel[:, 1]))
+    spread = np.add.reduceat(moments, first)
+    axis = 0.5 * np.arctan2(spread[:, 1], spread[:, 0])
+    nothing = np.zeros((len(first), len(FEATURES)))
+    clusters = Clusters(np.arange(len(xy)), first, count, middle, nothing, axis)
+    low, high = (extreme.reduceat(xyz_m[:, 2], first) for extreme in (np.minimum, np.maximum))
+    center, size, yaw = np.empty((len(first), 3)), np.empty((len(first), 3)), np.empty(len(first))
+    center[:, 2], size[:, 2] = 0.5 * (low + high), np.maximum(high - low, LEAST_M)
+    for name in np.unique(category).tolist():
+        chosen = np.flatnonzero(category == name)
+        outlines = FITS.get(name, car_outlines)(xy, clusters, chosen)
+        center[chosen, :2], size[chosen, :2] = outlines.center_m, outlines.size_m
+        yaw[chosen] = outlines.yaw_rad
+    return Boxes3D(center, size, yaw)

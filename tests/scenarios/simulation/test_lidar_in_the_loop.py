@@ -16,7 +16,7 @@ from scenarios.presets import PHYSICAL, pipeline_of
 from scenarios.sensors.boxes import SensorConfig
 from scenarios.sensors.lidar import HDL32, LidarMeasurement, LidarSensor, Mount
 from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception, _kept, lidar_of
-from scenarios.sensors.lidar.cutout import CutoutDetector, LabelledCloud, fit_box
+from scenarios.sensors.lidar.cutout import CutoutDetector, LabelledCloud, fit_boxes
 from scenarios.sensors.lidar.street import Furnished
 from scenarios.settings import preset_with
 from scenarios.simulation.outcome import Outcome
@@ -25,7 +25,6 @@ from scenarios.simulation.street import RunStreet, swept_outlines
 from scenarios.spec import RunSpec, simulation_of
 from smartmot.errors import PluginError
 from smartmot.filters.motion_models import PerCategory
-from smartmot.geometry import wrap_angle
 from smartmot.overlap import intersection_area
 from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.types import Detections, EgoState
@@ -243,19 +242,20 @@ def test_cut_out_boxes_are_near_the_true_ones_whoever_else_is_there() -> None:
 
 @pytest.mark.parametrize("category", ["car", "pedestrian", "cyclist", "truck", "motorcycle", "unknown"])
 def test_a_single_point_has_a_box_that_holds_it(category: str) -> None:
-    center, size, yaw = fit_box(np.array([[10.0, 2.0, -1.0]]), category)
-    rel = np.array([10.0, 2.0, -1.0]) - center
-    c, s = np.cos(yaw), np.sin(yaw)
-    inside = np.abs([c * rel[0] + s * rel[1], c * rel[1] - s * rel[0], rel[2]]) <= 0.5 * size + 1e-9
-    assert inside.all()
+    point = np.array([[10.0, 2.0, -1.0]])
+    boxes = fit_boxes(point, np.array([0]), np.array([1]), np.array([category]))
+    assert boxes.point_counts(point, 1e-6).tolist() == [1]
 
 
 def test_a_box_grows_away_from_the_sensor() -> None:
     """The rear of a car ahead: its near side stays where the points are."""
-    rear = np.column_stack((np.full(9, 10.0), np.linspace(-0.9, 0.9, 9), np.linspace(-1.5, -0.3, 9)))
-    center, size, yaw = fit_box(rear, "car")
-    assert abs(wrap_angle(yaw)) % np.pi == pytest.approx(0.5 * np.pi)  # the seen side is the longer one
-    assert center[0] - 0.5 * min(size[:2]) == pytest.approx(10.0)
+    rear = np.column_stack((np.full(9, 10.0), np.linspace(-0.85, 0.85, 9), np.linspace(-1.5, -0.3, 9)))
+    boxes = fit_boxes(rear, np.array([0]), np.array([9]), np.array(["car"]))
+    ((x, y, z),), (length, width, height) = boxes.center_m.tolist(), boxes.size_m[0]
+    assert abs(np.sin(boxes.yaw_rad[0])) < 0.05
+    assert (x - 0.5 * length, y) == pytest.approx((10.0, 0.0), abs=0.1)
+    assert length > width >= 1.7
+    assert (z, height) == pytest.approx((-0.9, 1.2))
 
 
 # ---- the user's own ----------------------------------------------------------------------------------------
