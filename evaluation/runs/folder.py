@@ -307,7 +307,8 @@ def _map_view(spec: RunSpec, definition: ScenarioDefinition, preset: Preset) -> 
     """Map and route of a run; nothing of the user's own is made."""
     name = perception_map(definition, spec.map_name)
     network = load_named_map(name) if name else None
-    return Simulation(definition, replace(preset, detector=None), None, network=network).map_view()
+    unseen = replace(preset, detector=None, lidar=None)  # code of the user's own is not run for a map
+    return Simulation(definition, unseen, None, network=network).map_view()
 
 
 def _mapless_area(name: str, preset: Preset) -> MonitoredAreaStrategy | None:

@@ -141,20 +141,24 @@ def _names(stem: str, variations: Sequence[Variation], speeds_kmh: Sequence[floa
     ]
 
 
-def lidar_notes(preset: Preset) -> list[str]:
-    """What the reader has to know about the LiDAR of a preset, one line each; none of the shipped sensor."""
+def lidar_notes(preset: Preset, own_streets: bool = False) -> list[str]:
+    """What the reader has to know about the LiDAR of a preset, one line each; none of the shipped sensor.
+
+    Args:
+        preset: the conditions.
+        own_streets: whether each scene has a street of its own.
+    """
     lidar, street = preset.lidar, preset.street
     if lidar is None:
         return []
     config = lidar_of(lidar, preset.sensor)
-    along = (
-        "on a bare street"
-        if street is None
-        else (
-            f"on a street with {street.density_per_100_m:g} pieces of furniture per 100 m and side, seed "
-            f"{street.seed}, but for those in the way of road users"
+    along = "on a bare street"
+    if street is not None:
+        seed = "one of its own in each scene" if own_streets else f"seed {street.seed}"
+        along = (
+            f"on a street with {street.density_per_100_m:g} pieces of furniture per 100 m and side, {seed}, "
+            "but for those in the way of road users"
         )
-    )
     return [
         f"{lidar.sensor}: {config.pattern.rate_hz:g} clouds and frames of perception per second, echoes up "
         f"to {config.range_m:g} m, {along}; detections by {lidar.perception_name}",

@@ -242,7 +242,8 @@ class Question(Study[ArmRun, Decision]):
             ResultsError: the folder cannot be written.
         """
         sensing = preset_with(named_preset("physical"), self.common)
-        notes = (*self.power(results.scenes), path_note(self.arms), *lidar_notes(sensing))
+        sensor_lines = lidar_notes(sensing, "street_seed" not in dict(self.common))
+        notes = (*self.power(results.scenes), path_note(self.arms), *sensor_lines)
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
             self.table: gzip.compress(runs_csv(results, self.kind), mtime=0),

@@ -16,6 +16,7 @@ from evaluation.results.by_speed import comparison_table, impact_table
 from evaluation.results.files import check_writable, write_whole
 from evaluation.results.tables import Table
 from evaluation.runs.folder import RunFolder, read_folder
+from evaluation.runs.specs import lidar_notes
 from evaluation.views.account.explain import Account, explain
 from evaluation.views.frames import frames_of
 from evaluation.views.page import charts
@@ -241,6 +242,10 @@ def _facts(folder: RunFolder) -> dict[str, str]:
     maps = dict.fromkeys(filter(None, (setup.map_name for setup in folder.setups.values())))
     if maps:
         facts["Map"] = ", ".join(maps)
+    presets = [setup.preset for setup in folder.setups.values() if setup.preset is not None]
+    notes = dict.fromkeys(tuple(lidar_notes(preset)) for preset in presets if preset.lidar is not None)
+    for k, (sensing, bound) in enumerate(notes):
+        facts[f"Sensor {k + 1}" if len(notes) > 1 else "Sensor"] = f"{sensing}. This is {bound}"
     for name in ("detector", "tracker", "rule"):
         of = PARAMETERS[name].of
         used = {s.preset.name: of(s.preset) for s in folder.setups.values() if s.preset is not None}
