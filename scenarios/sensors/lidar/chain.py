@@ -20,7 +20,7 @@ from scenarios.sensors.lidar.sensor import LidarSensor
 from scenarios.sensors.lidar.street import Street
 from scenarios.sensors.world import MapSurface, World, reversed_course
 from smartmot.errors import PluginError
-from smartmot.lidar import METHODS, detect
+from smartmot.lidar import METHODS, ClassicalConfig, detect
 from smartmot.plugins import Plugin, require
 from smartmot.types import Detections, EgoState
 
@@ -146,7 +146,9 @@ class CloudDetector:
     rate_hz: float | None = None
 
     def __init__(self, method: str) -> None:
-        self.config, self.scored = METHODS[UNSCORED.get(method, method)](), method not in UNSCORED
+        config, self.scored = METHODS[UNSCORED.get(method, method)](), method not in UNSCORED
+        # the tracker drops low scores, and they are counted; the detector keeps none back
+        self.config = replace(config, least_score=0.0) if isinstance(config, ClassicalConfig) else config
 
     def detect(self, measurement: LidarMeasurement) -> Detections:
         """Detections of a cloud, with the detector's scores."""

@@ -349,3 +349,11 @@ def test_a_stepped_run_has_the_clouds_and_no_truth() -> None:
     assert labelled.frame is not None
     assert isinstance(stepped.frame.measurement, LidarMeasurement)
     assert labelled.frame.measurement is None
+
+
+def test_the_shipped_detector_keeps_no_box_back_for_its_score() -> None:
+    """What the tracker drops is in the outcome, and none is missing beside it."""
+    run = outcome(sensor="mid70", perception="classical", street="furnished")
+    low = outcome(sensor="mid70", perception="classical_unscored", street="furnished")
+    assert run.dropped.score > 0
+    assert low.dropped.total == 0
