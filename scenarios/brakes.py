@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from scenarios.errors import ScenarioError
@@ -100,22 +101,44 @@ class BrakeConfig:
             stage: of the braking; None: a full one from the request on.
         """
         stage = stage or self.requested()
-        distance, left, now = 0.0, duration_s, since_s
-        kinks = (stage.start_s, stage.start_s + stage.ramp_s, math.inf)
-        while left > 0.0 and speed_mps > 0.0:
-            # a piece too short to move the clock would never end
-            kink = next(k for k in kinks if k > now + 1e-12)
-            piece = min(left, kink - now)
-            a0 = -stage.decel_mps2(now + 1e-13)
-            a1 = -stage.decel_mps2(now + piece - 1e-13) if piece > 1e-12 else a0
-            jerk = (a1 - a0) / piece
-            piece = min(piece, _stop_time(speed_mps, a0, jerk))
-            distance += speed_mps * piece + a0 * piece**2 / 2 + jerk * piece**3 / 6
-            after = speed_mps + a0 * piece + jerk * piece**2 / 2
-            speed_mps = after if after > 1e-9 else 0.0
-            now += piece
-            left -= piece
-        return distance, speed_mps
+        kinks = (stage.start_s, stage.start_s + stage.ramp_s)
+        return travelled(speed_mps, since_s, duration_s, kinks, stage.decel_mps2)
+
+
+def travelled(
+    speed_mps: float,
+    time_s: float,
+    duration_s: float,
+    kinks_s: Iterable[float],
+    decel_mps2: Callable[[float], float],
+) -> tuple[float, float]:
+    """Distance driven and speed left under a deceleration that is linear between kinks, in closed form.
+
+    The vehicle stops at zero.
+
+    Args:
+        speed_mps: at the beginning.
+        time_s: of the beginning.
+        duration_s: how long.
+        kinks_s: times at which the deceleration stops to be linear, or steps.
+        decel_mps2: at a time.
+    """
+    distance, left, now = 0.0, duration_s, time_s
+    kinks = (*sorted(kinks_s), math.inf)
+    while left > 0.0 and speed_mps > 0.0:
+        # a piece too short to move the clock would never end
+        kink = next(k for k in kinks if k > now + 1e-12)
+        piece = min(left, kink - now)
+        a0 = -decel_mps2(now + 1e-13)
+        a1 = -decel_mps2(now + piece - 1e-13) if piece > 1e-12 else a0
+        jerk = (a1 - a0) / piece
+        piece = min(piece, _stop_time(speed_mps, a0, jerk))
+        distance += speed_mps * piece + a0 * piece**2 / 2 + jerk * piece**3 / 6
+        after = speed_mps + a0 * piece + jerk * piece**2 / 2
+        speed_mps = after if after > 1e-9 else 0.0
+        now += piece
+        left -= piece
+    return distance, speed_mps
 
 
 def _stop_time(speed: float, acceleration: float, jerk: float) -> float:

@@ -27,6 +27,7 @@ from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
 from scenarios.presets import Preset, named_preset, preset_at_night, preset_in_weather
 from scenarios.settings import Settings, preset_with
+from scenarios.simulation.driver import DriverBrake
 from scenarios.simulation.ends import StopRule
 from scenarios.simulation.motion_actions import ego_actions, ego_of, is_motion
 from scenarios.simulation.simulation import Simulation
@@ -67,6 +68,8 @@ class RunSpec:
         must: what the ego must do, where that is known: brake, or nothing; then every emergency request is
             a false activation.
         apply_performance: whether vehicles stay within the Performance of their catalog, as in esmini.
+        driver: who brakes as well, as some tests ask for; None: nobody does.
+        to_standstill: whether the run goes on when the ego has braked to the speed of a target ahead.
     """
 
     scenario: str
@@ -86,6 +89,8 @@ class RunSpec:
     settings: Settings = ()
     must: str = ""
     apply_performance: bool = False
+    driver: DriverBrake | None = None
+    to_standstill: bool = False
 
     @property
     def plugins(self) -> tuple[str, ...]:
@@ -227,9 +232,10 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
         None if spec.strategy == NO_AEB else NamedStrategy(spec.strategy, preset),
         spec.seed,
         load_named_map(name) if name else None,
-        rule=rule or StopRule(at_standstill=not spec.adapts),
+        rule=rule or StopRule(at_standstill=not spec.adapts, at_level=not spec.to_standstill),
         adapts=spec.adapts,
         apply_performance=spec.apply_performance,
+        driver=spec.driver,
     )
 
 

@@ -13,6 +13,8 @@ from evaluation.cli.output import write_mcaps
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
     "`smartmot-eval ncap --protocol 2026 --strategy map`",
+    "`smartmot-eval ncap --protocol fmvss127 --rule cascade`",
+    "`smartmot-eval ncap --protocol my.toml --strategy map`",
     "`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`",
     "`smartmot-eval ncap --protocol 2023 --sensor hdl64 --strategy map`",
 )
@@ -26,7 +28,11 @@ def command(
         ),
     ] = None,
     protocol: Annotated[
-        str, typer.Option(help="2023, 2026 (Euro NCAP), paper (SmartMOT) or r152 (UN Regulation).")
+        str,
+        typer.Option(
+            help="2023, 2026 (Euro NCAP; ancap: the same), paper (SmartMOT), r152 (UN Regulation), fmvss127 "
+            "(United States), or a file of your own, my.toml: docs/protocols.md."
+        ),
     ] = "2023",
     strategy: options.StrategyNames = "rectangular,map",
     preset: options.PresetName = "physical",
@@ -59,14 +65,17 @@ def command(
     """Run every cell of a test protocol, score it, show its matrices."""
     import rich.console
 
-    from evaluation.protocols.registry import PROTOCOLS
+    from evaluation.protocols.registry import ALIASES, PROTOCOLS, is_file
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
     from evaluation.runs.workers import available_cores
     from evaluation.studies.ncap.run import run_grid
     from evaluation.views.traces.mcap import require_foxglove
 
-    name = options.parse_name(protocol, tuple(PROTOCOLS), "--protocol")
+    name = protocol
+    if not is_file(name):
+        name = options.parse_name(name, (*PROTOCOLS, *ALIASES), "--protocol")
+        name = ALIASES.get(name, name)
     conditions = Conditions(
         strategies=options.parse_strategies(strategy),
         preset=options.parse_preset(preset),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from evaluation.protocols.bands import round_half_up
 from evaluation.protocols.errors import ProtocolError
@@ -136,13 +135,15 @@ class Protocol(ABC):
 
     __slots__ = ()
 
-    unknown: ClassVar[tuple[str, ...]]
-    """What no source gives, and what is therefore not scored."""
-
     @property
     @abstractmethod
     def title(self) -> str:
         """Name and edition."""
+
+    @property
+    @abstractmethod
+    def unknown(self) -> tuple[str, ...]:
+        """What no source gives, and what is therefore not scored."""
 
     @property
     @abstractmethod

@@ -78,6 +78,10 @@ class Measurement:
         invalid: why the run tests nothing; it then scores nothing, whatever came out. Empty if it is valid.
         false_activation: whether an emergency was requested before the target set off; the test is then
             failed, whatever came out.
+        warning_lead_s: from the warning to the onset of automatic braking; infinite without that, None
+            without a warning.
+        added_decel_mps2: greatest deceleration of the emergency brake beyond that of a driver who brakes;
+            None where it is not known.
 
     Raises:
         ProtocolError: a value is not finite or an impact speed is negative.
@@ -88,6 +92,8 @@ class Measurement:
     speed_reduction_kmh: float | None = None
     invalid: str = ""
     false_activation: bool = False
+    warning_lead_s: float | None = None
+    added_decel_mps2: float | None = None
 
     @property
     def avoided(self) -> bool:

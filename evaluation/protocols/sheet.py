@@ -99,7 +99,7 @@ def gate_line(failed: tuple[str, ...]) -> str:
     return f"No points, because this is required and not so: {'; '.join(failed)}." if failed else ""
 
 
-_LEGEND = ("G", "A", "P", "Y", "O", "B", "C", "F", "N", "R", "FA", "×", "?", "–")
+_LEGEND = ("G", "A", "P", "Y", "O", "B", "C", "W", "F", "N", "R", "FA", "×", "?", "–")
 
 
 def _chosen(assessment: Assessment, scenarios: Collection[str]) -> tuple[BlockScore, ...]:

@@ -47,8 +47,9 @@ def measurements(
         records: one mapping per run, as from `DataFrame.to_dict("records")`, with the columns `scenario`,
             `v_test_kmh` and `v_impact_kmh` (speed of the VUT at contact, 0 without), and as far as they apply
             `impact_location_percent`, `target_speed_kmh`, `lighting`, `function`, `condition`, `layer`,
-            `target_speed_at_contact_kmh`, `warning_ttc_s`, `speed_reduction_kmh`, `false_activation` and
-            `end_reason`: a run that the time limit cut off is invalid.
+            `target_speed_at_contact_kmh`, `warning_ttc_s`, `speed_reduction_kmh`, `false_activation`,
+            `warning_lead_s`, `added_decel_mps2`, `relative_impact` (whether the target's speed is taken off)
+            and `end_reason`: a run that the time limit cut off is invalid.
         cells: the protocol's grid.
         why_invalid: why a run, told by its number, tests nothing as one of a cell; empty if it is valid.
             None: all are.
@@ -135,7 +136,8 @@ class _Run:
         reduction = self.speed_kmh - impact
         if self.has("speed_reduction_kmh"):
             reduction = self.number("speed_reduction_kmh")
-        if impact > 0.0 and self.scenario in ALONG_TARGETS:
+        along = self.scenario in ALONG_TARGETS or self.record.get("relative_impact") is True
+        if impact > 0.0 and along:
             impact = max(impact - self._target_speed_kmh(), TOUCHED_KMH)
         warning = self.number("warning_ttc_s") if self.has("warning_ttc_s") else None
         return Measurement(
@@ -144,6 +146,8 @@ class _Run:
             reduction,
             CUT_OFF.get(str(self.record["end_reason"]), "") if self.has("end_reason") else "",
             self.has("false_activation") and str(self.record["false_activation"]).lower() == "true",
+            float(str(self.record["warning_lead_s"])) if self.has("warning_lead_s") else None,
+            self.number("added_decel_mps2") if self.has("added_decel_mps2") else None,
         )
 
     def _target_speed_kmh(self) -> float:
@@ -158,12 +162,16 @@ class _Run:
 def _worse(a: Measurement, b: Measurement) -> Measurement:
     warnings = [m.warning_ttc_s for m in (a, b)]
     reductions = [m.speed_reduction_kmh for m in (a, b) if m.speed_reduction_kmh is not None]
+    leads = [m.warning_lead_s for m in (a, b)]
+    added = [m.added_decel_mps2 for m in (a, b) if m.added_decel_mps2 is not None]
     return Measurement(
         max(a.impact_speed_kmh, b.impact_speed_kmh),
         None if None in warnings else min(w for w in warnings if w is not None),
         min(reductions, default=None),
         a.invalid or b.invalid,
         a.false_activation or b.false_activation,
+        None if None in leads else min(lead for lead in leads if lead is not None),
+        max(added, default=None),
     )
 
 

@@ -54,6 +54,7 @@ class RunRecord:
         spent: processor time per frame.
         slowest_kmh: least speed of the ego up to the contact, or else the end; in reverse too not negative.
         notes: lines about what was not as the scenario's file asks for it.
+        warning_lead_s, added_decel_mps2: see `scenarios.simulation.outcome.Outcome`.
     """
 
     spec: RunSpec
@@ -63,6 +64,8 @@ class RunRecord:
     spent: FrameTime
     slowest_kmh: float
     notes: tuple[str, ...] = ()
+    warning_lead_s: float | None = None
+    added_decel_mps2: float = 0.0
 
 
 def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
@@ -86,7 +89,17 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     row = _row(spec, outcome, keep_log)
     warned = outcome.warning_time_s is not None
     warning_ttc_s = outcome.warning_ttc_s if warned else outcome.flag_ttc_s
-    return RunRecord(spec, row, warning_ttc_s, log, spent, slowest_mps * 3.6, outcome.notes)
+    return RunRecord(
+        spec,
+        row,
+        warning_ttc_s,
+        log,
+        spent,
+        slowest_mps * 3.6,
+        outcome.notes,
+        outcome.warning_lead_s,
+        outcome.added_decel_mps2,
+    )
 
 
 def impact_speed_kmh(outcome: Outcome) -> float | None:

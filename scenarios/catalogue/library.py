@@ -24,6 +24,10 @@ SHIPPED_SCENARIOS = (
     "crossing",
     "crossing_obstructed",
     "ahead",
+    "approach",
+    "lead_braking",
+    "steel_plate",
+    "pass_through",
 )
 """Tests first, then the scenarios that they are variations of."""
 

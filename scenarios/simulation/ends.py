@@ -68,8 +68,6 @@ def is_avoided(collided: bool, end_reason: str, false_activation: bool | None) -
 class StopRule:
     """When a run ends, unless the scenario ends it before; a contact always ends it.
 
-    A run in which the ego has braked and is no faster than a target that goes the same way ends too.
-
     Args:
         time_limit_s: at the latest; such a run is cut off, and counts nowhere as avoided.
         after_resume_s: this long after the ego drives on from a stop.
@@ -80,6 +78,7 @@ class StopRule:
             scenario is not to change its speed any more, nor to set the ego off. 3 s is what the stop
             triggers of the shipped scenes wait.
         at_standstill: as soon as the ego has braked to a standstill, as tests of Euro NCAP do.
+        at_level: as soon as the ego has braked to the speed of a target that goes the same way.
     """
 
     time_limit_s: float = TIME_LIMIT_S
@@ -88,6 +87,7 @@ class StopRule:
     after_following_s: float = 3.0
     after_standstill_s: float = 3.0
     at_standstill: bool = False
+    at_level: bool = True
 
 
 THROUGH = StopRule(after_resume_s=math.inf, after_pass_m=math.inf, after_standstill_s=math.inf)
@@ -125,7 +125,7 @@ class EndWatch:
             return None
         ego, center = truth.course(time_s), truth.entities.boxes.center_m[truth.target]
         target_mps = truth.target_along_mps(time_s)
-        if flagged and max(ego.speed_mps, WALKS_ALONG_MPS) <= target_mps:
+        if self._rule.at_level and flagged and max(ego.speed_mps, WALKS_ALONG_MPS) <= target_mps:
             return EndReason.FOLLOWED
         follows = (
             target_mps > WALKS_ALONG_MPS

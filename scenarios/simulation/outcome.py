@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 
@@ -72,6 +73,8 @@ class Outcome:
         warning_time_s: first warning of the driver; rules that do not warn have none.
         warning_ttc_s: as `flag_ttc_s`, at the first warning.
         peak_decel_mps2: greatest deceleration while an emergency brake was requested; 0 without a request.
+        added_decel_mps2: greatest deceleration of the emergency brake beyond that of a driver who brakes.
+        braking_time_s: when the emergency brake first gave 0.15 g; None: never.
     """
 
     contact: Contact | None
@@ -94,6 +97,18 @@ class Outcome:
     warning_time_s: float | None = None
     warning_ttc_s: float | None = None
     peak_decel_mps2: float = 0.0
+    added_decel_mps2: float = 0.0
+    braking_time_s: float | None = None
+
+    @property
+    def warning_lead_s(self) -> float | None:
+        """From the first warning to the onset of automatic braking; infinite without that.
+
+        None without a warning: rules that do not warn have none.
+        """
+        if self.warning_time_s is None:
+            return None
+        return math.inf if self.braking_time_s is None else self.braking_time_s - self.warning_time_s
 
     @property
     def avoided(self) -> bool:

@@ -43,6 +43,7 @@ from scenarios.sensors.suite import Arrival, SensorSuite
 from scenarios.sensors.world import reversed_course
 from scenarios.simulation.counts import DetectionCounts
 from scenarios.simulation.drive import EgoDrive
+from scenarios.simulation.driver import DriverBrake
 from scenarios.simulation.ends import STANDS_MPS, EndReason, EndWatch, StopRule
 from scenarios.simulation.log import RunLog
 from scenarios.simulation.motion_actions import drives_backwards, ego_of
@@ -79,6 +80,7 @@ class Simulation:
         adapts: whether the ego adapts its speed to who is ahead, as ACC does.
         apply_performance: whether vehicles stay within the Performance of their catalog; see `Engine`.
         sensors: of the ego, each with its own rate, phase and latency; None: that of the preset.
+        driver: who brakes as well; None: nobody does.
 
     Raises:
         RunError: the scenario cannot begin.
@@ -98,10 +100,11 @@ class Simulation:
         adapts: bool = True,
         apply_performance: bool = False,
         sensors: Sequence[SensorChain[Any]] | None = None,
+        driver: DriverBrake | None = None,
     ) -> None:
         ego = ego_of(definition)
         backwards = drives_backwards(definition, ego.name)
-        self._drive = EgoDrive(preset.brakes, ego.length_m, adapts)
+        self._drive = EgoDrive(preset.brakes, ego.length_m, adapts, driver)
         self.engine = Engine(
             definition, self._drive, roads=roads, until_contact=True, apply_performance=apply_performance
         )
@@ -251,6 +254,8 @@ class Simulation:
             warning_time_s=warning.time_s if warning else None,
             warning_ttc_s=warning.ttc_s if warning else None,
             peak_decel_mps2=self._drive.peak_decel_mps2,
+            added_decel_mps2=self._drive.added_decel_mps2,
+            braking_time_s=self._drive.braking_time_s,
         )
 
     def map_view(self) -> MapView:
@@ -373,11 +378,14 @@ class Simulation:
         truth, milestones = self._truth, self._milestones
         speed_mps = truth.odometry(now).speed_mps
         asked, decel_mps2 = truth.asked(now), command.decel_mps2
-        self._drive.control(now, command.emergency, command.lead, speed_mps, asked, decel_mps2)
         if command.emergency and milestones.flag is None:
             milestones.flag = self._flag(now)
         if command.warning and milestones.warning is None:
             milestones.warning = self._flag(now)
+        if self._drive.driver is not None:
+            warning = milestones.warning
+            self._drive.heed(now, None if warning is None else warning.time_s, self._flag(now).ttc_s)
+        self._drive.control(now, command.emergency, command.lead, speed_mps, asked, decel_mps2)
         stopped = milestones.stop_time_s is not None
         if stopped and milestones.resumed_s is None and not command.emergency:
             milestones.resumed_s = now

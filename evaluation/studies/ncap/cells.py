@@ -135,6 +135,11 @@ NIGHT_TEST_LX = 0.1
 assert NIGHT_TEST_LX < NIGHT_LX
 
 
+def shipped_test(cell: Cell) -> str | None:
+    """Name of the shipped test that a cell belongs to; None if there is none."""
+    return None if cell.impact_percent is None else _SHIPPED.get((cell.scenario, cell.function))
+
+
 def shipped_run(cell: Cell, steady_distance_m: float | None = None) -> Variation | None:
     """The shipped scenario of a cell, with its parameters; None if there is none.
 
@@ -143,8 +148,8 @@ def shipped_run(cell: Cell, steady_distance_m: float | None = None) -> Variation
         steady_distance_m: of the target's constant speed in tests along the lane, where the protocol wants
             another than the shipped grid.
     """
-    name = _SHIPPED.get((cell.scenario, cell.function))
-    if name is None or cell.impact_percent is None:
+    name = shipped_test(cell)
+    if name is None:
         return None
     first = _expanded(name)[0]
     values = dict(first.parameters) | {

@@ -12,21 +12,29 @@ from evaluation.protocols.assessment import Protocol
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
 from evaluation.protocols.euroncap_2026.protocol import EuroNcap2026
-from evaluation.protocols.grid import Cell, Function
+from evaluation.protocols.from_file import TableProtocol
+from evaluation.protocols.grid import Cell, Function, Lighting
 from evaluation.protocols.paper import PaperProtocol
 from evaluation.protocols.robustness import Quantity
 from evaluation.protocols.table import measurements
 from evaluation.protocols.unece_r152 import R152
 from evaluation.runs.specs import bare_run
-from evaluation.studies.ncap.cells import cell_columns, changed_run, shipped_run
+from evaluation.studies.ncap.cells import cell_columns, changed_run, shipped_run, shipped_test
 from evaluation.studies.study import LabelledRun
 from scenarios.catalogue.library import scenario_name, scenario_path, shipped_scenario
+from scenarios.openscenario.errors import OpenScenarioError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.openscenario.reading.reader import load
+from scenarios.spec import initial_speed_kmh
+from scenarios.weather import is_night
 
 _CPLA_FCW_2026_STEADY_M = 18.0
 """Steady distance of CPLA FCW in Euro NCAP 2026; 10 m in 2023 (Vector's files of both)."""
+
+
+SAME_KMH = 1e-3
+"""A speed in km/h that a file gives in m/s with rounding is still that speed."""
 
 
 GridRun = LabelledRun[tuple[tuple[str, object], ...]]
@@ -140,16 +148,26 @@ def grid_of_files(files: Sequence[Path], protocol: Protocol, robustness: bool = 
     return _grid(tuple(planned.values()), protocol, asked, tuple(strange), robustness)
 
 
-def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> Grid:
+def has_shipped(protocol: Protocol, tests: Sequence[str]) -> bool:
+    """Whether all of these are names of shipped tests, and the protocol has cells for each."""
+    return bool(tests) and set(tests) <= {shipped_test(cell) for cell in protocol.cells()} - {None}
+
+
+def grid_of_shipped(
+    protocol: Protocol, name: str, robustness: bool = True, tests: Sequence[str] = ()
+) -> Grid:
     """The runs of the cells for which a scenario is shipped, and what the protocol adds to them.
 
     Args:
         protocol: its grid.
         name: of the protocol.
         robustness: see `grid_of_files`.
+        tests: names of shipped tests; none: all of them.
     """
     planned = []
     for cell in protocol.cells():
+        if tests and shipped_test(cell) not in tests:
+            continue
         if isinstance(protocol, PaperProtocol):
             values: dict[str, Value] = {"Ego_speed_kmh": cell.speed_kmh}
             variation: Variation | None = Variation("cpna_paper", shipped_scenario("cpna_paper"), values)
@@ -160,6 +178,41 @@ def grid_of_shipped(protocol: Protocol, name: str, robustness: bool = True) -> G
             final = load(variation.path, variation.parameters).parameters
             planned.append(_Planned(_columns_of(cell), variation, final, (cell,)))
     return _grid(planned, protocol, len(planned), (), robustness)
+
+
+def grid_of_table(protocol: TableProtocol) -> Grid:
+    """The runs of a protocol's file, one per cell.
+
+    Raises:
+        ProtocolError: a scenario of it cannot be read, or is not what the file says.
+    """
+    runs = []
+    for number, test in enumerate(protocol.table.tests, 1):
+        path = scenario_path(test.scenario)
+        for cell in protocol.cells(test.name):
+            _, column = protocol.asked(cell)
+            values: dict[str, Value] = {
+                **test.parameters, **column.parameters, test.speed_parameter: cell.speed_kmh
+            }  # fmt: skip
+            where = f"{protocol.table.file}: tests[{number}], {test.name}, {cell.speed_kmh:g} km/h"
+            try:
+                definition = load(path, values)
+                speed_kmh = initial_speed_kmh(definition)
+            except OpenScenarioError as error:
+                raise ProtocolError(f"{where}: {error}") from None
+            if abs(speed_kmh - cell.speed_kmh) > SAME_KMH:
+                raise ProtocolError(
+                    f"{where}: speed_parameter: with {test.speed_parameter} the ego drives {speed_kmh:g} km/h"
+                )
+            if is_night(definition) != (test.lighting is Lighting.NIGHT):
+                light = Lighting.NIGHT if is_night(definition) else Lighting.DAY
+                raise ProtocolError(f"{where}: lighting: the scenario is by {light}")
+            words = " ".join(filter(None, (test.name, column.label)))
+            spec = bare_run(scenario_name(path), values, words, cell.speed_kmh)
+            spec = replace(spec, driver=column.driver, to_standstill=test.to_standstill)
+            columns = _columns_of(cell) | ({"relative_impact": True} if test.relative_impact else {})
+            runs.append(LabelledRun(spec, tuple(columns.items())))
+    return Grid(tuple(runs), len(runs))
 
 
 def _grid(

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 from evaluation.protocols.assessment import Assessment, Protocol
 from evaluation.protocols.errors import ProtocolError
 from evaluation.protocols.euroncap_2023 import EuroNcap2023
+from evaluation.protocols.from_file import TableProtocol, worst_cell
 from evaluation.protocols.grid import Cell
 from evaluation.protocols.paper import PaperProtocol
-from evaluation.protocols.registry import named_protocol
+from evaluation.protocols.registry import is_file, named_protocol
 from evaluation.protocols.sheet import Sheet, make_sheet
-from evaluation.protocols.table import measurements
+from evaluation.protocols.table import TOUCHED_KMH, measurements
 from evaluation.results.files import LOGS_FOLDER, write_bytes
 from evaluation.results.notes import told_notes, told_runs
 from evaluation.results.rows import RunRow, write_runs
@@ -30,9 +31,11 @@ from evaluation.studies.ncap.grid import (
     GridRun,
     grid_of_files,
     grid_of_shipped,
+    grid_of_table,
+    has_shipped,
     scenario_files,
 )
-from evaluation.studies.ncap.validity import why_invalid
+from evaluation.studies.ncap.validity import why_invalid, why_invalid_by_table
 from scenarios.settings import settings_text
 from scenarios.spec import RunSpec
 
@@ -102,7 +105,14 @@ def assess(
             for (run, record), conflict in zip(runs, of_strategy, strict=True)
         ]
 
+        if isinstance(protocol, TableProtocol):
+            for columns, (_, record) in zip(table, runs, strict=True):
+                if record.row.collided:  # also with an ego that stands
+                    columns["v_impact_kmh"] = max(record.row.v_impact_kmh or 0.0, TOUCHED_KMH)
+
         def reason(index: int, cell: Cell, of_strategy: Sequence[Conflict] = of_strategy) -> str:
+            if isinstance(protocol, TableProtocol):
+                return why_invalid_by_table(*protocol.asked(cell), of_strategy[index])
             return why_invalid(cell, of_strategy[index], overlaps)
 
         assessments[name] = protocol.assess(measurements(table, cells, reason))
@@ -121,6 +131,8 @@ def _outcome(record: RunRecord, conflict: Conflict) -> dict[str, object]:
         "speed_reduction_kmh": unbraked_kmh - (impact_kmh if row.collided else record.slowest_kmh),
         "end_reason": row.end_reason,
         "false_activation": row.false_activation,
+        "warning_lead_s": record.warning_lead_s,
+        "added_decel_mps2": record.added_decel_mps2,
     }
 
 
@@ -153,7 +165,13 @@ def run_grid(
     from evaluation.views.matrix.matrix import matrix_view
 
     protocol = protocol_for(name, conditions.weather)
-    if paths:
+    if isinstance(protocol, TableProtocol):
+        if paths:
+            raise ProtocolError(f"protocol {name} has scenarios of its own: leave out {paths[0]}")
+        grid = grid_of_table(protocol)
+    elif has_shipped(protocol, paths):  # by their names: the protocol's own cells of these tests
+        grid = grid_of_shipped(protocol, name, robustness, paths)
+    elif paths:
         grid = grid_of_files(scenario_files(paths), protocol, robustness)
     else:
         grid = grid_of_shipped(protocol, name, robustness)
@@ -172,8 +190,10 @@ def run_grid(
     cells_csv = out / CELLS_CSV
     write_bytes(cells_csv, cell_table(assessments))
     sheet = make_sheet(assessments, ())
-    left_out = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
+    left_out: tuple[str, ...] = (NO_ROBUSTNESS_NOTE,) if name == "2026" and not robustness else ()
     noted = told_notes([record.notes for _, record in finished])
+    if isinstance(protocol, TableProtocol):
+        left_out = table_notes(protocol, assessments)
     sheet = replace(sheet, notes=(*_notes(grid, specs, name, notes), *noted, *left_out, *sheet.notes))
     console.print(matrix_view(sheet))
     written = [path.name for path in (cells_csv, *_draw(sheet, out, name, form), *_left_out(grid, out))]
@@ -192,6 +212,21 @@ def _how_to_see(row: RunRow, out: Path) -> str:
     how = f"smartmot-eval replay {out / row.log}" if row.log else "give --logs, which keeps all runs"
     what = f"{row.scenario}, {row.strategy}, {row.v_test_kmh:g} km/h, contact at {row.v_impact_kmh:.1f} km/h"
     return f"Fastest contact: {what}. To see it: {how}"
+
+
+def table_notes(protocol: TableProtocol, assessments: Mapping[str, Assessment]) -> tuple[str, ...]:
+    """Source and worst cell of a protocol's file, and whether nobody was warned."""
+    lines = [f"Worst cell, {name}: {worst_cell(assessment)}." for name, assessment in assessments.items()]
+    leads = [
+        score.measurement.warning_lead_s
+        for assessment in assessments.values()
+        for block in assessment.blocks
+        for score in block.scores.values()
+        if score.measurement is not None
+    ]
+    if any(test.rule.warning for test in protocol.table.tests) and all(lead is None for lead in leads):
+        lines.append("No run has a warning: the brake rule may give none. Rules that warn: --rule cascade.")
+    return (*lines, f"Source: {protocol.table.source}.")
 
 
 LEFT_OUT = "left_out.txt"
@@ -236,7 +271,8 @@ def _draw(sheet: Sheet, out: Path, name: str, form: str) -> list[Path]:
     from evaluation.views.matrix.png import matrix_figure
     from evaluation.views.pictures import save_picture
 
-    picture, page = out / f"matrix_{name}.{form}", out / f"matrix_{name}.html"
+    stem = Path(name).stem if is_file(name) else name
+    picture, page = out / f"matrix_{stem}.{form}", out / f"matrix_{stem}.html"
     save_picture(matrix_figure(sheet), picture, "--out")
     write_bytes(page, matrix_page(sheet).encode())
     return [picture, page]

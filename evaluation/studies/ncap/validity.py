@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from evaluation.protocols.file_format import Column, TableTest
 from evaluation.protocols.grid import Cell
 from evaluation.runs.conflict import Conflict, Part, Touch
 from evaluation.studies.ncap.cells import counted_otherwise
@@ -121,6 +122,24 @@ def why_invalid(cell: Cell, conflict: Conflict, overlaps: bool = False) -> str:
     return (
         f"{_OFF}: without braking it is met at {place:.0f} % of the ego's width, not between "
         f"{low - allowed:.0f} and {high + allowed:.0f} %"
+    )
+
+
+def why_invalid_by_table(test: TableTest, column: Column, conflict: Conflict) -> str:
+    """Why a run of a protocol's file tests something else than that asks for; empty if it is valid."""
+    touch = conflict.touch
+    if not test.meets:
+        return f"without braking the ego touches {touch.entity}: nothing is to be met" if touch else ""
+    if touch is None or conflict.missing:
+        return conflict.missing
+    if test.place_tolerance_m is None or column.place_percent is None:
+        return ""
+    beside_m = (touch.place_percent() - column.place_percent) / 100.0 * touch.ego_width_m
+    if touch.part is Part.FRONT and abs(beside_m) <= test.place_tolerance_m:
+        return ""
+    return (
+        f"{_OFF}: without braking it is met at {touch.place_percent():.0f} % of the ego's width, "
+        f"{abs(beside_m):.2f} m off; within {test.place_tolerance_m:g} m of the front is asked for"
     )
 
 

@@ -112,11 +112,16 @@ def _in_lines(
 
 
 def _panel_width(score: BlockScore) -> float:
-    cells = _label_width(score.block) + len(score.block.columns) * _CELL_W_IN
+    cells = _label_width(score.block) + len(score.block.columns) * _cell_width(score.block)
     widths = [len(text) * _CHARACTER_IN for text in _points(score)]
     # the column header stands in the middle of the columns and may be wider than they are
     head = _label_width(score.block) + len(score.block.column_header) * _CHARACTER_IN
     return max(cells, head, len(score.block.name) * _BOLD_IN, *widths) + _GAP_IN
+
+
+def _cell_width(block: Block) -> float:
+    """Of all cells of a matrix; names of columns need more than numbers do."""
+    return max(_CELL_W_IN, max(map(len, block.columns), default=0) * _CHARACTER_IN + 0.1)
 
 
 def _label_width(block: Block) -> float:
@@ -135,12 +140,13 @@ def _points(score: BlockScore) -> list[str]:
 
 def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
     block = score.block
+    cell_in = _cell_width(block)
     left, top = x + _label_width(block), y + _HEAD_IN
     _write(page, x, y, block.name, fontsize=FONT_PT, fontweight="bold", va="top")
-    _write(page, left + len(block.columns) * _CELL_W_IN / 2, y + 0.3, block.column_header, ha="center")
+    _write(page, left + len(block.columns) * cell_in / 2, y + 0.3, block.column_header, ha="center")
     _write(page, left - 0.08, top - 0.1, block.row_header, ha="right")
     for j, name in enumerate(block.columns):
-        _write(page, left + (j + 0.5) * _CELL_W_IN, top - 0.1, name, ha="center")
+        _write(page, left + (j + 0.5) * cell_in, top - 0.1, name, ha="center")
     for i, row in enumerate(block.rows):
         middle = top + (i + 0.5) * _CELL_H_IN
         _write(page, left - 0.08, middle, row.label, ha="right")
@@ -148,12 +154,12 @@ def _draw(page: Axes, score: BlockScore, x: float, y: float) -> None:
             if cell is None:
                 continue
             outcome = score.scores[cell]
-            x0, y0 = left + j * _CELL_W_IN + 0.02, top + i * _CELL_H_IN + 0.02
+            x0, y0 = left + j * cell_in + 0.02, top + i * _CELL_H_IN + 0.02
             line = _DASHES if cell.layer is Layer.EXTENDED else "-"
-            size = (_CELL_W_IN - 0.04, _CELL_H_IN - 0.04)
+            size = (cell_in - 0.04, _CELL_H_IN - 0.04)
             _frame(page, x0, y0, size, outcome.mark.fill, linewidth=0.8, linestyle=line)
             _write(
-                page, left + (j + 0.5) * _CELL_W_IN, middle, str(outcome), ha="center", color=outcome.mark.ink
+                page, left + (j + 0.5) * cell_in, middle, str(outcome), ha="center", color=outcome.mark.ink
             )
     below = top + len(block.rows) * _CELL_H_IN + 0.06
     for i, text in enumerate(_points(score)):

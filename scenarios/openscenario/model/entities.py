@@ -35,6 +35,7 @@ class EntityDefinition(Element):
         center_x_m, center_y_m: centre of the box in front of and to the left of the reference point.
         performance: what a vehicle can do, if the file says so.
         controllers: those that the file gives it from the start, none of them active.
+        flat: whether it is part of the road's surface, so that driving over it is no contact.
     """
 
     name: str
@@ -47,6 +48,7 @@ class EntityDefinition(Element):
     center_y_m: float
     performance: Performance | None = None
     controllers: tuple[Controller, ...] = ()
+    flat: bool = False
 
 
 class SignalPhase(Element):

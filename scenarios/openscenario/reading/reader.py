@@ -232,7 +232,12 @@ def _object(
         center_y_m=center.number("y"),
         performance=None if limits is None else read(Performance, limits, context),
         controllers=controllers,
+        flat=node.tag == "MiscObject" and node.text("miscObjectCategory", "") in _FLAT,
     )
+
+
+_FLAT = ("crosswalk", "parkingSpace", "patch", "roadMark")
+"""Categories of what lies in the road's surface: marks, and a patch of other material."""
 
 
 def _uncoupled(name: str, node: Node, context: Context) -> None:

@@ -320,7 +320,7 @@ class Engine:
         self._first_contact(self._now)  # an action may have put somebody there
         self._watching = [watch for watch in self.storyboard.watches() if watch.varies]
         if self.contact is None and self.ego.exists:
-            self._watching += [watch for other, watch in self._touches if other.exists]
+            self._watching += [w for other, w in self._touches if other.exists and not other.definition.flat]
         for watch in self._watching:
             watch.begin(self._now)
         self._kink_s = self._next_kink_s()
@@ -397,7 +397,11 @@ class Engine:
         """Take note of the ego's first contact, if this is it."""
         if self.contact is not None or not self.ego.exists:
             return
-        touched = (o for o, watch in self._touches if o.exists and watch.holding.holds(instant))
+        touched = (
+            other
+            for other, watch in self._touches
+            if other.exists and not other.definition.flat and watch.holding.holds(instant)
+        )
         other = next(touched, None)
         if other is None:
             return

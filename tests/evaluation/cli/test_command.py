@@ -276,6 +276,41 @@ def test_scenario_files_are_run_by_a_protocol(command: Command, tmp_path: Path) 
     assert command("ncap", "mine.xosc", "--protocol", "r152").status == 2  # no test's name
 
 
+@pytest.mark.parametrize(
+    ("arguments", "protocol", "places", "speeds_kmh"),
+    [
+        # the shipped grid of CPNA is that of 2023: 25 and 75 %, by day
+        (("cpna",), "r152", {50.0}, [20, 25, 30, 35, 40, 42, 45, 50, 55, 60]),
+        (("cpna",), "2023", {25.0, 75.0}, [*range(10, 65, 5)]),
+        (("cpla",), "2026", {10.0, 25.0, 50.0, 75.0}, [*range(10, 70, 10)]),
+    ],
+)
+def test_the_name_of_a_shipped_test_stands_for_the_cells_of_the_protocol(
+    arguments: tuple[str, ...], protocol: str, places: set[float], speeds_kmh: list[float]
+) -> None:
+    from evaluation.protocols.registry import named_protocol
+    from evaluation.studies.ncap.grid import grid_of_shipped, has_shipped
+
+    rules = named_protocol(protocol)
+    assert has_shipped(rules, arguments)
+    grid = grid_of_shipped(rules, protocol, robustness=False, tests=arguments)
+    columns = [dict(run.label) for run in grid.runs if "condition" not in dict(run.label)]
+    assert {each["impact_location_percent"] for each in columns} == places
+    assert sorted({each["v_test_kmh"] for each in columns}) == speeds_kmh
+    assert not has_shipped(rules, ("cpna", "crossing"))
+    assert not has_shipped(rules, ("cpna.xosc",))
+    assert not has_shipped(named_protocol("paper"), arguments)
+
+
+def test_ancap_is_euro_ncap(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[object] = []
+    monkeypatch.setattr(
+        "evaluation.studies.ncap.run.run_grid", lambda _, name, *__, **___: given.append(name)
+    )
+    assert command("ncap", "--protocol", "ancap").status == 0
+    assert given == ["2026"]
+
+
 # ---- plot and map ------------------------------------------------------------------------------------------
 
 
@@ -401,6 +436,11 @@ MISTAKES = {
     "scenario of no protocol": (
         ["ncap", "cbna", "--protocol", "r152"],
         "no scenario belongs to the protocol",
+    ),
+    "protocol without its file": (["ncap", "--protocol", "none.toml"], "none.toml: No such file"),
+    "protocol's own scenarios": (
+        ["ncap", "cpna", "--protocol", "fmvss127"],
+        "protocol fmvss127 has scenarios of its own: leave out cpna",
     ),
     "plot of nothing": (["plot", "nowhere"], "nowhere: no such folder"),
     "plot of an empty folder": (["plot", "folder"], "folder"),

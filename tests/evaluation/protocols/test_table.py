@@ -111,7 +111,8 @@ def test_2023_has_the_steps_of_five() -> None:
 @pytest.mark.parametrize("name", PROTOCOLS)
 def test_every_protocol_scores_its_own_grid(name: str) -> None:
     protocol = named_protocol(name)
-    runs = {c: Measurement(0.0, warning_ttc_s=3.0, speed_reduction_kmh=25.0) for c in protocol.cells()}
+    good = Measurement(0.0, 3.0, 25.0, warning_lead_s=0.5, added_decel_mps2=0.0)
+    runs = dict.fromkeys(protocol.cells(), good)
     assessment = protocol.assess(runs)
     assert assessment.title == protocol.title
     assert set(protocol.unknown) <= set(assessment.notes)
