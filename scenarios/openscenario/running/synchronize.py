@@ -2,7 +2,8 @@
 
 The approach has two parts: first the speed changes to the final one, then (the steady state) it is kept for
 the rest of the way. In the first part the entity changes its speed with accelerations of one size: to an
-extreme and back, or, where that would mean driving backwards, to a standstill, a wait, and on.
+extreme and back, or, where that would mean driving backwards, to a standstill, a wait, and on. Where the
+extreme would lie beyond the final speed, it reaches this one earlier and keeps it, if that covers the way.
 """
 
 from __future__ import annotations
@@ -46,6 +47,12 @@ def approach(
     root = math.sqrt(max(2.0 * (2.0 * d * d - 2.0 * (v0 + v1) * t * d + (v0 * v0 + v1 * v1) * t * t), 0.0))
     faster = 0.5 * (v0 + v1) * t < d
     extreme = (2.0 * d + root if faster else 2.0 * d - root) / (2.0 * t)
+    if (extreme - v1) * (v1 - v0) > 0.0:
+        # It would go beyond the final speed and return. v0 -> v1 in x, then v1 for t - x cover
+        # v1 t - (v1 - v0) x / 2; there is no such x if even v1 from now on does not cover the way.
+        change = 2.0 * (v1 * t - d) / (v1 - v0)
+        if change > _SMALL:
+            return (Piece(change, v0, v1), Piece(t - change, v1, v1))
     if extreme >= 0.0:
         away, back = abs(extreme - v0), abs(extreme - v1)
         first = t * away / (away + back)

@@ -95,6 +95,11 @@ def test_the_example_of_the_docs_is_run_and_scored(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "matrix_yard.html").is_file()
 
 
+def test_the_example_of_the_docs_is_printed_there() -> None:
+    printed = (EXAMPLE.parents[1] / "protocols.md").read_text().split("```toml\n")[1].split("```")[0]
+    assert EXAMPLE.read_text().partition("\n")[2] == printed
+
+
 SHORT = """
 title = "short"
 source = "made up"
@@ -155,7 +160,7 @@ def test_a_target_beside_its_place_is_no_test(tmp_path: Path) -> None:
         test, column = protocol.asked(cell)
         reason = why_invalid_by_table(test, column, conflicts([run.spec])[unbraked(run.spec)])
         # 20 % of 1.8 m are 0.36 m, 10 % are 0.18 m
-        assert reason == ("" if valid else reason)
+        assert (reason == "") is valid
         assert valid or "0.36 m off" in reason
         touched = why_invalid_by_table(
             replace(test, meets=False), column, conflicts([run.spec])[unbraked(run.spec)]

@@ -73,15 +73,39 @@ def test_an_approach_arrives_in_time_with_the_final_speed(v0, v1, distance, time
     assert rates[0] == pytest.approx(rates[1], rel=1e-3, abs=1e-6)  # accelerations of one size
 
 
+@given(SPEED, st.floats(0.1, 40.0), st.floats(0.1, 500.0), st.floats(0.1, 200.0), st.floats(0.1, 0.9))
+def test_an_approach_goes_beyond_the_final_speed_only_if_it_must(v0, v1, distance, time, share):
+    """It must if even the final speed from now on does not cover the way, or covers too much of it."""
+    pieces = approach(v0, v1, distance, time)
+    assert pieces is not None
+    beyond = [p for p in pieces if (p.end_mps - v1) * (v1 - v0) > 1e-9]
+    must = (distance - v1 * time) * (v1 - v0) >= -1e-6
+    assert must or not beyond
+    # the plan is the same when it is made again on the way, as long as the master keeps its own
+    profile = SpeedProfile(0.0, v0, pieces)
+    assume(len(pieces) == 2 and not beyond)
+    done_m, speed = profile.at(share * time)
+    later = approach(speed, v1, distance - done_m, time - share * time)
+    assert later is not None
+    again = SpeedProfile(share * time, speed, later)
+    assert again.at((1.0 + share) / 2 * time)[1] == pytest.approx(
+        profile.at((1.0 + share) / 2 * time)[1], rel=1e-3, abs=1e-3
+    )
+
+
 def test_approach_by_hand():
     # at rest, 3 m to go in 10 s, 2 m/s at the end: wait 7 s, then 3 s at 2/3 m/s2
     pieces = approach(0.0, 2.0, 3.0, 10.0)
     assert pieces is not None
     assert [p.duration_s for p in pieces] == pytest.approx([0.0, 7.0, 3.0])
-    # at rest, 3 m in 2 s: up to 2 m/s at least, so faster in between: vx = (6 + sqrt(36 - 48 + 32)) / 4
-    fast = approach(0.0, 2.0, 3.0, 2.0)
+    # at rest, 3 m in 2 s, 2 m/s at the end: 1 m in 1 s while it sets off, then 2 m in 1 s
+    assert approach(0.0, 2.0, 3.0, 2.0) == (Piece(1.0, 0.0, 2.0), Piece(1.0, 2.0, 2.0))
+    # from 6 m/s, 5 m in 2 s, 1 m/s at the end: 3.5 m/s on average while it brakes, then 1 m/s
+    assert approach(6.0, 1.0, 5.0, 2.0) == (Piece(1.2, 6.0, 1.0), Piece(0.8, 1.0, 1.0))
+    # 5 m in 2 s: 2 m/s do not do, so faster in between: vx = (10 + sqrt(52)) / 4
+    fast = approach(0.0, 2.0, 5.0, 2.0)
     assert fast is not None
-    assert fast[0].end_mps == pytest.approx((6.0 + math.sqrt(20.0)) / 4.0)
+    assert fast[0].end_mps == pytest.approx((10.0 + math.sqrt(52.0)) / 4.0)
     assert approach(5.0, 5.0, 50.0, 10.0) == (Piece(10.0, 5.0, 5.0),)
     assert approach(1.0, 1.0, 0.0, 1.0) is None
     assert approach(1.0, 1.0, 1.0, 0.0) is None
