@@ -149,7 +149,7 @@ def shipped_run(cell: Cell, steady_distance_m: float | None = None) -> Variation
             another than the shipped grid.
     """
     name = shipped_test(cell)
-    if name is None:
+    if name is None or cell.impact_percent is None:
         return None
     first = _expanded(name)[0]
     values = dict(first.parameters) | {
