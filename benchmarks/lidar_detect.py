@@ -4,7 +4,8 @@
 
 The plain chain of the thesis stands beside the classical detector in the same run. Each named cloud is taken;
 without, a front cloud of 64 lines on a drawn street. The third line is for points within 6 m of the ego's
-way only, as a monitored area leaves them. Exits with 1 if the classical detector misses its goal.
+way only, as a monitored area leaves them. The goal is for front clouds of KITTI, about 19,000 points: the
+median over those that are named. Exits with 1 if the classical detector misses it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from smartmot.lidar import METHODS, BoxDetections, detect
 from smartmot.pointcloud import PointCloud
 
 GOAL_MS = 8.0
-"""Of a front cloud of KITTI, 19,000 points."""
+"""Of a front cloud of KITTI."""
+KITTI_POINTS = 17_000, 21_000
+"""Such clouds have 19,000 points; other clouds have no goal."""
 FIELD_RAD = 1.57
 """Field of KITTI's camera cut out of a turn."""
 CORRIDOR_M = 6.0
@@ -66,14 +69,21 @@ def main() -> None:
     options = parser.parse_args()
     print(f"{host_name()}, one thread")
     print(f"{'cloud':24} {'points':>8} {'method':24} {'ms':>7} {'boxes':>6}")
-    missed = False
+    judged = []
     for name, cloud in clouds(options.clouds).items():
         for method, corridor in (("plain", False), ("classical", False), ("classical", True)):
             milliseconds, detections = spent(cloud, method, corridor, options.rounds)
             label = f"{method}, {CORRIDOR_M:g} m corridor" if corridor else method
             print(f"{name:24} {len(cloud):8} {label:24} {milliseconds:7.2f} {len(detections):6}")
-            missed |= method == "classical" and len(cloud) <= 20_000 and milliseconds > GOAL_MS
-    print(f"goal of {GOAL_MS:g} ms {'missed' if missed else 'met'}")
+            if method == "classical" and not corridor and KITTI_POINTS[0] <= len(cloud) <= KITTI_POINTS[1]:
+                judged.append(milliseconds)
+    if not judged:
+        print(f"no front cloud of KITTI named: the goal of {GOAL_MS:g} ms is not judged")
+        return
+    median_ms = statistics.median(judged)
+    missed = median_ms > GOAL_MS
+    verdict = "missed" if missed else "met"
+    print(f"median of {len(judged)} clouds {median_ms:.2f} ms, goal {GOAL_MS:g} ms: {verdict}")
     sys.exit(1 if missed else 0)
 
 

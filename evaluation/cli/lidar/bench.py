@@ -11,7 +11,7 @@ from evaluation.cli.lidar.detect import Clouds, Topic, parse_method
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar bench training/velodyne`",
-    "`smartmot-eval lidar bench 000001.bin --method classical,plain --rounds 50`",
+    "`smartmot-eval lidar bench 000001.bin 000003.bin --method classical,plain --rounds 50`",
 )
 
 
@@ -27,13 +27,12 @@ def command(
 
     from evaluation.cli.output import counting
     from evaluation.results.tables import rich_table
-    from evaluation.studies.lidar.detect import Account, detected_cloud, stage_table
-    from scenarios.recorded.clouds.files import read_clouds
+    from evaluation.studies.lidar.detect import Account, clouds_of, detected_cloud, stage_table
     from smartmot.lidar import METHODS
 
     names = options.parse_names(method, tuple(METHODS), "--method")
     console = rich.console.Console()
-    read = list(read_clouds(clouds, topic))
+    read = list(clouds_of(clouds, topic))
     points = sorted(len(named.cloud) for named in read)
     with counting("measuring", quiet) as done:
         tables = []
@@ -45,6 +44,9 @@ def command(
                     account.add(detected_cloud(named, config))
                 done(number * rounds + turn + 1, rounds * len(names))
             tables.append((name, stage_table(account)))
-    console.print(f"{len(read)} clouds, {points[len(points) // 2]} points in the median", highlight=False)
+    console.print(
+        f"{len(read)} cloud{'s' * (len(read) > 1)}, {points[len(points) // 2]} points in the median",
+        highlight=False,
+    )
     for name, table in tables:
         console.print(rich_table(table, name, texts=1), "")

@@ -26,8 +26,10 @@ EXAMPLES = options.examples(
 )
 
 Clouds = Annotated[
-    Path,
-    typer.Argument(help="Cloud (.bin, .pcd.bin, .pcd, .npz), folder of them, or bag.", metavar="CLOUDS"),
+    list[Path],
+    typer.Argument(
+        help="Clouds (.bin, .pcd.bin, .pcd, .npz), folder of them, or bag.", metavar="FILE|DIR|BAG ..."
+    ),
 ]
 Method = Annotated[str, typer.Option(help="classical, or plain: the thesis' chain.")]
 Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]

@@ -6,7 +6,7 @@ import platform
 import statistics
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -92,25 +92,40 @@ class Account:
         self.spent_s.append(detected.spent_s)
 
 
-def cloud_count(path: Path) -> int | None:
-    """How many clouds a file or folder has; None: a bag, of which it is not known."""
-    if path.is_dir() and not is_bag(path):
-        return len(cloud_files(path))
-    return None if is_bag(path) else 1
+def clouds_of(paths: Iterable[Path], topic: str | None) -> Iterator[NamedCloud]:
+    """Clouds of files, folders and bags, one at a time.
+
+    Raises:
+        DatasetError: there is no cloud, or a file is damaged.
+    """
+    for path in paths:
+        yield from read_clouds(path, topic)
+
+
+def cloud_count(paths: Iterable[Path]) -> int | None:
+    """How many clouds files and folders have; None: there is a bag, of which it is not known."""
+    count = 0
+    for path in paths:
+        if is_bag(path):
+            return None
+        count += len(cloud_files(path)) if path.is_dir() else 1
+    return count
 
 
 def detected_clouds(
-    path: Path, topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
+    paths: Iterable[Path], topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
 ) -> Iterator[DetectedCloud]:
-    """Detections of a file, a folder or a bag, one cloud at a time.
+    """Detections of files, folders and bags, one cloud at a time.
 
     Raises:
         DatasetError: there is no cloud, two have one name, or a file is damaged.
     """
     names: set[str] = set()
-    for named in read_clouds(path, topic):
+    for named in clouds_of(paths, topic):
         if named.name in names:
-            raise DatasetError(f"{path}: two clouds are named {named.name}: name files of one format")
+            raise DatasetError(
+                f"two clouds are named {named.name}: name files of one format, or folders one by one"
+            )
         names.add(named.name)
         account.notes.update(named.notes)
         if named.dropped:

@@ -92,7 +92,7 @@ class LongitudinalDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     ahead: Annotated[
         bool | None,
-        Only("coordinateSystem", "entity lane road trajectory", "entity"),
+        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "trailingReferencedEntity",
@@ -174,7 +174,7 @@ class LateralDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     left: Annotated[
         bool | None,
-        Only("coordinateSystem", "entity lane road trajectory", "entity"),
+        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "any",

@@ -36,8 +36,8 @@ DISTANCES = {
 }
 """How a distance is measured; 1.0 calls the straight line `cartesianDistance`."""
 
-System: TypeAlias = Literal["entity", "lane", "road", "trajectory"]
-"""In whose coordinates a distance is measured."""
+System: TypeAlias = Literal["entity", "lane", "road"]
+"""In whose coordinates a distance is measured; those of a trajectory are refused."""
 
 SystemAttribute: TypeAlias = Annotated[System, Attribute("coordinateSystem", "entity")]
 AlongRoute: TypeAlias = Annotated[bool, Attribute("alongRoute", False)]

@@ -26,12 +26,19 @@ _MOST_BYTES = 2**32
 
 _COLUMNS = ("intensity", "ring", "time_offset_s")
 
+_PLAUSIBLE_M = (1e-6, 1e6)
+"""Coordinates other than 0 of any LiDAR: resolution and range of real ones are three powers of ten inside."""
+_MOST_IMPLAUSIBLE = 0.1
+"""Share beyond which a file holds something else. Of float64 read as float32, two of three coordinates have
+an exponent of random bits, of which one in six is plausible; of text none is."""
+
 
 def read_bin(path: Path) -> NamedCloud:
     """Read float32 rows: five numbers per point in a file `.pcd.bin` (nuScenes), four in any other `.bin`.
 
     Raises:
-        DatasetError: the file's length is no whole number of points, or a ring is no whole number.
+        DatasetError: the file's length is no whole number of points, its numbers are no coordinates, or a
+            ring is no whole number.
     """
     nuscenes = path.name.endswith(NUSCENES_SUFFIX)
     fields = NUSCENES_FIELDS if nuscenes else KITTI_FIELDS
@@ -44,6 +51,14 @@ def read_bin(path: Path) -> NamedCloud:
         hint = "" if nuscenes or len(data) % 20 else f"; name nuScenes' sweeps {NUSCENES_SUFFIX}"
         raise DatasetError(f"{path}: {len(data)} bytes are no whole number of points of {size} bytes{hint}")
     rows = np.frombuffer(data, dtype=[(name, "<f4") for name in fields])
+    xyz = np.abs(np.stack([rows[axis] for axis in "xyz"]))
+    low, high = _PLAUSIBLE_M
+    implausible = np.count_nonzero(((xyz > 0.0) & (xyz < low)) | (xyz > high))
+    if implausible > _MOST_IMPLAUSIBLE * xyz.size:
+        raise DatasetError(
+            f"{path}: {implausible} of {xyz.size} coordinates are no distances in metres; expected float32, "
+            f"little endian: {' '.join(fields)}"
+        )
     name = path.name.removesuffix(NUSCENES_SUFFIX) if nuscenes else path.stem
     try:
         named = cloud_from_rows(rows, name)

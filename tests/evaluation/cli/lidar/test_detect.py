@@ -158,6 +158,16 @@ def test_labels_in_the_place_of_detections_are_refused_by_line(tmp_path: Path, c
     assert call("lidar", "score", labels, results, "--protocol", "thesis") == 0
 
 
+def test_several_files_are_taken_one_after_the_other(velodyne: Path, tmp_path: Path, capsys: Capture) -> None:
+    one, two = velodyne / "000003.bin", velodyne / "000001.bin"
+    assert call("lidar", "detect", one, two, "--out", tmp_path / "out") == 0
+    assert {row["frame"] for row in rows_of(tmp_path / "out" / "detections.csv")} == {"1", "3"}
+    assert call("lidar", "bench", one, two, "--rounds", 1) == 0
+    assert "2 clouds" in capsys.readouterr().out
+    assert call("lidar", "detect", one, velodyne, "--out", tmp_path / "again") == 2
+    assert "two clouds are named 000003" in capsys.readouterr().err
+
+
 def test_a_cloud_without_points_is_not_converted(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "empty.bin").write_bytes(b"")
     assert call("lidar", "convert", tmp_path / "empty.bin", tmp_path / "empty.pcd") == 2

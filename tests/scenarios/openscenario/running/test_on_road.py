@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.openscenario import Engine, FileReadError, load
+from scenarios.openscenario import Engine, FileReadError, UnsupportedError, load
 from scenarios.openscenario.running.on_road import lanes_between
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
@@ -54,6 +54,15 @@ def relative(value, system="road", freespace="false", kind="longitudinal", rule=
 def test_a_distance_along_two_roads(write, system):
     """110 m at the start, 10 m/s: less than 60 m after 5 s, on another road whose s runs the other way."""
     assert first_s(write, relative(60, system), ON_B) == pytest.approx(5.0, abs=0.051)
+
+
+@pytest.mark.parametrize("system", ["trajectory", "world"])
+def test_other_coordinates_are_refused(write, system):
+    """A distance along a trajectory is not that along the road: it is not taken for one."""
+    start = trigger(condition(relative(60, system)))
+    path = write(act(maneuver(event("e", set_variable("n", 1), start))), init=ON_B)
+    with pytest.raises(UnsupportedError, match=f"coordinateSystem.*{system}"):
+        load(path)
 
 
 def test_free_space_along_the_road(write):

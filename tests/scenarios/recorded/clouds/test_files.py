@@ -74,6 +74,16 @@ def test_bin_holds_points_and_intensity(tmp_path: Path, form: str, columns: tupl
     assert ("ring" in lost) == (form == "bin")
 
 
+def test_other_content_is_not_taken_for_float32(tmp_path: Path) -> None:
+    """Doubles and text have a length that fits, but their coordinates are none."""
+    points = np.random.default_rng(1).uniform(-50.0, 50.0, (500, 4))
+    for name, data in (("doubles", points.tobytes()), ("text", b"1.25 2.5 -1.7 0.3\n" * 160)):
+        path = written(tmp_path, data, f"{name}.bin")
+        with pytest.raises(DatasetError, match=rf"{name}\.bin: \d+ of \d+ coordinates are no distances"):
+            read_cloud(path)
+    assert len(read_cloud(written(tmp_path, np.zeros((5, 4), "<f4").tobytes(), "zeros.bin")).cloud) == 5
+
+
 def test_made_up_and_rounded_numbers_are_said() -> None:
     bare = PointCloud(np.array([[0.1, 0.0, 0.0]]))
     assert losses(bare, "bin") == [
