@@ -13,12 +13,18 @@ def command(
         typer.Argument(help="Only this one, with its parameters.", metavar="[FILE.xosc|NAME]"),
     ] = None,
     rules: Annotated[bool, typer.Option("--rules", help="The shipped brake rules in their place.")] = False,
+    protocols: Annotated[
+        bool, typer.Option("--protocols", help="The shipped test protocols in their place.")
+    ] = False,
 ) -> None:
     """List the shipped scenarios: name, number of runs, description; or one with its parameters."""
     from scenarios.catalogue.library import SHIPPED_SCENARIOS, describe
 
     if rules:
         _list_rules()
+        return
+    if protocols:
+        _list_protocols()
         return
     for name in SHIPPED_SCENARIOS if scenario is None else (scenario,):
         described = describe(name)
@@ -28,6 +34,17 @@ def command(
             typer.echo(f"{'':<31}{', '.join(key for key, _ in described.parameters)}")
         for key, value in described.parameters if scenario is not None else ():
             typer.echo(f"  {key} = {value}")
+
+
+def _list_protocols() -> None:
+    """Name of each protocol, how many cells its grid has, and its title."""
+    from evaluation.protocols.registry import ALIASES, PROTOCOLS, named_protocol
+
+    for name in PROTOCOLS:
+        rules = named_protocol(name)
+        typer.echo(f"{name:<20} {len(rules.cells()):>4} cells  {rules.title}")
+    for alias, name in ALIASES.items():
+        typer.echo(f"{alias:<20} {'':>10}  the same as {name}")
 
 
 def _list_rules() -> None:

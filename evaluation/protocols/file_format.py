@@ -6,6 +6,7 @@ Every fault of a file is one `ProtocolError` with the file and the key.
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -256,8 +257,9 @@ class _Table:
         """Values of a scenario's parameters by name."""
         table = self.table(key)
         for name, value in table.content.items():
-            is_number = isinstance(value, (int, float)) and math.isfinite(value)
-            if not isinstance(value, (bool, str)) and not is_number:
+            if not isinstance(value, (bool, str)) and not (
+                isinstance(value, (int, float)) and abs(value) <= sys.float_info.max
+            ):
                 table.refuse(name, f"must be a number, a text or a truth value, got {shown(value)}")
         return dict(table.content)
 
@@ -330,7 +332,11 @@ def _scenario(table: _Table) -> str:
     if text in SHIPPED_SCENARIOS:
         return text
     path = table.file.parent / text
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError:  # a name that is too long
+        there = False
+    if not there:
         table.refuse("scenario", f"{path} is no file, and no shipped scenario: smartmot-eval list")
     return str(path)
 

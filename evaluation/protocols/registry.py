@@ -28,7 +28,7 @@ ALIASES = {"ancap": "2026"}
 
 def is_file(name: str) -> bool:
     """Whether a protocol is named by its file."""
-    return name.endswith(".toml")
+    return name.lower().endswith(".toml")
 
 
 def named_protocol(name: str) -> Protocol:

@@ -186,7 +186,8 @@ def grid_of_table(protocol: TableProtocol) -> Grid:
     Raises:
         ProtocolError: a scenario of it cannot be read, or is not what the file says.
     """
-    runs = []
+    runs: list[GridRun] = []
+    logs: dict[str, Cell] = {}
     for number, test in enumerate(protocol.table.tests, 1):
         path = scenario_path(test.scenario)
         for cell in protocol.cells(test.name):
@@ -211,6 +212,10 @@ def grid_of_table(protocol: TableProtocol) -> Grid:
             spec = bare_run(scenario_name(path), values, words, cell.speed_kmh)
             spec = replace(spec, driver=column.driver, to_standstill=test.to_standstill)
             columns = _columns_of(cell) | ({"relative_impact": True} if test.relative_impact else {})
+            if logs.setdefault(spec.log, cell) is not cell:
+                raise ProtocolError(
+                    f"{where}: name: the log would be called as that of {logs[spec.log]}; change a word"
+                )
             runs.append(LabelledRun(spec, tuple(columns.items())))
     return Grid(tuple(runs), len(runs))
 

@@ -227,6 +227,9 @@ def test_shipped_scenarios_are_listed(command: Command) -> None:
 
 
 def test_shipped_brake_rules_are_listed_with_what_triggers_them(command: Command) -> None:
+    protocols = command("list", "--protocols").out
+    assert "fmvss127               98 cells  FMVSS No. 127, May 2024 text" in protocols
+    assert "ancap" in protocols
     lines = command("list", "--rules").out.splitlines()
     named = [line.split()[:2] for line in lines]
     assert ["paper", "braking_factor=1"] in named

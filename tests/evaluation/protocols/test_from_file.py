@@ -192,6 +192,12 @@ WRONG = {
         "Start_s = 2026-11-29",
         "tests[1].parameters.Start_s: must be a number, a text",
     ),
+    "a huge parameter": (
+        "Start_s = 4.0",
+        f"Start_s = 1{'0' * 400}",
+        "tests[1].parameters.Start_s: must be a",
+    ),
+    "a long path": ('"approach"', f'"{LONG * 9}"', "is no file, and no shipped scenario"),
     "no scenario": ('"approach"', '"../approach"', "is no file, and no shipped scenario: smartmot-eval list"),
     "another light": (
         "meets = false",

@@ -1,6 +1,7 @@
 """A driver who brakes beside the emergency brake: the greater deceleration holds, in closed form."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from scenarios.errors import ScenarioError
 from scenarios.openscenario.motion.paths import Pose, straight
 from scenarios.simulation.drive import ONSET_MPS2, Asked, EgoDrive
 from scenarios.simulation.driver import DriverBrake
+from scenarios.simulation.ends import EndReason
 from scenarios.spec import RunSpec, simulation_of
 
 WAY = straight(Pose(0.0, 0.0, 0.0))
@@ -155,19 +157,30 @@ def test_a_plate_that_nobody_sees_is_crossed_under_the_pedal() -> None:
     decel = 0.4 * G_MPS2
     driver = DriverBrake(decel, 0.25, at_ttc_s=1.1)
     spec = RunSpec(
-        "plate", "steel_plate", (("Ego_speed_kmh", 80.0),), "map", "physical", "dry", 80.0, adapts=False
+        *("plate", "steel_plate", (("Ego_speed_kmh", 80.0),), "map", "physical", "dry", 80.0), adapts=False
     )
     simulation = simulation_of(spec)
     assert simulation.run().end_time_s == pytest.approx(5.0, abs=1e-6)
-    pressed = RunSpec(
-        *("plate", "steel_plate", (("Ego_speed_kmh", 80.0),), "map", "physical", "dry", 80.0),
-        adapts=False,
-        driver=driver,
-    )
-    simulation = simulation_of(pressed)
+    simulation = simulation_of(replace(spec, driver=driver))
     outcome = simulation.run()
     speed = 80 / 3.6
     ramp_m, ramp_mps = speed * 0.25 - decel * 0.25**2 / 6, speed - decel * 0.125
     crossing_mps = math.sqrt(ramp_mps**2 - 2 * decel * (1.1 * speed - ramp_m))
     assert simulation.engine.ego_speed_mps == pytest.approx(crossing_mps, abs=1e-3)
     assert (outcome.contact, outcome.flag_time_s, outcome.added_decel_mps2) == (None, None, 0.0)
+
+
+def test_a_run_to_the_standstill_goes_on_when_the_car_ahead_is_level() -> None:
+    """The car ahead brakes with 0.3 g, the ego fully: it is as slow long before both stand."""
+    values = {"Ego_speed_kmh": 50.0, "Headway": 12.0, "Target_deceleration": 0.3 * G_MPS2}
+    spec = RunSpec(
+        *("lead", "lead_braking", tuple(sorted(values.items())), "map", "physical", "dry", 50.0), adapts=False
+    )
+    level = simulation_of(spec).run()
+    assert level.end_reason is EndReason.FOLLOWED
+    simulation = simulation_of(replace(spec, to_standstill=True))
+    stood = simulation.run()
+    assert stood.end_reason is EndReason.STOPPED
+    assert simulation.engine.ego_speed_mps == 0.0
+    assert stood.end_time_s > level.end_time_s
+    assert stood.flag_time_s == level.flag_time_s

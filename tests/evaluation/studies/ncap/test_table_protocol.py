@@ -104,7 +104,7 @@ SHORT = """
 title = "short"
 source = "made up"
 [[tests]]
-name = "standing"
+name = "standing car"
 source = "made up"
 scenario = "approach"
 parameters = { Start_s = 2.0 }
@@ -117,24 +117,33 @@ def test_a_rule_that_does_not_warn_is_told(tmp_path: Path) -> None:
     file = tmp_path / "short.toml"
     file.write_text(SHORT)
     text = shown(str(file), tmp_path / "out", Conditions(("map",), adapts=False))
-    assert "standing 0 of 1 tests passed" in " ".join(text.split())
+    assert "standing car 0 of 1 tests passed" in " ".join(text.split())
     assert "0 W" in text
     assert "No run has a warning: the brake rule may give none." in text
+
+
+TWIN = SHORT[SHORT.index("[[tests]]") :].replace("standing car", "standing-car")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("Start_s = 2.0", "Start = 2.0", "tests[1], standing, 20 km/h: "),
-        ("Start_s = 2.0", "Start_s = -1", "tests[1], standing, 20 km/h: "),
-        ("[20]", "[200]", "tests[1], standing, 200 km/h: "),
+        ("Start_s = 2.0", "Start = 2.0", "tests[1], standing car, 20 km/h: "),
+        ("Start_s = 2.0", "Start_s = -1", "tests[1], standing car, 20 km/h: "),
+        ("[20]", "[200]", "tests[1], standing car, 200 km/h: "),
         (
             '"approach"',
             '"approach"\nspeed_parameter = "Start_s"',
             "speed_parameter: with Start_s the ego drives",
         ),
         ("Start_s = 2.0", "Illuminance = 1", "lighting: the scenario is by night"),
-        ('"approach"', '"other.xosc"', "tests[1], standing, 20 km/h: "),
+        ('"approach"', '"other.xosc"', "tests[1], standing car, 20 km/h: "),
+        ('"approach"', '"cpna"', "tests[1], standing car, 20 km/h: "),
+        (
+            "[[tests]]",
+            f"{TWIN}[[tests]]",
+            "tests[2], standing car, 20 km/h: name: the log would be called as that of",
+        ),
     ],
 )
 def test_what_a_scenario_is_not_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
