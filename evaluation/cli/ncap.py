@@ -13,6 +13,7 @@ from evaluation.cli.output import write_mcaps
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
     "`smartmot-eval ncap --protocol 2026 --strategy map`",
+    "`smartmot-eval ncap cpna --protocol r152`",
     "`smartmot-eval ncap --protocol fmvss127 --rule cascade`",
     "`smartmot-eval ncap --protocol my.toml --strategy map`",
     "`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`",
@@ -24,7 +25,9 @@ def command(
     files: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Folders or files of scenarios; none: the shipped ones.", metavar="[DIR|FILE ...]"
+            help="Folders or files of scenarios, or names of shipped tests: these in the cells of the "
+            "protocol. None: all shipped ones.",
+            metavar="[DIR|FILE|NAME ...]",
         ),
     ] = None,
     protocol: Annotated[
