@@ -20,6 +20,7 @@ from evaluation.studies.reference import answer_findings as answers
 from evaluation.studies.reference import cpna_findings as cpna
 from evaluation.studies.reference import drive_findings as drives
 from evaluation.studies.reference import growth_findings as crowds
+from evaluation.studies.reference import lidar_findings as clouds
 from evaluation.studies.reference import scene_findings as scenes
 from evaluation.studies.reference import seed_findings as seeds
 from evaluation.studies.reference.kept import read_json, read_records
@@ -28,6 +29,7 @@ from evaluation.studies.reference.parts import (
     BREAK_EVEN,
     DRIVES,
     GAIN,
+    LIDAR,
     QUESTIONS,
     SENSOR,
     TOWNS,
@@ -97,6 +99,8 @@ def _values(reports: Path) -> dict[str, Any]:
         "answers": answers,
         "gain": gain,
         "towns": towns,
+        "clouds": clouds,
+        "lidar": answers.read(LIDAR, reports),
         "drives": drives,
         "kept_drives": kept_drives,
         "break_even": answers.read(BREAK_EVEN, reports),
