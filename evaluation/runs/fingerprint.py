@@ -25,12 +25,15 @@ from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
     "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py",
-    "results/rows.py", "results/seal.py", "runs/execution.py", "studies/answers/measures.py",
-    "studies/compare/measures.py", "studies/drive/drive.py", "studies/drive/exposure.py",
-    "studies/drive/measures.py", "studies/drive/verdicts.py",
+    "results/rows.py", "results/seal.py", "runs/execution.py", "studies/answers/lidar/runs.py",
+    "studies/answers/measures.py", "studies/compare/measures.py", "studies/drive/drive.py",
+    "studies/drive/exposure.py", "studies/drive/measures.py", "studies/drive/verdicts.py",
     "studies/growth.py", "studies/reference/mechanisms.py",
 )  # fmt: skip
 """Modules of this package that what is kept of a run depends on. A test finds them from the studies' jobs."""
+
+VERSIONED = (".py", ".json", ".toml")
+"""Files of the floors below that runs depend on; scenarios and maps are hashed by the runs that use them."""
 
 LIBRARIES = (
     "filterpy", "highway-env", "lxml", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "shapely",
@@ -40,11 +43,11 @@ LIBRARIES = (
 
 @cache
 def version() -> str:
-    """Version of the distribution with a digest of the code that runs depend on."""
+    """Version of the distribution with a digest of the code and the tables that runs depend on."""
     digest = hashlib.sha256()
     for package in (opendrive, smartmot, scenarios):
         root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*.py")):
+        for path in sorted(path for path in root.rglob("*") if path.suffix in VERSIONED):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     root = Path(str(evaluation.__file__)).parent

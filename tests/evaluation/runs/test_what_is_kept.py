@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 
 import evaluation
-from evaluation.runs.fingerprint import OF_EVALUATION
+import opendrive
+import scenarios
+import smartmot
+from evaluation.runs.fingerprint import OF_EVALUATION, VERSIONED
 
 ROOT = Path(evaluation.__file__).parent
 
@@ -106,7 +109,17 @@ def test_the_jobs_are_found_and_no_module_is_listed_in_vain() -> None:
     found: set[Definition] = set()
     for module, job in _jobs().values():
         _follow(module, job, found)
-    assert len(_jobs()) == 6
+    assert len(_jobs()) == 7
     assert {("studies/answers/measures.py", "decide"), ("runs/execution.py", "frame_time")} <= found
     assert ("studies/compare/measures.py", "is_unnecessary_stop") in found
     assert {module for module, _ in found} == {*OF_EVALUATION, *BESIDE}
+
+
+def test_every_shipped_file_is_in_the_version_or_hashed_by_the_runs_that_use_it() -> None:
+    shipped = {
+        path.suffix
+        for package in (opendrive, smartmot, scenarios)
+        for path in Path(str(package.__file__)).parent.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and path.name != "py.typed"
+    }
+    assert shipped == {*VERSIONED, ".xosc", ".xodr"}
