@@ -21,11 +21,12 @@ def told_in_short(kept: Kept[LidarGain]) -> str:
         gains.append(f"{chain.name} {points_text(benefit_difference(kept.results, *pair))}")
     differences = decisive_differences(kept.results, question.pairs)
     decided = sum(d.is_decided for d in differences)
+    verb = "is" if decided < 2 else "are"
+    said = f"{decided or 'None'} of {len(differences)} differences between areas {verb} decided"
     return (
-        f"**And with detections from a LiDAR?** {decided or 'None'} of {len(differences)} differences between areas "
-        f"{'is' if decided < 2 else 'are'} decided. Collisions avoided less unnecessary stops of the map against "
-        f"the planned path, in points: {'; '.join(gains)}. For the LiDARs these are upper bounds: simulated "
-        "bodies are simpler than people and vehicles."
+        f"**And with detections from a LiDAR?** {said}. Collisions avoided less unnecessary stops of the map "
+        f"against the planned path, in points: {'; '.join(gains)}. For the LiDARs these are upper bounds: "
+        "simulated bodies are simpler than people and vehicles."
     )
 
 
