@@ -14,7 +14,7 @@ import rich.console
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
 from evaluation.studies.answers.study import Question
-from evaluation.studies.reference.answer_findings import read
+from evaluation.studies.reference.findings.answers import read
 from evaluation.studies.reference.kept import read_json, read_rows
 from evaluation.studies.reference.outside import without_data
 from evaluation.studies.reference.parts import PARTS, QUESTIONS

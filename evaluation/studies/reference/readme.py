@@ -16,13 +16,7 @@ from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.drive.side_by_side.comparison import COMPARE_JSON
 from evaluation.studies.growth import GrowthRun, growth_table
-from evaluation.studies.reference import answer_findings as answers
-from evaluation.studies.reference import cpna_findings as cpna
-from evaluation.studies.reference import drive_findings as drives
-from evaluation.studies.reference import growth_findings as crowds
-from evaluation.studies.reference import lidar_findings as clouds
-from evaluation.studies.reference import scene_findings as scenes
-from evaluation.studies.reference import seed_findings as seeds
+from evaluation.studies.reference.findings import answers, clouds, cpna, crowds, drives, scenes, seeds
 from evaluation.studies.reference.kept import read_json, read_records
 from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
 from evaluation.studies.reference.parts import (

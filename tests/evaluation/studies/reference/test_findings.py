@@ -11,9 +11,7 @@ from evaluation.results.rows import RunRow
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.growth import GrowthRun
-from evaluation.studies.reference import cpna_findings as cpna
-from evaluation.studies.reference import growth_findings as crowds
-from evaluation.studies.reference import scene_findings as scenes
+from evaluation.studies.reference.findings import cpna, crowds, scenes
 from evaluation.studies.reference.mechanisms import CONDITIONS, MechanismRun
 from evaluation.studies.reference.words import counted, listed, span
 from scenarios.settings import settings_text

@@ -14,7 +14,7 @@ from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.measures import Decision
 from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.study import Sample
-from evaluation.studies.reference.answer_findings import Kept, told_confirmation
+from evaluation.studies.reference.findings.answers import Kept, told_confirmation
 from evaluation.studies.reference.outside import MAPS, TOWNS, TownsPart, without_data
 from scenarios.drawn.draw import MAPS as SHIPPED
 from scenarios.scenes.scenes import SceneRun

@@ -20,9 +20,10 @@ from evaluation.studies.answers.break_even import BreakEven, Sweep
 from evaluation.studies.answers.measures import Decision
 from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.study import Sample
-from evaluation.studies.reference import command, drive_findings
-from evaluation.studies.reference.answer_findings import read
+from evaluation.studies.reference import command
 from evaluation.studies.reference.cpna import CpnaStudy
+from evaluation.studies.reference.findings import drives
+from evaluation.studies.reference.findings.answers import read
 from evaluation.studies.reference.kept import read_json, read_records, read_rows
 from evaluation.studies.reference.outside import drives_part
 from evaluation.studies.reference.parts import PARTS
@@ -149,11 +150,11 @@ def test_a_part_is_made_from_data_of_others(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(command, "render", lambda reports: "page")
     command.make_reports(out, (), 1, quiet=True, outside=tmp_path / "outside")
     assert command.check_reports(out, (), outside=tmp_path / "outside") == []
-    monkeypatch.setitem(drive_findings.TITLES, part.name, "A street")
-    [kept] = drive_findings.read([part], out)
-    assert [line[0] for line in drive_findings.rules_table(kept).rows] == ["paper", "rss"]
-    assert drive_findings.findings(kept)[0] == "1 drive, 0.05 km, 0.1 minutes, 1 pedestrian met."
-    assert "Which area is quieter, so few drives do not decide." in drive_findings.told_in_short([kept])
+    monkeypatch.setitem(drives.TITLES, part.name, "A street")
+    [kept] = drives.read([part], out)
+    assert [line[0] for line in drives.rules_table(kept).rows] == ["paper", "rss"]
+    assert drives.findings(kept)[0] == "1 drive, 0.05 km, 0.1 minutes, 1 pedestrian met."
+    assert "Which area is quieter, so few drives do not decide." in drives.told_in_short([kept])
     table = out / part.name / part.table
     text = table.read_text()
     table.write_text(text.replace(",51,", ",52,", 1))

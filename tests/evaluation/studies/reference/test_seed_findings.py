@@ -8,9 +8,9 @@ from pathlib import Path
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.study import SceneStudy
-from evaluation.studies.reference import seed_findings as seeds
+from evaluation.studies.reference.findings import seeds
+from evaluation.studies.reference.findings.scenes import SHOWN
 from evaluation.studies.reference.parts import PARTS
-from evaluation.studies.reference.scene_findings import SHOWN
 
 NAMES = ("the rectangle", "the map", "the path", "the rectangle as published", "the map as published")
 

@@ -9,7 +9,7 @@ from evaluation.results.tables import Table
 from evaluation.studies.compare.answer import told_intervals
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import summaries, summarise
-from evaluation.studies.reference.scene_findings import OUTCOMES, SHOWN, Outcome, of_point
+from evaluation.studies.reference.findings.scenes import OUTCOMES, SHOWN, Outcome, of_point
 from evaluation.studies.reference.words import counted, listed
 
 

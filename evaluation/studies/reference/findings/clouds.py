@@ -8,7 +8,7 @@ from evaluation.studies.answers.lidar.tables import chain_table, findings
 from evaluation.studies.answers.results import benefit_difference, decisive_differences
 from evaluation.studies.answers.rivals import MAP
 from evaluation.studies.answers.tables import points_text
-from evaluation.studies.reference.answer_findings import Kept
+from evaluation.studies.reference.findings.answers import Kept
 
 
 def told_in_short(kept: Kept[LidarGain]) -> str:
@@ -30,7 +30,7 @@ def told_in_short(kept: Kept[LidarGain]) -> str:
     )
 
 
-def told(kept: Kept[LidarGain]) -> list[str]:
+def sentences(kept: Kept[LidarGain]) -> list[str]:
     """The answer of the study."""
     differences = decisive_differences(kept.results, kept.question.pairs)
     return findings(kept.question, kept.results, differences)

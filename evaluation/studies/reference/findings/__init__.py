@@ -1,0 +1,1 @@
+"""Sentences of the reference page, computed from the tables beside it."""
