@@ -9,6 +9,7 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.output import write_mcaps
+from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
     "`smartmot-eval run cpfa --preset physical --strategy rectangular,map`",
@@ -88,6 +89,8 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
+    if road is not None and not road.exists():
+        raise ArgumentError(f"--road: {road} does not exist")
     if check:
         _check(scenario, road, to_end, quiet)
     if road is not None:
@@ -150,4 +153,8 @@ def _road_of(scenario: str, road: Path, map_file: Path | None) -> Path | None:
     from scenarios.openscenario import expand, load
 
     variation = expand(scenario_path(scenario))[0]
-    return map_file or load(variation.path, variation.parameters, road).map_path
+    own = load(variation.path, variation.parameters, road).map_path
+    if own is None or not own.resolve().is_relative_to(road.resolve()):
+        where = "takes place on a plane" if own is None else f"has a road of its own, {own}"
+        typer.echo(f"smartmot-eval: --road {road} is not used: the scenario {where}", err=True)
+    return map_file or own

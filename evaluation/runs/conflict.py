@@ -127,6 +127,7 @@ def unbraked(spec: RunSpec) -> RunSpec:
         preset="physical",
         weather="dry",
         v_test_kmh=0.0,
+        map_name=spec.map_name,  # the road of a scenario that names a level in place of a file
         adversaries=spec.adversaries,
         adapts=False,
     )

@@ -6,7 +6,7 @@ import platform
 import statistics
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -92,14 +92,19 @@ class Account:
         self.spent_s.append(detected.spent_s)
 
 
-def clouds_of(paths: Iterable[Path], topic: str | None) -> Iterator[NamedCloud]:
+def clouds_of(paths: Sequence[Path], topic: str | None) -> Iterator[NamedCloud]:
     """Clouds of files, folders and bags, one at a time.
 
     Raises:
-        DatasetError: there is no cloud, or a file is damaged.
+        DatasetError: there is no cloud, none has a point, or a file is damaged.
     """
+    points = 0
     for path in paths:
-        yield from read_clouds(path, topic)
+        for named in read_clouds(path, topic):
+            points += len(named.cloud)
+            yield named
+    if not points:
+        raise DatasetError(f"{', '.join(map(str, paths))}: no cloud has a point")
 
 
 def cloud_count(paths: Iterable[Path]) -> int | None:
@@ -113,7 +118,7 @@ def cloud_count(paths: Iterable[Path]) -> int | None:
 
 
 def detected_clouds(
-    paths: Iterable[Path], topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
+    paths: Sequence[Path], topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
 ) -> Iterator[DetectedCloud]:
     """Detections of files, folders and bags, one cloud at a time.
 
@@ -128,6 +133,8 @@ def detected_clouds(
             )
         names.add(named.name)
         account.notes.update(named.notes)
+        if not len(named.cloud):
+            account.notes["clouds without points"] += 1
         if named.dropped:
             account.notes["points with a value that is not finite dropped"] += 1
         detected = detected_cloud(named, config)

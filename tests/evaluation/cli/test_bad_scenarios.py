@@ -121,3 +121,34 @@ def test_a_catalog_that_refers_to_itself_is_refused_in_one_line(
         text.replace('catalogName="Vehicles" entryName="ego"', 'catalogName="Circle" entryName="round"')
     )
     assert "'round' is a <CatalogReference>, expected a <Vehicle>" in refusal(file, monkeypatch, capsys)
+
+
+def test_a_road_in_place_of_a_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--road` gives the road of a level, is refused where it is not there, and said where it is not used."""
+
+    def run(*words: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["smartmot-eval", "run", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return int(ended.value.code or 0), capsys.readouterr().err
+
+    shutil.copytree(DEFINITIONS / "catalogs", tmp_path / "catalogs")
+    text = (DEFINITIONS / CROSSING).read_text()
+    assert "../maps/urban_street.xodr" in text
+    scenario = tmp_path / "level.xosc"
+    scenario.write_text(text.replace("../maps/urban_street.xodr", "Town99"))
+    maps, out = tmp_path / "maps", ("--no-pictures", "--strategy", "map", "--workers", 1, "--out")
+    assert run(scenario, "--road", maps, *out, tmp_path / "a") == (
+        2, f"smartmot-eval: --road: {maps} does not exist\n",
+    )  # fmt: skip
+    maps.mkdir()
+    shutil.copy(DEFINITIONS.parent / "maps" / "urban_street.xodr", maps / "Town99.xodr")
+    assert run(scenario, "--road", maps, *out, tmp_path / "b") == (0, "")
+    status, said = run("crossing", "--road", maps, *out, tmp_path / "c")
+    assert status == 0
+    assert f"--road {maps} is not used: the scenario has a road of its own" in said
+    # the same street under another name: the same run
+    on_level, on_own = ((tmp_path / name / "runs.csv").read_text() for name in "bc")
+    assert on_level.replace("level", "crossing") == on_own

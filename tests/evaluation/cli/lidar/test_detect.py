@@ -173,6 +173,9 @@ def test_a_cloud_without_points_is_not_converted(tmp_path: Path, capsys: Capture
     assert call("lidar", "convert", tmp_path / "empty.bin", tmp_path / "empty.pcd") == 2
     assert "no points to convert" in capsys.readouterr().err
     assert not (tmp_path / "empty.pcd").exists()
+    for command in ("detect", "bench"):
+        assert call("lidar", command, tmp_path / "empty.bin") == 2
+        assert "empty.bin: no cloud has a point" in capsys.readouterr().err
 
 
 def test_a_cloud_far_from_any_road_user_has_no_boxes(tmp_path: Path) -> None:
