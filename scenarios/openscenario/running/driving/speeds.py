@@ -13,6 +13,8 @@ from scenarios.openscenario.running.world import Instant
 
 CONTROL_S = 0.01
 """How often a speed is chosen that depends on who is driven by a controller."""
+NO_CHANGE_MPS = 1e-9
+"""Speeds nearer than this are the same: the sum of many pieces is not more exact."""
 
 
 class ContinuousSpeed(RunningAction[model.SpeedAction]):
@@ -146,7 +148,7 @@ def changed(
     up, down = limits.max_acceleration_mps2, limits.max_deceleration_mps2
     jerk_up, jerk_down = limits.max_acceleration_rate_mps3, limits.max_deceleration_rate_mps3
     greatest = up if change > 0.0 else down
-    if change == 0.0:
+    if abs(change) < NO_CHANGE_MPS:
         return [Piece(time_s, start_mps, end)] if time_s else []
     if smooth and jerk_up and jerk_down:
         return _within_jerk(
@@ -169,7 +171,8 @@ def _within_jerk(
     c = 0.5 * (1.0 / rising + 1.0 / falling)
     shortest = 2.0 * math.sqrt(c * size)
     duration = shortest if time_s is None else max(time_s, shortest)
-    peak = min((duration - math.sqrt(max(duration**2 - 4.0 * c * size, 0.0))) / (2.0 * c), greatest)
+    # The smaller root, in the form that loses no digits when the change is small.
+    peak = min(2.0 * size / (duration + math.sqrt(max(duration**2 - 4.0 * c * size, 0.0))), greatest)
     duration = size / peak + c * peak
     sign = math.copysign(1.0, end_mps - start_mps)
     first, last = peak / rising, peak / falling

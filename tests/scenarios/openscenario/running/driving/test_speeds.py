@@ -150,6 +150,15 @@ def test_smooth_changes_keep_all_limits(start, end, time_s, up, jerk_up, jerk_do
     assert drive.length_m == pytest.approx(np.trapezoid(v, t), rel=1e-5, abs=1e-4)
 
 
+@pytest.mark.parametrize("end", [5e-324, 1e-38, 1e-12, 1e-6])
+@pytest.mark.parametrize("time_s", [None, 1.0, 10.0])
+def test_a_change_by_next_to_nothing_is_none(end, time_s):
+    pieces = changed(0.0, end, time_s, DynamicConstraints(1, 1, None, 1, 1), smooth=True)
+    duration = sum(piece.duration_s for piece in pieces)
+    assert duration == pytest.approx(time_s or 2.0 * math.sqrt(end), abs=2e-6)
+    assert all(abs(piece.end_mps - end) < 1e-9 for piece in pieces[-1:])
+
+
 def test_a_smooth_change_by_hand():
     """10 m/s in 4 s with jerks 4 and 3: a^2 (1/8 + 1/6) - 4 a + 10 = 0, a = 3.305 m/s2."""
     pieces = changed(0.0, 10.0, 4.0, DynamicConstraints(5, 10, 50, 4, 3), smooth=True)
