@@ -118,7 +118,10 @@ def command(
         ),
         apply_performance=apply_performance,
     )
-    specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions)
+    notes: list[str] = []
+    specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions, notes)
+    for note in notes:
+        typer.echo(f"smartmot-eval: {note}", err=True)
     if mcap:
         require_foxglove()
     with locked(writable_folder(out)):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.reading.distributions import Variation, expand
+from scenarios.openscenario.reading.distributions import Variation, admissible, expand
 from scenarios.presets import Preset, named_preset
 from scenarios.sensors.lidar.chain import lidar_of
 from scenarios.settings import Settings, preset_with, settings_text
@@ -83,22 +83,30 @@ def preset_text(spec: RunSpec) -> str:
     return " ".join(filter(None, (spec.preset, spec.weather, settings_text(spec.settings))))
 
 
-def scenario_specs(name: str, parameters: Mapping[str, Value], conditions: Conditions) -> list[RunSpec]:
+def scenario_specs(
+    name: str,
+    parameters: Mapping[str, Value],
+    conditions: Conditions,
+    notes: list[str] | None = None,
+) -> list[RunSpec]:
     """The runs of a scenario or distribution file, by weather, strategy and then as the file has them.
 
     Args:
         name: of a shipped scenario, or path of a file.
         parameters: values in place of the declared and the distributed ones.
         conditions: see `Conditions`.
+        notes: takes a line about variations that are left out, because they break constraints.
 
     Raises:
         scenarios.openscenario.errors.OpenScenarioError: the file cannot be read, or a parameter does not fit.
     """
-    variations: list[Variation] = []
+    distinct: dict[frozenset[tuple[str, Value]], Variation] = {}
     for variation in expand(scenario_path(name)):
         values = {**variation.parameters, **parameters}
-        if all(values != dict(other.parameters) for other in variations):
-            variations.append(replace(variation, parameters=values))
+        distinct.setdefault(frozenset(values.items()), replace(variation, parameters=values))
+    variations, left_out = admissible(list(distinct.values()))
+    if left_out and notes is not None:
+        notes.append(left_out)
     bare = [
         replace(bare_run(scenario_name(v.path), v.parameters), map_name=conditions.map_name)
         for v in variations

@@ -17,7 +17,7 @@ from scenarios.openscenario.errors import (
     UnsupportedError,
 )
 from scenarios.openscenario.model import ScenarioDefinition
-from scenarios.openscenario.reading.distributions import Variation, expand
+from scenarios.openscenario.reading.distributions import Variation, admissible, expand
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
 from scenarios.openscenario.running.results import Contact, Entities, Run
@@ -41,6 +41,7 @@ __all__ = [
     "ScenarioDefinition",
     "UnsupportedError",
     "Variation",
+    "admissible",
     "check",
     "expand",
     "load",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from scenarios.openscenario.errors import FileReadError, OpenScenarioError
-from scenarios.openscenario.reading.distributions import expand
+from scenarios.openscenario.reading.distributions import admissible, expand
 from scenarios.openscenario.reading.document import Node, parse
 from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
@@ -41,7 +41,7 @@ class FileCheck:
 
 
 def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, run: bool = False) -> FileCheck:
-    """Read a scenario or distribution file and begin its first variation.
+    """Read a scenario or distribution file and begin its first variation that keeps its constraints.
 
     Args:
         path: the `.xosc` file.
@@ -53,7 +53,8 @@ def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, ru
     try:
         header = Node(parse(file), file, {}).need("FileHeader")
         version = f"{header.element.get('revMajor')}.{header.element.get('revMinor')}"
-        variation = expand(file)[0]
+        variations, left_out = admissible(expand(file))
+        variation = variations[0]
         engine = Engine(load(variation.path, variation.parameters, road))
         if run:
             result = engine.run(TIME_LIMIT_S)
@@ -63,7 +64,8 @@ def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, ru
                 outcome += f", contact at {result.contact_time_s:.2f} s"
     except OpenScenarioError as error:
         return FileCheck(file, version, "refused", (str(error),))
-    return FileCheck(file, version, "noted" if engine.notes else "supported", engine.notes, outcome)
+    notes = (*filter(None, (left_out,)), *engine.notes)
+    return FileCheck(file, version, "noted" if notes else "supported", notes, outcome)
 
 
 def scenario_files(path: str | PathLike[str]) -> list[Path]:

@@ -32,6 +32,10 @@ class ParameterError(OpenScenarioError):
     """A parameter or variable is unknown, circular, of the wrong type, or breaks its constraints."""
 
 
+class ConstraintError(ParameterError):
+    """A parameter breaks its constraints."""
+
+
 class CatalogError(OpenScenarioError):
     """A catalog or an entry of it cannot be found."""
 

@@ -157,8 +157,14 @@ def _lane_change(node: Node, context: Context) -> LaneChangeAction:
         cast(Dimension, dimension),
         amount(dynamics, dimension),
         target,
-        node.number("targetLaneOffset", 0.0),
+        sideways(node, "targetLaneOffset", context, 0.0),
     )
+
+
+def sideways(node: Node, name: str, context: Context, default: float | None = None) -> float:
+    """An attribute as a number to the left, which CARLA counts to the right."""
+    value = node.number(name, default)
+    return -value if context.left_handed else value
 
 
 @reads(LaneOffsetAction)
@@ -172,10 +178,10 @@ def _lane_offset(node: Node, context: Context) -> LaneOffsetAction:
     target: float | RelativeOffset
     if goal.tag == "AbsoluteTargetLaneOffset":
         goal.allow("value")
-        target = goal.number("value")
+        target = sideways(goal, "value", context)
     else:
         goal.allow("entityRef value")
-        target = RelativeOffset(context.entity(goal), goal.number("value"))
+        target = RelativeOffset(context.entity(goal), sideways(goal, "value", context))
     return LaneOffsetAction(cast(SpeedShape, shape), limit, target, node.boolean("continuous"))
 
 
@@ -252,7 +258,7 @@ def _light(node: Node, context: Context) -> LightStateAction:
     light = node.need("LightType").one_of("VehicleLight")
     light.allow("vehicleLightType")
     state = node.need("LightState")
-    state.allow("mode luminousIntensity flashingOnDuration flashingOffDuration")
+    state.allow("mode luminousIntensity flashingOnDuration flashingOffDuration", "Color")
     return LightStateAction(light.choice("vehicleLightType", LIGHTS), state.choice("mode", "on off flashing"))
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+from lxml import etree
 
 from scenarios.openscenario.errors import CatalogError, ContentError, ParameterError
 from scenarios.openscenario.reading.document import Element, Node, Scope, parse
 from scenarios.openscenario.reading.parameters import Declarations
+
+PARAMETER = re.compile(r"\$([A-Za-z_]\w*)")
+"""A reference to a parameter in a value or an expression."""
 
 LOCATIONS = {
     "VehicleCatalog": "Vehicle",
@@ -32,6 +38,7 @@ class Catalogs:
         self.files: list[Path] = []
         """Every file of the directories, in the order in which they were read."""
         self._entries: dict[tuple[str, str], tuple[Path, Element]] = {}
+        self._stems: dict[str, str] = {}
         self._names: list[str] = []
         self._missing: list[str] = []
         self.notes: dict[str, None] = {}
@@ -57,6 +64,7 @@ class Catalogs:
             for catalog in parse(file).iterchildren("Catalog"):
                 name = catalog.get("name", "")
                 self._names.append(name)
+                self._stems.setdefault(file.stem, name)
                 for entry in catalog:
                     self._entries.setdefault((name, entry.get("name", "")), (file, entry))
 
@@ -77,6 +85,12 @@ class Catalogs:
         """
         reference.allow("catalogName entryName", "ParameterAssignments")
         name, entry_name = reference.text("catalogName"), reference.text("entryName")
+        if name not in self._names and name in self._stems:  # esmini looks for a file of that name
+            self.notes[
+                f"{reference.where} takes '{name}' for the file of that name: its catalog is called "
+                f"'{self._stems[name]}'"
+            ] = None
+            name = self._stems[name]
         located = self._entries.get((name, entry_name))
         if located is None:
             if name not in self._names:
@@ -96,13 +110,33 @@ class Catalogs:
         node = Node(element, file, {})
         given = assignments(reference.get("ParameterAssignments"))
         try:
-            scope = Declarations(node.get("ParameterDeclarations"), given, {}, self.notes).scope()
+            outer = self._lent(node, reference)
+            scope = Declarations(
+                node.get("ParameterDeclarations"), given, outer, self.notes, loose=True
+            ).scope()
         except ParameterError as error:
             message = str(error)
             if message.startswith("parameter "):
                 message = f"{reference.where} {name}/{entry_name}: {message}"
             raise ParameterError(message) from None
         return node.within(scope)
+
+    def _lent(self, node: Node, reference: Node) -> Scope:
+        """Parameters of the scenario that an entry refers to and does not declare; as in esmini."""
+        declared = {
+            child.get("name", "").removeprefix("$") for child in node.element.iter("ParameterDeclaration")
+        }
+        used = {
+            name
+            for child in node.element.iter(etree.Element)
+            for text in child.values()
+            if text.strip().startswith("$")
+            for name in PARAMETER.findall(text)
+        }
+        lent = {name: reference.scope[name] for name in sorted(used - declared) if name in reference.scope}
+        for name in lent:
+            self.notes[f"{node.where} does not declare '{name}': it is that of the scenario"] = None
+        return lent
 
 
 def assignments(node: Node | None) -> Scope:

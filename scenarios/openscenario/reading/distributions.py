@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from scenarios.openscenario.errors import ContentError, FileReadError, UnsupportedError
+from scenarios.openscenario.errors import ConstraintError, ContentError, FileReadError, UnsupportedError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.catalogs import assignments
 from scenarios.openscenario.reading.document import Node, as_text, parse
+from scenarios.openscenario.reading.parameters import Declarations
 
 MAX_VARIATIONS = 100_000
 """A file that asks for more is refused."""
@@ -73,6 +74,42 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
             values.update(part)
         variations.append(Variation(f"{file.stem}_{number:02d}", scenario, values, file))
     return variations
+
+
+def admissible(variations: Sequence[Variation]) -> tuple[list[Variation], str]:
+    """Variations whose values keep the constraints of the parameters, and a line about those that do not.
+
+    Args:
+        variations: as `expand` gives them.
+
+    Returns:
+        The variations, and the line (empty: all keep them).
+
+    Raises:
+        ConstraintError: none does.
+        ParameterError: a parameter is unknown, circular, or of the wrong type.
+    """
+    kept: list[Variation] = []
+    broken: list[ConstraintError] = []
+    for variation in variations:
+        try:
+            _declared(variation.path, variation.parameters)
+        except ConstraintError as error:
+            broken.append(error)
+        else:
+            kept.append(variation)
+    if not broken:
+        return kept, ""
+    if not kept:
+        raise broken[0]
+    return kept, f"{len(broken)} of {len(variations)} variations are left out, the first: {broken[0]}"
+
+
+def _declared(path: Path, values: Mapping[str, Value]) -> None:
+    """Work out the parameters of a scenario, if any of them has a constraint."""
+    declarations = Node(parse(path), path, {}).get("ParameterDeclarations")
+    if declarations is not None and declarations.element.find(".//ConstraintGroup") is not None:
+        Declarations(declarations, values, {}, {}).scope()
 
 
 def _scenario_file(node: Node) -> Path:

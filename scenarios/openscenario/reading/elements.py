@@ -20,6 +20,7 @@ from scenarios.openscenario.elements import (
 )
 from scenarios.openscenario.errors import ContentError, UnsupportedError
 from scenarios.openscenario.expressions import Value
+from scenarios.openscenario.reading.carla import right_handed
 from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.document import Node
 
@@ -33,12 +34,14 @@ class Context:
         entities: names of the entities.
         variables: start values by name.
         notes: lines about what is read and not used, each once.
+        left_handed: whether the file is in CARLA's coordinates.
     """
 
     catalogs: Catalogs
     entities: Collection[str]
     variables: Mapping[str, Value]
     notes: dict[str, None] = dataclasses.field(default_factory=dict)
+    left_handed: bool = False
 
     def note(self, node: Node, line: str) -> None:
         """Take note of what an element has that is not used, at its place."""
@@ -91,9 +94,11 @@ def read(kind: type[RecordT], node: Node, context: Context) -> RecordT:
     """A record from its element: by its own reader, or else as it declares."""
     reader = _READERS.get(kind)
     if reader is not None:
-        return cast(RecordT, reader(node, context))
-    allow(kind, node)
-    return declared(kind, node, context)
+        record = cast(RecordT, reader(node, context))
+    else:
+        allow(kind, node)
+        record = declared(kind, node, context)
+    return cast(RecordT, right_handed(record)) if context.left_handed else record
 
 
 def allow(kind: type[Element], node: Node) -> None:

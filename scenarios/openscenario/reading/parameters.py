@@ -6,7 +6,7 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from scenarios.openscenario.errors import ExpressionError, ParameterError
+from scenarios.openscenario.errors import ConstraintError, ExpressionError, ParameterError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.document import Node, Scope, as_number, as_text, as_truth, resolve
 
@@ -68,7 +68,9 @@ class Declarations:
         node: the element, or None.
         given: values from outside (catalog reference, variation, command line) in place of the declared ones.
         outer: parameters of the surrounding scope.
-        notes: takes lines about what stands twice.
+        notes: takes lines about what stands twice, or is of another type.
+        loose: whether a given value may be of another type than the declared one: it is then a text, which
+            is refused where a number is needed.
     """
 
     def __init__(
@@ -77,8 +79,10 @@ class Declarations:
         given: Mapping[str, Value],
         outer: Scope,
         notes: dict[str, None] | None = None,
+        loose: bool = False,
     ) -> None:
-        self._given, self._outer = given, outer
+        self._given, self._outer, self._loose = given, outer, loose
+        self._notes = {} if notes is None else notes
         self._declared: dict[str, Node] = {}
         self._open: list[str] = []
         self._values: dict[str, Value] = {}
@@ -91,7 +95,9 @@ class Declarations:
                     raise ParameterError(f"{child.where} needs an attribute 'name'")
                 if name in self._declared:
                     if _same(child, self._declared[name]) and notes is not None:
-                        notes[f"{child.where} declares '{name}' a second time, with the same value"] = None
+                        self._notes[f"{child.where} declares '{name}' a second time, with the same value"] = (
+                            None
+                        )
                         continue
                     raise ParameterError(f"{child.where} declares '{name}' a second time")
                 self._declared[name] = child
@@ -125,7 +131,7 @@ class Declarations:
             raise ParameterError(f"{node.where} parameters refer to one another in a circle: {circle}")
         self._open.append(name)
         try:
-            value = typed(self._raw(name, node), node.choice("parameterType", TYPES))
+            value = self._typed(name, node)
         except (ParameterError, ExpressionError) as error:
             message = str(error)
             if not message.startswith(str(node.file)):
@@ -135,6 +141,17 @@ class Declarations:
         self._check(node, name, value)
         self._values[name] = value
         return value
+
+    def _typed(self, name: str, node: Node) -> Value:
+        kind = node.choice("parameterType", TYPES)
+        try:
+            return typed(self._raw(name, node), kind)
+        except ParameterError:
+            if not (self._loose and name in self._given):
+                raise
+            text = as_text(self._given[name])
+            self._notes[f"{node.where} {name}: '{text}' is given, which is not of type {kind}"] = None
+            return text
 
     def _raw(self, name: str, node: Node) -> Value:
         if name in self._given:
@@ -162,7 +179,7 @@ class Declarations:
             if holds:
                 return
             texts.append(" and ".join(parts))
-        raise ParameterError(
+        raise ConstraintError(
             f"{node.where} {name} = {as_text(value)} breaks its constraints: {' or '.join(texts)}"
         )
 

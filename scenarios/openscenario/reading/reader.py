@@ -13,7 +13,6 @@ from pathlib import Path
 from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError, UnsupportedError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
-    KINDS,
     Act,
     Action,
     Controller,
@@ -27,11 +26,8 @@ from scenarios.openscenario.model import (
     SignalController,
     SignalPhase,
     Story,
-    StoryboardElementStateCondition,
-    Trigger,
-    conditions_of,
-    elements_of,
 )
+from scenarios.openscenario.reading import carla
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.conditions import entity_references, stop_trigger, trigger
@@ -40,6 +36,7 @@ from scenarios.openscenario.reading.document import Node, parse
 from scenarios.openscenario.reading.elements import Context, read
 from scenarios.openscenario.reading.parameters import Declarations, variables
 from scenarios.openscenario.reading.positions import scoped
+from scenarios.openscenario.reading.references import qualified
 
 _VEHICLES = {
     "car": "car",
@@ -106,19 +103,25 @@ def load(
     start_values = variables(root.get("VariableDeclarations"))
     catalogs = Catalogs(root.get("CatalogLocations"))
     catalogs.notes |= notes
-    bare = Context(catalogs, (), start_values, catalogs.notes)
+    left_handed = header.text("description", "").startswith(carla.MARK)
+    if left_handed:
+        catalogs.notes[
+            f"{header.where} description begins with '{carla.MARK}': y and offsets are to the right, headings "
+            "clockwise"
+        ] = None
+    bare = Context(catalogs, (), start_values, catalogs.notes, left_handed)
     objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")
     entities = tuple(_entity(node, bare) for node in objects)
     names = [entity.name for entity in entities]
     for name in names:
         if names.count(name) > 1:
             raise ContentError(f"{root.need('Entities').where} two entities have the same name, '{name}'")
-    context = Context(catalogs, names, start_values, catalogs.notes)
+    context = Context(catalogs, names, start_values, catalogs.notes, left_handed)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
     stop, criteria = stop_trigger(storyboard.get("StopTrigger"), context)
-    _check_element_references(file, stories, stop)
+    stories = qualified(file, stories, stop)
     map_path = _map_path(root.need("RoadNetwork"), None if road is None else Path(road))
     init = tuple(_init(storyboard.need("Init"), context))
     catalogs.note_missing()
@@ -225,8 +228,8 @@ def _object(
         name=name,
         model=node.text("name"),
         category=category,
-        length_m=size.positive("length", zero=False),
-        width_m=size.positive("width", zero=False),
+        length_m=_extent(size, "length", name, context),
+        width_m=_extent(size, "width", name, context),
         height_m=size.positive("height"),
         center_x_m=center.number("x"),
         center_y_m=center.number("y"),
@@ -234,6 +237,17 @@ def _object(
         controllers=controllers,
         flat=node.tag == "MiscObject" and node.text("miscObjectCategory", "") in _FLAT,
     )
+
+
+LEAST_M = 0.01
+"""An outline that has no extent in the file (the standard allows 0) gets this one: outlines have an area."""
+
+
+def _extent(size: Node, attribute: str, name: str, context: Context) -> float:
+    extent_m = size.positive(attribute)
+    if extent_m == 0.0:
+        context.note(size, f"of '{name}' has {attribute} 0: it is taken for {LEAST_M:g} m")
+    return max(extent_m, LEAST_M)
 
 
 _FLAT = ("crosswalk", "parkingSpace", "patch", "roadMark")
@@ -347,25 +361,3 @@ def _event(node: Node, entities: tuple[str, ...], select: bool, context: Context
         trigger(node.get("StartTrigger"), context),
         select,
     )
-
-
-# References between elements
-
-
-def ends_with(path: tuple[str, ...], tail: tuple[str, ...]) -> bool:
-    """Whether a path of names ends with another."""
-    return path[-len(tail) :] == tail
-
-
-def _check_element_references(file: Path, stories: tuple[Story, ...], stop: Trigger | None) -> None:
-    paths = [(KINDS[type(element)], path) for path, element in elements_of(stories)]
-    for condition in conditions_of(stories, stop):
-        kind = condition.kind
-        if not isinstance(kind, StoryboardElementStateCondition):
-            continue
-        hits = sum(k == kind.kind and ends_with(path, kind.path) for k, path in paths)
-        if hits != 1:
-            raise ContentError(
-                f"{file}: condition '{condition.name}' refers to {kind.kind} '{'/'.join(kind.path)}', "
-                f"of which there are {hits}; give its path from the story, separated by '::'"
-            )

@@ -247,7 +247,7 @@ class AddEntity(RunningAction[model.AddEntityAction]):
     def start(self, time_s: float) -> None:
         """Be there."""
         who = self.world.actors[self.action.entity]
-        if who.exists:
+        if who.exists and who.placed:
             return
         pose = self.world.locator.pose(self.action.position)
         path = self.world.locator.roads.way(pose)

@@ -8,7 +8,7 @@ from typing import TypeAlias
 from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
-from scenarios.openscenario.reading.reader import ends_with
+from scenarios.openscenario.reading.references import ends_with
 from scenarios.openscenario.running import following
 from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
 from scenarios.openscenario.running.actors import Actor

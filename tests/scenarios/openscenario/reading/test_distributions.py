@@ -1,6 +1,14 @@
 import pytest
 
-from scenarios.openscenario import ContentError, FileReadError, UnsupportedError, expand
+from scenarios.openscenario import (
+    ContentError,
+    FileReadError,
+    ParameterError,
+    UnsupportedError,
+    admissible,
+    check,
+    expand,
+)
 
 SINGLE = (
     "<DeterministicSingleParameterDistribution "
@@ -36,8 +44,8 @@ def sets(*rows):
 
 @pytest.fixture
 def variation(write, tmp_path):
-    def make(*distributions, kind="Deterministic", scenario="small.xosc"):
-        write()
+    def make(*distributions, kind="Deterministic", scenario="small.xosc", **parts):
+        write(**parts)
         path = tmp_path / "variation.xosc"
         path.write_text(
             '<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2026-01-01T00:00:00" author="t" '
@@ -75,6 +83,29 @@ def test_range_ends(variation):
     assert [r.parameters["v"] for r in expand(variation(steps("v", 0, 1, 0.1)))][-1] == "1"
     assert [r.parameters["v"] for r in expand(variation(steps("v", 0, 1, 0.4)))] == ["0", "0.4", "0.8"]
     assert len(expand(variation(steps("v", 5, 5, 1)))) == 1
+
+
+LIMITED = (
+    '<ParameterDeclaration name="fast" parameterType="double" value="5"/>'
+    '<ParameterDeclaration name="slow" parameterType="double" value="1"><ConstraintGroup>'
+    '<ValueConstraint rule="greaterThan" value="0"/><ValueConstraint rule="lessThan" value="$fast"/>'
+    "</ConstraintGroup></ParameterDeclaration>"
+)
+
+
+def test_variations_that_break_constraints_are_left_out_and_counted(variation):
+    path = variation(steps("slow", 0, 4, 1), steps("fast", 2, 4, 2), parameters=LIMITED)
+    kept, line = admissible(expand(path))
+    # of 5 x 2: slow is above 0 and below fast
+    pairs = [(r.parameters["slow"], r.parameters["fast"]) for r in kept]
+    assert pairs == [("1", "2"), ("1", "4"), ("2", "4"), ("3", "4")]
+    assert line.startswith("6 of 10 variations are left out, the first: ")
+    assert "slow = 0 breaks its constraints" in line
+    held = check(path)
+    assert (held.verdict, held.lines[0]) == ("noted", line)
+    assert admissible(kept) == (kept, "")
+    with pytest.raises(ParameterError, match="slow = 0 breaks its constraints"):
+        admissible(expand(variation(values("slow", 0), parameters=LIMITED)))
 
 
 def test_a_scenario_is_one_run(write):

@@ -1,0 +1,46 @@
+"""Scenario files of CARLA, in its coordinates.
+
+A file whose description begins with `CARLA:` is in the left-handed coordinates of CARLA (ScenarioRunner,
+`OpenScenarioParser.set_use_carla_coordinate_system`): y and offsets to the right, headings clockwise. The
+lanes are those of the OpenDRIVE file, whose y has the other sign.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from scenarios.openscenario.elements import Element
+from scenarios.openscenario.model import (
+    LanePosition,
+    Orientation,
+    RelativeLanePosition,
+    RelativeObjectPosition,
+    RelativeRoadPosition,
+    RelativeWorldPosition,
+    RoadPosition,
+    WorldPosition,
+)
+
+MARK = "CARLA:"
+"""Beginning of the description of such a file."""
+
+_SIDEWAYS: dict[type[Element], tuple[str, ...]] = {
+    Orientation: ("heading_rad",),
+    WorldPosition: ("y_m", "heading_rad"),
+    LanePosition: ("offset_m",),
+    RelativeLanePosition: ("offset_m",),
+    RelativeRoadPosition: ("dt_m",),
+    RelativeWorldPosition: ("dy_m",),
+    RelativeObjectPosition: ("dy_m",),
+}
+"""Fields that have the other sign."""
+
+
+def right_handed(record: Element) -> Element:
+    """A record of such a file as the standard has it; one without coordinates as it is."""
+    if isinstance(record, RoadPosition):  # ScenarioRunner takes the amount, to the right
+        return replace(record, t_m=-abs(record.t_m))
+    names = _SIDEWAYS.get(type(record), ())
+    turned: dict[str, Any] = {name: -getattr(record, name) for name in names}
+    return replace(record, **turned) if turned else record

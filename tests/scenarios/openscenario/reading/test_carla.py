@@ -1,0 +1,103 @@
+"""Files of CARLA's ScenarioRunner: left-handed coordinates, entities that Init adds."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from scenarios.openscenario import Engine, load
+from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport
+
+SHARED = Path(__file__).parents[4].parent / "shared"
+ORIENTED = '<Orientation type="relative" h="0.2"/>'
+ADDED = (
+    '<GlobalAction><EntityAction entityRef="Other"><AddEntityAction><Position>{}</Position></AddEntityAction>'
+    "</EntityAction></GlobalAction>"
+)
+
+
+@pytest.fixture
+def start(write):
+    """Where the ego is at the start, in a file of CARLA or not."""
+
+    def pose(position, description="small"):
+        path = write(
+            init=private("Ego", teleport(lane_position(10)), teleport(f"<Position>{position}</Position>"))
+            + private("Other", teleport(lane_position(100)))
+        )
+        path.write_text(path.read_text("utf-8").replace('"small"', f'"{description}"'), encoding="utf-8")
+        state = Engine(load(path)).ego.state(0.0)
+        return state.x_m, state.y_m, math.remainder(state.yaw_rad, 2 * math.pi)
+
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("position", "ours", "theirs"),
+    [
+        ('<WorldPosition x="20" y="1" h="0.1"/>', (20, 1, 0.1), (20, -1, -0.1)),
+        # lane -1 is 3.5 m wide and runs east, its middle at y = -1.75 m
+        (
+            f'<LanePosition roadId="A" laneId="-1" s="20" offset="0.5">{ORIENTED}</LanePosition>',
+            (20, -1.25, 0.2),
+            (20, -2.25, -0.2),
+        ),
+        ('<RoadPosition roadId="A" s="20" t="2"/>', (20, 2, 0), (20, -2, 0)),
+        ('<RoadPosition roadId="A" s="20" t="-2"/>', (20, -2, 0), (20, -2, 0)),
+        ('<RelativeObjectPosition entityRef="Other" dx="3" dy="1"/>', (103, -0.75, 0), (103, -2.75, 0)),
+        ('<RelativeWorldPosition entityRef="Other" dx="3" dy="1"/>', (103, -0.75, 0), (103, -2.75, 0)),
+        ('<RelativeRoadPosition entityRef="Other" ds="3" dt="1"/>', (103, -0.75, 0), (103, -2.75, 0)),
+        (
+            '<RelativeLanePosition entityRef="Other" dLane="0" ds="3" offset="1"/>',
+            (103, -0.75, 0),
+            (103, -2.75, 0),
+        ),
+    ],
+)
+def test_coordinates_to_the_right_where_the_description_says_carla(start, position, ours, theirs):
+    assert start(position) == pytest.approx(ours, abs=1e-6)
+    assert start(position, "CARLA:Test") == pytest.approx(theirs, abs=1e-6)
+
+
+@pytest.mark.parametrize(("description", "side"), [("small", 1.0), ("CARLA:Test", -1.0)])
+def test_offsets_of_actions(write, description, side):
+    action = (
+        '<PrivateAction><LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics '
+        'dynamicsShape="step"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="0.5"/></LaneOffsetTarget>'
+        "</LaneOffsetAction></LateralAction></PrivateAction>"
+    )
+    ego = private("Ego", teleport(lane_position(10)), speed(10), action)
+    path = write(init=ego + private("Other", teleport(lane_position(100))))
+    path.write_text(path.read_text("utf-8").replace('"small"', f'"{description}"'), encoding="utf-8")
+    assert at(Engine(load(path)).run(2.0), "Ego", 1.0)[:2] == pytest.approx((20, -1.75 + 0.5 * side))
+
+
+def test_entities_that_init_adds_one_relative_to_the_other(play):
+    """Wherever they stand in Init."""
+    beside = '<RelativeRoadPosition entityRef="Ego" ds="50" dt="0"/>'
+    _, run = play(init=ADDED.format(beside) + private("Ego", teleport(lane_position(10)), speed(0)))
+    assert at(run, "Other", 1.0) == pytest.approx((60, -1.75, 0, 0))
+
+
+def test_vehicles_of_carlas_examples_stand_on_roads_and_head_along_them():
+    """The mirrored places of 16 files of others, against the maps, which are read without them."""
+    folder = SHARED / "openscenario" / "carla"
+    if not folder.is_dir():
+        pytest.skip(f"no scenarios of CARLA at {folder}")
+    turns = []
+    for file in sorted(folder.rglob("*.xosc")):
+        if file.parent.name == "catalogs" or file.stem == "VehicleLateralDistance":  # refused: distance -2
+            continue
+        engine = Engine(load(file, None, SHARED / "opendrive" / "maps"))
+        roads = engine.world.locator.roads
+        for actor in engine.world.actors.values():
+            if not actor.placed or actor.definition.category not in ("car", "cyclist"):
+                continue
+            pose = actor.state(0.0).pose
+            assert roads.place(pose) is not None, (file.stem, actor.name)
+            way = roads.way(pose)
+            turn = way.pose(way.project(pose.x_m, pose.y_m)[0])[2] - pose.yaw_rad
+            turns.append(abs(math.remainder(turn, 2 * math.pi)))
+    # one file changes the offset in its lane at once, with up to 45 degrees
+    assert len(turns) > 25
+    assert sum(turn < math.radians(1) for turn in turns) >= len(turns) - 2
