@@ -43,4 +43,4 @@ def right_handed(record: Element) -> Element:
         return replace(record, t_m=-abs(record.t_m))
     names = _SIDEWAYS.get(type(record), ())
     turned: dict[str, Any] = {name: -getattr(record, name) for name in names}
-    return replace(record, **turned) if turned else record
+    return replace(record, **turned) if turned else record  # type: ignore[type-var]  # a dataclass

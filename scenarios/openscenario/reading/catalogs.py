@@ -129,7 +129,7 @@ class Catalogs:
         used = {
             name
             for child in node.element.iter(etree.Element)
-            for text in child.values()
+            for text in map(str, child.values())
             if text.strip().startswith("$")
             for name in PARAMETER.findall(text)
         }

@@ -106,8 +106,8 @@ def load(
     left_handed = header.text("description", "").startswith(carla.MARK)
     if left_handed:
         catalogs.notes[
-            f"{header.where} description begins with '{carla.MARK}': y and offsets are to the right, headings "
-            "clockwise"
+            f"{header.where} description begins with '{carla.MARK}': y and offsets are to the right, "
+            "headings clockwise"
         ] = None
     bare = Context(catalogs, (), start_values, catalogs.notes, left_handed)
     objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")

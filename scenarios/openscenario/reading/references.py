@@ -46,19 +46,19 @@ class _Names:
     def __init__(self, file: Path, paths: Sequence[tuple[str, tuple[str, ...]]]) -> None:
         self._file, self._paths = file, paths
 
-    def trigger(self, trigger: Trigger | None, here: tuple[str, ...]) -> Trigger | None:
+    def trigger(self, trigger: Trigger | None, holder: tuple[str, ...]) -> Trigger | None:
         """A trigger of the element of a path."""
         if trigger is None or not any(_is_reference(c) for group in trigger for c in group):
             return trigger
-        return tuple(tuple(self._condition(c, here) for c in group) for group in trigger)
+        return tuple(tuple(self._condition(c, holder) for c in group) for group in trigger)
 
-    def _condition(self, condition: Condition, here: tuple[str, ...]) -> Condition:
+    def _condition(self, condition: Condition, holder: tuple[str, ...]) -> Condition:
         kind = condition.kind
         if not isinstance(kind, StoryboardElementStateCondition):
             return condition
         hits = [path for k, path in self._paths if k == kind.kind and ends_with(path, kind.path)]
         if len(hits) > 1:
-            shared = [_shared(path, here) for path in hits]
+            shared = [_shared(path, holder) for path in hits]
             nearest = [path for path, count in zip(hits, shared, strict=True) if count == max(shared)]
             if len(nearest) == 1:
                 return replace(condition, kind=replace(kind, path=nearest[0]))
@@ -84,22 +84,23 @@ def _story(story: Story, names: _Names) -> Story:
     return replace(story, acts=tuple(_act(act, names, (story.name, act.name)) for act in story.acts))
 
 
-def _act(act: Act, names: _Names, here: tuple[str, ...]) -> Act:
-    groups = tuple(_group(group, names, (*here, group.name)) for group in act.groups)
+def _act(act: Act, names: _Names, holder: tuple[str, ...]) -> Act:
+    groups = tuple(_group(group, names, (*holder, group.name)) for group in act.groups)
     return replace(
-        act, groups=groups, start=names.trigger(act.start, here), stop=names.trigger(act.stop, here)
+        act, groups=groups, start=names.trigger(act.start, holder), stop=names.trigger(act.stop, holder)
     )
 
 
-def _group(group: ManeuverGroup, names: _Names, here: tuple[str, ...]) -> ManeuverGroup:
+def _group(group: ManeuverGroup, names: _Names, holder: tuple[str, ...]) -> ManeuverGroup:
     maneuvers = tuple(
         replace(
-            maneuver, events=tuple(_event(e, names, (*here, maneuver.name, e.name)) for e in maneuver.events)
+            maneuver,
+            events=tuple(_event(e, names, (*holder, maneuver.name, e.name)) for e in maneuver.events),
         )
         for maneuver in group.maneuvers
     )
     return replace(group, maneuvers=maneuvers)
 
 
-def _event(event: Event, names: _Names, here: tuple[str, ...]) -> Event:
-    return replace(event, start=names.trigger(event.start, here))
+def _event(event: Event, names: _Names, holder: tuple[str, ...]) -> Event:
+    return replace(event, start=names.trigger(event.start, holder))
