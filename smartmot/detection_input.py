@@ -10,6 +10,7 @@ from smartmot.geometry import from_frame, wrap_angle
 from smartmot.types import (
     CATEGORIES,
     NOTHING_DROPPED,
+    BoolArray,
     Boxes,
     Detections,
     Dropped,
@@ -35,6 +36,10 @@ MAX_YAW_RAD = 1e9
 MAX_SPEED_MPS = 500.0
 """Fastest measured velocity: the land speed record is 341 m/s."""
 
+LEAST_SIGMA, GREATEST_SIGMA = 1e-4, 1e4
+"""Standard deviations (m, rad) that a detector can mean: 0.1 mm is finer than any, 10 km no measurement.
+Messages hold 0 where nothing is stated."""
+
 LEAST_BOX = np.array([-MAX_POSITION_M, -MAX_POSITION_M, MIN_SIZE_M, MIN_SIZE_M, -MAX_YAW_RAD])
 GREATEST_BOX = np.array([MAX_POSITION_M, MAX_POSITION_M, MAX_SIZE_M, MAX_SIZE_M, MAX_YAW_RAD])
 """Of x, y, length, width and heading; NaN is in no range."""
@@ -51,12 +56,14 @@ def detections_from_arrays(
     score: ArrayLike | None = None,
     category: ArrayLike | None = None,
     velocity_mps: ArrayLike | None = None,
+    pose_covariance: ArrayLike | None = None,
 ) -> tuple[Detections, int]:
     """Detections out of what a detector wrote, without the impossible ones.
 
     Dropped are rows with a value that is not finite, a side under 1 mm or over 100 m, a position or heading
     that no sensor means (beyond 1e8 m, 1e9 rad), a score outside [0, 1], or a category that is not in
-    `smartmot.types.CATEGORIES`. A velocity that is not finite or over 500 m/s is taken as not measured.
+    `smartmot.types.CATEGORIES`. A velocity that is not finite or over 500 m/s is taken as not measured, a
+    covariance that is no covariance or beyond 0.1 mm and 10 km as not stated.
 
     Args:
         stamp_s: Measurement time, seconds.
@@ -66,6 +73,8 @@ def detections_from_arrays(
         score: (N,) confidences in [0, 1]; 1 when not given.
         category: (N,) names; "unknown" when not given.
         velocity_mps: (N, 2) measured velocities over ground.
+        pose_covariance: (N, 3, 3) of x, y (m2) and yaw (rad2), or (N, 2, 2) of x and y; NaN or 0 where
+            nothing is stated.
 
     Returns:
         The detections and how many rows were dropped; `Detections.dropped` tells why. A row that is wrong in
@@ -82,7 +91,9 @@ def detections_from_arrays(
     confidence = np.ones(n) if score is None else _numbers(score, (), "score")
     names = np.full(n, "unknown") if category is None else np.array(category, dtype=np.str_).reshape(-1)
     velocity = None if velocity_mps is None else _numbers(velocity_mps, (2,), "velocity_mps")
-    lengths = {len(size), len(yaw), len(confidence), len(names), n if velocity is None else len(velocity)}
+    noise = None if pose_covariance is None else stated_covariances(pose_covariance)
+    lengths = {len(size), len(yaw), len(confidence), len(names)}
+    lengths |= {n if given is None else len(given) for given in (velocity, noise)}
     if lengths != {n}:
         raise ShapeError(f"detections: expected {n} rows in every array, got {sorted(lengths)}")
     if velocity is not None:
@@ -103,9 +114,11 @@ def detections_from_arrays(
         dropped = Dropped(*map(int, counts))
         rows, names = rows[good], names[good]
         velocity = None if velocity is None else velocity[good]
+        noise = None if noise is None else noise[good]
     # Everything that the constructors check has just been checked.
     boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
-    return unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped), dropped.total
+    made = unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped, noise)
+    return made, dropped.total
 
 
 def measured_velocities(velocity_mps: FloatArray) -> FloatArray:
@@ -119,6 +132,38 @@ def measured_velocities(velocity_mps: FloatArray) -> FloatArray:
     """
     possible = (np.abs(velocity_mps) <= MAX_SPEED_MPS).all(axis=1, keepdims=True)
     return np.where(possible, velocity_mps, np.nan)
+
+
+def stated_covariances(pose_covariance: ArrayLike) -> FloatArray:
+    """Covariances with NaN in place of those that cannot be.
+
+    Args:
+        pose_covariance: (N, 3, 3) of x, y and yaw, or (N, 2, 2) of x and y.
+
+    Returns:
+        (N, 3, 3) covariances, symmetric; what position and yaw share is 0.
+
+    Raises:
+        ShapeError: They have another shape.
+    """
+    given = np.asarray(pose_covariance)
+    row = given.shape[1:] if given.shape[1:] == (2, 2) else (3, 3)
+    given = _numbers(pose_covariance, row, "pose_covariance")
+    xx, yy, xy, yx = (given[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)))
+    yaw = given[:, 2, 2] if row == (3, 3) else np.full(len(given), np.nan)
+
+    def possible(variance: FloatArray) -> BoolArray:
+        return (variance >= LEAST_SIGMA**2) & (variance <= GREATEST_SIGMA**2)
+
+    with np.errstate(invalid="ignore", over="ignore"):
+        symmetric = np.abs(xy - yx) <= 1e-6 * (xx + yy)  # single precision
+        position = possible(xx) & possible(yy) & symmetric & (xx * yy > (0.5 * (xy + yx)) ** 2)
+        shared = 0.5 * (xy + yx)
+    clean = np.zeros((len(given), 3, 3))
+    for i, j, value in ((0, 0, xx), (1, 1, yy), (0, 1, shared), (1, 0, shared)):
+        clean[:, i, j] = np.where(position, value, np.nan)
+    clean[:, 2, 2] = np.where(possible(yaw), yaw, np.nan)
+    return clean
 
 
 def _numbers(values: ArrayLike, row: tuple[int, ...], name: str) -> FloatArray:
@@ -151,6 +196,25 @@ def to_map(detections: Detections, x_m: float, y_m: float, yaw_rad: float) -> De
         from_frame(boxes.center_m, x_m, y_m, yaw_rad), boxes.size_m, wrap_angle(boxes.yaw_rad + yaw_rad)
     )
     turned = None if velocity is None else from_frame(velocity, 0.0, 0.0, yaw_rad)
+    noise = detections.pose_covariance
     return Detections(
-        detections.stamp_s, moved, detections.score, detections.category, turned, detections.dropped
+        detections.stamp_s,
+        moved,
+        detections.score,
+        detections.category,
+        turned,
+        detections.dropped,
+        None if noise is None else turned_covariances(noise, yaw_rad),
     )
+
+
+def turned_covariances(pose_covariance: FloatArray, yaw_rad: float | FloatArray) -> FloatArray:
+    """(N, 3, 3) covariances of x, y and yaw in axes against which theirs are turned by an angle, or (N,)."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    xx, yy, xy = (pose_covariance[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
+    turned = pose_covariance.copy()
+    turned[:, 0, 0] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    turned[:, 1, 1] = s * s * xx + 2.0 * c * s * xy + c * c * yy
+    turned[:, 0, 1] = turned[:, 1, 0] = c * s * (xx - yy) + (c * c - s * s) * xy
+    turned[:, :2, 2] = turned[:, 2, :2] = 0.0  # not used, see `smartmot.types.Detections`
+    return turned

@@ -121,6 +121,18 @@ def _set(target: object, name: str, value: object) -> None:
     object.__setattr__(target, name, value)
 
 
+def _are_covariances(pose_covariance: FloatArray) -> bool:
+    """Whether what (N, 3, 3) matrices of x, y, yaw state is symmetric and positive definite; NaN: nothing."""
+    xx, yy, xy, yx = (pose_covariance[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)))
+    yaw = pose_covariance[:, 2, 2]
+    with np.errstate(invalid="ignore", over="ignore"):
+        silent = np.isnan(xx + yy + xy + yx)
+        # Sylvester's criterion; symmetric but for rounding
+        definite = (xx > 0.0) & (xx * yy > xy * xy) & (np.abs(xy - yx) <= 1e-9 * (xx + yy))
+        sound = (silent | definite) & (np.isnan(yaw) | (yaw > 0.0))
+    return bool(sound.all()) and not np.isinf(pose_covariance).any()
+
+
 @shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
@@ -200,10 +212,13 @@ class Detections:
         velocity_mps: (N, 2) velocity over ground as the detector estimates it, map frame; a row of NaN where
             it has none. None: the detector measures no velocity.
         dropped: what the detector reported besides and is left out here.
+        pose_covariance: (N, 3, 3) covariance of the noise of x, y (m2) and yaw (rad2), map frame, as the
+            detector states it. NaN in the position's part, or in the yaw's variance: not stated, the filter's
+            own noise holds; what position and yaw share is not used. None: nothing is stated.
 
     Raises:
-        ShapeError: Shapes disagree, a score is outside [0, 1], a velocity is infinite, or a category is
-            unknown.
+        ShapeError: Shapes disagree, a score is outside [0, 1], a velocity is infinite, a category is
+            unknown, or a covariance is not symmetric and positive definite.
         StampError: The stamp is no finite number, or not in seconds.
     """
 
@@ -213,6 +228,7 @@ class Detections:
     category: StrArray
     velocity_mps: FloatArray | None = None
     dropped: Dropped = NOTHING_DROPPED
+    pose_covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(_boxes(self.boxes, "detections"))
@@ -225,6 +241,14 @@ class Detections:
             if np.isinf(velocity).any():
                 raise ShapeError("velocity_mps: infinite; give NaN where the detector has no velocity")
             _set(self, "velocity_mps", velocity)
+        if self.pose_covariance is not None:
+            covariance = frozen(self.pose_covariance, np.float64, (n, 3, 3), "pose_covariance")
+            if not _are_covariances(covariance):
+                raise ShapeError(
+                    "pose_covariance: expected symmetric, positive definite (3, 3) matrices of x, y and yaw, "
+                    "or NaN where nothing is stated"
+                )
+            _set(self, "pose_covariance", covariance)
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -233,8 +257,18 @@ class Detections:
         """Subset by a mask, a slice or an index array."""
         index = positions(index)
         velocity = None if self.velocity_mps is None else part(self.velocity_mps, index)
+        covariance = None if self.pose_covariance is None else part(self.pose_covariance, index)
         score, category = part(self.score, index), part(self.category, index)
-        return unchecked(Detections, self.stamp_s, self.boxes[index], score, category, velocity, self.dropped)
+        return unchecked(
+            Detections,
+            self.stamp_s,
+            self.boxes[index],
+            score,
+            category,
+            velocity,
+            self.dropped,
+            covariance,
+        )
 
     @classmethod
     def empty(cls, stamp_s: float) -> Detections:
@@ -245,7 +279,7 @@ class Detections:
         """
         stamp_s = seconds(stamp_s, "detections")
         return unchecked(
-            cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None, NOTHING_DROPPED
+            cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None, NOTHING_DROPPED, None
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.live.counts import Counts
 from scenarios.recorded.classes import ClassMap
 from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT
-from scenarios.ros.frames.transforms import box_direction, placed
+from scenarios.ros.frames.transforms import box_direction, ground_covariance, placed
 from scenarios.ros.messages import DetectionMessage
 from smartmot.detection_input import MAX_POSITION_M, MAX_SIZE_M, MIN_SIZE_M, detections_from_arrays
 from smartmot.types import BoolArray, Boxes, Detections, FloatArray
@@ -61,9 +61,12 @@ def place(
         ahead = box_direction(message.quaternion[kept]) @ map_SE3_sensor[:2, :3].T
         yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
         velocity = _velocities(message.velocity_mps[kept], map_SE3_sensor, velocity_frame)
+        noise = message.pose_covariance
+        if noise is not None:
+            noise = ground_covariance(map_SE3_sensor[:3, :3], noise[kept])
     size, score = message.size_m[kept], message.score[kept]
     detections, rejected = detections_from_arrays(
-        stamp_ns * _NS, center[:, :2], size[:, :2], yaw, score, category, velocity
+        stamp_ns * _NS, center[:, :2], size[:, :2], yaw, score, category, velocity, noise
     )
     counts.rejected += rejected
     counts.without_score += detections.dropped.score

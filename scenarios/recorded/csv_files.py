@@ -4,6 +4,7 @@ Files of a folder (docs/mot.md says what each column means)::
 
     detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
                      [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
+                     [, x_var_m2, y_var_m2 [, xy_cov_m2]] [, yaw_var_rad2]
     labels.csv       the same with track_id [, ignored]      (optional; enough alone)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
 
@@ -29,6 +30,7 @@ from scenarios.recorded.poses import heading, moved, rigid, turned, turned_about
 from scenarios.recorded.tables.columns import CLASSES, Columns, fill_sizes, read_mapped
 from scenarios.recorded.tables.parquet import SUFFIX, read_parquet_table
 from scenarios.recorded.textfile import MAX_FRAMES, TextTable, is_given, read_headed_table
+from smartmot.detection_input import stated_covariances, turned_covariances
 from smartmot.geometry import wrap_angle
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
@@ -42,10 +44,11 @@ _STILL, _VEHICLE = ("x_m", "y_m"), ("ahead_m", "left_m")
 """Columns of a position: in a frame that stands still, or in the vehicle's."""
 
 _BOX = ("length_m", "width_m", "yaw_rad")
+_POSITION_NOISE = ("x_var_m2", "y_var_m2")
 _NUMBERS = frozenset(
     (
         *(*_STILL, *_VEHICLE, *_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps"),
-        *("track_id", "ignored"),
+        *("track_id", "ignored", *_POSITION_NOISE, "xy_cov_m2", "yaw_var_rad2"),
     )
 )
 _TEXTS = ("sequence", "category")
@@ -224,6 +227,9 @@ def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None
         columns["object_id"] = table.whole("track_id")
     if "ignored" in table:
         columns["ignored"] = table["ignored"] != 0.0
+    noise = _stated_noise(table)
+    if noise is not None:
+        columns["pose_covariance"] = noise
     still = _stands_still(table)
     center, yaw = table.stacked(*(_STILL if still else _VEHICLE)), table["yaw_rad"]
     if not still and world_SE3_ego is not None:
@@ -233,7 +239,24 @@ def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None
             yaw = wrap_angle(yaw + heading(pose))
             if "velocity_mps" in columns:
                 columns["velocity_mps"] = turned(pose, columns["velocity_mps"])
+            if noise is not None:
+                columns["pose_covariance"] = turned_covariances(noise, heading(pose))
     return Objects.of(frame, center, size_m=table.stacked("length_m", "width_m"), yaw_rad=yaw, **columns)
+
+
+def _stated_noise(table: TextTable) -> FloatArray | None:
+    """(K, 3, 3) noise of x, y and yaw that the rows state, in their own axes; None: the table has none."""
+    position = all(name in table for name in _POSITION_NOISE)
+    if not (position or "yaw_var_rad2" in table):
+        return None
+    covariance = np.zeros((len(table), 3, 3))
+    if position:
+        covariance[:, 0, 0], covariance[:, 1, 1] = table["x_var_m2"], table["y_var_m2"]
+        if "xy_cov_m2" in table:
+            covariance[:, 0, 1] = covariance[:, 1, 0] = table["xy_cov_m2"]
+    if "yaw_var_rad2" in table:
+        covariance[:, 2, 2] = table["yaw_var_rad2"]
+    return stated_covariances(covariance)
 
 
 def _poses(name: str, table: TextTable, stamp_s: FloatArray) -> FloatArray:

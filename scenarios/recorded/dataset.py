@@ -71,6 +71,8 @@ class Objects:
         height_m: (K,) height of the box.
         velocity_mps: (K, 2) velocity over ground, world frame; NaN where it is not known.
         ignored: (K,) labels that count neither as found nor as missed.
+        pose_covariance: (K, 3, 3) noise of x, y and yaw that the detector states, world frame; NaN where it
+            states none.
     """
 
     frame: IntArray
@@ -85,6 +87,7 @@ class Objects:
     height_m: FloatArray
     velocity_mps: FloatArray
     ignored: BoolArray
+    pose_covariance: FloatArray
 
     def __post_init__(self) -> None:
         shapes = {item.name: getattr(self, item.name).shape[:1] for item in fields(self)}
@@ -123,6 +126,7 @@ class Objects:
             "height_m": np.full(count, HEIGHT_M),
             "velocity_mps": np.full((count, 2), np.nan),
             "ignored": np.zeros(count, dtype=np.bool_),
+            "pose_covariance": np.full((count, 3, 3), np.nan),
         } | columns
         order = np.argsort(filled["frame"], kind="stable")
         order = order[filled["category"][order] != LEFT_OUT]
@@ -213,11 +217,18 @@ class Sequence:
         """
         objects = self.detections
         measured = bool(np.isfinite(objects.velocity_mps).any())
+        stated = bool(np.isfinite(objects.pose_covariance).any())
         frame_rows = objects.frame_rows(len(self))
         for stamp_s, rows in zip(self.stamp_s[first:].tolist(), frame_rows[first:], strict=True):
             boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
-            velocity = objects.velocity_mps[rows] if measured else None
-            yield Detections(stamp_s, boxes, objects.score[rows], objects.category[rows], velocity)
+            yield Detections(
+                stamp_s,
+                boxes,
+                objects.score[rows],
+                objects.category[rows],
+                objects.velocity_mps[rows] if measured else None,
+                pose_covariance=objects.pose_covariance[rows] if stated else None,
+            )
 
     def ego_xy_yaw(self) -> FloatArray:
         """(F, 3) x, y and yaw of the vehicle; zeros without odometry."""

@@ -55,6 +55,8 @@ class DetectionMessage:
         quaternion: (N, 4) w, x, y and z of the boxes' rotation; of length 0 where it was not set.
         velocity_mps: (N, 3) as sent, in axes that the message does not name; NaN where it has none.
         score: (N,) confidence; NaN where it has none.
+        pose_covariance: (N, 6, 6) of x, y, z and the rotations about them, frame of the boxes, as sent; None:
+            the message has none.
 
     Raises:
         ShapeError: shapes disagree.
@@ -70,9 +72,12 @@ class DetectionMessage:
     quaternion: FloatArray
     velocity_mps: FloatArray
     score: FloatArray
+    pose_covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.score)
+        if self.pose_covariance is not None:
+            _freeze(self, "pose_covariance", np.float64, (count, 6, 6))
         _freeze(self, "class_id", np.int64, (count,))
         _freeze(self, "score", np.float64, (count,))
         for name, width in (("position_m", 3), ("size_m", 3), ("quaternion", 4), ("velocity_mps", 3)):
@@ -261,7 +266,8 @@ def read_detections_3d(message: Any, received_ns: int) -> DetectionMessage:
     frames = own_frames | ({frame_id} - {""})
     if len(frames) > 1:
         raise DatasetError(f"boxes of one message in several frames: {', '.join(sorted(frames))}")
-    classes = [_likeliest(row.results) for row in rows]
+    likeliest = [_likeliest(row.results) for row in rows]
+    covariances = [_UNKNOWN_POSE if pose is None else np.asarray(pose.covariance) for _, _, pose in likeliest]
     table = _table(
         [
             (*_xyz(row.bbox.center.position), *_wxyz(row.bbox.center.orientation), *_xyz(row.bbox.size))
@@ -274,12 +280,13 @@ def read_detections_3d(message: Any, received_ns: int) -> DetectionMessage:
         next(iter(frames), ""),
         received_ns,
         np.full(len(rows), NO_CLASS_ID),
-        np.array([name for name, _ in classes], dtype=np.str_),
+        np.array([name for name, _, _ in likeliest], dtype=np.str_),
         table[:, :3],
         table[:, 7:],
         table[:, 3:7],
         np.full((len(rows), 3), np.nan),
-        np.array([score for _, score in classes], dtype=np.float64),
+        np.array([score for _, score, _ in likeliest], dtype=np.float64),
+        np.array(covariances, dtype=np.float64).reshape(-1, 6, 6),
     )
 
 
@@ -415,16 +422,20 @@ def _border(nodes: Iterable[Any]) -> FloatArray:
     return border
 
 
-def _likeliest(results: Iterable[Any]) -> tuple[str, float]:
-    """Name and score of the class with the greatest score; ("", NaN) without any.
+_UNKNOWN_POSE = np.zeros(36)
+"""Senders that know no covariance leave its entries 0."""
+
+
+def _likeliest(results: Iterable[Any]) -> tuple[str, float, Any]:
+    """Name, score and pose with covariance of the class with the greatest score; ("", NaN, None) without any.
 
     In vision_msgs before 4.0 a result holds name and score itself, and the name is `id`.
     """
-    best = ("", math.nan)
+    best: tuple[str, float, Any] = ("", math.nan, None)
     for result in results:
         hypothesis = getattr(result, "hypothesis", result)
         name = hypothesis.class_id if hasattr(hypothesis, "class_id") else hypothesis.id
         # not (score <= best): any score is better than NaN
         if not float(hypothesis.score) <= best[1]:
-            best = (str(name), float(hypothesis.score))
+            best = (str(name), float(hypothesis.score), getattr(result, "pose", None))
     return best

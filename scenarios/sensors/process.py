@@ -174,7 +174,14 @@ class ErrorProcess:
                 velocity = np.concatenate((velocity, np.zeros((len(ghosts), 2))))
         scores = np.ones(len(code))
         return unchecked(
-            Detections, measurement.stamp_s, detected, scores, _NAMES.take(code), velocity, NOTHING_DROPPED
+            Detections,
+            measurement.stamp_s,
+            detected,
+            scores,
+            _NAMES.take(code),
+            velocity,
+            NOTHING_DROPPED,
+            None,
         )
 
     def _noisy(

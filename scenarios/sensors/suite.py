@@ -164,6 +164,13 @@ def joined_detections(parts: Sequence[Detections]) -> Detections:
             for part in parts
         )
         velocity = np.concatenate(list(columns))
+    covariance = None
+    if any(part.pose_covariance is not None for part in parts):
+        blocks = (
+            np.full((len(part), 3, 3), np.nan) if part.pose_covariance is None else part.pose_covariance
+            for part in parts
+        )
+        covariance = np.concatenate(list(blocks))
     return Detections(
         stamp_s=parts[0].stamp_s,
         boxes=Boxes(
@@ -175,6 +182,7 @@ def joined_detections(parts: Sequence[Detections]) -> Detections:
         category=np.concatenate([part.category for part in parts]),
         velocity_mps=velocity,
         dropped=sum((part.dropped for part in parts), NOTHING_DROPPED),
+        pose_covariance=covariance,
     )
 
 

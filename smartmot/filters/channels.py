@@ -4,6 +4,9 @@ With linear motion and independent measurements x, y, area, ratio and heading ne
 Kalman filter of all nine or eleven state entries falls into five of two or three. Each is a row of numbers:
 the mean (value, rate, ...) and the upper triangle of the covariance. Prediction is then one matrix product
 for all rows of all tracks, and the gain a division. The tests compare with the full filter.
+
+Where a detector states noise that x and y share, the two become correlated: states then are K * K entries
+wider, the covariance of x and its derivatives with y and its own, and x and y are corrected together.
 """
 
 from __future__ import annotations
@@ -12,7 +15,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from smartmot.filters.kalman import BevFilterConfig, Estimate, heading_innovation, sizes
+from smartmot.filters.kalman import (
+    BevFilterConfig,
+    Estimate,
+    heading_innovation,
+    measurement_noise,
+    sizes,
+    update,
+)
 from smartmot.filters.motion_models import (
     AREA,
     CHANNELS,
@@ -54,6 +64,7 @@ class ChannelFilter:
         k = self._k = motion.order
         self._upper = np.triu_indices(k)
         self._parts = k + len(self._upper[0])
+        self._width = len(CHANNELS) * self._parts
         # Out of all K * K entries of a covariance the upper triangle, and the reverse.
         i, j = self._upper
         pick = np.eye(k * k)[i * k + j]
@@ -70,9 +81,9 @@ class ChannelFilter:
         self._steps: dict[float, tuple[FloatArray, FloatArray]] = {}
 
     @property
-    def width(self) -> int:
-        """Five channels of mean and upper triangle."""
-        return len(CHANNELS) * self._parts
+    def widths(self) -> tuple[int, ...]:
+        """Five channels of mean and upper triangle; the same and the covariance of x with y."""
+        return self._width, self._width + self._k * self._k
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,46 +126,68 @@ class ChannelFilter:
 
     def _channels(self, state: FloatArray) -> FloatArray:
         """(M, 5, parts) view of the states."""
-        return state.reshape(len(state), len(CHANNELS), self._parts)
+        return state[:, : self._width].reshape(len(state), len(CHANNELS), self._parts)
 
-    def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
+    def widened(self, state: FloatArray) -> FloatArray:
+        """(M, V) states with room for the covariance of x with y; see `BoxFilter`."""
+        if state.shape[1] > self._width:
+            return state
+        return np.hstack((state, np.zeros((len(state), self._k * self._k))))
+
+    def born(
+        self,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
+    ) -> FloatArray:
         """(N, W) states from one measurement each; see `BoxFilter`."""
-        state = np.zeros((len(measurement), self.width))
+        state = np.zeros((len(measurement), self._width))
         channels = self._channels(state)
         channels[..., 0] = measurement
         channels[..., self._k :] = self._initial[code]
+        shared = None
+        if pose_covariance is not None:
+            noise, shared = measurement_noise(self._noise.take(code, axis=0), pose_covariance)
+            channels[..., self._k] = self._config.initial_factor * noise
+        if shared is not None:
+            state = self.widened(state)
+            state[:, self._width] = self._config.initial_factor * shared
         if velocity_mps is not None and self._config.use_velocity:
-            self._measure_velocity(channels, velocity_mps, code)
+            self._measure_velocity(state, velocity_mps, code)
         return state
 
     def predict(self, state: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
         """(M, W) states dt_s later; see `BoxFilter`."""
+        if state.shape[1] > self._width:
+            f, k = self._motion.transition(dt_s), self._k
+            own = self.predict(state[:, : self._width], code, dt_s)
+            # the noise of the motion along x and along y has nothing in common
+            shared = f @ state[:, self._width :].reshape(-1, k, k) @ f.T
+            return np.hstack((own, shared.reshape(-1, k * k)))
         matrix, noise = self._step(dt_s)
         moved = state.reshape(-1, self._parts) @ matrix
         moved += noise.take(code, axis=0).reshape(-1, self._parts)
         return moved.reshape(state.shape)
 
     def update(
-        self, state: FloatArray, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray
+        self,
+        state: FloatArray,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
     ) -> FloatArray:
         """(N, W) states after a measurement each; see `BoxFilter`."""
-        k, config, (i, j) = self._k, self._config, self._upper
-        corrected = state.copy()
+        config = self._config
+        noise, shared = measurement_noise(self._noise.take(code, axis=0), pose_covariance)
+        if shared is not None or state.shape[1] > self._width:
+            corrected = self._corrected_together(self.widened(state), measurement, noise, shared)
+        else:
+            corrected = self._corrected(state, measurement, noise)
         channels = self._channels(corrected)
-        # One row for each channel of each track: arrays of two dimensions take less time than of three.
-        rows = corrected.reshape(-1, self._parts)
-        innovation = measurement - channels[..., 0]
-        innovation[:, YAW] = heading_innovation(measurement[:, YAW], channels[:, YAW, 0])
-        # The first row of the covariance, from the value's variance on.
-        cross = rows[:, k : 2 * k].copy()
-        gain = cross / (cross[:, :1] + self._noise.take(code, axis=0).reshape(-1, 1))
-        change = np.empty_like(rows)
-        # one scalar is measured: the mean moves by K y, the upper triangle of P falls by K (H P), of rank one
-        np.multiply(gain, innovation.reshape(-1, 1), out=change[:, :k])
-        np.multiply(gain.take(i, axis=1), -cross.take(j, axis=1), out=change[:, k:])
-        rows += change
         if velocity_mps is not None and config.use_velocity:
-            self._measure_velocity(channels, velocity_mps, code)
+            self._measure_velocity(corrected, velocity_mps, code)
         if self._copied:
             channels[:, self._copied, 0] = measurement[:, self._copied]
             channels[:, self._copied, 1] = 0.0
@@ -169,22 +202,92 @@ class ChannelFilter:
             channels[forward < -_BACKWARDS_MPS, YAW, 0] += np.pi
         return corrected
 
+    def _corrected(self, state: FloatArray, measurement: FloatArray, noise: FloatArray) -> FloatArray:
+        """(N, W) states after measurements whose noise (N, 5) is independent."""
+        k, (i, j) = self._k, self._upper
+        corrected = state.copy()
+        channels = self._channels(corrected)
+        # One row for each channel of each track: arrays of two dimensions take less time than of three.
+        rows = corrected.reshape(-1, self._parts)
+        innovation = measurement - channels[..., 0]
+        innovation[:, YAW] = heading_innovation(measurement[:, YAW], channels[:, YAW, 0])
+        # The first row of the covariance, from the value's variance on.
+        cross = rows[:, k : 2 * k].copy()
+        gain = cross / (cross[:, :1] + noise.reshape(-1, 1))
+        change = np.empty_like(rows)
+        # one scalar is measured: the mean moves by K y, the upper triangle of P falls by K (H P), of rank one
+        np.multiply(gain, innovation.reshape(-1, 1), out=change[:, :k])
+        np.multiply(gain.take(i, axis=1), -cross.take(j, axis=1), out=change[:, k:])
+        rows += change
+        return corrected
+
+    def _corrected_together(
+        self, state: FloatArray, measurement: FloatArray, noise: FloatArray, shared: FloatArray | None
+    ) -> FloatArray:
+        """(N, V) states after measurements whose noise along x and y has `shared` (N,) in common."""
+        k = self._k
+        corrected = np.hstack(
+            (self._corrected(state[:, : self._width], measurement, noise), state[:, self._width :])
+        )
+        mean, covariance = self._planar(state)
+        joint = np.zeros((len(state), 2, 2))
+        joint[:, 0, 0], joint[:, 1, 1] = noise[:, X], noise[:, Y]
+        if shared is not None:
+            joint[:, 0, 1] = joint[:, 1, 0] = shared
+        measures = np.zeros((2, 2 * k))
+        measures[0, 0] = measures[1, k] = 1.0
+        innovation = measurement[:, :AREA] - mean[:, ::k]
+        self._put_planar(corrected, *update(mean, covariance, innovation, joint, measures))
+        return corrected
+
+    def _planar(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of wide states: (N, 2K) x and its derivatives, then y and its own; (N, 2K, 2K) covariances."""
+        k, (i, j), channels = self._k, self._upper, self._channels(state)
+        mean = channels[:, :AREA, :k].reshape(len(state), 2 * k)
+        covariance = np.empty((len(state), 2 * k, 2 * k))
+        for axis in (X, Y):
+            block = covariance[:, axis * k : (axis + 1) * k, axis * k : (axis + 1) * k]
+            block[:, i, j] = block[:, j, i] = channels[:, axis, k:]
+        covariance[:, :k, k:] = state[:, self._width :].reshape(-1, k, k)
+        covariance[:, k:, :k] = np.swapaxes(covariance[:, :k, k:], 1, 2)
+        return mean, covariance
+
+    def _put_planar(self, state: FloatArray, mean: FloatArray, covariance: FloatArray) -> None:
+        """Write what `_planar` reads, in place."""
+        k, (i, j), channels = self._k, self._upper, self._channels(state)
+        channels[:, :AREA, :k] = mean.reshape(-1, 2, k)
+        for axis in (X, Y):
+            channels[:, axis, k:] = covariance[:, axis * k + i, axis * k + j]
+        state[:, self._width :] = covariance[:, :k, k:].reshape(-1, k * k)
+
     def turn_round(self, state: FloatArray, which: BoolArray) -> None:
         """Let tracks face the other way, in place; see `BoxFilter`."""
         self._channels(state)[which, YAW, 0] += np.pi
 
-    def _measure_velocity(self, channels: FloatArray, velocity_mps: FloatArray, code: IntArray) -> None:
+    def _measure_velocity(self, state: FloatArray, velocity_mps: FloatArray, code: IntArray) -> None:
         """Correct x and y by measured velocities, in place; rows of NaN measure nothing."""
         k, (i, j) = self._k, self._upper
         known = np.flatnonzero(np.isfinite(velocity_mps).all(axis=1))
         if len(known) == 0:
             return
+        noise = self._velocity_noise[code[known]]
+        if state.shape[1] > self._width:
+            wide = state[known]
+            mean, covariance = self._planar(wide)
+            measures = np.zeros((2, 2 * k))
+            measures[0, 1] = measures[1, k + 1] = 1.0
+            innovation = velocity_mps[known] - mean[:, 1::k]
+            joint = noise[:, None, None] * np.eye(2)
+            self._put_planar(wide, *update(mean, covariance, innovation, joint, measures))
+            state[known] = wide
+            return
+        channels = self._channels(state)
         part = channels[known, :AREA]
         # Row 1 of the symmetric covariance.
         row = [k + int(np.flatnonzero((i == min(1, c)) & (j == max(1, c)))[0]) for c in range(k)]
         cross = part[..., row]
-        # as in `update`, with the rate as the scalar that is measured
-        gain = cross / (cross[..., 1:2] + self._velocity_noise[code[known], None, None])
+        # as in `_corrected`, with the rate as the scalar that is measured
+        gain = cross / (cross[..., 1:2] + noise[:, None, None])
         part[..., :k] += gain * (velocity_mps[known] - part[..., 1])[..., None]
         part[..., k:] -= gain[..., i] * cross[..., j]
         channels[known, :AREA] = part
@@ -202,9 +305,10 @@ class ChannelFilter:
         )
 
     def position_covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(M,) variances along x and along y, and the covariance of the two, which is 0."""
+        """(M,) variances along x and along y, and the covariance of the two."""
         variance = self._channels(state)[:, :AREA, self._k]
-        return variance[:, X], variance[:, Y], np.zeros(len(state))
+        wide = state.shape[1] > self._width
+        return variance[:, X], variance[:, Y], state[:, self._width] if wide else np.zeros(len(state))
 
     def speed_variance(self, state: FloatArray) -> FloatArray:
         """(M,) variance of the velocity along one axis, mean of the two."""
@@ -214,8 +318,15 @@ class ChannelFilter:
     def moments(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(M, D) means and (M, D, D) covariances of the entries in `names`."""
         mean_from, covariance_from = self._places
-        d = len(mean_from)
-        return state.take(mean_from, axis=1), state.take(covariance_from, axis=1).reshape(-1, d, d)
+        d, k = len(mean_from), self._k
+        covariance = state.take(covariance_from, axis=1).reshape(-1, d, d)
+        if state.shape[1] > self._width:
+            along_x = np.flatnonzero(mean_from < k)
+            along_y = np.flatnonzero((mean_from >= self._parts) & (mean_from < self._parts + k))
+            shared = state[:, self._width :].reshape(-1, k, k)
+            covariance[np.ix_(np.arange(len(state)), along_x, along_y)] = shared
+            covariance[np.ix_(np.arange(len(state)), along_y, along_x)] = np.swapaxes(shared, 1, 2)
+        return state.take(mean_from, axis=1), covariance
 
 
 @lru_cache(maxsize=4)

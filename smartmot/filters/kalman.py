@@ -20,6 +20,8 @@ from smartmot.filters.motion_models import (
     YAW,
     PerCategory,
     Setting,
+    X,
+    Y,
     check_range,
     table,
 )
@@ -161,11 +163,13 @@ class BoxFilter(Protocol):
 
     A state is (W,), a measurement (5,) as from `measurements`, a measured velocity (2,) or NaN where there is
     none; `velocity_mps` is None where the detector measures none. `code` holds positions in CATEGORIES.
+    `pose_covariance` (N, 3, 3) of x, y and yaw is the measurement's own noise, NaN where the configured one
+    holds; None: everywhere.
     """
 
     @property
-    def width(self) -> int:
-        """W, the entries of one track's state."""
+    def widths(self) -> tuple[int, ...]:
+        """W, the entries of one track's state; then V of those that `widened` makes."""
         ...
 
     @property
@@ -173,8 +177,18 @@ class BoxFilter(Protocol):
         """Names of the D entries of `mean`, with their units."""
         ...
 
-    def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
+    def born(
+        self,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
+    ) -> FloatArray:
         """(N, W) states from one measurement each: at rest, or at the detector's velocity."""
+        ...
+
+    def widened(self, state: FloatArray) -> FloatArray:
+        """(M, V) states with room for what noise along x and y shares; themselves where there is room."""
         ...
 
     def predict(self, state: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
@@ -182,7 +196,12 @@ class BoxFilter(Protocol):
         ...
 
     def update(
-        self, state: FloatArray, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray
+        self,
+        state: FloatArray,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
     ) -> FloatArray:
         """(N, W) states after a measurement each."""
         ...
@@ -278,6 +297,30 @@ def measurements(boxes: Boxes) -> FloatArray:
     np.divide(length, width, out=z[:, RATIO])
     z[:, YAW] = boxes.yaw_rad
     return z
+
+
+def measurement_noise(
+    variance: FloatArray, pose_covariance: FloatArray | None
+) -> tuple[FloatArray, FloatArray | None]:
+    """Noise of measurements, each detection's own where it states one.
+
+    Args:
+        variance: (N, 5) configured variances of x, y, area, ratio and yaw.
+        pose_covariance: (N, 3, 3) as `smartmot.types.Detections` has it; None: nothing is stated.
+
+    Returns:
+        (N, 5) variances and (N,) what the noise of x and y shares; None: nothing.
+    """
+    if pose_covariance is None:
+        return variance, None
+    variance = variance.copy()
+    shared = pose_covariance[:, X, Y]
+    own = np.isfinite(shared)
+    variance[own, X], variance[own, Y] = pose_covariance[own, X, X], pose_covariance[own, Y, Y]
+    yaw = pose_covariance[:, 2, 2]
+    variance[:, YAW] = np.where(np.isfinite(yaw), yaw, variance[:, YAW])
+    shared = np.where(own, shared, 0.0)
+    return variance, shared if np.count_nonzero(shared) else None
 
 
 def sizes(area_m2: FloatArray, ratio: FloatArray) -> FloatArray:

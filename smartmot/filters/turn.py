@@ -8,7 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from smartmot.filters.kalman import BevFilterConfig, Estimate, heading_innovation, sizes, update
+from smartmot.filters.kalman import (
+    BevFilterConfig,
+    Estimate,
+    heading_innovation,
+    measurement_noise,
+    sizes,
+    update,
+)
 from smartmot.filters.motion_models import AREA, RATIO, YAW, ConstantTurnRate, X, Y, table
 from smartmot.types import BoolArray, FloatArray, IntArray
 
@@ -82,22 +89,35 @@ class TurnFilter:
         self._measured = [0, 1, _HEADING] if config.use_yaw else [0, 1]
 
     @property
-    def width(self) -> int:
-        """State, covariance, area and ratio with their variances."""
-        return _SIZE + 4
+    def widths(self) -> tuple[int, ...]:
+        """State, covariance, area and ratio with their variances; x and y are correlated in any case."""
+        return (_SIZE + 4,)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The coupled entries."""
         return NAMES
 
-    def born(self, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray) -> FloatArray:
+    def widened(self, state: FloatArray) -> FloatArray:
+        """The states, which have room for correlated noise; see `BoxFilter`."""
+        return state
+
+    def born(
+        self,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
+    ) -> FloatArray:
         """(N, W) states from one measurement each; see `BoxFilter`."""
-        state = np.zeros((len(measurement), self.width))
+        state = np.zeros((len(measurement), _SIZE + 4))
         state[:, [0, 1, _HEADING]] = measurement[:, [X, Y, YAW]]
         covariance = self._covariance(state)
-        variance = self._config.initial_factor * self._noise[code]
+        noise, shared = measurement_noise(self._noise[code], pose_covariance)
+        variance = self._config.initial_factor * noise
         covariance[:, 0, 0], covariance[:, 1, 1] = variance[:, X], variance[:, Y]
+        if shared is not None:
+            covariance[:, 0, 1] = covariance[:, 1, 0] = self._config.initial_factor * shared
         covariance[:, _HEADING, _HEADING] = variance[:, YAW]
         covariance[:, _SPEED, _SPEED] = self._initial_rates[code, X]
         covariance[:, _TURN, _TURN] = self._initial_rates[code, YAW]
@@ -138,10 +158,16 @@ class TurnFilter:
         return noise
 
     def update(
-        self, state: FloatArray, measurement: FloatArray, velocity_mps: FloatArray | None, code: IntArray
+        self,
+        state: FloatArray,
+        measurement: FloatArray,
+        velocity_mps: FloatArray | None,
+        code: IntArray,
+        pose_covariance: FloatArray | None = None,
     ) -> FloatArray:
         """(N, W) states after a measurement each; see `BoxFilter`."""
-        config, noise = self._config, self._noise[code]
+        config = self._config
+        noise, shared = measurement_noise(self._noise[code], pose_covariance)
         corrected = state.copy()
         measured = self._measured
         innovation = measurement[:, [X, Y, YAW]] - state[:, [0, 1, _HEADING]]
@@ -149,6 +175,8 @@ class TurnFilter:
         k = len(measured)
         variance = np.zeros((len(state), k, k))
         variance[:, range(k), range(k)] = noise[:, [X, Y, YAW][:k]]
+        if shared is not None:
+            variance[:, 0, 1] = variance[:, 1, 0] = shared
         mean, covariance = update(state[:, :_D], self._covariance(state), innovation[:, :k], variance)
         corrected[:, :_D] = mean
         self._covariance(corrected)[:] = covariance

@@ -15,7 +15,7 @@ affinities:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -133,7 +133,7 @@ class Pairs:
         reach_m: (P,) the distance gate.
         touching: (P,) whether the boxes' circumscribed circles meet.
         covariance: Predicted variances (M,) of the tracks' positions along x and y, and their covariance.
-        noise_m2: (P,) variance of the measured position along each axis.
+        noise: Variances (P,) of the measured position along x and y, and their covariance.
         contested: (P,) whether another pair has the same track or the same detection.
     """
 
@@ -146,7 +146,7 @@ class Pairs:
     reach_m: FloatArray
     touching: BoolArray
     covariance: tuple[FloatArray, FloatArray, FloatArray]
-    noise_m2: FloatArray
+    noise: tuple[FloatArray, FloatArray, FloatArray]
     contested: BoolArray
 
     def iou(self, which: IntArray) -> FloatArray:
@@ -218,13 +218,21 @@ def distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
 
 def mahalanobis(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     """1 at the predicted centre, 0 where the normalised innovation squared reaches the threshold."""
-    xx, yy, xy = (part[pairs.track] for part in pairs.covariance)
-    xx, yy = xx + pairs.noise_m2, yy + pairs.noise_m2
-    dx, dy = pairs.offset_m[:, 0], pairs.offset_m[:, 1]
-    # d' S^-1 d, with the inverse of the symmetric 2 x 2 innovation covariance S written out
-    squared = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    of_track = (part[pairs.track] for part in pairs.covariance)
+    squared = _squared_sigmas(pairs.offset_m, of_track, pairs.noise)
     affinity: FloatArray = np.maximum(1.0 - squared / threshold, 0.0)
     return affinity
+
+
+def _squared_sigmas(
+    offset_m: FloatArray, predicted: Iterable[FloatArray], noise: Iterable[FloatArray]
+) -> FloatArray:
+    """(P,) normalised innovations squared of offsets (P, 2); variances along x and y, then the covariance."""
+    xx, yy, xy = (a + b for a, b in zip(predicted, noise, strict=True))
+    dx, dy = offset_m[:, 0], offset_m[:, 1]
+    # d' S^-1 d, with the inverse of the symmetric 2 x 2 innovation covariance S written out
+    squared: FloatArray = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+    return squared
 
 
 AFFINITIES: dict[str, Affinity] = {
@@ -287,7 +295,12 @@ class Associator:
         return table(self._config.iou_threshold)
 
     def reach_m(
-        self, variance_m2: FloatArray, longest_m: FloatArray, code: IntArray, dt_s: float
+        self,
+        variance_m2: FloatArray,
+        longest_m: FloatArray,
+        code: IntArray,
+        dt_s: float,
+        own_noise_m2: FloatArray | None = None,
     ) -> FloatArray:
         """Distance from the predicted centre within which a detection may still be the track's.
 
@@ -299,6 +312,7 @@ class Associator:
             longest_m: (M,) longer side of the boxes.
             code: (M,) positions in CATEGORIES.
             dt_s: Time since the last frame.
+            own_noise_m2: (M,) variance of the measured position, mean of both axes; None: as configured.
 
         Returns:
             (M,) metres; 0 where distance matches are switched off.
@@ -308,10 +322,45 @@ class Associator:
         if self._chi2 == 0.0:
             return np.zeros(len(code))
         noise_m2, sudden_mps, widest_m = self._gates.take(code, axis=0).T
+        noise_m2 = noise_m2 if own_noise_m2 is None else own_noise_m2
         reach: FloatArray = np.sqrt(self._chi2 * (variance_m2 + noise_m2))
         np.maximum(reach, 0.5 * longest_m + sudden_mps * dt_s, out=reach)
         np.minimum(reach, widest_m, out=reach)
         return reach
+
+    def _noise(
+        self, code: IntArray, pose_covariance: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Variances (P,) of measured positions along x and y, and their covariance, of pairs."""
+        usual, nothing = self._variance.take(code), np.zeros(len(code))
+        if pose_covariance is None:
+            return usual, usual, nothing
+        xx, yy, xy = (pose_covariance[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
+        own = np.isfinite(xx)
+        return np.where(own, xx, usual), np.where(own, yy, usual), np.where(own, xy, nothing)
+
+    def mean_noise_m2(self, code: IntArray, pose_covariance: FloatArray) -> FloatArray:
+        """(P,) variances of measured positions, mean of both axes, for `reach_m`."""
+        xx, yy, _ = self._noise(code, pose_covariance)
+        mean: FloatArray = 0.5 * (xx + yy)
+        return mean
+
+    def _towards_m(
+        self,
+        offset_m: FloatArray,
+        distance_m: FloatArray,
+        covariance: tuple[FloatArray, FloatArray, FloatArray],
+        track: IntArray,
+        noise: tuple[FloatArray, FloatArray, FloatArray],
+        longest_m: FloatArray,
+        track_code: IntArray,
+        dt_s: float,
+    ) -> FloatArray:
+        """(P,) `reach_m` of pairs, the gate being the ellipse of each innovation, towards the detection."""
+        sigmas = np.sqrt(_squared_sigmas(offset_m, (part[track] for part in covariance), noise))
+        along = distance_m / np.maximum(sigmas, _NO_REACH_M)  # one standard deviation in that direction
+        code = track_code[track]
+        return self.reach_m(along * along, longest_m[track], code, dt_s, np.zeros(len(code)))
 
     def match(
         self,
@@ -323,6 +372,7 @@ class Associator:
         dt_s: float,
         first: BoolArray | None = None,
         overdue: BoolArray | None = None,
+        pose_covariance: FloatArray | None = None,
     ) -> tuple[IntArray, IntArray]:
         """Matches, at most one per track and one per detection.
 
@@ -336,14 +386,22 @@ class Associator:
             first: (N,) detections of the first stage; the others may only have the tracks it leaves. None:
                 one stage.
             overdue: (M,) tracks that match by overlap alone, whatever the gate. None: none.
+            pose_covariance: (N, 3, 3) noise that the detections state, NaN where they state none. A gate is
+                then as wide as the innovation's ellipse towards the detection.
 
         Returns:
             (K,) tracks, ascending, and (K,) their detections.
         """
         size, center = tracks.size_m, detections.center_m
-        reach = self.reach_m(
-            0.5 * (covariance[0] + covariance[1]), np.maximum(size[:, 0], size[:, 1]), track_code, dt_s
-        )
+        longest_m = np.maximum(size[:, 0], size[:, 1])
+        variance, widest_m2 = 0.5 * (covariance[0] + covariance[1]), None
+        elliptic = self._fixed is None and self._chi2 > 0.0
+        if pose_covariance is not None and elliptic:
+            # no ellipse is longer than the root of its trace: which pairs lie in theirs is seen below
+            trace = pose_covariance[:, 0, 0] + pose_covariance[:, 1, 1]
+            widest_m2 = np.maximum(np.nanmax(trace, initial=0.0), 2.0 * self._variance.take(track_code))
+            variance = 2.0 * variance
+        reach = self.reach_m(variance, longest_m, track_code, dt_s, widest_m2)
         if overdue is not None:
             reach[overdue] = 0.0
         if self._overlaps:
@@ -359,7 +417,19 @@ class Associator:
             return i, j
         offset = center.take(j, axis=0) - tracks.center_m.take(i, axis=0)
         distance_m = np.hypot(offset[:, 0], offset[:, 1])
-        gate = reach.take(i)
+        gate, noise = reach.take(i), None
+        if pose_covariance is not None:
+            noise = self._noise(track_code.take(i), pose_covariance.take(j, axis=0))
+            if elliptic:
+                gate = self._towards_m(offset, distance_m, covariance, i, noise, longest_m, track_code, dt_s)
+                if overdue is not None:
+                    gate[overdue[i]] = 0.0
+                near = (distance_m < gate) | (distance_m <= radius.take(i) + other.take(j))
+                i, j, offset = i[near], j[near], offset[near]
+                distance_m, gate = distance_m[near], gate[near]
+                noise = noise[0][near], noise[1][near], noise[2][near]
+                if len(i) == 0:
+                    return i, j
         shared = contested(i, j)
         if shared is None and self._by_distance and np.count_nonzero(distance_m < gate) == len(i):
             return i, j
@@ -374,7 +444,7 @@ class Associator:
             gate,
             distance_m <= radius.take(i) + other.take(j),
             covariance,
-            self._variance.take(code),
+            self._noise(code, None) if noise is None else noise,
             np.zeros(len(i), dtype=np.bool_) if shared is None else shared,
         )
         if len(self._rules) == 1:

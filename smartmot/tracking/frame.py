@@ -43,6 +43,21 @@ class Measured:
     velocity_mps: FloatArray | None
     limits: Limits
     scores: ScoreScale | None
+    pose_covariance: FloatArray | None = None
+
+    @property
+    def shares_noise(self) -> bool:
+        """Whether noise along x and along y is stated to have something in common."""
+        noise = self.pose_covariance
+        return noise is not None and bool(np.nan_to_num(noise[:, 0, 1]).any())
+
+    def own(self, detection: IntArray) -> tuple[FloatArray | None, FloatArray | None]:
+        """Measured velocities (K, 2) and stated noise (K, 3, 3) of some of the detections; None: of none."""
+        velocity, noise = self.velocity_mps, self.pose_covariance
+        return (
+            None if velocity is None else velocity[detection],
+            None if noise is None else noise[detection],
+        )
 
 
 @dataclass(slots=True, eq=False)

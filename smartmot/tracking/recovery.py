@@ -79,8 +79,11 @@ class Recovery:
         i, j = at[i], of[j]
         offset = measured.boxes.center_m[j] - predicted.center_m[i]
         variance = self._filter.position_covariance(frame.filtered[i])
+        noise = None
+        if measured.pose_covariance is not None:
+            noise = self._associator.mean_noise_m2(frame.code[i], measured.pose_covariance[j])
         reach = self._associator.reach_m(
-            0.5 * (variance[0] + variance[1]), predicted.size_m[i].max(axis=1), frame.code[i], dt_s
+            0.5 * (variance[0] + variance[1]), predicted.size_m[i].max(axis=1), frame.code[i], dt_s, noise
         )
         anew = i[np.hypot(offset[:, 0], offset[:, 1]) > reach]
         track, detection = np.concatenate((track, i)), np.concatenate((detection, j))

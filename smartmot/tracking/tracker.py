@@ -148,6 +148,7 @@ class Tracker:
         score: ArrayLike | None = None,
         category: ArrayLike | None = None,
         velocity_mps: ArrayLike | None = None,
+        pose_covariance: ArrayLike | None = None,
     ) -> Tracks:
         """Process one frame given as arrays; impossible detections are dropped and counted in `rejected`.
 
@@ -159,6 +160,8 @@ class Tracker:
             score: (N,) confidences in [0, 1]; 1 when not given.
             category: (N,) names; "unknown" when not given.
             velocity_mps: (N, 2) measured velocities, NaN where there is none.
+            pose_covariance: (N, 3, 3) noise of x, y and yaw, or (N, 2, 2) of x and y; NaN where nothing is
+                stated.
 
         Returns:
             As `update`.
@@ -168,7 +171,7 @@ class Tracker:
             ShapeError: The arrays do not have one row per detection.
         """
         detections, rejected = detections_from_arrays(
-            stamp_s, center_m, size_m, yaw_rad, score, category, velocity_mps
+            stamp_s, center_m, size_m, yaw_rad, score, category, velocity_mps, pose_covariance
         )
         tracks = self.update(detections)
         self.rejected += rejected
@@ -207,6 +210,8 @@ class Tracker:
             )
             return nothing, self._reporter.nothing(measured.stamp_s)
         frame = self._predicted(state, dt_s)
+        if measured.shares_noise:
+            frame.filtered = self._filter.widened(frame.filtered)
         unmatched = self._correct(frame, measured, dt_s)
         if len(unmatched):
             self._start(frame, measured, unmatched)
@@ -232,6 +237,7 @@ class Tracker:
         # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
         code = np.array([CODES[name] for name in detections.category.tolist()], dtype=np.int64)
         boxes, score, velocity = detections.boxes, detections.score, detections.velocity_mps
+        noise = detections.pose_covariance
         limits = self._limits
         if self.config.score_reference is None:
             scores = (ScoreScale.empty() if scores is None else scores).after(detections.stamp_s, code, score)
@@ -243,7 +249,10 @@ class Tracker:
             if np.count_nonzero(sure) < len(score):
                 boxes, score, code = boxes[sure], score[sure], code[sure]
                 velocity = None if velocity is None else velocity[sure]
-        return Measured(detections.stamp_s, boxes, score, code, measurements(boxes), velocity, limits, scores)
+                noise = None if noise is None else noise[sure]
+        return Measured(
+            detections.stamp_s, boxes, score, code, measurements(boxes), velocity, limits, scores, noise
+        )
 
     def _predicted(self, state: TrackerState, dt_s: float) -> Frame:
         """Tracks carried over the time step, without those that a pause in the recording ended."""
@@ -255,11 +264,11 @@ class Tracker:
         source = np.empty(len(rows), dtype=np.int64)
         source.fill(COASTED)
         if len(rows) == 0:
-            return Frame(rows, np.zeros((0, self._filter.width)), code, source)
-        if filtered.shape[1] != self._filter.width:
+            return Frame(rows, np.zeros((0, self._filter.widths[0])), code, source)
+        if filtered.shape[1] not in self._filter.widths:
             raise ConfigError(
                 f"tracker state: {filtered.shape[1]} filter entries per track, this tracker's motion "
-                f"model has {self._filter.width}; resume with the configuration that made the state"
+                f"model has {self._filter.widths[0]}; resume with the configuration that made the state"
             )
         return Frame(rows, self._filter.predict(filtered, code, dt_s), code, source)
 
@@ -289,6 +298,7 @@ class Tracker:
             dt_s,
             first,
             overdue,
+            measured.pose_covariance,
         )
         anew = _NONE
         if self._recovery is not None and len(track) < min(n, len(frame.rows)):
@@ -297,26 +307,22 @@ class Tracker:
             )
         if len(track) == 0:
             return np.arange(n)
-        velocity = None if measured.velocity_mps is None else measured.velocity_mps[detection]
+        velocity, noise = measured.own(detection)
         rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
         measurement = measured.measurement.take(detection, axis=0)
         frame.coasting = len(track) < len(rows)
         # Tracks come in order: where all are matched, nothing has to be taken out and put back.
         matched = rows.take(track, axis=0) if frame.coasting else rows
         if not frame.coasting:
-            frame.filtered = self._filter.update(frame.filtered, measurement, velocity, code)
+            frame.filtered = self._filter.update(frame.filtered, measurement, velocity, code, noise)
             frame.source = detection
         else:
             frame.filtered[track] = self._filter.update(
-                frame.filtered.take(track, axis=0), measurement, velocity, code
+                frame.filtered.take(track, axis=0), measurement, velocity, code, noise
             )
             frame.source[track] = detection
         if len(anew):
-            source = frame.source[anew]
-            its_velocity = None if measured.velocity_mps is None else measured.velocity_mps[source]
-            frame.filtered[anew] = self._filter.born(
-                measured.measurement[source], its_velocity, frame.code[anew]
-            )
+            frame.filtered[anew] = self._born(frame, measured, frame.source[anew], frame.code[anew])
         if self._evidence is not None:
             detected = measured.code.take(detection)
             self._evidence.weigh(frame, matched, track, code, detected, measurement[:, YAW], score, dt_s)
@@ -356,7 +362,6 @@ class Tracker:
             return
         rows = np.zeros((n, len(COLUMNS)))
         code, score = measured.code[new], measured.score[new]
-        velocity = None if measured.velocity_mps is None else measured.velocity_mps[new]
         rows[:, CODE] = code
         rows[:, SCORE] = rows[:, SCORE_SUM] = score
         rows[:, HITS] = 1.0
@@ -366,11 +371,17 @@ class Tracker:
         known = np.flatnonzero(code != _UNKNOWN)
         rows[known, EVIDENCE.start + code[known]] = score[known]
         frame.estimate = frame.speed_variance = None
-        born = self._filter.born(measured.measurement[new], velocity, code)
+        born = self._born(frame, measured, new, code)
         frame.rows = np.concatenate((frame.rows, rows))
         frame.filtered = np.concatenate((frame.filtered, born))
         frame.code = np.concatenate((frame.code, code))
         frame.source = np.concatenate((frame.source, new))
+
+    def _born(self, frame: Frame, measured: Measured, detection: IntArray, code: IntArray) -> FloatArray:
+        """(K, W) filter states from detections, as wide as the frame's."""
+        velocity, noise = measured.own(detection)
+        born = self._filter.born(measured.measurement[detection], velocity, code, noise)
+        return born if born.shape[1] == frame.filtered.shape[1] else self._filter.widened(born)
 
     def _live(self, frame: Frame, now_s: float, monitored: Monitored | None) -> None:
         """Confirm tracks and drop dead ones, in place."""

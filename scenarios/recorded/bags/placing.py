@@ -13,9 +13,9 @@ from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT, Objects
 from scenarios.ros.bags.topics import Topic
 from scenarios.ros.frames.localisation import Localisation
 from scenarios.ros.frames.poses import CARRY_S
-from scenarios.ros.frames.transforms import box_direction, is_static, placed
+from scenarios.ros.frames.transforms import box_direction, ground_covariance, is_static, placed
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
-from smartmot.detection_input import MAX_SIZE_M, MIN_SIZE_M
+from smartmot.detection_input import MAX_SIZE_M, MIN_SIZE_M, stated_covariances
 from smartmot.types import FloatArray, IntArray, StrArray
 
 _UNKNOWN = "?"
@@ -106,6 +106,8 @@ def objects_on_map(
         ahead = np.concatenate([box_direction(frame.quaternion) @ pose[:2, :3].T for frame, pose in pairs])
         sent = np.concatenate([frame.velocity_mps for frame in frames])
         turned = np.einsum("kij,kj->ki", map_SE3_sensor[number, :3, :3], sent)
+        noise = [np.zeros((len(f), 6, 6)) if f.pose_covariance is None else f.pose_covariance for f in frames]
+        covariance = ground_covariance(map_SE3_sensor[number, :3, :3], np.concatenate(noise))
     size = np.concatenate([frame.size_m for frame in frames])
     height = np.where((size[:, 2] >= MIN_SIZE_M) & (size[:, 2] <= MAX_SIZE_M), size[:, 2], HEIGHT_M)
     velocity = {"ignore": np.full_like(sent, np.nan), "sensor": turned, "world": sent}[velocity_frame]
@@ -120,6 +122,7 @@ def objects_on_map(
         kind=kind,
         score=np.concatenate([frame.score for frame in frames]),
         velocity_mps=velocity[:, :2],
+        pose_covariance=stated_covariances(covariance),
     )
 
 

@@ -250,3 +250,20 @@ def box_direction(quaternion: FloatArray) -> FloatArray:
         along = np.column_stack((w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)))
         direction: FloatArray = along / squared[:, None]
     return direction
+
+
+def ground_covariance(rotation: FloatArray, pose_covariance: FloatArray) -> FloatArray:
+    """Covariances of poses as the tracker takes them: x, y and yaw of a frame whose z points up.
+
+    Args:
+        rotation: (3, 3) or (N, 3, 3), from the frame of the covariances to that frame.
+        pose_covariance: (N, 6, 6) of x, y, z and the rotations about them.
+
+    Returns:
+        (N, 3, 3); what position and yaw share is left out.
+    """
+    ground = np.zeros((len(pose_covariance), 3, 3))
+    back = np.swapaxes(rotation, -1, -2)
+    ground[:, :2, :2] = (rotation @ pose_covariance[:, :3, :3] @ back)[:, :2, :2]
+    ground[:, 2, 2] = (rotation @ pose_covariance[:, 3:, 3:] @ back)[:, 2, 2]
+    return ground

@@ -303,3 +303,35 @@ def test_positions_in_no_frame_or_in_two(tmp_path: Path, header: str, labels: bo
     others = {"labels": "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,track_id\n"} if labels else {}
     with pytest.raises(DatasetError, match=message):
         read_csv(write(tmp_path, f"{header}\n0,1,1,4,2,0\n", **others))
+
+
+NOISE = "stamp_s,{}length_m,width_m,yaw_rad,x_var_m2,y_var_m2,xy_cov_m2,yaw_var_rad2\n"
+
+
+def test_noise_that_a_detector_states_reaches_the_tracker(tmp_path: Path) -> None:
+    """Of three boxes one states nothing, one its position alone, one all."""
+    text = NOISE.format("x_m,y_m,") + "0.0,1,0,4,2,0,0.5,0.25,0.1,0.04\n0.0,9,0,4,2,0,0.5,0.25,0,0\n"
+    text += "0.0,20,0,4,2,0,0,0,0,0\n"
+    [sequence] = read_csv(write(tmp_path, text)).sequences
+    [frame] = sequence.frames()
+    assert frame.pose_covariance is not None
+    np.testing.assert_array_equal(
+        frame.pose_covariance[0], [[0.5, 0.1, 0.0], [0.1, 0.25, 0.0], [0.0, 0.0, 0.04]]
+    )
+    assert np.isnan(frame.pose_covariance[1:, [0, 2], [0, 2]]).tolist() == [[False, True], [True, True]]
+
+
+def test_noise_in_the_vehicles_axes_turns_with_it(tmp_path: Path) -> None:
+    """4 m2 ahead and 0.25 m2 to the left of a vehicle that looks along y."""
+    text = NOISE.format("ahead_m,left_m,") + "0.0,10,0,4,2,0,4.0,0.25,0.0,0.01\n"
+    ego = "stamp_s,x_m,y_m,yaw_rad\n0.0,5,5,1.5707963267948966\n"
+    [sequence] = read_csv(write(tmp_path, text, ego=ego)).sequences
+    [frame] = sequence.frames()
+    assert frame.pose_covariance is not None
+    np.testing.assert_allclose(frame.boxes.center_m, [[5.0, 15.0]], atol=1e-12)
+    np.testing.assert_allclose(frame.pose_covariance[0], np.diag([0.25, 4.0, 0.01]), atol=1e-12)
+
+
+def test_a_table_without_noise_has_none(tmp_path: Path) -> None:
+    [sequence] = read_csv(write(tmp_path, HEADER + row("a", 0.0, 1.0))).sequences
+    assert [frame.pose_covariance for frame in sequence.frames()] == [None]

@@ -14,6 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from scenarios.errors import DatasetError
 from scenarios.ros.definitions import PREDICTION_ARRAY, ros2_types
+from scenarios.ros.frames.transforms import ground_covariance
 from scenarios.ros.messages import (
     DETECTION_TYPES,
     NO_CLASS_ID,
@@ -212,3 +213,36 @@ def test_objects_of_rosbags_and_of_mcap_read_alike() -> None:
 def test_every_type_has_a_reader() -> None:
     assert set(DETECTION_TYPES) < set(READERS)
     assert PREDICTION_ARRAY in ros2_types().fielddefs
+
+
+def test_the_covariance_of_the_likeliest_result_counts() -> None:
+    unlikely, likely = made.hypothesis("car", 0.2), made.hypothesis("cyclist", 0.7)
+    unlikely.pose.covariance[:] = 5.0
+    likely.pose.covariance[:] = np.diag([0.4, 0.1, 0.2, 9.0, 9.0, 0.03]).ravel()
+    likely.pose.covariance[[1, 6]] = 0.05
+    row = made.detection_3d(made.xyz(1.0), made.wxyz(), made.xyz(2.0, 0.7, 1.7), unlikely, likely)
+    silent = made.detection_3d(made.xyz(1.0), made.wxyz(), made.xyz(2.0, 0.7, 1.7))
+    read = read_detections_3d(made.detections_3d(row, silent), 0)
+    assert read.pose_covariance is not None
+    np.testing.assert_array_equal(read.pose_covariance[0].ravel(), likely.pose.covariance)
+    np.testing.assert_array_equal(read.pose_covariance[1], 0.0)
+
+
+def test_a_covariance_is_seen_on_the_ground_of_the_map() -> None:
+    """A camera looks along x of the map: its z is ahead, its x to the right, its y down."""
+    camera = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    sent = np.zeros((1, 6, 6))
+    sent[0, range(6), range(6)] = [
+        0.01,
+        0.02,
+        4.0,
+        0.5,
+        0.03,
+        0.6,
+    ]  # 2 m in depth, turns about y are headings
+    sent[0, 0, 2] = sent[0, 2, 0] = 0.1
+    np.testing.assert_allclose(
+        ground_covariance(camera, sent)[0],
+        [[4.0, -0.1, 0.0], [-0.1, 0.01, 0.0], [0.0, 0.0, 0.03]],
+        atol=1e-15,
+    )
