@@ -299,6 +299,16 @@ class ControllerAction(Element):
     where: str = ""
 
 
+class ConnectTrailerAction(Element, group="TrailerAction"):
+    """Couple a trailer to the hitch of the entity."""
+
+    trailer: Annotated[str, Reference("trailerRef")]
+
+
+class DisconnectTrailerAction(Element, group="TrailerAction"):
+    """Let go of the trailer that is coupled to the entity."""
+
+
 class EnvironmentAction(Element):
     """Change light and weather."""
 
@@ -378,6 +388,8 @@ PrivateAction: TypeAlias = (
     | LightStateAction
     | ActivateControllerAction
     | ControllerAction
+    | ConnectTrailerAction
+    | DisconnectTrailerAction
 )
 GlobalAction: TypeAlias = (
     EnvironmentAction

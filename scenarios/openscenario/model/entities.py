@@ -36,6 +36,9 @@ class EntityDefinition(Element):
         performance: what a vehicle can do, if the file says so.
         controllers: those that the file gives it from the start, none of them active.
         flat: whether it is part of the road's surface, so that driving over it is no contact.
+        hitch_m: of the hitch from the reference point, forward; None: there is none.
+        coupler_m: of a trailer's coupler, the same.
+        trailer: name of the trailer that is coupled at the start; None: none is.
     """
 
     name: str
@@ -49,6 +52,9 @@ class EntityDefinition(Element):
     performance: Performance | None = None
     controllers: tuple[Controller, ...] = ()
     flat: bool = False
+    hitch_m: float | None = None
+    coupler_m: float | None = None
+    trailer: str | None = None
 
 
 class SignalPhase(Element):

@@ -154,6 +154,14 @@ class Roads(Immutable):
                 best = rank, place
         return None if best is None else best[1]
 
+    def is_off_road(self, pose: Pose) -> bool:
+        """Whether a pose is in no lane, or in lanes of type `none` alone, which are beside the road.
+
+        ASAM OpenDRIVE 1.8, lane types: such a lane is there so that whoever leaves the road is still found.
+        """
+        lanes = self.network.locate(np.array([[pose.x_m, pose.y_m]])).lane.tolist()
+        return all(str(self.network.lanes.lane_type[lane]) == "none" for lane in lanes)
+
     # Ways
 
     def way(self, pose: Pose) -> Path:

@@ -10,18 +10,15 @@ from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
-from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError, UnsupportedError
+from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     Act,
     Action,
-    Controller,
-    EntityDefinition,
     Event,
     Maneuver,
     ManeuverGroup,
     NamedAction,
-    Performance,
     ScenarioDefinition,
     SignalController,
     SignalPhase,
@@ -31,30 +28,12 @@ from scenarios.openscenario.reading import carla
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.conditions import entity_references, stop_trigger, trigger
-from scenarios.openscenario.reading.controllers import controller
 from scenarios.openscenario.reading.document import Node, parse
-from scenarios.openscenario.reading.elements import Context, read
+from scenarios.openscenario.reading.elements import Context
+from scenarios.openscenario.reading.entities import scenario_objects
 from scenarios.openscenario.reading.parameters import Declarations, variables
 from scenarios.openscenario.reading.positions import scoped
 from scenarios.openscenario.reading.references import qualified
-
-_VEHICLES = {
-    "car": "car",
-    "van": "car",
-    "truck": "truck",
-    "trailer": "truck",
-    "semitrailer": "truck",
-    "bus": "truck",
-    "motorbike": "motorcycle",
-    "bicycle": "cyclist",
-    "train": "unknown",
-    "tram": "unknown",
-    "microMobility": "cyclist",
-    "standupScooter": "cyclist",
-    "wheelchair": "pedestrian",
-}
-_PEDESTRIANS = {"pedestrian": "pedestrian", "wheelchair": "pedestrian", "animal": "unknown"}
-"""OpenSCENARIO's categories in terms of the detection categories."""
 
 
 def load(
@@ -111,11 +90,8 @@ def load(
         ] = None
     bare = Context(catalogs, (), start_values, catalogs.notes, left_handed)
     objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")
-    entities = tuple(_entity(node, bare) for node in objects)
+    entities = scenario_objects(objects, bare)
     names = [entity.name for entity in entities]
-    for name in names:
-        if names.count(name) > 1:
-            raise ContentError(f"{root.need('Entities').where} two entities have the same name, '{name}'")
     context = Context(catalogs, names, start_values, catalogs.notes, left_handed)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
@@ -183,93 +159,6 @@ def _signals(node: Node | None) -> tuple[SignalController, ...]:
             assert node is not None
             raise ContentError(f"{node.where} '{held.name}' refers to '{held.reference}', which is none")
     return tuple(controllers)
-
-
-# Entities
-
-
-def _entity(node: Node, context: Context) -> EntityDefinition:
-    name = node.text("name")
-    kinds = "Vehicle Pedestrian MiscObject"
-    node.allow("name", f"CatalogReference {kinds} ObjectController")
-    child = node.without("ObjectController").one_of(f"CatalogReference {kinds}")
-    controllers = tuple(controller(held, context) for held in node.all("ObjectController") if any(held))
-    if child.tag == "CatalogReference":
-        return _object(name, context.catalogs.entry(child, kinds), context, controllers)
-    return _object(name, scoped(child), context, controllers)
-
-
-def _object(
-    name: str, node: Node, context: Context, controllers: tuple[Controller, ...] = ()
-) -> EntityDefinition:
-    if node.tag == "Vehicle":
-        node.allow(
-            "name vehicleCategory mass role model3d",
-            "ParameterDeclarations BoundingBox Performance Axles Properties "
-            "TrailerHitch TrailerCoupler Trailer",
-        )
-        _uncoupled(name, node, context)
-        category = _VEHICLES[node.choice("vehicleCategory", " ".join(_VEHICLES))]
-    elif node.tag == "Pedestrian":
-        node.allow(
-            "name pedestrianCategory mass model model3d role", "ParameterDeclarations BoundingBox Properties"
-        )
-        category = _PEDESTRIANS[node.choice("pedestrianCategory", " ".join(_PEDESTRIANS))]
-    else:
-        node.allow("name miscObjectCategory mass model3d", "ParameterDeclarations BoundingBox Properties")
-        category = "unknown"
-    box = node.need("BoundingBox")
-    box.allow(children="Center Dimensions")
-    center, size = box.need("Center"), box.need("Dimensions")
-    center.allow("x y z")
-    size.allow("length width height")
-    limits = node.get("Performance")
-    return EntityDefinition(
-        name=name,
-        model=node.text("name"),
-        category=category,
-        length_m=_extent(size, "length", name, context),
-        width_m=_extent(size, "width", name, context),
-        height_m=size.positive("height"),
-        center_x_m=center.number("x"),
-        center_y_m=center.number("y"),
-        performance=None if limits is None else read(Performance, limits, context),
-        controllers=controllers,
-        flat=node.tag == "MiscObject" and node.text("miscObjectCategory", "") in _FLAT,
-    )
-
-
-LEAST_M = 0.01
-"""An outline that has no extent in the file (the standard allows 0) gets this one: outlines have an area."""
-
-
-def _extent(size: Node, attribute: str, name: str, context: Context) -> float:
-    extent_m = size.positive(attribute)
-    if extent_m == 0.0:
-        context.note(size, f"of '{name}' has {attribute} 0: it is taken for {LEAST_M:g} m")
-    return max(extent_m, LEAST_M)
-
-
-_FLAT = ("crosswalk", "parkingSpace", "patch", "roadMark")
-"""Categories of what lies in the road's surface: marks, and a patch of other material."""
-
-
-def _uncoupled(name: str, node: Node, context: Context) -> None:
-    """Take note of hitches and couplers, which nothing is coupled to.
-
-    Raises:
-        UnsupportedError: a trailer is coupled.
-    """
-    trailer = node.get("Trailer")
-    if trailer is not None:
-        trailer.allow(children="Trailer TrailerRef")
-        reference = trailer.get("TrailerRef")
-        if trailer.get("Trailer") is not None or (reference is not None and reference.text("entityRef", "")):
-            raise UnsupportedError(f"{trailer.where} is not supported: a trailer coupled to '{name}'")
-    for tag in ("TrailerHitch", "TrailerCoupler"):
-        hitch = node.get(tag)
-        if hitch is not None:
-            context.note(hitch, f"of '{name}' is not used: no trailer is coupled")
 
 
 # Storyboard

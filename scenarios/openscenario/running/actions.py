@@ -180,7 +180,9 @@ class Switch(RunningAction[model.Action]):
             case model.EnvironmentAction():
                 world.environment = action.environment
             case model.DeleteEntityAction():
-                world.actors[action.entity].exists = False
+                for actor in world.actors[action.entity].towed():
+                    actor.exists = False
+                world.actors[action.entity].uncouple(time_s)
             case model.SetParameterAction():
                 world.parameters[action.parameter] = action.value
             case model.ModifyParameterAction():

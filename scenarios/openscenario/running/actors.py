@@ -10,15 +10,22 @@ from typing import NamedTuple
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import EntityDefinition
-from scenarios.openscenario.motion.paths import Path, Pose, straight
+from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, straight
 from scenarios.openscenario.motion.profiles import SpeedProfile
 from scenarios.openscenario.motion.roads import Leg
+from scenarios.openscenario.motion.towing import drawn
 
 STANDING_MPS = 1e-9
 """Slower than this is standing."""
 
 MAX_ACCELERATION_MPS2 = 20.0
 """No controller accelerates or brakes harder; bounds how soon outlines can meet."""
+
+JUMP_M = 0.05
+"""A trailer whose towing vehicle is put further away from it than this stands straight behind it again."""
+
+KAPPA_M = 0.05
+"""Distance on both sides over which the curvature of a path is taken: that of its points."""
 
 TOW_LOOK_M = 100.0
 """Between two looks nobody comes further along."""
@@ -63,6 +70,30 @@ class Tow:
     ahead_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """A trailer's connection with the vehicle that tows it, which may itself be a trailer.
+
+    Args:
+        tower: the towing vehicle.
+        hitch_m: of the hitch from the reference point of the towing vehicle, forward.
+        coupler_m: of the coupler from the reference point of the trailer, forward, positive.
+    """
+
+    tower: Actor
+    hitch_m: float
+    coupler_m: float
+
+    def hitch(self, pose: Pose) -> tuple[float, float]:
+        """Where the hitch is if the towing vehicle is there."""
+        at = pose.moved(self.hitch_m, 0.0)
+        return at.x_m, at.y_m
+
+    def behind(self, pose: Pose) -> Pose:
+        """Pose of the trailer straight behind the towing vehicle."""
+        return pose.moved(self.hitch_m - self.coupler_m, 0.0)
+
+
 class Actor:
     """One entity.
 
@@ -89,6 +120,8 @@ class Actor:
         self.on_trajectory = False
         self.profile = SpeedProfile(0.0, 0.0)
         self.tow: Tow | None = None
+        self.coupling: Coupling | None = None
+        self.trailer: Actor | None = None
         self.route: list[Leg] | None = None
         self.controller: EgoController | None = None
         self.commanded = False
@@ -104,12 +137,15 @@ class Actor:
         self._anchor_station = 0.0
         self._anchor_travelled = 0.0
         self._anchor_distance = 0.0
+        self._anchor_pose = Pose(0.0, 0.0, 0.0)
 
     # Where it is
 
     def state(self, time_s: float) -> State:
         """State at a time from the anchor on."""
         pose = None
+        if self.coupling is not None:
+            return self._drawn(self.coupling, time_s)
         if self.controller is not None and self.commanded:
             motion = self.controller.motion(self._anchor_s, time_s - self._anchor_s)
             distance, speed, pose = motion.distance_m, motion.speed_mps, motion.pose
@@ -142,6 +178,41 @@ class Actor:
         along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
         return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
 
+    def _drawn(self, coupling: Coupling, time_s: float) -> State:
+        """Behind the towing vehicle, from where it was at the anchor."""
+        tower, since_s = coupling.tower, self._anchor_s
+        end = coupling.hitch(tower.state(time_s).pose)
+        coupler = self._anchor_pose.moved(coupling.coupler_m, 0.0)
+        pieces = max(math.ceil(math.dist(end, (coupler.x_m, coupler.y_m)) / SPACING_M), 1)
+        times = (since_s + (time_s - since_s) * k / pieces for k in range(1, pieces))
+        hitches = [*(coupling.hitch(tower.state(t).pose) for t in times), end]
+        pose, way_m = drawn(self._anchor_pose, coupling.coupler_m, hitches)
+        speed_mps = self.moves(pose.yaw_rad, time_s)[0]
+        station = self._anchor_station + way_m
+        gone = self._anchor_travelled + abs(way_m)
+        return State(pose.x_m, pose.y_m, pose.yaw_rad, speed_mps, station, gone)
+
+    def moves(self, yaw_rad: float, time_s: float) -> tuple[float, float]:
+        """Speed along the heading, m/s, and turn rate, rad/s; of a trailer as its hitch draws it."""
+        if self.coupling is None:
+            state = self.state(time_s)
+            before, after = (self.path.pose(state.station_m + s)[2] for s in (-KAPPA_M, KAPPA_M))
+            return state.speed_mps, (after - before) / (2 * KAPPA_M) * self.progress_mps(state)
+        tower = self.coupling.tower
+        tower_yaw = tower.state(time_s).yaw_rad
+        speed, rate = tower.moves(tower_yaw, time_s)
+        across, turned = rate * self.coupling.hitch_m, tower_yaw - yaw_rad
+        c, s = math.cos(turned), math.sin(turned)
+        return speed * c - across * s, (speed * s + across * c) / self.coupling.coupler_m
+
+    def train(self) -> Actor:
+        """The vehicle at the head of those that it is coupled with: itself, if it is towed by none."""
+        return self if self.coupling is None else self.coupling.tower.train()
+
+    def towed(self) -> list[Actor]:
+        """It and the trailers behind it."""
+        return [self] if self.trailer is None else [self, *self.trailer.towed()]
+
     def _beside(self, other: State) -> float:
         """Arc length of its path beside another entity, near where that was before."""
         path = self.path
@@ -155,7 +226,7 @@ class Actor:
 
     def fastest_mps(self, time_s: float) -> float:
         """Greatest speed within the second after a time, as an amount; infinite if that is not known."""
-        if self.tow is not None and not self.commanded:
+        if self.coupling is not None or (self.tow is not None and not self.commanded):
             return math.inf
         if self.controller is None:
             return self.profile.fastest_mps
@@ -163,20 +234,26 @@ class Actor:
 
     def steady(self, time_s: float) -> bool:
         """Whether its speed stays as it is unless something intervenes."""
+        if self.coupling is not None:
+            return self.rests(time_s)
         return self.tow is None and not self.commanded and time_s >= self.profile.end_s
 
     def rests(self, time_s: float) -> bool:
         """Whether it stands until something intervenes."""
+        if self.coupling is not None:
+            return self.coupling.tower.rests(time_s)
         return self.steady(time_s) and self.profile.final_mps == 0.0
 
     def next_kink_s(self, after_s: float) -> float:
         """When its speed next stops to grow or to fall."""
-        if self.tow is not None or self.commanded:
+        if self.tow is not None or self.commanded or self.coupling is not None:
             return math.inf
         return self.profile.next_kink_s(after_s)
 
     def turn_rad(self, state: State, later: State) -> float:
         """How much it turns between two states at most, whichever way."""
+        if self.coupling is not None:
+            return abs(later.yaw_rad - state.yaw_rad)
         if state.station_m == later.station_m:
             return 0.0
         turn = self.path.turn_rad(state.station_m, later.station_m)
@@ -204,7 +281,7 @@ class Actor:
 
     def pass_on(self, time_s: float, state: State) -> None:
         """Take note of the end of a step; who is driven by a controller is anchored there."""
-        if self.commanded:
+        if self.commanded or self.coupling is not None:
             self._anchor(time_s, state)
         else:
             stops = self.standing_since_s is None and abs(state.speed_mps) <= STANDING_MPS
@@ -222,6 +299,7 @@ class Actor:
             self.controller.advance(self._anchor_s, time_s - self._anchor_s)
         self._anchor_s, self._anchor_station = time_s, state.station_m
         self._anchor_travelled = state.travelled_m
+        self._anchor_pose = state.pose
         self._anchor_distance = self.profile.at(time_s)[0]
         self._note(time_s, state.speed_mps, since)
 
@@ -231,7 +309,7 @@ class Actor:
             self.standing_since_s = None
             self._reversed = speed_mps < 0.0
             if self.set_off_s is None:
-                alone = self.tow is None and not self.commanded
+                alone = self.tow is None and self.coupling is None and not self.commanded
                 self.set_off_s = min(self.profile.sets_off_s(), time_s) if alone else time_s
         elif self.standing_since_s is None:
             self.standing_since_s = time_s if standing_since_s is None else standing_since_s
@@ -251,6 +329,8 @@ class Actor:
 
     def asked_mps(self, time_s: float) -> float:
         """Speed along the heading that the scenario asks for: its speed unless a controller commands it."""
+        if self.coupling is not None:
+            return self.state(time_s).speed_mps
         return self._towed(time_s).speed_mps if self.tow is not None else self.profile.at(time_s)[1]
 
     def arrives_s(self, time_s: float, station_m: float) -> float:
@@ -259,7 +339,7 @@ class Actor:
         left = station_m - state.station_m
         if left <= 0.0:
             return time_s
-        if self.tow is not None or self.commanded:
+        if self.tow is not None or self.commanded or self.coupling is not None:
             speed = self.progress_mps(state)
             return time_s + left / speed if speed > STANDING_MPS else math.inf
         return self.profile.covers_s(time_s, left, self.on_trajectory)
@@ -267,6 +347,8 @@ class Actor:
     def steady_since_s(self, time_s: float) -> float | None:
         """Since when its speed has been constant at a time; None if it is changing."""
         leader = self.tow.leader if self.tow is not None else None
+        if self.coupling is not None:
+            leader = self.coupling.tower
         if leader is not None:
             return leader.steady_since_s(time_s)
         return None if time_s < self.profile.end_s - 1e-9 else max(self._steady_s, self.profile.end_s)
@@ -279,6 +361,7 @@ class Actor:
         self.placed = True
         self._put(path, station_m)
         self._yaw_offset = math.remainder(yaw_rad - path.pose(station_m)[2], 2 * math.pi)
+        self._pull(time_s)
 
     def follow(self, time_s: float, path: Path, station_m: float, trajectory: bool) -> None:
         """Put it on a path, heading along it. A trajectory is followed from start to end, in reverse too."""
@@ -287,10 +370,46 @@ class Actor:
         self._yaw_offset = 0.0
         self.on_trajectory = trajectory
         self._put(path, station_m)
+        self._pull(time_s)
 
     def _put(self, path: Path, station_m: float) -> None:
         self.path, self._anchor_station = path, station_m
         self.tow = None
+
+    def couple(self, time_s: float, coupling: Coupling, pose: Pose) -> None:
+        """Be towed from a time on, from a pose at which the coupler is on the hitch."""
+        if self.placed:
+            self.anchor(time_s)
+        self.coupling, self.tow, self.placed = coupling, None, True
+        coupling.tower.trailer = self
+        self._anchor_s, self._anchor_pose = time_s, pose
+        self._note(time_s, self.state(time_s).speed_mps, time_s)
+        self._pull(time_s)
+
+    def uncouple(self, time_s: float) -> None:
+        """Go on alone with the present speed, straight ahead."""
+        if self.coupling is None:
+            return
+        state = self.anchor(time_s)
+        self.coupling.tower.trailer = self.coupling = None
+        self.on_trajectory, self._yaw_offset = False, 0.0
+        self._put(straight(state.pose), 0.0)
+        self.drive(time_s, SpeedProfile(time_s, state.speed_mps))
+
+    def _pull(self, time_s: float) -> None:
+        """Take the trailer along where the vehicle is put elsewhere at once."""
+        trailer = self.trailer
+        if trailer is None or trailer.coupling is None:
+            return
+        coupling, pose = trailer.coupling, self.state(time_s).pose
+        coupler = trailer._anchor_pose.moved(coupling.coupler_m, 0.0)
+        apart_m = math.dist(coupling.hitch(pose), (coupler.x_m, coupler.y_m))
+        if trailer.placed and trailer._anchor_s == time_s and apart_m <= JUMP_M:
+            return
+        trailer.placed, trailer._anchor_s = True, time_s
+        trailer._anchor_pose = coupling.behind(pose)
+        trailer._note(time_s, trailer.state(time_s).speed_mps, time_s)
+        trailer._pull(time_s)
 
     def drive(self, time_s: float, profile: SpeedProfile) -> None:
         """Give it a new speed profile from a time on."""

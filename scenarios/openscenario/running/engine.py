@@ -24,6 +24,7 @@ from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.driving.signals import Signals
+from scenarios.openscenario.running.driving.trailers import couple_all
 from scenarios.openscenario.running.initial import in_order
 from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
@@ -122,6 +123,7 @@ class Engine:
 
     def _begin(self, controller: EgoController | None) -> None:
         instant = Instant(0.0, self._actors)
+        couple_all(self.world)
         for entity, action in in_order(self.definition.init):
             if not isinstance(action, model.SpeedAction):
                 for name in sorted(referred(action)):
@@ -134,7 +136,9 @@ class Engine:
             if isinstance(named.action, model.AddEntityAction)
         }
         for actor in self._actors.values():
-            if not actor.placed:
+            if not actor.train().placed and actor.coupling is not None:
+                actor.exists = False
+            elif not actor.placed:
                 if actor is self.ego or (actor.name not in added and self._is_used(actor.name)):
                     raise RunError(f"entity '{actor.name}' is never given a position in Init")
                 if actor.name not in added:
@@ -449,8 +453,12 @@ class Engine:
             boxes=unchecked(Boxes, boxes[:, :2], boxes[:, 2:4], boxes[:, 4]),
             speed_mps=table[:, 3],
             exists=np.array([actor.exists for actor in actors]),
-            seen=np.array([actor.exists and actor.seen for actor in actors]),
+            seen=np.array([actor.exists and actor.seen and not self._pulls(actor) for actor in actors]),
         )
+
+    def _pulls(self, actor: Actor) -> bool:
+        """Whether an entity is a trailer of the ego, which the ego's sensors do not take for another."""
+        return actor.coupling is not None and actor.train() is self.ego.train()
 
     def run(self, time_limit_s: float = 120.0) -> Run:
         """Run to the end of the storyboard, or to the time limit."""

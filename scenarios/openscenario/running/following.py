@@ -251,6 +251,8 @@ class AddEntity(RunningAction[model.AddEntityAction]):
             return
         pose = self.world.locator.pose(self.action.position)
         path = self.world.locator.roads.way(pose)
-        who.exists, who.route, who.on_trajectory = True, None, False
+        for actor in who.towed():
+            actor.exists = True
+        who.route, who.on_trajectory = None, False
         who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
         who.drive(time_s, SpeedProfile(time_s, 0.0))

@@ -91,11 +91,11 @@ class EndOfRoad(Lasting):
 
 
 class OffRoad(Lasting):
-    """OffroadCondition: the reference point is in no lane of a road."""
+    """OffroadCondition: the reference point is in no lane of a road, or beside it in one of type none."""
 
     def is_so(self, instant: Instant) -> bool:
         """Whether it is there."""
-        return self._world.locator.roads.place(instant.state(self._actor.name).pose) is None
+        return self._world.locator.roads.is_off_road(instant.state(self._actor.name).pose)
 
 
 class Clearance(Holding):

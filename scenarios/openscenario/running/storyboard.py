@@ -15,6 +15,7 @@ from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
 from scenarios.openscenario.running.driving import distances, lateral, speeds
 from scenarios.openscenario.running.driving.controllers import Control
+from scenarios.openscenario.running.driving.trailers import TrailerChange, moves_itself
 from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
 
@@ -56,6 +57,8 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
                 return following.Teleport(world, actor, action)
             case model.SynchronizeAction():
                 return Synchronize(world, actor, action)
+            case model.ConnectTrailerAction() | model.DisconnectTrailerAction():
+                return TrailerChange(world, actor, action)
             case model.ControllerAction() | model.ActivateControllerAction():
                 return Control(world, actor, action)
     if isinstance(action, model.AddEntityAction):
@@ -343,6 +346,14 @@ class Storyboard:
             if actor is not None and not actor.exists:
                 continue
             part = running(self._world, actor, action)
+            if actor is not None and actor.coupling is not None and moves_itself(action):
+                self._world.note(
+                    f"{type(action).__name__} of '{actor.name}' is not carried out: it is towed by "
+                    f"'{actor.coupling.tower.name}'"
+                )
+                part.over = part.stopped = True
+                started.append(part)
+                continue
             missing = sorted(name for name in referred(action) if not self._world.actors[name].exists)
             if missing:
                 self._world.note(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.openscenario import CatalogError, Engine, ParameterError, UnsupportedError, load
+from scenarios.openscenario import CatalogError, Engine, ParameterError, load
 from tests.scenarios.openscenario.conftest import CAR, act, at, event, maneuver, speed
 
 TRAILER = CAR.replace("</Vehicle>", "{}</Vehicle>")
@@ -71,9 +71,6 @@ def test_a_missing_catalog_directory_matters_only_where_it_is_needed(write):
         load(write(other=reference, catalogs=catalogs))
 
 
-def test_hitches_are_noted_and_coupled_trailers_refused(write):
+def test_hitches_without_a_trailer_are_noted(write):
     loose = TRAILER.format('<TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>')
     assert any("<TrailerHitch> of 'Other' is not used" in note for note in load(write(other=loose)).notes)
-    coupled = TRAILER.format('<TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef="Ego"/></Trailer>')
-    with pytest.raises(UnsupportedError, match=r"<Trailer> is not supported: a trailer coupled to 'Other'"):
-        load(write(other=coupled))

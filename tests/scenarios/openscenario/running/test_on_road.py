@@ -120,6 +120,28 @@ def test_off_the_road(write):
     assert first_s(write, kind, init) == pytest.approx(3.5 + 1.0, abs=0.051)
 
 
+def test_a_lane_of_type_none_is_beside_the_road(write, tmp_path):
+    """ASAM OpenDRIVE: such a lane is there for whoever leaves the road."""
+    walks = '<Position><WorldPosition x="100" y="0" h="1.5707963267948966"/></Position>'
+    init = private("Ego", teleport(walks), speed(2)) + private("Other", teleport(lane_position(60)))
+    off = trigger(condition(by_entity('<OffroadCondition duration="0"/>')))
+    outer = '<lane id="2" type="driving">'
+
+    def first_outside_s(lane):
+        path = write(act(maneuver(event("e", set_variable("n", 1), off))), init=init)
+        network = tmp_path / "two_roads.xodr"
+        text = network.read_text()
+        assert outer in text
+        network.write_text(text.replace(outer, lane))
+        engine = Engine(load(path))
+        while engine.world.variables["n"] == 0 and not engine.over:
+            engine.advance(0.01)
+        return engine.time_s
+
+    assert first_outside_s(outer) == pytest.approx(3.5, abs=0.011)
+    assert first_outside_s('<lane id="2" type="none">') == pytest.approx(1.75, abs=0.011)
+
+
 def clearance(lanes="", forward=20, backward=10, freespace="false", opposite="false", entity=""):
     return by_entity(
         f'<RelativeClearanceCondition distanceForward="{forward}" distanceBackward="{backward}" '
