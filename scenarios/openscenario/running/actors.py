@@ -391,7 +391,8 @@ class Actor:
         if self.coupling is None:
             return
         state = self.anchor(time_s)
-        self.coupling.tower.trailer = self.coupling = None
+        self.coupling.tower.trailer = None
+        self.coupling = None
         self.on_trajectory, self._yaw_offset = False, 0.0
         self._put(straight(state.pose), 0.0)
         self.drive(time_s, SpeedProfile(time_s, state.speed_mps))
