@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,12 +13,13 @@ from evaluation.results.files import LOGS_FOLDER, RUNS_CSV, RUNS_JSON, ResultsEr
 from evaluation.results.logs import LOG_COLUMNS
 from evaluation.runs.configuration import StoredRun, changed_file, read_configuration
 from evaluation.runs.folder import read_shown_log
-from scenarios.openscenario.model import EntityDefinition
+from scenarios.openscenario.model import EntityDefinition, ScenarioDefinition
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.poses import rigid, turned_about
 from scenarios.recorded.tables.parquet import SUFFIX, column_names
 from scenarios.simulation.motion_actions import ego_of
 from scenarios.spec import definition_of
+from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,16 +34,20 @@ class RunRecording:
         ego_size_m: length and width of the ego.
         target: identity of the target in the labels; None: there is none.
         map_path: the scenario's road network; None: it has none, or is not known.
+        ego_speed_mps: (F,) speeds of the ego, negative in reverse.
         others: the scenario's entities but the ego, by identity; empty where they are not known.
         notes: what is not known, one line each.
+        setup: the run and its scenario; None: they are not known.
     """
 
     sequence: Sequence
     ego_size_m: tuple[float, float]
     target: int | None
+    ego_speed_mps: FloatArray
     map_path: Path | None = None
     others: tuple[EntityDefinition, ...] = field(default=())
     notes: tuple[str, ...] = field(default=())
+    setup: tuple[StoredRun, ScenarioDefinition] | None = None
 
 
 def is_run(path: Path) -> bool:
@@ -126,7 +131,7 @@ def _recording(run: Path, folder: Path, name: str, stored_runs: _StoredRuns) -> 
         return recording_of_log(log, name, notes=(f"Map and names are not known: {error}",))
     ego = ego_of(definition)
     others = tuple(entity for entity in definition.entities if entity.name != ego.name)
-    return recording_of_log(log, name, definition.map_path, others)
+    return replace(recording_of_log(log, name, definition.map_path, others), setup=(stored, definition))
 
 
 def recording_of_log(
@@ -170,6 +175,7 @@ def recording_of_log(
         ),
         (float(ego["length_m"].iloc[0]), float(ego["width_m"].iloc[0])),
         None if targets.empty else int(targets.iloc[0]),
+        ego["speed_mps"].to_numpy(np.float64),
         map_path,
         others,
         notes,

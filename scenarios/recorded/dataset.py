@@ -171,6 +171,19 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sweeps:
+    """What a LiDAR with a cloud for every frame adds: where it is, and what its clouds hold of the labels.
+
+    Args:
+        ego_SE3_lidar: (4, 4) pose of the sensor (x ahead, y left, z up) in the vehicle's frame.
+        point_count: (K,) points of the frame's cloud in the box of each label, those on its faces included.
+    """
+
+    ego_SE3_lidar: FloatArray  # noqa: N815 - dst_SE3_src is the field's notation
+    point_count: IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Sequence:
     """One recording.
 
@@ -182,6 +195,7 @@ class Sequence:
         labels: The truth, or None.
         world_SE3_ego: (F, 4, 4) poses of the vehicle (x ahead, y left, z up), or None without odometry.
         camera: The camera of KITTI data, or None.
+        sweeps: What a LiDAR adds to the labels, or None.
         map_path: The recording's own map (`scenarios.recorded.maps.drive_map`), in its world frame, or None.
         stamp_ns: (F,) the times as whole nanoseconds since 1970, where they were recorded so, or None. In
             seconds such times are 0.24 us apart.
@@ -194,6 +208,7 @@ class Sequence:
     labels: Objects | None = None
     world_SE3_ego: FloatArray | None = None  # noqa: N815 - dst_SE3_src is the field's notation
     camera: Camera | None = None
+    sweeps: Sweeps | None = None
     map_path: Path | None = None
     stamp_ns: IntArray | None = None
 

@@ -368,7 +368,7 @@ def _smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
 
 def _frame(cloud: PointCloud, world: World, street: Street, ego: EgoState, mount: Mount) -> DrawnFrame:
     """The cloud with the boxes of road users and parked cars."""
-    parked = street.sidewalk_blocks + np.flatnonzero(np.array(street.kind, dtype=np.str_) == "parked")
+    parked = street.rows_of("parked")
     position, heading = street.bodies.position_m[parked], street.bodies.yaw_rad[parked]
     bottom = world.bottom_m + street.raised_m(world.boxes.center_m)
     size = np.column_stack((world.boxes.size_m, world.height_m))

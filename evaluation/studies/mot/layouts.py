@@ -2,33 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Many
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import RUNS_CSV, write_bytes
 from evaluation.results.rows import read_runs
-from evaluation.runs.recordings import is_run, recording_of_run, recordings_of_runs
+from evaluation.runs.recordings import RunRecording, is_run, recording_of_run, recordings_of_runs
+from evaluation.runs.sweeps import LidarChoice, sweeps_of
 from evaluation.studies.mot.run import chosen
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
 from scenarios.recorded.formats import Reading, read_dataset
-from scenarios.recorded.layouts.nuscenes import VERSION, nuscenes_files, without_category
-from scenarios.recorded.layouts.simbev import frame_grid, simbev_files, without_class
+from scenarios.recorded.layouts.nuscenes import NUSCENES_SWEEPS, VERSION, nuscenes_files, without_category
+from scenarios.recorded.layouts.simbev import SIMBEV_SWEEPS, frame_grid, simbev_files, without_class
+from scenarios.recorded.layouts.sweeps import SweepFiles, swept, with_least_points
 from scenarios.recorded.vehicles import vehicle_of
+from scenarios.sensors.lidar.recording import RecordedSweeps
+from smartmot.pointcloud import PointCloud
 
-Files = Callable[[Many[Sequence], int], Iterator[tuple[str, bytes]]]
 
-LAYOUTS: dict[str, tuple[str, Files]] = {
-    "simbev": ("simbev", simbev_files),
-    "nuscenes": (VERSION, nuscenes_files),
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A layout of data sets.
+
+    Args:
+        folder: what a data set consists of, below its own folder.
+        files: all files but the clouds, by path, from recordings and the seed of the splits.
+        sweeps: the clouds.
+    """
+
+    folder: str
+    files: Callable[[Many[Sequence], int], Iterator[tuple[str, bytes]]]
+    sweeps: SweepFiles
+
+
+LAYOUTS = {
+    "simbev": Layout("simbev", simbev_files, SIMBEV_SWEEPS),
+    "nuscenes": Layout(VERSION, nuscenes_files, NUSCENES_SWEEPS),
 }
-"""The folder that a layout consists of, and its files."""
 
 
 def write_layout(
-    source: Path, form: str, out: Path, seed: int, name: str | None = None, columns: Reading | None = None
+    source: Path,
+    form: str,
+    out: Path,
+    seed: int,
+    name: str | None = None,
+    columns: Reading | None = None,
+    lidar: LidarChoice | None = None,
+    done: Callable[[int, int | None], None] = lambda number, total: None,
 ) -> tuple[Path, tuple[str, ...]]:
     """Write every run, or every sequence of a drive, as a scene.
 
@@ -39,6 +63,8 @@ def write_layout(
         seed: of the splits.
         name: which sequences of a drive, comma-separated; None: all.
         columns: what the columns of a table mean, or which topics of a bag are read; None: ours, all.
+        lidar: what is cast along runs; None: nothing.
+        done: takes along how many of how many runs the LiDAR has been cast.
 
     Returns:
         The folder that was written, and what a user should know, a line each.
@@ -48,37 +74,88 @@ def write_layout(
         DatasetError: a drive cannot be read, or has no labels or poses.
         ResultsError: a log cannot be read, or a file cannot be written.
     """
-    folder, files = LAYOUTS[form]
-    if (out / folder).exists():
-        raise ArgumentError(f"--out: {out / folder} is there already; name another folder or remove it")
-    if (source / RUNS_CSV).is_file() or is_run(source):
-        sequences, notes = _runs(source)
+    layout = LAYOUTS[form]
+    if (out / layout.folder).exists():
+        there = out / layout.folder
+        raise ArgumentError(f"--out: {there} is there already; name another folder or remove it")
+    if is_runs(source):
+        recordings, count = _recordings(source)
+        sequences, notes = [], _Notes()
+        for number, recording in enumerate(recordings):
+            notes.of_run(recording)
+            if lidar is None:
+                sequences.append(recording.sequence)
+                continue
+            sequence = _cast(sweeps_of(recording, lidar), layout, out, number, notes)
+            kept = with_least_points(sequence, lidar.least_points)
+            notes.hidden(sequence, kept, lidar.least_points)
+            sequences.append(kept)
+            done(number + 1, count)
+        told = notes.lines()
     else:
         data = chosen(read_dataset(source, None, columns), name)
-        sequences, notes = [_centred(s, data.kind) for s in data.sequences], list(data.notes)
-    for path, content in files(sequences, seed):
+        sequences, told = [_centred(s, data.kind) for s in data.sequences], list(data.notes)
+    for path, content in layout.files(sequences, seed):
         write_bytes(out / path, content)
-    return out / folder, (*notes, *_notes(sequences, form))
+    return out / layout.folder, (*told, *_notes(sequences, form))
 
 
-def _runs(source: Path) -> tuple[list[Sequence], list[str]]:
-    """The runs of a folder that have a log, or the one that is named."""
-    if (source / RUNS_CSV).is_file():
-        recordings = recordings_of_runs(source, map(str, read_runs(source)["log"].dropna()))
-    else:
-        recordings = iter([recording_of_run(source)])
-    sequences: list[Sequence] = []
-    notes: list[str] = []
-    for recording in recordings:
-        sequences.append(recording.sequence)
-        notes += recording.notes
+def is_runs(source: Path) -> bool:
+    """Whether a path is a folder of runs, a run or its log."""
+    return (source / RUNS_CSV).is_file() or is_run(source)
+
+
+def _recordings(source: Path) -> tuple[Iterator[RunRecording], int]:
+    """The runs of a folder that have a log, or the one that is named, and how many they are."""
+    if not (source / RUNS_CSV).is_file():
+        return iter([recording_of_run(source)]), 1
+    names = read_runs(source)["log"].dropna().astype(str).tolist()
+    return recordings_of_runs(source, names), len(names)
+
+
+def _cast(sweeps: RecordedSweeps, layout: Layout, out: Path, number: int, notes: _Notes) -> Sequence:
+    """A run with what the LiDAR has of its labels; the clouds are written."""
+    sequence = sweeps.sequence
+    notes.frames_left_out += sweeps.left_out
+
+    def write(frame: int, cloud: PointCloud) -> None:
+        write_bytes(out / layout.sweeps.path(number, sequence, frame), layout.sweeps.content(cloud))
+
+    return swept(sequence, sweeps, sweeps.ego_SE3_lidar, write)
+
+
+class _Notes:
+    """What is to be said of runs."""
+
+    def __init__(self) -> None:
+        self.frames_left_out = 0
+        self._runs: list[str] = []
+        self._hidden = self._labels = 0
+        self._least = 0
+
+    def of_run(self, recording: RunRecording) -> None:
+        """What is not known of a run."""
+        self._runs += recording.notes
         if not recording.others:
-            notes.append(f"heights are not known: {HEIGHT_M:g} m is written")
-    return sequences, _once(notes)
+            self._runs.append(f"heights are not known: {HEIGHT_M:g} m is written")
 
+    def hidden(self, cast: Sequence, kept: Sequence, least: int) -> None:
+        """Which labels are left out."""
+        assert cast.labels is not None
+        assert kept.labels is not None
+        self._least = least
+        self._labels += len(cast.labels)
+        self._hidden += len(cast.labels) - len(kept.labels)
 
-def _once(notes: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(notes))
+    def lines(self) -> list[str]:
+        """A line each, no line twice."""
+        lines = list(dict.fromkeys(self._runs))
+        if self.frames_left_out:
+            lines.append(f"{self.frames_left_out} frames at which no turn of the LiDAR ends are left out")
+        if self._hidden:
+            few = "no point" if self._least == 1 else f"fewer than {self._least} points"
+            lines.append(f"{self._hidden} of {self._labels} labels have {few} in their box and are left out")
+        return lines
 
 
 def _centred(sequence: Sequence, form: str) -> Sequence:
@@ -92,7 +169,9 @@ def _centred(sequence: Sequence, form: str) -> Sequence:
 
 def _notes(sequences: list[Sequence], form: str) -> list[str]:
     """What the data set does not say."""
-    notes = ["no LiDAR: num_lidar_pts is unknown, and no box is left out for having no point"]
+    notes = []
+    if any(sequence.sweeps is None for sequence in sequences):
+        notes.append("no LiDAR: num_lidar_pts is unknown, and no box is left out for having no point")
     if form == "simbev":
         nameless = sum(map(without_class, sequences))
         beside = sum(int((~frame_grid(sequence)[1]).sum()) for sequence in sequences)

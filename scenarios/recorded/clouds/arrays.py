@@ -21,6 +21,9 @@ KITTI_FIELDS = ("x", "y", "z", "intensity")
 NUSCENES_FIELDS = (*KITTI_FIELDS, "ring")
 """Source: nuscenes-devkit, `LidarPointCloud.from_file`."""
 
+SIMBEV_POINTS = "data"
+"""Source: SimBEV (GoodarzMehr/SimBEV, 2026), the files of `sweeps/LIDAR`."""
+
 _MOST_BYTES = 2**32
 """Of an array in an archive: a few bytes can claim any size."""
 
@@ -89,7 +92,7 @@ def bin_bytes(cloud: PointCloud, nuscenes: bool = False) -> bytes:
 
 
 def read_npz(path: Path) -> NamedCloud:
-    """Read an archive as `npz_bytes` writes it.
+    """Read an archive as `npz_bytes` writes it, or SimBEV's, which has one array `data` of points.
 
     Raises:
         DatasetError: it is no archive, holds Python objects, or an array is missing or wrong.
@@ -102,6 +105,8 @@ def read_npz(path: Path) -> NamedCloud:
                 entry.filename.removesuffix(".npy"): _array(archive.read(entry), entry.filename)
                 for entry in archive.infolist()
             }
+        if "xyz_m" not in content and SIMBEV_POINTS in content:
+            content["xyz_m"] = content.pop(SIMBEV_POINTS)
         if "xyz_m" not in content:
             raise DatasetError(f"no array xyz_m; there are {', '.join(sorted(content)) or 'none'}")
         stamp = content.get("stamp_s")

@@ -1,8 +1,9 @@
 """Recordings in the layout of nuScenes: the tables of a version, as its devkit and `scenarios.recorded` read.
 
-Every frame is a sample. There is no sensor: LIDAR_TOP stands for the poses, at the ego's origin, without a
-file, and how many points hit a box is -1, the devkit's own number for unknown (0 would leave the box out).
-The ego's pose is that of the middle of the rear axle, as nuScenes has it.
+Every frame is a sample. With a LiDAR there are its clouds, in nuScenes' axes (x right, y ahead), and the
+points in each box. Without one LIDAR_TOP stands for the poses, at the ego's origin, without a file, and the
+points in a box are -1, the devkit's own number for unknown (0 would leave the box out). The ego's pose is
+that of the middle of the rear axle, as nuScenes has it.
 
 Source of tables and fields: nuscenes-devkit, docs/schema_nuscenes.md; of `splits.json`: utils/splits.py.
 """
@@ -15,13 +16,18 @@ import json
 from collections import defaultdict
 from collections.abc import Iterator
 from collections.abc import Sequence as Many
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from scenarios.recorded.clouds.arrays import bin_bytes
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.layouts.scenes import SPLITS, quaternion_of, split_of_scenes, truth_of
+from scenarios.recorded.layouts.sweeps import SweepFiles, boxes_of
 from scenarios.recorded.nuscenes import CATEGORY_OF_LABEL_CLASS, CLASS_OF_CATEGORY
+from scenarios.recorded.poses import turned_about
+from smartmot.pointcloud import PointCloud
 from smartmot.types import FloatArray, IntArray
 
 VERSION = "v1.0-mini"
@@ -67,7 +73,7 @@ def nuscenes_files(sequences: Many[Sequence], seed: int = 0) -> Iterator[tuple[s
     for number, (sequence, split) in enumerate(
         zip(sequences, split_of_scenes(len(sequences), seed), strict=True)
     ):
-        name = f"scene-{number:04d}"
+        name = _scene_name(number)
         splits[f"smartmot_{split}"].append(name)
         _add_scene(tables, name, sequence)
     for table, records in tables.items():
@@ -93,15 +99,7 @@ def _fixed_tables() -> Tables:
         "attribute": [{"token": token_of("attribute", n), "name": n, "description": ""} for n in _ATTRIBUTES],
         "visibility": [{"token": t, "level": n, "description": ""} for t, n in _VISIBILITIES.items()],
         "sensor": [{"token": token_of("sensor"), "channel": "LIDAR_TOP", "modality": "lidar"}],
-        "calibrated_sensor": [
-            {
-                "token": token_of("calibrated_sensor"),
-                "sensor_token": token_of("sensor"),
-                "translation": [0.0, 0.0, 0.0],
-                "rotation": [1.0, 0.0, 0.0, 0.0],
-                "camera_intrinsic": [],
-            }
-        ],
+        "calibrated_sensor": [],
         "map": [
             {
                 "token": token_of("map"),
@@ -124,6 +122,7 @@ def _add_scene(tables: Tables, name: str, sequence: Sequence) -> None:
     labels, center_pose = truth_of(sequence)
     count = len(sequence)
     samples = [token_of("sample", name, k) for k in range(count)]
+    calibrated = _add_calibration(tables, sequence)
     stamps = _after(tables["sample"], np.rint(sequence.stamp_s * 1e6).astype(np.int64)).tolist()
     tables["map"][0]["log_tokens"].append(token_of("log", name))
     tables["log"].append(
@@ -172,10 +171,10 @@ def _add_scene(tables: Tables, name: str, sequence: Sequence) -> None:
                 "token": token_of("sample_data", sample),
                 "sample_token": sample,
                 "ego_pose_token": token_of("ego_pose", sample),
-                "calibrated_sensor_token": token_of("calibrated_sensor"),
+                "calibrated_sensor_token": calibrated,
                 "timestamp": stamps[k],
                 "fileformat": "pcd",
-                "filename": "",
+                "filename": "" if sequence.sweeps is None else _sweep_path(name, k),
                 "is_key_frame": True,
                 "height": 0,
                 "width": 0,
@@ -183,7 +182,55 @@ def _add_scene(tables: Tables, name: str, sequence: Sequence) -> None:
                 "next": after and token_of("sample_data", after),
             }
         )
-    _add_annotations(tables, name, labels, samples)
+    points = None if sequence.sweeps is None else sequence.sweeps.point_count
+    _add_annotations(tables, name, labels, points, samples)
+
+
+def _add_calibration(tables: Tables, sequence: Sequence) -> str:
+    """Token of where LIDAR_TOP is, in the frame of the rear axle; entered once for each place."""
+    pose = np.eye(4)
+    if sequence.sweeps is not None:
+        pose = sequence.sweeps.ego_SE3_lidar @ _TURN
+        pose[0, 3] += REAR_AXLE_M
+    translation, rotation = pose[:3, 3].tolist(), quaternion_of(pose[None])[0].tolist()
+    token = token_of("calibrated_sensor", translation, rotation)
+    if token not in {row["token"] for row in tables["calibrated_sensor"]}:
+        tables["calibrated_sensor"].append(
+            {
+                "token": token,
+                "sensor_token": token_of("sensor"),
+                "translation": translation,
+                "rotation": rotation,
+                "camera_intrinsic": [],
+            }
+        )
+    return token
+
+
+_TURN = np.eye(4)
+_TURN[:3, :3] = turned_about(2, np.array([-0.5 * np.pi]))[0].round()
+"""From nuScenes' axes of LIDAR_TOP to ours (x ahead, y left)."""
+
+INTENSITY = 255.0
+"""Greatest intensity in nuScenes; ours are from 0 to 1."""
+
+
+def _sweep_path(scene: str, k: int) -> str:
+    return f"samples/LIDAR_TOP/{scene}__LIDAR_TOP__{k:06d}.pcd.bin"
+
+
+def sweep_bytes(cloud: PointCloud) -> bytes:
+    """A cloud as nuScenes keeps it: x right, y ahead, intensities up to 255, rings."""
+    xyz = cloud.xyz_m @ _TURN[:3, :3].astype(cloud.xyz_m.dtype)
+    intensity = None if cloud.intensity is None else INTENSITY * cloud.intensity
+    return bin_bytes(replace(cloud, xyz_m=xyz, intensity=intensity), nuscenes=True)
+
+
+NUSCENES_SWEEPS = SweepFiles(lambda scene, _, k: _sweep_path(_scene_name(scene), k), sweep_bytes)
+
+
+def _scene_name(number: int) -> str:
+    return f"scene-{number:04d}"
 
 
 def _after(samples: list[dict[str, Any]], stamp_us: IntArray) -> IntArray:
@@ -213,10 +260,13 @@ def rear_axle(center_pose: FloatArray) -> FloatArray:
     return pose
 
 
-def _add_annotations(tables: Tables, scene: str, labels: Objects, samples: list[str]) -> None:
+def _add_annotations(
+    tables: Tables, scene: str, labels: Objects, point_count: IntArray | None, samples: list[str]
+) -> None:
     """Boxes and the objects that they are of."""
+    points = len(labels) * [UNKNOWN_POINTS] if point_count is None else point_count.tolist()
     size = np.column_stack((labels.size_m[:, 1], labels.size_m[:, 0], labels.height_m)).tolist()
-    center = np.column_stack((labels.center_m, labels.bottom_m + 0.5 * labels.height_m)).tolist()
+    center = boxes_of(labels).center_m.tolist()
     half = 0.5 * labels.yaw_rad
     zero = np.zeros(len(labels))
     rotation = np.column_stack((np.cos(half), zero, zero, np.sin(half))).tolist()
@@ -256,7 +306,7 @@ def _add_annotations(tables: Tables, scene: str, labels: Objects, samples: list[
                 "rotation": rotation[row],
                 "prev": links[row][0],
                 "next": links[row][1],
-                "num_lidar_pts": UNKNOWN_POINTS,
+                "num_lidar_pts": points[row],
                 "num_radar_pts": 0,
             }
         )

@@ -19,7 +19,7 @@ from scenarios.errors import ScenarioError
 from scenarios.sensors.lidar.bodies import unit_body
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, Bodies, Parts, joined
 from scenarios.sensors.world import MapSurface
-from smartmot.arrays import BoolArray, FloatArray
+from smartmot.arrays import BoolArray, FloatArray, IntArray
 from smartmot.types import Boxes
 
 KERB_M = 0.12
@@ -152,6 +152,10 @@ class Street:
         kind = tuple(self.kind[k] for k in kept.tolist())
         lost = self.dropped + len(self.kind) - len(kept)
         return Street(bodies, self.sidewalk_blocks, kind, self.footprint[kept], lost)
+
+    def rows_of(self, kind: str) -> IntArray:
+        """Rows in `bodies` of the furniture of a kind."""
+        return self.sidewalk_blocks + np.flatnonzero(np.array(self.kind, dtype=np.str_) == kind)
 
     @cached_property
     def digest(self) -> bytes:

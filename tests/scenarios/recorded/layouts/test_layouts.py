@@ -1,4 +1,4 @@
-"""Recordings written in the layouts of SimBEV and nuScenes, and read again."""
+"""Recordings written in the layouts of SimBEV and nuScenes, and read again; with clouds and without."""
 
 import json
 import math
@@ -13,12 +13,21 @@ import numpy as np
 import pytest
 
 from scenarios.errors import DatasetError
+from scenarios.recorded.clouds.files import read_cloud
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.formats import read_dataset
-from scenarios.recorded.layouts.nuscenes import REAR_AXLE_M, nuscenes_files, token_of
+from scenarios.recorded.layouts.nuscenes import NUSCENES_SWEEPS, REAR_AXLE_M, nuscenes_files, token_of
 from scenarios.recorded.layouts.scenes import split_of_scenes
-from scenarios.recorded.layouts.simbev import corners_of, frame_grid, simbev_files
+from scenarios.recorded.layouts.simbev import (
+    SIMBEV_SWEEPS,
+    corners_of,
+    difficulty,
+    frame_grid,
+    simbev_files,
+)
+from scenarios.recorded.layouts.sweeps import SweepFiles, boxes_of, swept, with_least_points
 from scenarios.recorded.poses import rigid, turned_about
+from smartmot.pointcloud import PointCloud
 
 CATEGORIES = ("car", "pedestrian", "cyclist", "truck", "motorcycle")
 Files = Callable[..., Iterable[tuple[str, bytes]]]
@@ -218,6 +227,109 @@ def test_equal_recordings_give_equal_bytes_and_others_are_refused(files: Files) 
         list(files([replace(whole, world_SE3_ego=None)]))
 
 
+def cast_labels() -> tuple[Sequence, list[PointCloud]]:
+    """The recording with clouds of random points around its labels, some on their faces' level."""
+    rng = np.random.default_rng(3)
+    written = recording()
+    assert written.world_SE3_ego is not None
+    assert written.labels is not None
+    clouds = []
+    for k in range(len(written)):
+        labels = written.labels[written.labels.frame == k]
+        box = np.repeat(boxes_of(labels).center_m, 200, axis=0)
+        world = box + rng.normal(0.0, 1.0, box.shape) * np.repeat(boxes_of(labels).size_m, 200, axis=0)
+        pose = written.world_SE3_ego[k] @ LIDAR
+        xyz = ((world - pose[:3, 3]) @ pose[:3, :3]).astype(np.float32)
+        clouds.append(PointCloud(xyz, rng.random(len(xyz), dtype=np.float32), rng.integers(0, 32, len(xyz))))
+    return written, clouds
+
+
+LIDAR = rigid(turned_about(1, np.array([0.05])), np.array([[0.6, 0.0, 1.8]]))[0]
+"""Ahead of the middle, and pitched."""
+
+
+@pytest.mark.parametrize(
+    ("files", "sweeps"), [(simbev_files, SIMBEV_SWEEPS), (nuscenes_files, NUSCENES_SWEEPS)]
+)
+def test_clouds_are_read_again_and_hold_the_points_that_labels_say(
+    files: Files, sweeps: SweepFiles, tmp_path: Path
+) -> None:
+    written, clouds = cast_labels()
+    kept: dict[str, bytes] = {}
+    made = swept(written, clouds, LIDAR, lambda k, cloud: kept.update(
+        {sweeps.path(0, written, k): sweeps.content(cloud)}))  # fmt: skip
+    assert made.sweeps is not None
+    assert made.labels is not None
+    folder = write(tmp_path, [*kept.items(), *files([made])])
+    names = sorted(kept)
+    for name, cloud in zip(names, clouds, strict=True):
+        xyz = read_cloud(folder / name).cloud.xyz_m
+        if files is nuscenes_files:  # x right, y ahead
+            xyz = np.column_stack((xyz[:, 1], -xyz[:, 0], xyz[:, 2]))
+        assert xyz.tolist() == cloud.xyz_m.tolist()
+    # half of the box is one standard deviation divided by two: 200 x 0.383^3
+    assert made.sweeps.point_count.tolist() == pytest.approx([200 * 0.383**3] * len(made.labels), abs=15)
+    if files is simbev_files:
+        infos = json.loads((folder / "simbev/infos/simbev_infos_train.json").read_text())
+        frames = infos["data"]["scene_0000"]["scene_data"]
+        assert [frame["LIDAR"] for frame in frames] == names
+        assert infos["metadata"]["LIDAR"]["sensor2ego_translation"] == [0.6, 0.0, 1.8]
+        counts = [
+            label["num_lidar_pts"]
+            for frame in frames
+            for label in np.load(folder / frame["GT_DET"], allow_pickle=True)
+        ]
+    else:
+        tables = folder / "v1.0-mini"
+        data = json.loads((tables / "sample_data.json").read_text())
+        assert [row["filename"] for row in data] == names
+        [sensor] = json.loads((tables / "calibrated_sensor.json").read_text())
+        assert sensor["translation"] == pytest.approx([REAR_AXLE_M + 0.6, 0.0, 1.8])
+        rows = json.loads((tables / "sample_annotation.json").read_text())
+        counts = [row["num_lidar_pts"] for row in rows]
+    assert counts == made.sweeps.point_count.tolist()
+    with pytest.raises(DatasetError, match="in the same place in all recordings"):
+        list(simbev_files([made, written]))
+
+
+def test_labels_with_few_points_go() -> None:
+    written, clouds = cast_labels()
+    made = swept(written, clouds, LIDAR, lambda k, cloud: None)
+    assert made.sweeps is not None
+    assert with_least_points(written, 5) is written
+    counts = made.sweeps.point_count
+    least = int(np.median(counts))
+    fewer = with_least_points(made, least)
+    assert fewer.labels is not None
+    assert fewer.sweeps is not None
+    assert fewer.sweeps.point_count.tolist() == counts[counts >= least].tolist()
+    assert 0 < len(fewer.labels) < len(counts)
+
+
+@pytest.mark.parametrize(
+    ("kind", "distance_m", "points", "expected"),
+    [  # SimBEV's limits of distance and points: car 30, 60 m and 80, 30; pedestrian 20, 40 m and 40, 20 ...
+        ("car", 29.9, 80, "easy"),
+        ("car", 30.0, 80, "medium"),
+        ("car", 59.9, 30, "medium"),
+        ("car", 60.0, 500, "hard"),
+        ("car", 10.0, 79, "medium"),
+        ("car", 10.0, 29, "hard"),
+        ("truck", 39.9, 100, "easy"),
+        ("truck", 40.0, 99, "medium"),
+        ("bus", 80.0, 100, "hard"),
+        ("bus", 10.0, 39, "hard"),
+        ("pedestrian", 19.9, 40, "easy"),
+        ("pedestrian", 20.0, 40, "medium"),
+        ("bicycle", 39.9, 20, "medium"),
+        ("motorcycle", 40.0, 40, "hard"),
+        ("pedestrian", 1.0, 19, "hard"),
+    ],
+)
+def test_difficulty_is_simbev_s(kind: str, distance_m: float, points: int, expected: str) -> None:
+    assert difficulty(kind, distance_m, points) == expected
+
+
 CHECK = """
 import sys
 import numpy as np
@@ -239,6 +351,25 @@ assert get_scenes_of_split("smartmot_train", nusc) == ["scene-0000"]
 gt = load_gt_of_sample_tokens(nusc, get_samples_of_custom_split("smartmot_train", nusc), DetectionBox)
 assert isinstance(gt, EvalBoxes) and len(gt.all) == 28 and all(box.num_pts == -1 for box in gt.all)
 print("opened")
+"""
+
+POINTS = """
+import sys
+from nuscenes.nuscenes import NuScenes
+from nuscenes.utils.data_classes import LidarPointCloud
+from nuscenes.utils.geometry_utils import points_in_box
+
+nusc = NuScenes("v1.0-mini", sys.argv[1], verbose=False)
+counts = 0
+for sample in nusc.sample:
+    path, boxes, _ = nusc.get_sample_data(sample["data"]["LIDAR_TOP"])
+    points = LidarPointCloud.from_file(path).points
+    assert points[3].max() <= 255 and points[3].max() > 200
+    for box in boxes:
+        written = nusc.get("sample_annotation", box.token)["num_lidar_pts"]
+        assert points_in_box(box, points[:3]).sum() == written, box
+        counts += 1
+print("counted", counts)
 """
 
 
@@ -270,3 +401,16 @@ def test_the_devkit_opens_it(tmp_path: Path) -> None:
         [python, "-c", CHECK, str(folder), repr(seen.tolist())], capture_output=True, text=True
     )
     assert result.stdout.endswith("opened\n"), result.stderr
+    folder = tmp_path / "cast"
+    written, clouds = cast_labels()
+    made = swept(
+        written,
+        clouds,
+        LIDAR,
+        lambda k, cloud: write(
+            folder, [(NUSCENES_SWEEPS.path(0, written, k), NUSCENES_SWEEPS.content(cloud))]
+        ),
+    )
+    write(folder, nuscenes_files([made]))
+    result = subprocess.run([python, "-c", POINTS, str(folder)], capture_output=True, text=True)
+    assert result.stdout.endswith("counted 28\n"), result.stderr
