@@ -13,7 +13,7 @@ from evaluation.cli.recorded.drive import parse_vehicle
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from evaluation.runs.sweeps import LidarChoice
+    from evaluation.studies.datasets.sweeps import LidarChoice
 
 EXAMPLES = options.examples(
     "`smartmot-eval export results/run --format simbev --out data` writes every run of a folder as a scene.",
@@ -101,7 +101,7 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Write simulated runs or recorded drives as a data set in another layout, or one as a scenario."""
-    from evaluation.studies.mot.layouts import LAYOUTS, is_runs, write_layout
+    from evaluation.studies.datasets.layouts import LAYOUTS, is_runs, write_layout
     from evaluation.studies.mot.openscenario import write_scenario
 
     form = options.parse_name(form, (*LAYOUTS, OPENSCENARIO), "--format")
@@ -117,7 +117,7 @@ def command(
     if form != OPENSCENARIO:
         if map_file is not None or ego is not None:
             raise ArgumentError(f"--map and --ego: for --format openscenario, not for {form}")
-        if of_lidar and not is_runs(source):
+        if of_lidar and source.exists() and not is_runs(source):
             raise ArgumentError(f"{of_lidar[0]}: for runs; no LiDAR is cast along a recorded drive")
         lidar = parse_choice(sensor, street, street_density, street_seed, min_points)
         with counting("casting", quiet) as done:
@@ -138,7 +138,7 @@ def parse_choice(
     Raises:
         ArgumentError: an unknown name, or an option without what it belongs to.
     """
-    from evaluation.runs.sweeps import DEFAULT_SENSOR, LidarChoice
+    from evaluation.studies.datasets.sweeps import DEFAULT_SENSOR, LidarChoice
     from scenarios.sensors.lidar import SENSORS
 
     if sensor is not None:

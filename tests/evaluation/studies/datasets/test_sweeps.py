@@ -9,7 +9,7 @@ import pytest
 
 from evaluation.errors import ArgumentError
 from evaluation.runs.recordings import recording_of_log, recording_of_run
-from evaluation.runs.sweeps import LidarChoice, sweeps_of
+from evaluation.studies.datasets.sweeps import LidarChoice, sweeps_of
 from scenarios.openscenario.motion.roads import load_roads
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset
@@ -24,7 +24,7 @@ from scenarios.strategies import NamedStrategy
 from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.types import Detections
 
-RUN = Path(__file__).parents[2] / "data/field/runs/good/cpna_paper_map_dry_none_50kmh_seed0"
+RUN = Path(__file__).parents[3] / "data/field/runs/good/cpna_paper_map_dry_none_50kmh_seed0"
 
 
 def test_a_run_with_a_lidar_is_cast_with_its_own_on_its_own_street() -> None:

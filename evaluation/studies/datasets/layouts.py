@@ -11,7 +11,7 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import RUNS_CSV, write_bytes
 from evaluation.results.rows import read_runs
 from evaluation.runs.recordings import RunRecording, is_run, recording_of_run, recordings_of_runs
-from evaluation.runs.sweeps import LidarChoice, sweeps_of
+from evaluation.studies.datasets.sweeps import LidarChoice, sweeps_of
 from evaluation.studies.mot.run import chosen
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
 from scenarios.recorded.formats import Reading, read_dataset
@@ -91,13 +91,13 @@ def write_layout(
             notes.hidden(sequence, kept, lidar.least_points)
             sequences.append(kept)
             done(number + 1, count)
-        told = notes.lines()
+        lines = notes.lines()
     else:
         data = chosen(read_dataset(source, None, columns), name)
-        sequences, told = [_centred(s, data.kind) for s in data.sequences], list(data.notes)
+        sequences, lines = [_centred(s, data.kind) for s in data.sequences], list(data.notes)
     for path, content in layout.files(sequences, seed):
         write_bytes(out / path, content)
-    return out / layout.folder, (*told, *_notes(sequences, form))
+    return out / layout.folder, (*lines, *_notes(sequences, form))
 
 
 def is_runs(source: Path) -> bool:

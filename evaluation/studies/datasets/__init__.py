@@ -1,0 +1,1 @@
+"""Runs and drives written as data sets, with the clouds of a LiDAR."""
