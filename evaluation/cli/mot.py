@@ -54,8 +54,8 @@ def command(
     config: Annotated[
         str,
         typer.Option(
-            help="Tracker: default, smartmot, centerpoint, ab3dmot, default for a detector (profile *.json), "
-            "or your own, package.module:name."
+            help="Tracker: default, smartmot, centerpoint, ab3dmot, imm, ukf, default for a detector "
+            "(profile *.json), or your own, package.module:name."
         ),
     ] = "default",
     scores: Annotated[

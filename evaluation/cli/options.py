@@ -38,7 +38,7 @@ StrategyNames = Annotated[
 TrackerName = Annotated[
     str,
     typer.Option(
-        help="preset, ab3dmot, centerpoint, default, smartmot, or your own, package.module:name.",
+        help="preset, ab3dmot, centerpoint, default, imm, smartmot, ukf, or your own, package.module:name.",
         metavar="NAME",
     ),
 ]

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from smartmot.errors import ConfigError
 from smartmot.filters.channels import ChannelFilter
+from smartmot.filters.filterpy_adapter import FilterpyFilter, FilterpyMotion
 from smartmot.filters.kalman import BevFilterConfig, BoxFilter
 from smartmot.filters.motion_models import ConstantTurnRate, LinearMotion
 
+Motion = LinearMotion | ConstantTurnRate | FilterpyMotion
+"""What moves tracks: a model with a filter of ours, or one that makes filters of filterpy."""
 
-def box_filter(motion: LinearMotion | ConstantTurnRate, config: BevFilterConfig) -> BoxFilter:
+
+def box_filter(motion: Motion, config: BevFilterConfig) -> BoxFilter:
     """The filter that suits a motion model.
 
     Args:
@@ -16,15 +20,18 @@ def box_filter(motion: LinearMotion | ConstantTurnRate, config: BevFilterConfig)
         config: Measurement noise and initial uncertainty.
 
     Returns:
-        The linear filter in closed form, or the extended one for CTRV.
+        The linear filter in closed form, the extended one for CTRV, or filters of filterpy.
 
     Raises:
         ConfigError: It is no motion model.
+        PluginError: A filter of the user's cannot be made.
     """
     from smartmot.filters.turn import TurnFilter
 
-    if not isinstance(motion, ConstantTurnRate) and not hasattr(motion, "densities"):
+    if isinstance(motion, ConstantTurnRate):
+        return TurnFilter(motion, config)
+    if isinstance(motion, FilterpyMotion):
+        return FilterpyFilter(motion, config)
+    if not hasattr(motion, "densities"):
         raise ConfigError(f"TrackerConfig.motion: expected a motion model, got {motion!r}")
-    return (
-        TurnFilter(motion, config) if isinstance(motion, ConstantTurnRate) else ChannelFilter(motion, config)
-    )
+    return ChannelFilter(motion, config)

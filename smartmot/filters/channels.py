@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from smartmot.filters.kalman import (
+    BACKWARDS_MPS,
     BevFilterConfig,
     Estimate,
     heading_innovation,
@@ -40,10 +41,6 @@ from smartmot.types import BoolArray, FloatArray, IntArray
 
 _RATED = [X, Y, AREA, YAW]
 """Channels whose rate is part of the state as users see it; the ratio is constant."""
-
-_BACKWARDS_MPS = 2.0
-"""A track that moves faster than this against its heading is turned round: people and parking cars go
-backwards more slowly, 7 km/h."""
 
 
 _STEPS = 32
@@ -199,7 +196,7 @@ class ChannelFilter:
         elif config.heading == "motion":
             yaw = channels[:, YAW, 0]
             forward = channels[:, X, 1] * np.cos(yaw) + channels[:, Y, 1] * np.sin(yaw)
-            channels[forward < -_BACKWARDS_MPS, YAW, 0] += np.pi
+            channels[forward < -BACKWARDS_MPS, YAW, 0] += np.pi
         return corrected
 
     def _corrected(self, state: FloatArray, measurement: FloatArray, noise: FloatArray) -> FloatArray:

@@ -33,6 +33,10 @@ MIN_AREA_M2 = 0.01
 MIN_RATIO = 0.05
 """Least length over width: a box twenty times wider than long, such as a trailer seen across."""
 
+BACKWARDS_MPS = 2.0
+"""A track that moves faster than this against its heading is turned round: people and parking cars go
+backwards more slowly, 7 km/h."""
+
 HEADINGS = ("track", "detector", "motion", "evidence")
 """Whose word counts when a measured heading points the other way: see `BevFilterConfig.heading`."""
 

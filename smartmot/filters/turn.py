@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from smartmot.filters.kalman import (
+    BACKWARDS_MPS,
     BevFilterConfig,
     Estimate,
     heading_innovation,
@@ -29,9 +30,6 @@ _SIZE = _D + _D * _D
 
 _SMALL_TURN_RAD = 1e-4
 """Below it the derivative of sin(h)/h is taken from its series, -h/3, which is then exact to 1e-13."""
-
-_BACKWARDS_MPS = 2.0
-"""See `smartmot.filters.channels`."""
 
 
 def ctrv_step(mean: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
@@ -133,13 +131,19 @@ class TurnFilter:
         mean, jacobian = ctrv_step(state[:, :_D], dt_s)
         predicted[:, :_D] = mean
         spread = jacobian @ self._covariance(state) @ np.swapaxes(jacobian, 1, 2)
-        spread += self._process_noise(state[:, :_D], code, dt_s)
+        spread += self.process_noise(state[:, :_D], code, dt_s)
         self._covariance(predicted)[:] = spread
         predicted[:, _SIZE + 2 :] += dt_s * self._size_density[code]
         return predicted
 
-    def _process_noise(self, mean: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
-        """(M, 5, 5) covariance of white noise on speed, turn rate and position over the step."""
+    def process_noise(self, mean: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
+        """(M, 5, 5) covariance of white noise on speed, turn rate and position over the step.
+
+        Args:
+            mean: (M, 5) states before the step.
+            code: (M,) positions in CATEGORIES.
+            dt_s: Time step.
+        """
         # noise on the speed moves the position along the mean course; speed and turn rate are integrated once
         course = mean[:, _HEADING] + 0.5 * dt_s * mean[:, _TURN]
         along = np.zeros((len(mean), _D))
@@ -190,7 +194,7 @@ class TurnFilter:
         if config.heading == "detector":
             self.turn_round(corrected, np.cos(measurement[:, YAW] - corrected[:, _HEADING]) < 0.0)
         elif config.heading == "motion":
-            self.turn_round(corrected, corrected[:, _SPEED] < -_BACKWARDS_MPS)
+            self.turn_round(corrected, corrected[:, _SPEED] < -BACKWARDS_MPS)
         return corrected
 
     def _measure_velocity(self, state: FloatArray, velocity_mps: FloatArray, code: IntArray) -> None:

@@ -23,13 +23,18 @@ takes no part, IoU is on the ground, and time stands in for counts of frames.
 from wide plateaus that the sequences share, not from the highest peak (docs/tracking.md;
 `python -m benchmarks.tune_tracker`). Its thresholds on scores are relative to the detector's own
 (`smartmot.tracking.scores`). All else is physical.
+
+`imm` and `ukf`: `default` with filters of filterpy, interacting models and an unscented filter
+(`smartmot.filters.filterpy_motions`), to compare with.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from smartmot.errors import ConfigError
+from smartmot.filters.filterpy_motions import InteractingModels, UnscentedTurnRate
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import ConstantVelocity, PerCategory
 from smartmot.forecast import ForecastConfig
@@ -150,7 +155,9 @@ TRACKER_CONFIGS: dict[str, TrackerConfig] = {
     "ab3dmot": _ab3dmot(),
     "centerpoint": _centerpoint(),
     "default": _default(),
+    "imm": replace(_default(), motion=InteractingModels()),
     "smartmot": TrackerConfig.paper(),
+    "ukf": replace(_default(), motion=UnscentedTurnRate()),
 }
 """Configurations by name."""
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from smartmot.errors import ConfigError
+from smartmot.filters.box_filter import Motion
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import (
-    ConstantTurnRate,
     ConstantVelocity,
-    LinearMotion,
     PerCategory,
     Setting,
     check_range,
@@ -89,7 +88,7 @@ class TrackerConfig:
     """All settings of the tracker. `smartmot.tracker_config` has named ones.
 
     Args:
-        motion: Motion model and its noise.
+        motion: Motion model and its noise; any `smartmot.filters.filterpy_adapter.FilterpyMotion`, too.
         filter: Measurement noise and initial uncertainty.
         association: Costs and gates of a match.
         lifecycle: Birth, confirmation and deletion.
@@ -117,7 +116,7 @@ class TrackerConfig:
         ConfigError: A value is outside its range.
     """
 
-    motion: LinearMotion | ConstantTurnRate = field(default_factory=ConstantVelocity)
+    motion: Motion = field(default_factory=ConstantVelocity)
     filter: BevFilterConfig = field(default_factory=BevFilterConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     lifecycle: LifecycleConfig = field(default_factory=LifecycleConfig)

@@ -18,12 +18,13 @@ from evaluation.metrics.forecast_quality import (
 )
 from evaluation.metrics.matching import MATCH_DISTANCE_M, assigned_pairs, compare, match_threshold
 from evaluation.studies.mot.tracking import TrackedSequence
+from smartmot.filters.box_filter import Motion
+from smartmot.filters.filterpy_motions import InteractingModels
 from smartmot.filters.motion_models import (
     ConstantAcceleration,
     ConstantTurnRate,
     ConstantVelocity,
     DecayingAcceleration,
-    LinearMotion,
     ctrv_positions,
 )
 from smartmot.forecast import ForecastConfig, class_positions, forecast_covariance, sure_turn_rates
@@ -32,10 +33,11 @@ from smartmot.types import CATEGORIES, FloatArray, IntArray
 MAX_YAW_RATE_RADPS = ForecastConfig().max_yaw_rate_radps
 """Turn rates of tracks are limited to this, as in `smartmot.forecast`."""
 
-MODELS: dict[str, LinearMotion | ConstantTurnRate] = {
+MODELS: dict[str, Motion] = {
     "cv": ConstantVelocity(),
     "ctrv": ConstantTurnRate(),
     "ca": ConstantAcceleration(),
+    "imm": InteractingModels(),
     "class": DecayingAcceleration(),
 }
 """Motion models by name, with their default noise."""
@@ -49,7 +51,7 @@ Carry = Callable[[TrackedSequence, IntArray, FloatArray], FloatArray]
 """Positions (R, 2) of some track rows (R,) after some times (R,)."""
 
 
-def motions(own: LinearMotion | ConstantTurnRate) -> dict[str, LinearMotion | ConstantTurnRate]:
+def motions(own: Motion) -> dict[str, Motion]:
     """`MODELS`, the one of the tracker's own kind with the tracker's noise."""
     return {name: own if type(own) is type(model) else model for name, model in MODELS.items()}
 
@@ -60,6 +62,7 @@ def carried_on(model: str) -> Carry:
         "cv": _constant_velocity,
         "ctrv": _constant_turn_rate,
         "ca": _constant_acceleration,
+        "imm": _interacting_models,
         "class": _by_class,
         SHIPPED: _shipped,
     }[model]
@@ -86,6 +89,16 @@ def _constant_turn_rate(tracked: TrackedSequence, rows: IntArray, time_s: FloatA
 def _constant_acceleration(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
     moved = _constant_velocity(tracked, rows, time_s)
     return moved + 0.5 * time_s[:, None] ** 2 * tracked.acceleration_mps2[rows]
+
+
+def _interacting_models(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    """The mean of both models: an acceleration fades, and it ends."""
+    models = MODELS["imm"]
+    assert isinstance(models, InteractingModels)
+    fade_s = 1.0 / (1.0 / models.memory_s + 1.0 / models.accelerated_s)
+    gained = fade_s * (time_s + fade_s * np.expm1(-time_s / fade_s))
+    moved = _constant_velocity(tracked, rows, time_s)
+    return moved + gained[:, None] * tracked.acceleration_mps2[rows]
 
 
 def _by_class(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:

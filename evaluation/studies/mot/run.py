@@ -275,7 +275,7 @@ def film(study: MotStudy, tracked: TrackedSequence, span: slice) -> Film:
     carry = carried_on("ctrv")
     if isinstance(study.config, TrackerConfig):
         kind = type(study.config.motion)
-        carry = carried_on(next(name for name, model in MODELS.items() if type(model) is kind))
+        carry = carried_on(next((name for name, model in MODELS.items() if type(model) is kind), "ctrv"))
     if study.network is not None:
         carry = LaneForecast(study.network).along_lanes(carry)
     return Film(tracked, carry, frames, study.network)

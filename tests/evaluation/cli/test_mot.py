@@ -61,7 +61,7 @@ def test_tables_and_files(
     assert metrics["similarity"].unique().tolist() == ["distance", "iou"]
     assert metrics["mota"].min() == pytest.approx(100.0)
     forecast = pd.read_csv(out / "forecast.csv")
-    assert set(forecast["model"]) == {"shipped", "cv", "ctrv", "ca", "class"}
+    assert set(forecast["model"]) == {"shipped", "cv", "ctrv", "ca", "imm", "class"}
     assert not forecast["with_map"].any()
     tracks = pd.read_csv(out / "tracks.csv")
     assert len(tracks) == 100

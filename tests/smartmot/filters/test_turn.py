@@ -58,7 +58,7 @@ def test_equals_filterpy(with_velocity: bool) -> None:
         z[:, :2] = true[:, :2] + rng.normal(0, 0.05, (n, 2))
         z[:, 4] = true[:, 2] + rng.normal(0, 0.02, n)
         velocity = true[:, 3:4] * np.column_stack((np.cos(true[:, 2]), np.sin(true[:, 2])))
-        noise = filter_._process_noise(state[:, :5], code, dt)
+        noise = filter_.process_noise(state[:, :5], code, dt)
         for k, reference in enumerate(references):
             moved, jacobian = ctrv_step(reference.x[None], dt)
             reference.x = moved[0]
@@ -88,8 +88,8 @@ def test_process_noise_adds_up_on_a_straight_line() -> None:
     filter_ = TurnFilter(ConstantTurnRate(), BevFilterConfig())
     mean, code = np.array([[0.0, 0.0, 0.7, 0.0, 0.0]]), np.zeros(1, dtype=np.int64)
     step = ctrv_step(mean, 0.2)[1][0]
-    half = filter_._process_noise(mean, code, 0.2)[0]
-    whole = filter_._process_noise(mean, code, 0.4)[0]
+    half = filter_.process_noise(mean, code, 0.2)[0]
+    whole = filter_.process_noise(mean, code, 0.4)[0]
     np.testing.assert_allclose(step @ half @ step.T + half, whole, atol=1e-12)
 
 

@@ -8,7 +8,7 @@ from smartmot import Boxes, ConfigError, Detections, Tracker, TrackerConfig, tra
 from smartmot.forecast import ForecastConfig, forecast_times, forecast_tracks
 from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config
 
-NAMES = ["ab3dmot", "centerpoint", "default", "smartmot"]
+NAMES = ["ab3dmot", "centerpoint", "default", "imm", "smartmot", "ukf"]
 
 
 def _frame(
@@ -22,7 +22,8 @@ def test_names() -> None:
     assert sorted(TRACKER_CONFIGS) == NAMES
     assert tracker_config("smartmot") == TrackerConfig.paper()
     with pytest.raises(
-        ConfigError, match="'sort' is unknown; choose one of ab3dmot, centerpoint, default, smartmot"
+        ConfigError,
+        match="'sort' is unknown; choose one of ab3dmot, centerpoint, default, imm, smartmot, ukf",
     ):
         tracker_config("sort")
 
