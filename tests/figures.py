@@ -120,9 +120,9 @@ def _drawn(figure: Figure) -> list[_Drawn]:
         draw(text, renderer, *more, **options)
 
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # what is measured while drawing has its place now
+    figure.draw_without_rendering()  # what is measured while drawing has its place now
     with patch.object(Text, "draw", noted):
-        canvas.draw()
+        figure.draw_without_rendering()
     renderer = canvas.get_renderer()  # type: ignore[no-untyped-call]
     legends = [legend for legend in figure.findobj(Legend) if isinstance(legend, Legend)]
     owners = {id(text): legend for legend in legends for text in legend.findobj(Text)}

@@ -290,8 +290,10 @@ def pickled(pair: tuple[Simulation, StepResult, Perception]) -> tuple[Simulation
     return copied
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, pickled])
-@pytest.mark.parametrize("frame", [0, 1, 40, 75, 90])
+@pytest.mark.parametrize(
+    ("duplicate", "frame"),
+    [(copy.deepcopy, 0), (pickled, 1), (copy.deepcopy, 40), (pickled, 75), (copy.deepcopy, 90)],
+)
 @pytest.mark.parametrize(("scenario", "strategy"), [("crossing", "map"), ("ahead", "rectangular")])
 def test_a_copy_goes_on_as_the_original(
     duplicate: Callable[[object], tuple[Simulation, StepResult, Perception]],

@@ -116,7 +116,7 @@ def test_a_legend_of_many_speeds_grows_above_the_titles(sweep: Any, speeds: int)
     assert text_faults(speed_curves(many, sweep.logs)) == []
 
 
-@pytest.mark.parametrize("earliest_s", [0.4, 3.2, 6.0, 40.0])
+@pytest.mark.parametrize("earliest_s", [0.4, 6.0, 40.0])
 def test_times_stand_apart_however_long_the_braking_takes(sweep: Any, earliest_s: float) -> None:
     """On snow the request comes six seconds before the stop."""
     runs = sweep.runs
@@ -133,7 +133,7 @@ def test_times_stand_apart_however_long_the_braking_takes(sweep: Any, earliest_s
 LONG_NAMES = tuple(f"my_package.monitored.areas:variant_{k}_wide" for k in range(6))
 
 
-@pytest.mark.parametrize(("strategies", "weathers"), [(1, 1), (1, 4), (3, 1), (3, 4), (6, 2)])
+@pytest.mark.parametrize(("strategies", "weathers"), [(1, 1), (3, 4), (6, 2)])
 def test_long_names_get_lines_of_their_own(sweep: Any, strategies: int, weathers: int) -> None:
     """Names of plug-ins have 40 characters, and users name weathers as they like."""
     one = sweep.runs[sweep.runs["strategy"] == "map"]
