@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
 from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
@@ -234,6 +235,12 @@ class FollowTrajectoryAction(
     initial_distance_m: float
     timing: TimeReference | None
     steers: bool = False
+
+    @property
+    def curve(self) -> Trajectory:
+        """The trajectory; where it has times, one round of it."""
+        once = self.timing is not None and self.trajectory.closed
+        return replace(self.trajectory, closed=False) if once else self.trajectory
 
 
 class AssignRouteAction(Element, group="RoutingAction"):

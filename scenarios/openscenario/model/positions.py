@@ -177,12 +177,16 @@ class ClothoidSpline(Element, attributes="timeEnd", children="ClothoidSplineSegm
 
 
 class Nurbs(Element, attributes="order", children="ControlPoint Knot"):
-    """Non-uniform rational B-spline; `order` is degree + 1."""
+    """Non-uniform rational B-spline; `order` is degree + 1.
+
+    `times_s` are the time dimension of the control points; empty: it has none.
+    """
 
     order: int
     control_points: tuple[Position, ...]
     weights: tuple[float, ...]
     knots: tuple[float, ...]
+    times_s: tuple[float, ...] = ()
 
 
 Shape: TypeAlias = Polyline | ClothoidSpline | Nurbs

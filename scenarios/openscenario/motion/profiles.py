@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -92,11 +93,12 @@ class SpeedProfile(Immutable):
         """Distance since the beginning, and speed."""
         if time_s >= self.end_s:
             return self.length_m + self.final_mps * (time_s - self.end_s), self.final_mps
-        for (start, before), piece in zip(reversed(self._starts), reversed(self._pieces), strict=True):
-            if time_s >= start:
-                distance, speed = piece.after(time_s - start)
-                return before + distance, speed
-        return 0.0, self._pieces[0].start_mps
+        k = bisect_right(self._starts, (time_s, math.inf)) - 1
+        if k < 0:
+            return 0.0, self._pieces[0].start_mps
+        start, before = self._starts[k]
+        distance, speed = self._pieces[k].after(time_s - start)
+        return before + distance, speed
 
     def scaled(self, factor: float, plus_mps: float) -> SpeedProfile:
         """The same changes of a speed that is a multiple of this one, plus a constant."""
@@ -110,13 +112,12 @@ class SpeedProfile(Immutable):
         """The next time at which speed or acceleration stop to grow or to fall; infinite if there is none."""
         if after_s >= self.end_s:
             return NEVER_S
-        for (start, _), piece in zip(self._starts, self._pieces, strict=True):
-            middle = start + 0.5 * piece.duration_s
-            if start > after_s:
-                return start
+        k = bisect_right(self._starts, (after_s, math.inf))
+        if k > 0:
+            piece, middle = self._pieces[k - 1], self._starts[k - 1][0] + 0.5 * self._pieces[k - 1].duration_s
             if middle > after_s and piece.shape in ("cubic", "sinusoidal"):
                 return middle
-        return self.end_s
+        return self._starts[k][0] if k < len(self._starts) else self.end_s
 
     def demands(self) -> tuple[float, float, float]:
         """Greatest speed, acceleration and deceleration, as amounts; changes at once do not count."""

@@ -11,6 +11,7 @@ from opendrive.geometry.curves import clothoid
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import ClothoidSpline, Nurbs, Polyline, Position, Shape, Trajectory
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose
+from smartmot.path import chord_stations
 from smartmot.types import FloatArray
 
 MAX_POINTS = 200_000
@@ -44,7 +45,7 @@ def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], entity_po
     """
     try:
         path = _build(trajectory.shape, pose_of, entity_pose)
-        return _laps(path) if trajectory.closed else path
+        return laps(path)[0] if trajectory.closed else path
     except RunError as error:
         raise RunError(f"trajectory '{trajectory.name}': {error}") from None
 
@@ -56,19 +57,28 @@ CLOSED_M = 0.05
 """The ends of a closed curve may be this far apart; those of a polyline are joined by a straight line."""
 
 
-def _laps(path: Path) -> Path:
-    """A closed curve, followed again and again."""
+def laps(path: Path) -> tuple[Path, int]:
+    """A closed curve, followed again and again, and how often.
+
+    Raises:
+        RunError: it is curved, and its ends are apart.
+    """
     points, yaw = path.points_m, path.yaw_at_points()
     gap_m = float(np.hypot(*(points[-1] - points[0])))
     if yaw is not None and gap_m > CLOSED_M:
         raise RunError(f"it is closed, and its ends are {gap_m:.3g} m apart")
     ring = points if gap_m > CLOSED_M else points[:-1]
     count = max(2, min(MOST_LAPS, MAX_POINTS // len(ring), math.ceil(LAPS_M / path.length_m)))
-    laps = np.concatenate((np.tile(ring, (count, 1)), points[:1]))
+    points = np.concatenate((np.tile(ring, (count, 1)), points[:1]))
     if yaw is None:
-        return Path(laps[:, 0], laps[:, 1])
+        return Path(points[:, 0], points[:, 1]), count
     headings = np.concatenate((np.tile(yaw[: len(ring)], count), yaw[:1]))
-    return Path(laps[:, 0], laps[:, 1], np.unwrap(headings))
+    return Path(points[:, 0], points[:, 1], np.unwrap(headings)), count
+
+
+def returns(path: Path) -> bool:
+    """Whether a curve ends where it begins."""
+    return float(np.hypot(*(path.points_m[-1] - path.points_m[0]))) <= CLOSED_M
 
 
 def _build(shape: Shape, pose_of: Callable[[Position], Pose], entity_pose: Pose | None) -> Path:
@@ -160,10 +170,35 @@ def _xy(pose: Pose) -> tuple[float, float]:
 
 
 def _nurbs(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> Path:
-    """Points of the curve by de Boor's algorithm in homogeneous coordinates."""
+    curve = _curve(shape, pose_of)[:, :2]
+    keep = np.concatenate(([True], np.hypot(*np.diff(curve, axis=0).T) > 1e-9))
+    curve = curve[keep]
+    if len(curve) < 2:
+        raise RunError("it has no length")
+    slope = np.gradient(curve, axis=0)
+    return Path(curve[:, 0], curve[:, 1], np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])))
+
+
+def schedule(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> FloatArray:
+    """(K, 2) time and arc length at points of a curve whose control points have times.
+
+    The time is a dimension of the curve, with weights and knots like x and y.
+
+    Raises:
+        RunError: the time falls along the curve.
+    """
+    curve = _curve(shape, pose_of)
+    if np.any(np.diff(curve[:, 2]) <= 0.0):
+        raise RunError("its times do not grow all along the curve")
+    return np.column_stack((curve[:, 2], chord_stations(curve[:, :2])))
+
+
+def _curve(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> FloatArray:
+    """(K, 2 or 3) x, y and, if there are times, time by de Boor's algorithm in homogeneous coordinates."""
     points = np.array([_xy(pose_of(position)) for position in shape.control_points])
     weights = np.array(shape.weights)
-    homogeneous = np.column_stack((points * weights[:, None], weights))
+    columns = np.column_stack((points, shape.times_s)) if shape.times_s else points
+    homogeneous = np.column_stack((columns * weights[:, None], weights))
     knots, degree = np.array(shape.knots), shape.order - 1
     hull_m = float(np.hypot(*np.diff(points, axis=0).T).sum())
     count = max(50, math.ceil(hull_m / SPACING_M))
@@ -179,10 +214,5 @@ def _nurbs(shape: Nurbs, pose_of: Callable[[Position], Pose]) -> Path:
             high = knots[span + 1 + j - level]
             alpha = np.divide(u - low, high - low, out=np.zeros_like(u), where=high > low)[:, None]
             d[:, j] = (1.0 - alpha) * d[:, j - 1] + alpha * d[:, j]
-    curve = d[:, degree, :2] / d[:, degree, 2:]
-    keep = np.concatenate(([True], np.hypot(*np.diff(curve, axis=0).T) > 1e-9))
-    curve = curve[keep]
-    if len(curve) < 2:
-        raise RunError("it has no length")
-    slope = np.gradient(curve, axis=0)
-    return Path(curve[:, 0], curve[:, 1], np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])))
+    curve: FloatArray = d[:, degree, :-1] / d[:, degree, -1:]
+    return curve

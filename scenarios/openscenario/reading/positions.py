@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from scenarios.openscenario.errors import ContentError, UnsupportedError
+from scenarios.openscenario.errors import ContentError
 from scenarios.openscenario.model import (
     ClothoidSegment,
     ClothoidSpline,
@@ -86,8 +86,6 @@ def trajectory(parent: Node, context: Context, timed: bool = False) -> Trajector
     node = referenced(parent, "Trajectory", context)
     allow(Trajectory, node)
     closed = node.boolean("closed")
-    if closed and timed:
-        raise UnsupportedError(f"{node.where} closed='true' is not supported together with times")
     shape = node.need("Shape").one_of("Polyline ClothoidSpline Clothoid Nurbs")
     kind = {"Polyline": Polyline, "Nurbs": Nurbs}.get(shape.tag, ClothoidSpline)
     curve = cast(Shape, read(kind, shape, context))
@@ -139,12 +137,11 @@ def _nurbs(node: Node, context: Context) -> Nurbs:
     order = node.integer("order")
     points: list[Position] = []
     weights: list[float] = []
+    times: list[float] = []
     for point in node.all("ControlPoint"):
         point.allow("weight time", "Position")
         if point.has("time"):
-            raise UnsupportedError(
-                f"{point.where} attribute 'time' is not supported; use a Polyline with times"
-            )
+            times.append(point.number("time"))
         points.append(position(point.need("Position"), context))
         weights.append(point.positive("weight", 1.0, zero=False))
     knots: list[float] = []
@@ -160,4 +157,6 @@ def _nurbs(node: Node, context: Context) -> Nurbs:
         raise ContentError(f"{node.where} needs {len(points) + order} Knots, got {len(knots)}")
     if knots != sorted(knots) or knots[order - 1] >= knots[len(points)]:
         raise ContentError(f"{node.where} the Knots must not decrease and must span an interval")
-    return Nurbs(order, tuple(points), tuple(weights), tuple(knots))
+    if times and len(times) < len(points):
+        raise ContentError(f"{node.where} needs a time at every ControlPoint, or at none")
+    return Nurbs(order, tuple(points), tuple(weights), tuple(knots), tuple(times))

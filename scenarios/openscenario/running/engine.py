@@ -28,7 +28,7 @@ from scenarios.openscenario.running.driving.trailers import couple_all
 from scenarios.openscenario.running.initial import in_order
 from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
-from scenarios.openscenario.running.storyboard import Storyboard
+from scenarios.openscenario.running.storyboard import Storyboard, brings
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import Boxes, unchecked
 
@@ -129,12 +129,7 @@ class Engine:
                 for name in sorted(referred(action)):
                     self._pose_now(name)  # refuses a place that is not known
             self.storyboard.execute(instant, action, () if entity is None else (entity,))
-        added = {
-            named.action.entity
-            for event in self.definition.events()
-            for named in event.actions
-            if isinstance(named.action, model.AddEntityAction)
-        }
+        added = self._come_later()
         for actor in self._actors.values():
             if not actor.train().placed and actor.coupling is not None:
                 actor.exists = False
@@ -143,6 +138,11 @@ class Engine:
                     raise RunError(f"entity '{actor.name}' is never given a position in Init")
                 if actor.name not in added:
                     self.world.note(f"'{actor.name}' is never given a position, and nothing refers to it")
+                elif not added[actor.name]:
+                    self.world.note(
+                        f"'{actor.name}' has no position in Init: it comes with its first teleport or "
+                        "trajectory"
+                    )
                 actor.exists = False
         self.ego.controller = controller
         for actor in self._actors.values():
@@ -152,6 +152,17 @@ class Engine:
         self._first_contact(self._now)
         self._process()
         self._sample()
+
+    def _come_later(self) -> dict[str, bool]:
+        """Who is given a place by an event, and whether by an AddEntityAction."""
+        later: dict[str, bool] = {}
+        for event in self.definition.events():
+            for named in event.actions:
+                if isinstance(named.action, model.AddEntityAction):
+                    later[named.action.entity] = True
+                elif brings(named.action):
+                    later |= {name: later.get(name, False) for name in named.entities}
+        return later
 
     def _is_used(self, name: str) -> bool:
         """Whether an action moves an entity, or anything refers to it."""
@@ -184,7 +195,7 @@ class Engine:
                                 locator.pose(position)
                     case model.TeleportAction() | model.AddEntityAction() if not referred(action.position):
                         locator.pose(action.position)
-                    case model.FollowTrajectoryAction(trajectory=curve):
+                    case model.FollowTrajectoryAction(curve=curve):
                         if not starts_at_entity(curve) and not referred(curve):
                             locator.trajectory(curve, None)
                     case model.AssignRouteAction() if not referred(action.route):

@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 from itertools import accumulate, pairwise
 
+import numpy as np
+
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
 from scenarios.openscenario.motion.roads import Leg, Roads
+from scenarios.openscenario.motion.trajectories import laps, returns, schedule
 from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import Instant, World
+from smartmot.types import FloatArray
 
 ON_TRAJECTORY_M = 0.01
 """An entity that is to steer to a trajectory is on it if it is this near."""
+
+TICK_S = 0.05
+"""A curve with times is followed at a constant speed for so long: at 10 m/s2 3 mm beside its time."""
 
 STEERING_MPS2 = 1.0
 """Lateral acceleration of who steers to a trajectory: that of a lane change after UN R79, 5.6.4 (ACSF C)."""
@@ -31,13 +38,14 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
 
     def __init__(self, world: World, actor: Actor, action: model.FollowTrajectoryAction) -> None:
         super().__init__(world, actor, action)
+        self._closed = action.trajectory.closed
         if action.timing is not None:
             self.domains = frozenset({LATERAL, LONGITUDINAL})
 
     def start(self, time_s: float) -> None:
         """Be at the start of the trajectory (or as far along as the file says)."""
         action = self.action
-        trajectory = self._path = self.world.locator.trajectory(action.trajectory, self.who.name)
+        trajectory = self._path = self.world.locator.trajectory(action.curve, self.who.name)
         station = action.initial_distance_m
         if station > self._path.length_m:
             raise RunError(
@@ -51,11 +59,39 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
         if action.timing is None:
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
-        profile = timed_profile(action, trajectory, time_s, own_station)
+        table = self._timetable(trajectory)
+        if self._closed:
+            self._path, count = laps(trajectory)
+            round_s, round_m = table[-1][0] - table[0][0], trajectory.length_m
+            table = [(t + k * round_s, s + k * round_m) for k in range(count) for t, s in table[k > 0 :]]
+        profile = timed_profile(action, table, time_s, own_station)
         if own_station is None:
             station = profile.at(time_s)[0]
         self.who.follow(time_s, self._path, station, trajectory=True)
         self.drive(time_s, profile)
+
+    def _timetable(self, path: Path) -> list[tuple[float, float]]:
+        """Times of one round, and where on the path the entity is at them."""
+        curve = self.action.trajectory
+        self._closed = curve.closed and returns(path)
+        if curve.closed and not self._closed:
+            self.world.note(
+                f"trajectory '{curve.name}' is closed, and has no time for the way from its end to its "
+                f"start: '{self.who.name}' follows it once"
+            )
+        if isinstance(curve.shape, model.Nurbs):
+            try:
+                return self._sampled(schedule(curve.shape, self.world.locator.pose))
+            except RunError as error:
+                raise RunError(f"trajectory '{curve.name}': {error}") from None
+        return timetable(curve, path)
+
+    def _sampled(self, table: FloatArray) -> list[tuple[float, float]]:
+        """A schedule at times that are TICK_S apart."""
+        begin_s, end_s = table[0, 0], table[-1, 0]
+        times = np.linspace(begin_s, end_s, max(2, math.ceil((end_s - begin_s) / TICK_S) + 1))
+        stations = np.interp(times, table[:, 0], table[:, 1])
+        return list(zip(times.tolist(), stations.tolist(), strict=True))
 
     def _is_at(self, station_m: float, pose: Pose) -> bool:
         x, y, _ = self._path.pose(station_m)
@@ -82,7 +118,7 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
 
     def ended(self, instant: Instant) -> bool:
         """At its end; a closed one has none."""
-        if self.action.trajectory.closed:
+        if self._closed:
             return False
         return instant.state(self.who.name).station_m >= self._path.length_m
 
@@ -122,22 +158,15 @@ def route_way(roads: Roads, legs: list[Leg], pose: Pose) -> Path | None:
     return middle if abs(left) < 1e-9 else roads.path(legs, left)
 
 
-def timed_profile(
-    action: model.FollowTrajectoryAction, path: Path, time_s: float, here_m: float | None = None
-) -> SpeedProfile:
-    """Speed profile that meets the times of a trajectory's vertices.
-
-    Args:
-        action: what is followed.
-        path: the trajectory.
-        time_s: now.
-        here_m: where on it the entity is now; None: where it should be.
+def timetable(trajectory: model.Trajectory, path: Path) -> list[tuple[float, float]]:
+    """Times of a polyline or spline, and where on its path they are.
 
     Raises:
-        RunError: a vertex has no time, or times do not grow.
+        RunError: a time is missing, or they do not grow.
     """
-    shape, timing = action.trajectory.shape, action.timing
-    assert timing is not None
+    shape = trajectory.shape
+    times: list[float | None] = []
+    stations: list[float] = []
     if isinstance(shape, model.Polyline):
         times = [vertex.time_s for vertex in shape.vertices]
         stations = path.station_of_vertices()
@@ -149,15 +178,31 @@ def timed_profile(
         else:
             times = [starts[0] or 0.0, *starts[1:], shape.time_end_s]
             stations = [0.0, *accumulate(lengths)]
-    else:
-        times, stations = [None], [0.0]
+    given = [t for t in times if t is not None]
+    if not times or len(given) < len(times) or any(b <= a for a, b in pairwise(given)):
+        raise RunError(f"trajectory '{trajectory.name}': following it by time needs growing times throughout")
+    return list(zip(given, stations, strict=True))
+
+
+def timed_profile(
+    action: model.FollowTrajectoryAction,
+    table: list[tuple[float, float]],
+    time_s: float,
+    here_m: float | None = None,
+) -> SpeedProfile:
+    """Speed profile that meets the times of a trajectory.
+
+    Args:
+        action: what is followed.
+        table: times as the file has them, and places on the trajectory.
+        time_s: now.
+        here_m: where on it the entity is now; None: where it should be.
+    """
+    timing = action.timing
+    assert timing is not None
     base = time_s if timing.relative else 0.0
-    given = [base + timing.offset_s + timing.scale * t for t in times if t is not None]
-    if len(given) < len(times) or any(b <= a for a, b in pairwise(given)):
-        raise RunError(
-            f"trajectory '{action.trajectory.name}': following it by time needs growing times throughout"
-        )
-    points = list(zip(given, stations, strict=True))
+    points = [(base + timing.offset_s + timing.scale * t, s) for t, s in table]
+    first_s = points[0][0]
     if here_m is not None:
         ahead = [(t, s) for t, s in points if t > time_s and s > here_m]
         points = [(time_s, here_m), *ahead]
@@ -167,8 +212,8 @@ def timed_profile(
     ]
     if here_m is not None:
         return SpeedProfile(time_s, 0.0, pieces)
-    wait = max(given[0] - time_s, 0.0)
-    return SpeedProfile(min(given[0], time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
+    wait = max(first_s - time_s, 0.0)
+    return SpeedProfile(min(first_s, time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
 
 
 class AssignRoute(RunningAction[model.AssignRouteAction]):
@@ -200,24 +245,39 @@ class AcquirePosition(RunningAction[model.AcquirePositionAction]):
 def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name: str) -> None:
     """Go on along a route; to one that begins elsewhere, along the lanes that lead to its beginning.
 
+    Who stands where no lane leads there (parked across a road) takes it after a trajectory.
+
     Raises:
-        RunError: no way leads there.
+        RunError: no way leads there, and the entity moves.
     """
     roads, pose = world.locator.roads, actor.state(time_s).pose
     path = route_way(roads, legs, pose)
     if path is None:
-        place = roads.place(pose)
-        if place is None:
-            raise RunError(f"'{actor.name}' is not on {name}, which it is assigned, and in no lane")
         try:
-            legs = [*roads.route_legs([place, roads.start_of(legs[0])]), *legs]
+            legs, path = _led_to(roads, legs, pose)
         except RunError as error:
-            raise RunError(f"'{actor.name}' is not on {name}, which it is assigned: {error}") from None
-        path = route_way(roads, legs, pose)
-    if path is None:
-        raise RunError(f"'{actor.name}' is not on {name}, which it is assigned")
+            if actor.state(time_s).speed_mps != 0.0:
+                raise RunError(f"'{actor.name}' is not on {name}, which it is assigned: {error}") from None
+            actor.route = legs
+            world.note(
+                f"'{actor.name}' stands where no lane leads to {name}, which it is assigned: it takes it "
+                "once a trajectory has brought it there"
+            )
+            return
     actor.route = legs
     actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+
+
+def _led_to(roads: Roads, legs: list[Leg], pose: Pose) -> tuple[list[Leg], Path]:
+    """A route with the lanes that lead to its beginning from a pose, and the way along it."""
+    place = roads.place(pose)
+    if place is None:
+        raise RunError("it is in no lane")
+    legs = [*roads.route_legs([place, roads.start_of(legs[0])]), *legs]
+    path = route_way(roads, legs, pose)
+    if path is None:
+        raise RunError("it is too far beside it")
+    return legs, path
 
 
 TRAJECTORY_REACH_M = 1.0

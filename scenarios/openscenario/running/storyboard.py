@@ -66,6 +66,11 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
     return Switch(world, actor, action)
 
 
+def brings(action: model.Action) -> bool:
+    """Whether an action gives a place to an entity that has none."""
+    return isinstance(action, model.TeleportAction | model.FollowTrajectoryAction)
+
+
 class TriggerWatch:
     """A trigger under observation; `missing` is what a trigger that is not there comes to."""
 
@@ -343,6 +348,8 @@ class Storyboard:
         actors: list[Actor | None] = [self._world.actors[name] for name in entities]
         started: list[Running] = []
         for actor in actors or [None]:
+            if actor is not None and not actor.placed and brings(action):
+                actor.exists = True
             if actor is not None and not actor.exists:
                 continue
             part = running(self._world, actor, action)

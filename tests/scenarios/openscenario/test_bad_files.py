@@ -77,7 +77,7 @@ def edited(write, old, new, *acts, **parts):
         "<TeleportAction/>", ContentError, ["<PrivateAction>", "got 2"]),
         ('<Private entityRef="Other">', '<Private entityRef="Third">', ContentError, ["entity 'Third'"]),
         ('vehicleCategory="car"', 'vehicleCategory="boat"', UnsupportedError, ["vehicleCategory='boat'"]),
-        ('length="4"', 'length="0"', ContentError, ["length: expected a positive number, got 0"]),
+        ('length="4"', 'length="-4"', ContentError, ["length: expected a non-negative number, got -4"]),
         ('filepath="two_roads.xodr"', 'filepath="gone.xodr"', FileReadError, [":6: <LogicFile> road "
         "network"]),
         ('name="Other"', 'name="Ego"', ContentError, ["two entities have the same name, 'Ego'"]),
@@ -90,7 +90,6 @@ def test_content(write, old, new, error, texts):
 @pytest.mark.parametrize(
     "action",
     [
-        "<TrailerAction/>",
         "<RoutingAction><RandomRouteAction/></RoutingAction>",
         "<AppearanceAction><AnimationAction/></AppearanceAction>",
     ],

@@ -154,6 +154,9 @@ def test_an_entity_off_its_route_is_refused(write):
     )
     other = private("Other", teleport(lane_position(60)))
     init = private("Ego", teleport(lane_position(50, lane=1)), assign) + other
+    engine = Engine(load(write(init=init)))
+    assert any("'Ego' stands where no lane leads to route 'through'" in note for note in engine.notes)
+    init = private("Ego", teleport(lane_position(50, lane=1)), speed(5), assign) + other
     with pytest.raises(RunError, match="'Ego' is not on route 'through'"):
         Engine(load(write(init=init)))
 

@@ -5,7 +5,20 @@ import pytest
 
 from scenarios.openscenario import ContentError, Engine, RunError, UnsupportedError, load
 from scenarios.openscenario.motion.paths import Path
-from tests.scenarios.openscenario.conftest import EGO_AT_START, at, lane_position, private, speed, teleport
+from tests.scenarios.openscenario.conftest import (
+    EGO_AT_START,
+    act,
+    at,
+    at_time,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    speed,
+    teleport,
+    trigger,
+)
 
 NO_TIME = "<TimeReference><None/></TimeReference>"
 
@@ -218,9 +231,60 @@ def test_too_far_along_and_closed(write):
     long = follow(polyline((0, 0), (5, 0)), offset=' initialDistanceOffset="6"')
     with pytest.raises(RunError, match="initialDistanceOffset 6 m is more than its length of 5 m"):
         Engine(load(write(init=EGO_AT_START + private("Other", long))))
-    timed = follow(headed(*WAITS), BY_TIME).replace('closed="false"', 'closed="true"')
-    with pytest.raises(UnsupportedError, match="closed='true' is not supported together with times"):
-        load(write(init=EGO_AT_START + private("Other", timed)))
+
+
+def nurbs(order, knots, *points, closed="false"):
+    """Control points as x, y, weight and time."""
+    inner = "".join(
+        f'<ControlPoint weight="{w}" time="{t}">{world(x, y)}</ControlPoint>' for x, y, w, t in points
+    )
+    inner += "".join(f'<Knot value="{k}"/>' for k in knots)
+    return follow(f'<Nurbs order="{order}">{inner}</Nurbs>', BY_TIME).replace('"false"', f'"{closed}"')
+
+
+def test_the_time_of_nurbs_is_a_dimension_of_the_curve(play):
+    """x(u) = 40 u^2 and t(u) = 4 u: x = 2.5 t^2, a constant acceleration of 5 m/s2."""
+    knots = (0, 0, 0, 1, 1, 1)
+    run = other(play, nurbs(3, knots, (0, 20, 1, 0), (0, 20, 1, 2), (40, 20, 1, 4)))
+    for t in (0.5, 1.0, 2.5, 4.0):
+        assert at(run, "Other", t)[:2] == pytest.approx((2.5 * t**2, 20), abs=0.004), t
+    # for 0.05 s at a time it goes on with the mean speed there
+    assert at(run, "Other", 2.52)[3] == pytest.approx(5 * 2.525, abs=1e-3)
+
+
+def test_weights_draw_the_times_too(play):
+    """A quarter of a circle: in its middle both coordinates are 10 sqrt(1/2), half of the time has gone."""
+    w, knots = math.sqrt(0.5), (0, 0, 0, 1, 1, 1)
+    run = other(play, nurbs(3, knots, (10, 20, 1, 0), (10, 30, w, 2), (0, 30, 1, 4)))
+    assert at(run, "Other", 2.0)[:2] == pytest.approx((10 * w, 20 + 10 * w), abs=0.005)
+    assert at(run, "Other", 4.0)[:2] == pytest.approx((0, 30), abs=1e-6)
+
+
+def test_times_of_nurbs_are_for_all_points_and_grow(write):
+    knots = (0, 0, 1, 1)
+    falling = nurbs(2, knots, (0, 0, 1, 3), (9, 0, 1, 2))
+    with pytest.raises(RunError, match="'curve': its times do not grow all along the curve"):
+        Engine(load(write(init=EGO_AT_START + private("Other", falling))))
+    some = nurbs(2, knots, (0, 0, 1, 3), (9, 0, 1, 2)).replace(' time="3"', "")
+    with pytest.raises(ContentError, match="needs a time at every ControlPoint, or at none"):
+        load(write(init=EGO_AT_START + private("Other", some)))
+
+
+def test_a_closed_trajectory_with_times_is_followed_again_and_again(play):
+    """A square of 10 m, its sides in 1, 2, 1 and 4 s: a round takes 8 s."""
+    corners = ((0, 20), (10, 20), (10, 30), (0, 30), (0, 20))
+    square = follow(polyline(*corners, times=(0, 1, 3, 4, 8)), BY_TIME)
+    run = other(play, square.replace('closed="false"', 'closed="true"'))
+    for t, x, y in ((0.5, 5, 20), (2, 10, 25), (6, 0, 25), (8.5, 5, 20), (10, 10, 25)):
+        assert at(run, "Other", t)[:2] == pytest.approx((x, y), abs=1e-6), t
+
+
+def test_one_whose_way_back_has_no_time_is_followed_once_and_that_is_noted(play):
+    line = follow(polyline((0, 20), (10, 20), times=(0, 2)), BY_TIME)
+    init = EGO_AT_START + private("Other", line.replace('closed="false"', 'closed="true"'))
+    engine, run = play(init=init)
+    assert at(run, "Other", 3.0)[:2] == pytest.approx((15, 20))
+    assert [note for note in engine.notes if "no time for the way from its end to its start" in note]
 
 
 def test_a_closed_polyline_is_followed_round_and_round(play):
@@ -306,3 +370,15 @@ def test_no_room_to_steer_is_refused(write):
     init += private("Other", teleport(lane_position(60)))
     with pytest.raises(RunError, match=r"21\.8 m beside trajectory 'curve' and cannot steer"):
         Engine(load(write(init=init)))
+
+
+def test_who_has_no_place_in_init_comes_with_its_trajectory(play):
+    """At a speed that Init gives; before that it touches nobody and is not there."""
+    line = follow(polyline((60, 20), (100, 20)))
+    later = trigger(condition(at_time(2)))
+    init = EGO_AT_START + private("Other", speed(4))
+    engine, run = play(act(maneuver(event("e", line, later))), init=init)
+    there = run.exists[:, run.names.tolist().index("Other")]
+    assert run.time_s[there].min() == pytest.approx(2.0)
+    assert at(run, "Other", 3.0) == pytest.approx((64, 20, 0, 4))
+    assert [note for note in engine.notes if "'Other' has no position in Init: it comes with" in note]
