@@ -25,10 +25,10 @@ from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
-from scenarios.openscenario.running.initial import in_order
+from scenarios.openscenario.running.initial import come_later, in_order, is_used
 from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
-from scenarios.openscenario.running.storyboard import Storyboard, brings
+from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import Boxes, unchecked
 
@@ -129,12 +129,12 @@ class Engine:
                 for name in sorted(referred(action)):
                     self._pose_now(name)  # refuses a place that is not known
             self.storyboard.execute(instant, action, () if entity is None else (entity,))
-        added = self._come_later()
+        added = come_later(self.definition)
         for actor in self._actors.values():
             if not actor.train().placed and actor.coupling is not None:
                 actor.exists = False
             elif not actor.placed:
-                if actor is self.ego or (actor.name not in added and self._is_used(actor.name)):
+                if actor is self.ego or (actor.name not in added and is_used(self.definition, actor.name)):
                     raise RunError(f"entity '{actor.name}' is never given a position in Init")
                 if actor.name not in added:
                     self.world.note(f"'{actor.name}' is never given a position, and nothing refers to it")
@@ -152,33 +152,6 @@ class Engine:
         self._first_contact(self._now)
         self._process()
         self._sample()
-
-    def _come_later(self) -> dict[str, bool]:
-        """Who is given a place by an event, and whether by an AddEntityAction."""
-        later: dict[str, bool] = {}
-        for event in self.definition.events():
-            for named in event.actions:
-                if isinstance(named.action, model.AddEntityAction):
-                    later[named.action.entity] = True
-                elif brings(named.action):
-                    later |= {name: later.get(name, False) for name in named.entities}
-        return later
-
-    def _is_used(self, name: str) -> bool:
-        """Whether an action moves an entity, or anything refers to it."""
-        definition = self.definition
-        if any(name == who or name in referred(action) for who, action in definition.init):
-            return True
-        for event in definition.events():
-            for named in event.actions:
-                if name in named.entities or name in referred(named.action):
-                    return True
-        kinds = (condition.kind for condition in definition.conditions())
-        return any(
-            name in kind.entities or name in referred(kind.kind)
-            for kind in kinds
-            if isinstance(kind, model.EntityCondition)
-        )
 
     def _check_places(self) -> None:
         """Find places off the road that an action or a condition names before the run.
@@ -281,12 +254,14 @@ class Engine:
     def _advance(self, duration_s: float) -> None:
         """Move on by no more than a step."""
         end = round(self.time_s + duration_s, TIME_DIGITS)
+        repeats = True
         for _ in range(MAX_SPLITS):
             if self.time_s >= end - TOLERANCE_S or self.over:
                 break
             heeded = [actor.heed(self.time_s) for actor in self._driven()]
-            if any(heeded):
+            if any(heeded) or (repeats and self.storyboard.again):
                 self._process()
+            repeats = False
             if self.storyboard.update(self._now):
                 self._unsettle()
             if controllers.decide(self._driven(), self._now):

@@ -1,4 +1,4 @@
-"""The order in which initial actions are carried out.
+"""The order in which initial actions are carried out, and who gets a place later.
 
 They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an
 action that refers to an entity waits until that entity has its initial place and speed.
@@ -85,3 +85,36 @@ def _waits(k: int, waiting: Sequence[InitialAction]) -> bool:
         ):
             return True
     return False
+
+
+def brings(action: model.Action) -> bool:
+    """Whether an action gives a place to an entity that has none."""
+    return isinstance(action, model.TeleportAction | model.FollowTrajectoryAction)
+
+
+def come_later(definition: model.ScenarioDefinition) -> dict[str, bool]:
+    """Who is given a place by an event, and whether by an AddEntityAction."""
+    later: dict[str, bool] = {}
+    for event in definition.events():
+        for named in event.actions:
+            if isinstance(named.action, model.AddEntityAction):
+                later[named.action.entity] = True
+            elif brings(named.action):
+                later |= {name: later.get(name, False) for name in named.entities}
+    return later
+
+
+def is_used(definition: model.ScenarioDefinition, name: str) -> bool:
+    """Whether an action moves an entity, or anything refers to it."""
+    if any(name == who or name in referred(action) for who, action in definition.init):
+        return True
+    for event in definition.events():
+        for named in event.actions:
+            if name in named.entities or name in referred(named.action):
+                return True
+    kinds = (condition.kind for condition in definition.conditions())
+    return any(
+        name in kind.entities or name in referred(kind.kind)
+        for kind in kinds
+        if isinstance(kind, model.EntityCondition)
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
@@ -16,6 +17,7 @@ from scenarios.openscenario.running.conditions import Watch
 from scenarios.openscenario.running.driving import distances, lateral, speeds
 from scenarios.openscenario.running.driving.controllers import Control
 from scenarios.openscenario.running.driving.trailers import TrailerChange, moves_itself
+from scenarios.openscenario.running.initial import brings
 from scenarios.openscenario.running.synchronize import Synchronize
 from scenarios.openscenario.running.world import Instant, World
 
@@ -64,11 +66,6 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
     if isinstance(action, model.AddEntityAction):
         return following.AddEntity(world, None, action)
     return Switch(world, actor, action)
-
-
-def brings(action: model.Action) -> bool:
-    """Whether an action gives a place to an entity that has none."""
-    return isinstance(action, model.TeleportAction | model.FollowTrajectoryAction)
 
 
 class TriggerWatch:
@@ -206,6 +203,7 @@ class EventElement(Element):
         self.event, self.maneuver = event, maneuver
         self.start = TriggerWatch(event.start, world, missing=True)
         self.executions = 0
+        self._began_s = -math.inf
         self.actions = [ActionElement((*path, action.name), action) for action in event.actions]
         self.children = self.actions
 
@@ -213,6 +211,7 @@ class EventElement(Element):
         """Ready for another execution of the maneuver group."""
         super().reset()
         self.executions = 0
+        self._began_s = -math.inf
         self.start.forget()
 
     def watches(self) -> Iterator[Watch]:
@@ -226,6 +225,10 @@ class EventElement(Element):
             return super().advance(storyboard, instant)
         if self.state == COMPLETE or not self.start.look(instant):
             return False
+        if self._began_s == instant.time_s:  # it has no duration: once at an instant, then at the next step
+            storyboard.again = True
+            return False
+        self._began_s = instant.time_s
         rivals = [other for other in self.maneuver.children if other is not self and other.state == RUNNING]
         if self.event.priority == "skip" and rivals:
             self.executions += 1
@@ -332,6 +335,8 @@ class Storyboard:
         self._running: list[Running] = []
         self._named: dict[tuple[str, tuple[str, ...]], Element] = {}
         self.over = False
+        self.again = False
+        """Whether an event is to begin again at the next step."""
         world.element_state = self._element_state
 
     def _element_state(self, kind: str, path: tuple[str, ...], state: str) -> bool:
@@ -415,6 +420,7 @@ class Storyboard:
         Raises:
             RunError: events start one another without end.
         """
+        self.again = False
         for element in self._elements:
             element.transition = None
         for _ in range(MAX_ROUNDS):

@@ -229,6 +229,25 @@ def test_events_that_start_one_another_without_end_are_refused(write):
         engine_of(write, act(maneuver(event("e", add_to_variable("n", 1))), count=100_000))
 
 
+def test_an_event_that_may_again_begins_once_a_step(write):
+    """It sets n at 1 s and a step later, and is not used up at one instant, however great its count."""
+    often = event("e", add_to_variable("n", 1), later(1), count=5000)
+    engine = engine_of(write, act(maneuver(often)))
+    assert n_at(engine, 0.995) == 0
+    assert n_at(engine, 1.005) == 1
+    assert n_at(engine, 2.005) == 101
+
+
+def test_what_holds_at_one_instant_begins_an_event_once(write):
+    """As esmini's lights at the start: at time 0 and while it moves; the count is left for later."""
+    now = by_value('<SimulationTimeCondition value="0" rule="equalTo"/>')
+    later_on = trigger(condition(at_time(2), edge="rising"))
+    begins = trigger(condition(now)).replace("</StartTrigger>", "") + later_on.replace("<StartTrigger>", "")
+    engine = engine_of(write, act(maneuver(event("e", add_to_variable("n", 1), begins, count=1000))))
+    assert n_at(engine, 1.0) == 1
+    assert n_at(engine, 5.0) == 2
+
+
 @pytest.mark.parametrize("where", ["event", "group", "act"])
 def test_an_action_is_stopped_from_wherever_it_is_overridden(write, where):
     """A ramp to 10 m/s within 10 s; at 2 s another event, group or act takes the speed to 1 m/s at once."""
