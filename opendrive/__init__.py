@@ -22,7 +22,7 @@ from opendrive.errors import (
     RouteNotFoundError,
     WarningKind,
 )
-from opendrive.export import write_mesh
+from opendrive.formats import write_commonroad, write_lanelet2, write_mesh
 from opendrive.geo import GeoReferenceError
 from opendrive.lanes.table import LaneKey, LaneTable
 from opendrive.lanes.travel import LanePlaces, LaneRoute
@@ -64,6 +64,8 @@ __all__ = [
     "WarningKind",
     "load_map",
     "read_map",
+    "write_commonroad",
+    "write_lanelet2",
     "write_map",
     "write_mesh",
 ]

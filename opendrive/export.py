@@ -14,13 +14,9 @@ from numpy.typing import NDArray
 
 from opendrive.arrays import FloatArray
 from opendrive.lanes.table import LaneTable
-from opendrive.roads.network_lanes import NetworkLanes
 
 _DEGREE_DECIMALS = 9
 """A tenth of a millimetre on the equator."""
-
-_LEAST_AREA_M2 = 1e-9
-"""Twice the area of the smallest triangle that is written."""
 
 LOCAL_FRAME = "local: metres in the map's inertial frame, x east, y north; the map has no geoReference"
 
@@ -115,45 +111,3 @@ def _plain(values: Any) -> list[Any]:
     """Return a column as JSON knows it: None in place of NaN."""
     plain = values.tolist() if isinstance(values, np.ndarray) else values
     return [None if isinstance(value, float) and np.isnan(value) else value for value in plain]
-
-
-def write_mesh(network: NetworkLanes, path: str | PathLike[str], step_m: float = 1.0) -> int:
-    """Write the surfaces of all lanes as a Wavefront OBJ file, and return the number of triangles.
-
-    Vertices are x, y, z of the map frame (z up), metres; each lane is a group named
-    ``ROAD/SECTION/LANE TYPE``. Triangles are counter-clockwise from above; those without area are left out.
-
-    Args:
-        network: the map.
-        path: file to write.
-        step_m: distance of the vertices along the road at most.
-
-    Raises:
-        PositionError: the step is not positive.
-        OSError: the file cannot be written.
-    """
-    borders = network.sampled_borders(step_m)
-    lanes = network.lanes
-    vertices = np.empty((2 * len(borders.s_m), 3))
-    # Left and right as seen along s, whatever the direction of travel.
-    along = (lanes.direction > 0)[np.repeat(np.arange(len(lanes)), np.diff(borders.first))][:, None]
-    vertices[0::2] = np.where(along, borders.left_m, borders.right_m)
-    vertices[1::2] = np.where(along, borders.right_m, borders.left_m)
-    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices.tolist()]
-    triangles = 0
-    for lane, key in enumerate(lanes.key):
-        rows = np.arange(borders.first[lane], borders.first[lane + 1] - 1)
-        left, right, next_left, next_right = 2 * rows, 2 * rows + 1, 2 * rows + 2, 2 * rows + 3
-        faces = np.concatenate(
-            [np.stack([right, next_right, next_left], axis=1), np.stack([right, next_left, left], axis=1)]
-        )
-        corners = vertices[faces, :2]
-        (ax, ay), (bx, by) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
-        faces = faces[ax * by - ay * bx > _LEAST_AREA_M2]
-        if len(faces):
-            name = f"{key.road_id}/{key.section}/{key.lane_id} {lanes.lane_type[lane]!s}"
-            lines.append("g " + name.replace("\n", " ").replace("\r", " "))
-            lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
-            triangles += len(faces)
-    Path(path).write_text("\n".join([f"# {len(lanes)} lanes, metres, z up", *lines]) + "\n", encoding="utf-8")
-    return triangles

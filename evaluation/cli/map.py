@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evaluation.cli import options
+
+if TYPE_CHECKING:
+    from opendrive import RoadNetwork
 
 EXAMPLES = options.examples(
     "`smartmot-eval map town.xodr --png town.png`",
     "`smartmot-eval map town.xodr --at 12,-1,140 --speed 50 --png here.png`",
     "`smartmot-eval map town.xodr --view town.html`",
     "`smartmot-eval map town.xodr --sites --speed 40`",
+    "`smartmot-eval map town.xodr --export lanelet2 town.osm`",
     "`smartmot-eval map town.xodr --check --strict --findings town.xqar`",
     "`smartmot-eval map folder_of_maps --check`",
 )
@@ -37,9 +42,13 @@ def command(
         Path | None,
         typer.Option(help="Picture to write; the ending may also be svg or pdf.", metavar="FILE"),
     ] = None,
-    mesh: Annotated[
-        Path | None,
-        typer.Option(help="Surfaces of all lanes to write, as Wavefront OBJ.", metavar="FILE.obj"),
+    export: Annotated[
+        tuple[str, Path] | None,
+        typer.Option(
+            help="Write the map for another tool: commonroad (.xml), lanelet2 (.osm), gltf (.glb, .gltf) or "
+            "obj (.obj). What the format cannot hold is listed.",
+            metavar="FORMAT FILE",
+        ),
     ] = None,
     sites: Annotated[
         bool,
@@ -98,12 +107,9 @@ def command(
     site = pose_site(network, place) if place else None
     for line in describe_map(network, site, speed):
         typer.echo(line)
-    if mesh is not None:
-        from evaluation.views.pictures import told_of_writing
-        from opendrive import write_mesh
-
-        with told_of_writing("--mesh", mesh):
-            typer.echo(f"mesh: {mesh}, {write_mesh(network, mesh)} triangles")
+    if export is not None:
+        for line in _export(network, *export):
+            typer.echo(line)
     monitored, ego = None, None
     if site is not None and (png is not None or view is not None):
         from scenarios.presets import named_preset
@@ -124,6 +130,26 @@ def command(
         title = network.name or Path(file).stem
         save_map_page(network, view, title, [outline for _, outline in area])
         typer.echo(f"page: {view}")
+
+
+def _export(network: RoadNetwork, form: str, path: Path) -> Iterator[str]:
+    """Write a map for another tool; the lines that say what was written and what was not."""
+    from evaluation.views.pictures import told_of_writing
+    from opendrive.formats import EXPORTS
+
+    form = options.parse_name(form, tuple(EXPORTS), "--export")
+    endings, write = EXPORTS[form]
+    if path.suffix not in endings:
+        raise typer.BadParameter(
+            f"{path.name!r} does not end in {' or '.join(endings)}, as {form} does", param_hint="--export"
+        )
+    with told_of_writing("--export", path):
+        export = write(network, path)
+    yield f"{form}: {path}, " + ", ".join(f"{count} {what}" for what, count in export.counts.items())
+    for what, count in sorted(export.left_out.items()):
+        yield f"  not carried over: {count} x {what}"
+    for note in export.notes:
+        yield f"  {note}"
 
 
 def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:

@@ -118,3 +118,40 @@ def test_a_layer_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize("options", [("--findings", "found.txt", "--check"), ("--findings", "found.json")])
 def test_findings_need_a_known_ending_and_a_check(options: tuple[str, ...]) -> None:
     assert call("map", "urban_street", *options) == 2
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "account"),
+    [
+        ("commonroad", "m.xml", "36 lanelets, 20 traffic signs, 4 traffic lights, 1 intersections"),
+        ("lanelet2", "m.osm", "32 lanelets, 4 crosswalks, 4 traffic signs, 4 traffic lights"),
+        ("gltf", "m.glb", "32 lanes, 7048 triangles"),
+        ("obj", "m.obj", "32 lanes, 7048 triangles"),
+    ],
+)
+def test_a_map_is_written_for_other_tools(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, name: str, account: str
+) -> None:
+    assert call("map", "urban_intersection", "--export", form, tmp_path / name) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert f"{form}: {tmp_path / name}, {account}" in lines
+    limits = "  not carried over: 8 x signs of speed limits (lanelets have those of their lanes)"
+    assert (limits in lines) == (form in ("commonroad", "lanelet2"))
+    assert (tmp_path / name).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("export", "reason"),
+    [
+        (("gltf", "m.obj"), "does not end in .glb or .gltf"),
+        (("step", "m.stp"), "use one of: commonroad, lanelet2"),
+        (("gltf", "absent/m.glb"), "cannot write"),
+    ],
+)
+def test_an_export_that_is_not_possible_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], export: tuple[str, str], reason: str
+) -> None:
+    assert call("map", "urban_street", "--export", export[0], tmp_path / export[1]) == 2
+    answer = capsys.readouterr().err
+    assert len(answer.splitlines()) == 1
+    assert reason in answer
