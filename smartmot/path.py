@@ -20,6 +20,7 @@ class PlannedPath:
     Args:
         center_m: (P, 2) points that the centre of the ego is to pass, map frame.
         station_m: (P,) distance along the path, ascending from point to point.
+        height_m: (P,) heights of the ground on the way, where roads lie above one another; None: not known.
 
     Raises:
         ShapeError: shapes disagree, a value is not finite, or the stations do not ascend.
@@ -29,6 +30,7 @@ class PlannedPath:
 
     center_m: FloatArray
     station_m: FloatArray
+    height_m: FloatArray | None = field(default=None, kw_only=True)
     _unit: FloatArray = field(init=False, repr=False)
     _low_m: FloatArray = field(init=False, repr=False)
     _high_m: FloatArray = field(init=False, repr=False)
@@ -42,6 +44,11 @@ class PlannedPath:
             raise ShapeError(
                 f"{self._noun}: expected two points or more, each at a greater station than the last"
             )
+        if self.height_m is not None:
+            heights = frozen(self.height_m, np.float64, (len(center),), "height_m")
+            if not np.isfinite(heights).all():
+                raise ShapeError(f"{self._noun}: every height must be finite")
+            object.__setattr__(self, "height_m", heights)
         # every frame projects points; the segments are made once
         length = np.diff(station)
         low, high = np.zeros_like(length), length.copy()
@@ -57,15 +64,18 @@ class PlannedPath:
             object.__setattr__(self, name, column)
 
     @classmethod
-    def through(cls, points_m: ArrayLike) -> PlannedPath:
+    def through(cls, points_m: ArrayLike, height_m: ArrayLike | None = None) -> PlannedPath:
         """The path through (P, 2) points, map frame, whose stations are measured along the chords from 0.
+
+        Heights of the ground, (P,), tell roads above one another apart.
 
         Raises:
             ShapeError: not of that shape, fewer than two points, two neighbours are equal, or a value is not
                 finite.
         """
         points = frozen(points_m, np.float64, (None, 2), "points_m")
-        return PlannedPath(points, chord_stations(points))
+        heights = None if height_m is None else np.asarray(height_m, dtype=np.float64)
+        return PlannedPath(points, chord_stations(points), height_m=heights)
 
     @property
     def length_m(self) -> float:

@@ -13,6 +13,8 @@ def overlapping_roads(geometry: NetworkGeometry, index: LaneIndex) -> tuple[tupl
     """Return pairs of roads whose lanes lie above each other, found from middles of lanes every 2 m."""
     borders = sample_borders(geometry, _STEP_M)
     middle_m = 0.5 * (borders.left_m + borders.right_m)
+    if not len(middle_m) or np.ptp(middle_m[:, 2]) <= LEVEL_M:
+        return ()
     hits = index.containing(np.ascontiguousarray(middle_m[:, :2]))
     height_m = geometry.lane_surface(hits.lane, hits.s_m, hits.t_m).z_m
     apart = np.abs(height_m - middle_m[hits.point, 2]) > LEVEL_M

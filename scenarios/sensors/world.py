@@ -113,6 +113,9 @@ class World:
         exists: (N,) not deleted.
         seen: (N,) exists and is visible to sensors.
         surface: the ground.
+        ground_m: (N,) heights of the ground below the boxes, where roads lie above one another; None: as the
+            surface says.
+        ego_ground_m: that below the vehicle with the sensors.
 
     Raises:
         smartmot.errors.ShapeError: shapes disagree, a value is not finite, or a height is not positive.
@@ -127,11 +130,15 @@ class World:
     exists: BoolArray
     seen: BoolArray
     surface: RoadSurface = field(default_factory=FlatGround)
+    ground_m: FloatArray | None = None
+    ego_ground_m: float | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.boxes),)
         for name, dtype in _COLUMNS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype, shape, name))
+        if self.ground_m is not None:
+            object.__setattr__(self, "ground_m", frozen(self.ground_m, np.float64, shape, "ground_m"))
         category = np.array(self.category, dtype=np.str_)
         if category.shape != shape:
             raise ShapeError(f"category: expected shape {shape}, got {category.shape}")
@@ -152,6 +159,8 @@ class World:
     @property
     def bottom_m(self) -> FloatArray:
         """(N,) heights of the undersides of the boxes: the ground's at their centres."""
+        if self.ground_m is not None:
+            return self.ground_m
         return self.surface.elevation_m(self.boxes.center_m, self.boxes.yaw_rad)
 
 

@@ -403,7 +403,12 @@ class Simulation:
         station = self.engine.ego.state(self.engine.time_s).station_m
         length = max(way.length_m - station, WAY_STEP_M)
         stations = np.linspace(station, station + length, max(2, math.ceil(length / WAY_STEP_M) + 1))
-        return PlannedPath.through(np.array([way.pose(s)[:2] for s in stations.tolist()]))
+        points_m = np.array([way.pose(s)[:2] for s in stations.tolist()])
+        ego, roads = self.engine.ego, self.engine.world.locator.roads
+        if not roads.has_levels:
+            return PlannedPath.through(points_m)
+        ground_m = ego.ground_m(ego.state(self.engine.time_s)) or 0.0
+        return PlannedPath.through(points_m, roads.way_heights_m(way, stations, points_m, ground_m))
 
     def _log_truth(self, time_s: float) -> None:
         truth = self._truth

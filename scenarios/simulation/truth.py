@@ -11,6 +11,7 @@ from scenarios.openscenario.running.results import Entities
 from scenarios.openscenario.running.storyboard import STANDBY, EventElement
 from scenarios.sensors.world import FlatGround, MapSurface, RoadSurface, World, reversed_course
 from scenarios.simulation.drive import Asked, EgoDrive
+from scenarios.simulation.levels import RoadLevels
 from scenarios.simulation.motion_actions import is_motion, is_to_set_off
 from smartmot.area import ego_extent
 from smartmot.types import Boxes, EgoState, FloatArray, IntArray, StrArray, unchecked
@@ -51,6 +52,8 @@ class Truth:
         plane = engine.definition.map_path is None
         network = engine.world.locator.roads.network
         self._surface: RoadSurface = FlatGround() if plane else MapSurface(network)
+        roads = engine.world.locator.roads
+        self._levels = RoadLevels(roads.network) if roads.has_levels else None
         self._odometry: EgoState | None = None
         self._events: dict[str, list[EventElement]] = {}
 
@@ -72,8 +75,22 @@ class Truth:
         return self._boxes
 
     def world(self, time_s: float) -> World:
-        """Everybody but the ego, for sensors; the objects are numbered as in the log."""
+        """Everybody but the ego, for sensors; the objects are numbered as in the log.
+
+        Where roads lie above one another, sensors see the ego's level alone: a deck hides the street below.
+        """
         entities, actors = self.entities, self.actors
+        seen, ground_m, own_ground_m = entities.seen.take(actors), None, None
+        if self._levels is not None:
+            ground = self._ground_m()
+            center_m = entities.boxes.center_m
+            own_ground_m, ground_m = float(ground[self.own]), ground[actors]
+            shared = self._levels.shared(center_m[self.own], own_ground_m, center_m[actors], ground_m)
+            for k in actors[seen & ~shared].tolist():
+                name = str(entities.name[k])
+                line = f"'{name}' is not seen while it is on another level than the ego, above or below it"
+                self.engine.world.note(line, (name, "another level"))
+            seen = seen & shared
         return unchecked(
             World,
             time_s,
@@ -83,9 +100,17 @@ class Truth:
             self._object_id,
             self.category,
             entities.exists.take(actors),
-            entities.seen.take(actors),
+            seen,
             self._surface,
+            ground_m,
+            own_ground_m,
         )
+
+    def _ground_m(self) -> FloatArray:
+        """Height of the ground below everybody, where roads lie above one another."""
+        actors = self.engine.world.actors.values()
+        heights = (actor.ground_m(actor.state(self.engine.time_s)) for actor in actors)
+        return np.array([0.0 if height_m is None else height_m for height_m in heights])
 
     @property
     def ego_speed_mps(self) -> float:

@@ -39,7 +39,8 @@ def map_view(lane_map: LaneMap, path: PlannedPath) -> MapView:
     """
     if isinstance(lane_map, FaultyMap):
         return MapView(lane_map, lane_map.route)
-    return MapView(lane_map, route_along(lane_map, path.center_m, ROUTE_AHEAD_M, ROUTE_BEHIND_M))
+    route = route_along(lane_map, path.center_m, ROUTE_AHEAD_M, ROUTE_BEHIND_M, z_m=path.height_m)
+    return MapView(lane_map, route)
 
 
 def faulty_map(lane_map: LaneMap, path: PlannedPath, errors: MapErrors) -> LaneMap:

@@ -207,22 +207,27 @@ class FaultyMap:
         """See `LaneMap`."""
         return self._exact.lane_change_ranges(self._lane(lane), side)
 
-    def locate(self, xy_m: ArrayLike) -> PlacedPoints:
+    def locate(self, xy_m: ArrayLike, z_m: ArrayLike | None = None) -> PlacedPoints:
         """See `LaneMap`."""
-        hits = self._exact.locate(self._displaced(np.asarray(xy_m, dtype=np.float64), -1.0))
+        hits = self._exact.locate(self._displaced(np.asarray(xy_m, dtype=np.float64), -1.0), z_m)
         shown = ~self._hidden[hits.lane]
         columns = {name: getattr(hits, name)[shown] for name in ("point", "lane", "s_m", "margin_m")}
         placed: PlacedPoints = SimpleNamespace(**columns)
         return placed
 
-    def nearest_lane(self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",)) -> NearestLanes:
-        """See `LaneMap`; among the lanes that are shown, by the types that they are shown with."""
+    def nearest_lane(
+        self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",), *, z_m: ArrayLike | None = None
+    ) -> NearestLanes:
+        """See `LaneMap`; among the lanes that are shown, by the types that they are shown with.
+
+        Heights count where those are all lanes of some types.
+        """
         points = self._displaced(np.asarray(xy_m, dtype=np.float64), -1.0)
         wanted = np.isin(self.lanes.lane_type[: len(self._hidden)], list(lane_types)) & ~self._hidden
         exact_types = np.asarray(self._exact.lanes.lane_type)
         types = set(exact_types[wanted].tolist())
         if np.array_equal(np.isin(exact_types, list(types)), wanted):
-            return self._exact.nearest_lane(points, tuple(types))
+            return self._exact.nearest_lane(points, tuple(types), z_m=z_m)
         return self._nearest_of(np.flatnonzero(wanted), points)
 
     def _nearest_of(self, lanes: IntArray, points_m: FloatArray) -> NearestLanes:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from smartmot.maps.lane_map import LaneMap
+from smartmot.maps.lane_map import LaneMap, NearestLanes
 from smartmot.maps.route import Route, RouteError, joined, route_ahead, route_from_lanes
 from smartmot.maps.strips import LaneStrip, lane_strip
 from smartmot.maps.walks import extend, lane_length_m, lanes_under, side_lane
@@ -35,6 +35,7 @@ def route_along(
     ahead_m: float = 0.0,
     behind_m: float = 0.0,
     vru_margin_m: float = 0.0,
+    z_m: FloatArray | None = None,
 ) -> Route:
     """Route over the driving lanes that a way runs on, lane changes included.
 
@@ -48,11 +49,12 @@ def route_along(
         ahead_m: wanted length beyond the last point, straight on.
         behind_m: wanted length before the first point.
         vru_margin_m: VRU margin kept with the strips.
+        z_m: (K,) heights of the points: where roads lie above one another, the way stays on its level.
 
     Raises:
         RouteError: the way runs on no driving lane.
     """
-    margin_of = _lanes_under(network, points_m)
+    margin_of = _lanes_under(network, points_m, z_m)
 
     @cache
     def longest(lane: int, k: int) -> tuple[int, int, float, tuple[tuple[int, int], ...]]:
@@ -106,10 +108,10 @@ def route_along(
     return _with_changes(lines, [k - first for k in turns], way)
 
 
-def _lanes_under(lane_map: LaneMap, points_m: FloatArray) -> list[dict[int, float]]:
+def _lanes_under(lane_map: LaneMap, points_m: FloatArray, z_m: FloatArray | None) -> list[dict[int, float]]:
     """For each point of a way the driving lanes under it that run its way, and how far inside each it is."""
     course = np.gradient(points_m, axis=0)
-    under = lanes_under(lane_map, points_m, np.arctan2(course[:, 1], course[:, 0]))
+    under = lanes_under(lane_map, points_m, np.arctan2(course[:, 1], course[:, 0]), z_m)
     margin_of: list[dict[int, float]] = [{} for _ in range(len(points_m))]
     for point, lane, margin in zip(
         under.point.tolist(), under.lane.tolist(), under.margin_m.tolist(), strict=True
@@ -218,7 +220,9 @@ class RouteFollower:
         self._network, self._margin_m = network, vru_margin_m
         self._route: Route | None = None
 
-    def at(self, x_m: float, y_m: float, least_ahead_m: float, ahead_m: float) -> Route | None:
+    def at(
+        self, x_m: float, y_m: float, least_ahead_m: float, ahead_m: float, z_m: float | None = None
+    ) -> Route | None:
         """The route at the next pose.
 
         Args:
@@ -226,11 +230,12 @@ class RouteFollower:
             y_m: place of the vehicle, map frame.
             least_ahead_m: length that the route must have left in front, where the map goes on.
             ahead_m: length of a new one in front.
+            z_m: height of the vehicle's ground, where it is known.
 
         Returns:
             The route; None where the vehicle is more than `MAX_FROM_LANE_M` beside every driving lane.
         """
-        nearest = self._network.nearest_lane(np.array([[x_m, y_m]]))
+        nearest = _nearest(self._network, np.array([[x_m, y_m]]), None if z_m is None else np.array([z_m]))
         if not (nearest.found[0] and nearest.distance_m[0] <= MAX_FROM_LANE_M):
             return None
         return self.on_lane(x_m, y_m, int(nearest.lane[0]), float(nearest.s_m[0]), least_ahead_m, ahead_m)
@@ -252,6 +257,7 @@ def routes_from_poses(
     least_ahead_m: FloatArray,
     ahead_m: FloatArray,
     vru_margin_m: float = 0.0,
+    z_m: FloatArray | None = None,
 ) -> list[Route | None]:
     """The route of a vehicle at each of its recorded poses; see `RouteFollower`.
 
@@ -261,11 +267,12 @@ def routes_from_poses(
         least_ahead_m: (F,) length that the route must have left in front, where the map goes on.
         ahead_m: (F,) length of a new one in front.
         vru_margin_m: VRU margin kept with the strips.
+        z_m: (F,) heights of the vehicle's ground, where they are known.
 
     Returns:
         F routes; None where the vehicle is more than `MAX_FROM_LANE_M` beside every driving lane.
     """
-    nearest = network.nearest_lane(points_m)
+    nearest = _nearest(network, points_m, z_m)
     on_map: BoolArray = nearest.found & (nearest.distance_m <= MAX_FROM_LANE_M)
     follower = RouteFollower(network, vru_margin_m)
     rows = zip(
@@ -275,6 +282,10 @@ def routes_from_poses(
         follower.on_lane(x, y, int(lane), s, float(least_ahead_m[k]), float(ahead_m[k])) if on else None
         for k, (x, y, lane, s, on) in enumerate(rows)
     ]
+
+
+def _nearest(network: LaneMap, points_m: FloatArray, z_m: FloatArray | None) -> NearestLanes:
+    return network.nearest_lane(points_m) if z_m is None else network.nearest_lane(points_m, z_m=z_m)
 
 
 def _ends(network: LaneMap, route: Route, x_m: float, y_m: float, least_m: float) -> bool:

@@ -16,6 +16,9 @@ from smartmot.types import BoolArray, FloatArray, IntArray
 
 Side = Literal["left", "right"]
 
+LEVEL_M = 2.0
+"""Roads that lie further above one another are two levels: no vehicle passes between nearer ones."""
+
 
 class LaneColumns(Protocol):
     """The L lanes of a map, one row each; a lane is named by its row, 0 .. L-1.
@@ -166,11 +169,16 @@ class LaneMap(Protocol):
     def lane_change_ranges(self, lane: int, side: Side, /) -> FloatArray:
         """(K, 2) stretches of s on which the road mark allows changing to the neighbour on a side."""
 
-    def locate(self, xy_m: ArrayLike, /) -> PlacedPoints:
-        """Every lane that contains each of (N, 2) points."""
+    def locate(self, xy_m: ArrayLike, /, z_m: ArrayLike | None = None) -> PlacedPoints:
+        """Every lane that contains each of (N, 2) points.
 
-    def nearest_lane(self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",), /) -> NearestLanes:
-        """The nearest lane of the given types for each of (N, 2) points.
+        With heights, (N,) or one, only lanes of the level nearest to each: a bridge or the street below it.
+        """
+
+    def nearest_lane(
+        self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",), /, *, z_m: ArrayLike | None = None
+    ) -> NearestLanes:
+        """The nearest lane of the given types for each of (N, 2) points; with heights the nearest in space.
 
         Of several lanes that contain a point it is the one whose middle is nearest.
         """

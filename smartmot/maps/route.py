@@ -31,6 +31,7 @@ class Route(PlannedPath):
         center_m: (P, 2) the path, map frame: the joined centre lines, over a lane change the way from one to
             the other.
         station_m: (P,) distance along it, ascending from point to point.
+        height_m: see `PlannedPath`; lanes tell it, so that it is None.
 
     Raises:
         ShapeError: shapes disagree, a value is not finite, or the stations do not ascend.
@@ -47,13 +48,14 @@ class Route(PlannedPath):
         entry_m: FloatArray,
         center_m: FloatArray,
         station_m: FloatArray,
+        height_m: FloatArray | None = None,
     ) -> None:
         object.__setattr__(self, "strips", strips)
         entry = frozen(entry_m, np.float64, (len(strips),), "entry_m")
         if not np.isfinite(entry).all():
             raise ShapeError("route: every point and station must be finite")
         object.__setattr__(self, "entry_m", entry)
-        PlannedPath.__init__(self, center_m, station_m)
+        PlannedPath.__init__(self, center_m, station_m, height_m=height_m)
 
     @property
     def lanes(self) -> tuple[int, ...]:

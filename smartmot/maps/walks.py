@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmot.maps.lane_map import LaneMap, Side
+from smartmot.maps.lane_map import LaneMap, PlacedPoints, Side
 from smartmot.types import FloatArray, IntArray
 
 KERBSIDE_TYPES = frozenset(
@@ -135,6 +135,11 @@ def extend(lane_map: LaneMap, lanes: list[int], covered_m: float, wanted_m: floa
 # --- under points -------------------------------------------------------------------------------------
 
 
+def located(lane_map: LaneMap, points_m: FloatArray, z_m: FloatArray | None) -> PlacedPoints:
+    """Every lane under points; heights, where they are known, are told to the map."""
+    return lane_map.locate(points_m) if z_m is None else lane_map.locate(points_m, z_m)
+
+
 def lane_headings(lane_map: LaneMap, lane: IntArray, s_m: FloatArray) -> FloatArray:
     """(K,) headings in travel direction of the middles of K lanes at an s of each."""
     heading = np.empty(len(lane))
@@ -160,15 +165,18 @@ class LanesUnder(NamedTuple):
     margin_m: FloatArray
 
 
-def lanes_under(lane_map: LaneMap, points_m: FloatArray, yaw_rad: FloatArray) -> LanesUnder:
+def lanes_under(
+    lane_map: LaneMap, points_m: FloatArray, yaw_rad: FloatArray, z_m: FloatArray | None = None
+) -> LanesUnder:
     """The driving lanes under poses that run their way.
 
     Args:
         lane_map: the map.
         points_m: (N, 2) points, map frame.
         yaw_rad: (N,) headings.
+        z_m: (N,) heights, which choose the level where roads lie above one another.
     """
-    hits = lane_map.locate(points_m)
+    hits = located(lane_map, points_m, z_m)
     driving = np.flatnonzero(lane_map.lanes.lane_type[hits.lane] == "driving")
     point, lane, s_m = hits.point[driving], hits.lane[driving], hits.s_m[driving]
     along = np.cos(lane_headings(lane_map, lane, s_m) - yaw_rad[point]) > SAME_WAY

@@ -19,11 +19,12 @@ Oriented: TypeAlias = Annotated[Orientation, Child("Orientation", Orientation())
 
 
 class WorldPosition(Element, attributes="x y z h p r"):
-    """A point of the map frame."""
+    """A point of the map frame; its height tells levels of the road apart, everybody stands on the ground."""
 
     x_m: Annotated[float, Attribute("x")]
     y_m: Annotated[float, Attribute("y")]
     heading_rad: Annotated[float, Attribute("h", 0.0)]
+    z_m: Annotated[float | None, Attribute("z")] = None
 
 
 class LanePosition(Element):
@@ -72,6 +73,7 @@ class RelativeObjectPosition(Element, attributes="entityRef dx dy dz"):
     dx_m: Annotated[float, Attribute("dx")]
     dy_m: Annotated[float, Attribute("dy")]
     orientation: Oriented
+    dz_m: Annotated[float, Attribute("dz", 0.0)] = 0.0
 
 
 class RelativeWorldPosition(Element, attributes="entityRef dx dy dz"):
@@ -81,6 +83,7 @@ class RelativeWorldPosition(Element, attributes="entityRef dx dy dz"):
     dx_m: Annotated[float, Attribute("dx")]
     dy_m: Annotated[float, Attribute("dy")]
     orientation: Oriented
+    dz_m: Annotated[float, Attribute("dz", 0.0)] = 0.0
 
 
 class RoutePosition(Element, children="RouteRef InRoutePosition Orientation"):

@@ -22,21 +22,28 @@ from smartmot.types import BoolArray, FloatArray
 SPACING_M = 0.05
 """Distance of points where a curve bends."""
 
+ON_PATH_M = 1e-3
+"""Who is further from its path is looked up on the map."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pose(Immutable):
-    """Point and heading, map frame."""
+    """Point and heading, map frame; the height of the ground there where it is known."""
 
     x_m: float
     y_m: float
     yaw_rad: float
+    z_m: float | None = None
 
     def moved(self, ahead_m: float, left_m: float, turn_rad: float = 0.0) -> Pose:
         """A pose given in this one's frame."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return Pose(
-            self.x_m + c * ahead_m - s * left_m, self.y_m + s * ahead_m + c * left_m, self.yaw_rad + turn_rad
-        )
+        x_m, y_m = self.x_m + c * ahead_m - s * left_m, self.y_m + s * ahead_m + c * left_m
+        return Pose(x_m, y_m, self.yaw_rad + turn_rad, self.z_m)
+
+    def raised(self, up_m: float) -> Pose:
+        """The same so much higher, where its height is known."""
+        return self if self.z_m is None else Pose(self.x_m, self.y_m, self.yaw_rad, self.z_m + up_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +80,7 @@ class Path(Immutable):
         "_ends",
         "_station",
         "_yaw",
+        "first_z_m",
         "length_m",
         "on_road",
         "points_m",
@@ -105,6 +113,8 @@ class Path(Immutable):
         else:
             self._yaw = np.asarray(yaw_rad, float).tolist()
         self.length_m: float = self._station[-1]
+        self.first_z_m: float | None = None
+        """Height of its beginning, if the file gives one."""
         self.on_road = False
         """Whether it follows lanes."""
         self.track: Track | None = None

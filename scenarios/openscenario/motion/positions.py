@@ -62,7 +62,7 @@ class Locator:
         """
         match position:
             case WorldPosition():
-                return Pose(position.x_m, position.y_m, position.heading_rad)
+                return Pose(position.x_m, position.y_m, position.heading_rad, position.z_m)
             case LanePosition():
                 return self._in_lane(
                     position.road_id, position.lane_id, position.s_m, position.offset_m, position.orientation
@@ -80,9 +80,10 @@ class Locator:
                     frame = frame.moved(0.0, 0.0, math.pi)
             case RelativeObjectPosition():
                 frame = self._pose_of(position.entity).moved(position.dx_m, position.dy_m)
+                frame = frame.raised(position.dz_m)
             case RelativeWorldPosition():
-                pose = self._pose_of(position.entity)
-                frame = Pose(pose.x_m + position.dx_m, pose.y_m + position.dy_m, pose.yaw_rad)
+                pose = self._pose_of(position.entity).raised(position.dz_m)
+                frame = Pose(pose.x_m + position.dx_m, pose.y_m + position.dy_m, pose.yaw_rad, pose.z_m)
             case RoutePosition():
                 frame = self._on_route(position)
             case TrajectoryPosition():
@@ -198,4 +199,4 @@ def oriented(frame: Pose, orientation: Orientation) -> Pose:
     """Pose with an orientation relative to its frame, or absolute."""
     if orientation.relative:
         return frame.moved(0.0, 0.0, orientation.heading_rad)
-    return Pose(frame.x_m, frame.y_m, orientation.heading_rad)
+    return Pose(frame.x_m, frame.y_m, orientation.heading_rad, frame.z_m)

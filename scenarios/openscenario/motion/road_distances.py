@@ -5,15 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scenarios.openscenario.motion.paths import Path, Pose
+from scenarios.openscenario.motion.paths import ON_PATH_M, Path, Pose
 from scenarios.openscenario.motion.roads import LanePlace, Roads
 
 NO_DISTANCE_M = math.nan
 """Between places that no lanes join: no rule but `notEqualTo` holds for it."""
-
-
-ON_PATH_M = 1e-3
-"""Who is further from its path is looked up on the map."""
 
 
 class _Stretch(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path as FilePath
 
@@ -16,7 +16,8 @@ from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, Track, joined, straight
-from smartmot.types import FloatArray
+from smartmot.maps.lane_map import LEVEL_M
+from smartmot.types import FloatArray, IntArray
 
 MAX_WAY_M = 5000.0
 """How far ahead a way along lanes is looked for."""
@@ -75,6 +76,71 @@ class Roads(Immutable):
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network
 
+    @cached_property
+    def has_levels(self) -> bool:
+        """Whether roads lie above one another, so that a place needs a height."""
+        return bool(self.network.overlapping_roads)
+
+    def _level_m(self, pose: Pose) -> float | None:
+        """The height of a pose where it matters."""
+        return None if pose.z_m is None or not self.has_levels else pose.z_m
+
+    def levels_m(self, x_m: float, y_m: float) -> list[float]:
+        """Heights of the roads at a point, one for each level, the lowest first."""
+        hits = self.network.locate(np.array([[x_m, y_m]]))
+        levels: list[float] = []
+        for height_m in sorted(self._heights_m(hits.lane, hits.s_m, hits.t_m)):
+            if not levels or height_m > levels[-1] + LEVEL_M:
+                levels.append(height_m)
+        return levels
+
+    def level_m(self, x_m: float, y_m: float, z_m: float | None) -> float:
+        """Height of the road at a point: of the level nearest to a height; without height of the lowest.
+
+        Beside the roads it is that of the nearest lane, and 0 without any.
+        """
+        levels = self.levels_m(x_m, y_m)
+        if levels:
+            return levels[0] if z_m is None else min(levels, key=lambda level_m: abs(level_m - z_m))
+        nearest = self.network.nearest_lane(np.array([[x_m, y_m]]), z_m=z_m)
+        return self._heights_m(nearest.lane, nearest.s_m, nearest.t_m)[0] if nearest.found[0] else 0.0
+
+    def ground_m(self, x_m: float, y_m: float, before_m: float) -> float:
+        """Height of the ground at a point, a step after it was another: that of the road of this level.
+
+        Beside the roads it stays as it was: below a bridge may be grass.
+        """
+        levels = self.levels_m(x_m, y_m)
+        level_m = min(levels, key=lambda height_m: abs(height_m - before_m), default=before_m)
+        return level_m if abs(level_m - before_m) <= LEVEL_M else before_m
+
+    def way_heights_m(
+        self, way: Path, station_m: FloatArray, points_m: FloatArray, ground_m: float
+    ) -> FloatArray:
+        """(K,) heights of the ground along a way from a place on, where it is `ground_m`.
+
+        Args:
+            way: the way.
+            station_m: (K,) arc lengths, ascending.
+            points_m: (K, 2) the points there.
+            ground_m: height at the first.
+        """
+        heights = []
+        for station, (x_m, y_m) in zip(station_m.tolist(), points_m.tolist(), strict=True):
+            lane = way.lane_at(station)
+            if lane is None:
+                ground_m = self.ground_m(x_m, y_m, ground_m)
+            else:
+                ground_m = float(self.network.center_line(lane[0], lane[1])[2])
+            heights.append(ground_m)
+        return np.array(heights)
+
+    def _heights_m(self, lane: IntArray, s_m: FloatArray, t_m: FloatArray) -> list[float]:
+        """Heights of roads at (s, t) on them."""
+        road_ids = [self.network.lanes.key[index].road_id for index in lane.tolist()]
+        places = zip(road_ids, s_m.tolist(), t_m.tolist(), strict=True)
+        return [float(self.network.road_point(road_id, s, t).z_m) for road_id, s, t in places]
+
     def _require_roads(self) -> None:
         if not self.network.roads:
             raise RunError(
@@ -119,17 +185,17 @@ class Roads(Immutable):
             points = self.network.road_point(road_id, s_m, t_m)
         except OpenDriveError as error:
             raise RunError(str(error)) from None
-        return Pose(float(points.x_m), float(points.y_m), float(points.heading_rad))
+        return Pose(float(points.x_m), float(points.y_m), float(points.heading_rad), float(points.z_m))
 
     def direction(self, lane: int) -> int:
         """+1 if traffic in the lane runs along s, -1 if against."""
         return int(self.network.lanes.direction[lane])
 
     def nearest(self, pose: Pose) -> LanePlace | None:
-        """The nearest lane beside a pose; None where there is none at all."""
+        """The nearest lane beside a pose, on its level; None where there is none at all."""
         if not self.network.roads:
             return None
-        hits = self.network.nearest_lane(np.array([[pose.x_m, pose.y_m]]))
+        hits = self.network.nearest_lane(np.array([[pose.x_m, pose.y_m]]), z_m=self._level_m(pose))
         lane, s, t = int(hits.lane[0]), float(hits.s_m[0]), float(hits.t_m[0])
         if lane < 0:
             return None
@@ -139,8 +205,11 @@ class Roads(Immutable):
         return LanePlace(lane, key.road_id, key.lane_id, s, t, offset, 1 if turn >= 0 else -1)
 
     def place(self, pose: Pose) -> LanePlace | None:
-        """The lane below a pose; of several, the one most nearly along its heading. None off the road."""
-        hits = self.network.locate(np.array([[pose.x_m, pose.y_m]]))
+        """The lane below a pose; of several, the one most nearly along its heading. None off the road.
+
+        Of roads above one another the level counts that is nearest to the height of the pose, if it has one.
+        """
+        hits = self.network.locate(np.array([[pose.x_m, pose.y_m]]), self._level_m(pose))
         best: tuple[tuple[float, float], LanePlace] | None = None
         for lane, s, t in zip(hits.lane.tolist(), hits.s_m.tolist(), hits.t_m.tolist(), strict=True):
             key = self.network.lanes.key[lane]
@@ -159,7 +228,11 @@ class Roads(Immutable):
 
         ASAM OpenDRIVE 1.8, lane types: such a lane is there so that whoever leaves the road is still found.
         """
-        lanes = self.network.locate(np.array([[pose.x_m, pose.y_m]])).lane.tolist()
+        hits, level_m = self.network.locate(np.array([[pose.x_m, pose.y_m]])), self._level_m(pose)
+        lanes = hits.lane.tolist()
+        if level_m is not None:  # a bridge above is no road below
+            heights_m = self._heights_m(hits.lane, hits.s_m, hits.t_m)
+            lanes = [k for k, z_m in zip(lanes, heights_m, strict=True) if abs(z_m - level_m) <= LEVEL_M]
         return all(str(self.network.lanes.lane_type[lane]) == "none" for lane in lanes)
 
     # Ways

@@ -45,9 +45,25 @@ def build(trajectory: Trajectory, pose_of: Callable[[Position], Pose], entity_po
     """
     try:
         path = _build(trajectory.shape, pose_of, entity_pose)
-        return laps(path)[0] if trajectory.closed else path
+        if trajectory.closed:
+            path = laps(path)[0]
+        start = _start_of(trajectory.shape)
+        if start is not None:
+            path.first_z_m = pose_of(start).z_m
+        return path
     except RunError as error:
         raise RunError(f"trajectory '{trajectory.name}': {error}") from None
+
+
+def _start_of(shape: Shape) -> Position | None:
+    """Where a shape begins; None at the entity."""
+    match shape:
+        case Polyline():
+            return shape.vertices[0].position
+        case ClothoidSpline():
+            return shape.segments[0].start
+        case Nurbs():
+            return shape.control_points[0]
 
 
 LAPS_M, MOST_LAPS = 10_000.0, 1000

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import EntityDefinition
-from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, straight
+from scenarios.openscenario.motion.paths import ON_PATH_M, SPACING_M, Path, Pose, straight
 from scenarios.openscenario.motion.profiles import SpeedProfile
-from scenarios.openscenario.motion.roads import Leg
+from scenarios.openscenario.motion.roads import Leg, Roads
 from scenarios.openscenario.motion.towing import drawn
 
 STANDING_MPS = 1e-9
@@ -46,7 +46,7 @@ class State(NamedTuple):
 
     @property
     def pose(self) -> Pose:
-        """Point and heading."""
+        """Point and heading, without height; see `Actor.pose`."""
         return Pose(self.x_m, self.y_m, self.yaw_rad)
 
     def __deepcopy__(self, memo: dict[int, object]) -> State:
@@ -115,6 +115,9 @@ class Actor:
         self.placed = False
         self.exists = True
         self.seen = True
+        self.levels: Roads | None = None
+        """The roads, where some lie above one another; else nobody needs a height."""
+        self._ground_m = 0.0
         self.lights: dict[str, str] = {}
         self.path: Path = straight(Pose(0.0, 0.0, 0.0))
         self.on_trajectory = False
@@ -222,6 +225,30 @@ class Actor:
             self._beside_m = path.project_near(other.x_m, other.y_m, self._beside_m, TOW_LOOK_M)[0]
         return self._beside_m
 
+    def pose(self, time_s: float) -> Pose:
+        """Point and heading at a time, with the height of the ground where roads lie above one another."""
+        return self.pose_in(self.state(time_s))
+
+    def pose_in(self, state: State) -> Pose:
+        """Point and heading in a state of this step, with that height."""
+        return Pose(state.x_m, state.y_m, state.yaw_rad, self.ground_m(state))
+
+    def ground_m(self, state: State) -> float | None:
+        """Height of the ground below it; None where no roads lie above one another.
+
+        On a way along lanes that of the lane; else it stays on its level from step to step.
+        """
+        if self.levels is None:
+            return None
+        if self.coupling is not None:
+            return self.levels.ground_m(state.x_m, state.y_m, self.coupling.tower._ground_m)
+        lane = self.path.lane_at(state.station_m)
+        if lane is not None:
+            x_m, y_m, _ = self.path.pose(state.station_m)
+            if abs(x_m - state.x_m) + abs(y_m - state.y_m) < ON_PATH_M:
+                return float(self.levels.network.center_line(lane[0], lane[1])[2])
+        return self.levels.ground_m(state.x_m, state.y_m, self._ground_m)
+
     # How it can move
 
     def fastest_mps(self, time_s: float) -> float:
@@ -281,6 +308,8 @@ class Actor:
 
     def pass_on(self, time_s: float, state: State) -> None:
         """Take note of the end of a step; who is driven by a controller is anchored there."""
+        if self.levels is not None:
+            self._ground_m = self.ground_m(state) or 0.0
         if self.commanded or self.coupling is not None:
             self._anchor(time_s, state)
         else:
@@ -355,21 +384,29 @@ class Actor:
 
     # What changes it
 
-    def teleport(self, time_s: float, path: Path, station_m: float, yaw_rad: float) -> None:
-        """Put it on a path with a heading of its own."""
+    def teleport(
+        self, time_s: float, path: Path, station_m: float, yaw_rad: float, ground_m: float | None = None
+    ) -> None:
+        """Put it on a path with a heading of its own, on the level of a height if that is known."""
         self.anchor(time_s)
         self.placed = True
         self._put(path, station_m)
+        if self.levels is not None:
+            state = self.state(time_s)
+            self._ground_m = self.levels.level_m(state.x_m, state.y_m, ground_m)
         self._yaw_offset = math.remainder(yaw_rad - path.pose(station_m)[2], 2 * math.pi)
         self._pull(time_s)
 
     def follow(self, time_s: float, path: Path, station_m: float, trajectory: bool) -> None:
         """Put it on a path, heading along it. A trajectory is followed from start to end, in reverse too."""
         self.anchor(time_s)
-        self.placed = True
+        appears, self.placed = not self.placed, True
         self._yaw_offset = 0.0
         self.on_trajectory = trajectory
         self._put(path, station_m)
+        if self.levels is not None and (appears or path.first_z_m is not None):
+            state = self.state(time_s)
+            self._ground_m = self.levels.level_m(state.x_m, state.y_m, path.first_z_m)
         self._pull(time_s)
 
     def _put(self, path: Path, station_m: float) -> None:

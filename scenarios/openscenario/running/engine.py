@@ -96,6 +96,9 @@ class Engine:
             parameters=dict(definition.parameters),
             signals=Signals(definition.signals),
         )
+        if locator.roads.has_levels:
+            for actor in self._actors.values():
+                actor.levels = locator.roads
         controllers.check(definition, self.ego.name)
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
@@ -186,7 +189,7 @@ class Engine:
         actor = self._actors[name]
         if not actor.placed:
             raise RunError(f"a position refers to '{name}' before that has one")
-        return actor.state(self.time_s).pose
+        return actor.pose(self.time_s)
 
     def _find_target(self) -> str | None:
         """Whom the ego is to meet.

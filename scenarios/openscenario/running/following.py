@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -53,7 +54,7 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
                 f"its length of {self._path.length_m:.6g} m"
             )
         own_station: float | None = None
-        pose = self.who.state(time_s).pose
+        pose = self.who.pose(time_s)
         if action.steers and self.who.placed and not self._is_at(station, pose):
             own_station = station = self._steer(time_s, pose)
         if action.timing is None:
@@ -142,7 +143,7 @@ ROUTE_REACH_M = 10.0
 
 def go_on(actor: Actor, world: World, time_s: float) -> None:
     """Leave a trajectory: on along the route of the entity or its lane, at its offset; else straight."""
-    pose, roads = actor.state(time_s).pose, world.locator.roads
+    pose, roads = actor.pose(time_s), world.locator.roads
     path = route_way(roads, actor.route, pose) if actor.route is not None else None
     if path is None or math.cos(path.pose(path.project(pose.x_m, pose.y_m)[0])[2] - pose.yaw_rad) < SAME_WAY:
         path = roads.way(pose)
@@ -236,7 +237,7 @@ class AcquirePosition(RunningAction[model.AcquirePositionAction]):
         """Put the entity on the way there."""
         roads = self.world.locator.roads
         goal = self.world.locator.lane_place(self.action.position)
-        place = roads.place(self.who.state(time_s).pose)
+        place = roads.place(self.who.pose(time_s))
         if place is None or goal is None:
             raise RunError(f"'{self.who.name}' is to acquire a position, and one of the two is in no lane")
         take_route(self.who, self.world, time_s, roads.route_legs([place, goal]), "the way to a position")
@@ -250,7 +251,7 @@ def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name:
     Raises:
         RunError: no way leads there, and the entity moves.
     """
-    roads, pose = world.locator.roads, actor.state(time_s).pose
+    roads, pose = world.locator.roads, actor.pose(time_s)
     path = route_way(roads, legs, pose)
     if path is None:
         try:
@@ -284,6 +285,23 @@ TRAJECTORY_REACH_M = 1.0
 """An entity that follows a trajectory can be teleported this far beside it."""
 
 
+def put(actor: Actor, world: World, time_s: float, pose: Pose) -> None:
+    """Put an entity at a pose, on its way from there; of roads above one another on that of its height."""
+    roads = world.locator.roads
+    if actor.levels is not None and pose.z_m is None:
+        levels_m = roads.levels_m(pose.x_m, pose.y_m)
+        if len(levels_m) > 1:
+            heights = ", ".join(f"{height_m:.1f}" for height_m in levels_m)
+            world.note(
+                f"'{actor.name}' is put at x = {pose.x_m:.6g} m, y = {pose.y_m:.6g} m, where roads lie above "
+                f"one another (z = {heights} m); the lowest is taken, as its position has no z",
+                (actor.name, "level"),
+            )
+            pose = replace(pose, z_m=levels_m[0])
+    path = roads.way(pose)
+    actor.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad, pose.z_m)
+
+
 class Teleport(RunningAction[model.TeleportAction]):
     """TeleportAction. An entity that follows a trajectory goes on from the nearest point of it."""
 
@@ -297,8 +315,7 @@ class Teleport(RunningAction[model.TeleportAction]):
             self.who.follow(time_s, self.who.path, station, trajectory=True)
             return
         self.who.route = None
-        path = self.world.locator.roads.way(pose)
-        self.who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
+        put(self.who, self.world, time_s, pose)
 
 
 class AddEntity(RunningAction[model.AddEntityAction]):
@@ -310,9 +327,8 @@ class AddEntity(RunningAction[model.AddEntityAction]):
         if who.exists and who.placed:
             return
         pose = self.world.locator.pose(self.action.position)
-        path = self.world.locator.roads.way(pose)
         for actor in who.towed():
             actor.exists = True
         who.route, who.on_trajectory = None, False
-        who.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad)
+        put(who, self.world, time_s, pose)
         who.drive(time_s, SpeedProfile(time_s, 0.0))

@@ -19,10 +19,10 @@ def road_distance_m(
 ) -> float:
     """Distance of two entities along the road, or across it; between outlines negative where they overlap."""
     if lateral:
-        ahead, apart = 0.0, abs(distances.apart(a.pose, b.pose)[1])
+        ahead, apart = 0.0, abs(distances.apart(actor.pose_in(a), other.pose_in(b))[1])
     else:
-        place = distances.place_on(actor.path, a.station_m, a.pose)
-        ahead = distances.ahead_m(place, distances.place_on(other.path, b.station_m, b.pose))
+        place = distances.place_on(actor.path, a.station_m, actor.pose_in(a))
+        ahead = distances.ahead_m(place, distances.place_on(other.path, b.station_m, other.pose_in(b)))
         apart = abs(ahead)
     if not freespace or math.isnan(apart):
         return apart
@@ -95,7 +95,7 @@ class OffRoad(Lasting):
 
     def is_so(self, instant: Instant) -> bool:
         """Whether it is there."""
-        return self._world.locator.roads.is_off_road(instant.state(self._actor.name).pose)
+        return self._world.locator.roads.is_off_road(self._actor.pose(instant.time_s))
 
 
 class Clearance(Holding):
@@ -125,7 +125,8 @@ class Clearance(Holding):
     def _is_in(self, other: Actor, instant: Instant) -> bool:
         condition, distances = self._condition, self._world.road_distances
         a, b = instant.state(self._actor.name), instant.state(other.name)
-        ahead, _ = distances.apart(a.pose, b.pose)
+        pose, other_pose = self._actor.pose_in(a), other.pose_in(b)
+        ahead, _ = distances.apart(pose, other_pose)
         if math.isnan(ahead):
             return False
         if condition.freespace:
@@ -133,7 +134,7 @@ class Clearance(Holding):
             ahead = math.copysign(max(apart, 0.0), ahead)
         if not -condition.backward_m <= ahead <= condition.forward_m:
             return False
-        place, beside = distances.place(a.pose), distances.place(b.pose)
+        place, beside = distances.place(pose), distances.place(other_pose)
         hit = None if place is None or beside is None else distances.relate(place, beside)
         if place is None or beside is None or hit is None:
             return False
@@ -163,6 +164,11 @@ class PlaceActor(Actor):
         super().__init__(model.EntityDefinition("a position", "", "unknown", *(1e-9,) * 3, 0.0, 0.0))
         self._position, self._world, self._moves = position, world, moves
         self._fixed: State | None = None
+        self._z_m: float | None = None
+
+    def ground_m(self, state: State) -> float | None:
+        """Height of the position, where it has one."""
+        return self._z_m
 
     def state(self, time_s: float) -> State:
         """Where it is; a place that is nowhere is infinitely far away."""
@@ -170,9 +176,10 @@ class PlaceActor(Actor):
             return self._fixed
         world = self._world
         try:
-            pose = world.locator.at(lambda name: world.actors[name].state(time_s).pose).pose(self._position)
+            pose = world.locator.at(lambda name: world.actors[name].pose(time_s)).pose(self._position)
         except RunError:
             return State(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0)
+        self._z_m = pose.z_m
         state = State(pose.x_m, pose.y_m, pose.yaw_rad, 0.0, 0.0, 0.0)
         if not self._moves:
             self._fixed = state

@@ -153,11 +153,14 @@ class ReachPosition(Compared):
             pose = self._fixed = locator.pose(self._position)
         elif pose is None:
             try:
-                pose = locator.at(lambda entity: instant.state(entity).pose).pose(self._position)
+                actors = self._world.actors
+                pose = locator.at(lambda name: actors[name].pose(instant.time_s)).pose(self._position)
             except RunError:  # there is no such place while the other is there
                 return math.inf
         state = instant.state(self._actor.name)
-        return math.hypot(pose.x_m - state.x_m, pose.y_m - state.y_m)
+        apart_m = math.hypot(pose.x_m - state.x_m, pose.y_m - state.y_m)
+        ground_m = self._actor.ground_m(state)
+        return apart_m if ground_m is None or pose.z_m is None else math.hypot(apart_m, pose.z_m - ground_m)
 
     def reach(self, a: Instant, b: Instant) -> float:
         """The way of the entity, and that of the place."""

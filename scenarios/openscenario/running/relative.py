@@ -88,11 +88,13 @@ class Touching(Holding):
         self._pair, self._names = Pair(actor, other), (actor.name, other.name)
 
     def holds(self, instant: Instant) -> bool:
-        """Whether no gap is left; a trailer and who tows it do not collide."""
+        """Whether no gap is left, in plan and in height; a trailer and who tows it do not collide."""
         actor, other = self._pair.actor, self._pair.other
         if (actor.coupling or other.coupling) is not None and actor.train() is other.train():
             return False
-        return instant.circle_gap_m(*self._names) <= 0.0 and instant.gap_m(*self._names) <= 0.0
+        if instant.circle_gap_m(*self._names) > 0.0 or instant.gap_m(*self._names) > 0.0:
+            return False
+        return not instant.above(*self._names)
 
     def flips(self, a: Instant, b: Instant) -> bool:
         """Whether they can have met and parted, or parted and met."""

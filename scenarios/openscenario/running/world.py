@@ -48,6 +48,15 @@ class Instant:
             self.memo[a, b] = gap
         return gap
 
+    def above(self, a: str, b: str) -> bool:
+        """Whether one entity is wholly above the other, as on a bridge."""
+        actor, other = self.actors[a], self.actors[b]
+        ground_m, other_ground_m = actor.ground_m(self.state(a)), other.ground_m(self.state(b))
+        if ground_m is None or other_ground_m is None:
+            return False
+        top_m, other_top_m = ground_m + actor.definition.height_m, other_ground_m + other.definition.height_m
+        return ground_m > other_top_m or other_ground_m > top_m
+
     def circle_gap_m(self, a: str, b: str) -> float:
         """A lower bound of the free distance, quickly."""
         state, other = self.state(a), self.state(b)

@@ -34,7 +34,7 @@ from scenarios.recorded.maps.vector_lanes import (
     same_way,
     surfaces,
 )
-from smartmot.maps.lane_map import LaneColumns, MapSignal, NearestLanes, PlacedPoints, Side
+from smartmot.maps.lane_map import LEVEL_M, LaneColumns, MapSignal, NearestLanes, PlacedPoints, Side
 from smartmot.types import FloatArray, IntArray
 
 
@@ -299,8 +299,8 @@ class VectorMap:
 
     # --- under points --------------------------------------------------------------------------------
 
-    def locate(self, xy_m: ArrayLike) -> PlacedPoints:
-        """See `LaneMap`."""
+    def locate(self, xy_m: ArrayLike, z_m: ArrayLike | None = None) -> PlacedPoints:
+        """See `LaneMap`; the height of a lane is that of its middle."""
         xy = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
         places = np.asarray(shapely.points(xy))
         point, lane = self._outlines.query(places)
@@ -316,11 +316,22 @@ class VectorMap:
             borders = (shapely.LineString(ribbon.left_m), shapely.LineString(ribbon.right_m))
             to_border_m = (shapely.distance(places[point[on_it]], border) for border in borders)
             margin_m[on_it] = np.minimum(*to_border_m)
+        if z_m is not None and len(lane):
+            wanted = np.broadcast_to(np.asarray(z_m, dtype=np.float64), len(xy))[point]
+            height = np.array(
+                [float(self.center_line(row, s)[2]) for row, s in zip(lane.tolist(), s_m, strict=True)]
+            )
+            least = np.full(len(xy), np.inf)
+            np.minimum.at(least, point, np.abs(height - wanted))
+            level = np.abs(height - wanted) <= least[point] + LEVEL_M
+            point, lane, s_m, margin_m = point[level], lane[level], s_m[level], margin_m[level]
         placed: PlacedPoints = SimpleNamespace(point=point, lane=lane, s_m=s_m, margin_m=margin_m)
         return placed
 
-    def nearest_lane(self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",)) -> NearestLanes:
-        """See `LaneMap`."""
+    def nearest_lane(
+        self, xy_m: ArrayLike, lane_types: Collection[str] = ("driving",), *, z_m: ArrayLike | None = None
+    ) -> NearestLanes:
+        """See `LaneMap`; heights are not looked at: it is the nearest in plan."""
         xy = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
         rows, tree = self._tree(tuple(sorted(lane_types)))
         nearest, s_m, distance = (

@@ -55,7 +55,10 @@ class LidarSensor:
         number = self.timing.number_at(world.time_s)
         rays = self.config.pattern.rays(number)
         table, row_of = _table(rays, self.config.mount.pitch_rad)
-        ground = float(world.surface.elevation_m(np.array([[ego.x_m, ego.y_m]]), np.array([ego.yaw_rad]))[0])
+        ground = world.ego_ground_m
+        if ground is None:
+            at = np.array([[ego.x_m, ego.y_m]])
+            ground = float(world.surface.elevation_m(at, np.array([ego.yaw_rad]))[0])
         rows = np.flatnonzero(world.seen & world.exists)
         bodies = self._bodies(world, rows, ego)
         mount = self.config.mount
@@ -81,7 +84,10 @@ class LidarSensor:
     def _bodies(self, world: World, rows: IntArray, ego: EgoState) -> Bodies:
         """Road users, then the street around the ego, in the frame of the stamp."""
         boxes = world.boxes[rows]
-        bottom = world.surface.elevation_m(boxes.center_m, boxes.yaw_rad)
+        if world.ground_m is None:
+            bottom = world.surface.elevation_m(boxes.center_m, boxes.yaw_rad)
+        else:
+            bottom = world.ground_m[rows]
         bottom = bottom + self.street.raised_m(boxes.center_m)
         users = road_users(
             world.category[rows],

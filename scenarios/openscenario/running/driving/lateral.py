@@ -50,7 +50,7 @@ class _Sideways(RunningAction[LateralT_co]):
     def _begin(self, time_s: float, curve: Path, target_m: float, duration_s: float) -> None:
         """Begin a change to an offset from a curve over a time."""
         who = self.who
-        pose = who.state(time_s).pose
+        pose = who.pose(time_s)
         self._curve, self._begin_s, self._duration_s = curve, time_s, duration_s
         self._station, self._left = curve.project(pose.x_m, pose.y_m)
         self._target = target_m
@@ -182,7 +182,7 @@ class _Sideways(RunningAction[LateralT_co]):
         Raises:
             RunError: it is in none.
         """
-        place = self.world.locator.roads.place(self.world.actors[name].state(time_s).pose)
+        place = self.world.locator.roads.place(self.world.actors[name].pose(time_s))
         if place is None:
             raise RunError(
                 f"'{name}' is on no road at {time_s:.3f} s, which {type(self.action).__name__} needs"
@@ -225,7 +225,7 @@ class LaneChange(_Sideways[model.LaneChangeAction]):
         elif action.dimension == "distance":
             self._begin_over_way(time_s, curve, offset, action.value)
         else:
-            pose = self.who.state(time_s).pose
+            pose = self.who.pose(time_s)
             change = abs(offset - curve.project(pose.x_m, pose.y_m)[1])
             rate = action.dimension == "rate"
             if rate and action.value <= 0.0 and change > NO_OFFSET_M:
@@ -246,7 +246,7 @@ class _Kept(_Sideways[LateralT_co]):
     def _asked(self, time_s: float) -> tuple[float, float]:
         """The offset from the lane, and how long the change to it takes."""
         offset = self._target_m(time_s)
-        pose = self.who.state(time_s).pose
+        pose = self.who.pose(time_s)
         return offset, self._duration(abs(offset - self._middle.project(pose.x_m, pose.y_m)[1]))
 
     def _target_m(self, time_s: float) -> float:
@@ -319,7 +319,7 @@ class LateralDistance(_Kept[model.LateralDistanceAction]):
     def _target_m(self, time_s: float) -> float:
         action = self.action
         left, facing = self._beside(action.entity, self._middle, time_s)
-        pose = self.who.state(time_s).pose
+        pose = self.who.pose(time_s)
         own = self._middle.project(pose.x_m, pose.y_m)[1]
         apart = 0.0
         if action.freespace:
