@@ -15,7 +15,7 @@ from opendrive.errors import OpenDriveError
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
-from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, Track, joined, straight
+from scenarios.openscenario.motion.paths import ON_PATH_M, SPACING_M, Path, Pose, Track, joined, straight
 from smartmot.maps.lane_map import LEVEL_M
 from smartmot.types import FloatArray, IntArray
 
@@ -114,6 +114,16 @@ class Roads(Immutable):
         level_m = min(levels, key=lambda height_m: abs(height_m - before_m), default=before_m)
         return level_m if abs(level_m - before_m) <= LEVEL_M else before_m
 
+    def lane_height_m(self, way: Path, station_m: float, x_m: float, y_m: float) -> float | None:
+        """Height of the lane below a place of a way; None where a point is not on the way, or that on no lane."""
+        lane = way.lane_at(station_m)
+        if lane is None:
+            return None
+        at_x_m, at_y_m, _ = way.pose(station_m)
+        if abs(at_x_m - x_m) + abs(at_y_m - y_m) >= ON_PATH_M:
+            return None
+        return float(self.network.center_line(lane[0], lane[1])[2])
+
     def way_heights_m(
         self, way: Path, station_m: FloatArray, points_m: FloatArray, ground_m: float
     ) -> FloatArray:
@@ -127,11 +137,8 @@ class Roads(Immutable):
         """
         heights = []
         for station, (x_m, y_m) in zip(station_m.tolist(), points_m.tolist(), strict=True):
-            lane = way.lane_at(station)
-            if lane is None:
-                ground_m = self.ground_m(x_m, y_m, ground_m)
-            else:
-                ground_m = float(self.network.center_line(lane[0], lane[1])[2])
+            known_m = self.lane_height_m(way, station, x_m, y_m)
+            ground_m = self.ground_m(x_m, y_m, ground_m) if known_m is None else known_m
             heights.append(ground_m)
         return np.array(heights)
 

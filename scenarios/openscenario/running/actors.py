@@ -10,7 +10,7 @@ from typing import NamedTuple
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import EntityDefinition
-from scenarios.openscenario.motion.paths import ON_PATH_M, SPACING_M, Path, Pose, straight
+from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, straight
 from scenarios.openscenario.motion.profiles import SpeedProfile
 from scenarios.openscenario.motion.roads import Leg, Roads
 from scenarios.openscenario.motion.towing import drawn
@@ -242,11 +242,9 @@ class Actor:
             return None
         if self.coupling is not None:
             return self.levels.ground_m(state.x_m, state.y_m, self.coupling.tower._ground_m)
-        lane = self.path.lane_at(state.station_m)
-        if lane is not None:
-            x_m, y_m, _ = self.path.pose(state.station_m)
-            if abs(x_m - state.x_m) + abs(y_m - state.y_m) < ON_PATH_M:
-                return float(self.levels.network.center_line(lane[0], lane[1])[2])
+        known_m = self.levels.lane_height_m(self.path, state.station_m, state.x_m, state.y_m)
+        if known_m is not None:
+            return known_m
         return self.levels.ground_m(state.x_m, state.y_m, self._ground_m)
 
     # How it can move
