@@ -115,7 +115,7 @@ class Roads(Immutable):
         return level_m if abs(level_m - before_m) <= LEVEL_M else before_m
 
     def lane_height_m(self, way: Path, station_m: float, x_m: float, y_m: float) -> float | None:
-        """Height of the lane below a place of a way; None where a point is not on the way, or that on no lane."""
+        """Height of the lane below a point on a way; None beside the way, and where that is on no lane."""
         lane = way.lane_at(station_m)
         if lane is None:
             return None

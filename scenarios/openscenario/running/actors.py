@@ -115,8 +115,7 @@ class Actor:
         self.placed = False
         self.exists = True
         self.seen = True
-        self.levels: Roads | None = None
-        """The roads, where some lie above one another; else nobody needs a height."""
+        self.levels: Roads | None = None  # the roads, where some lie above one another
         self._ground_m = 0.0
         self.lights: dict[str, str] = {}
         self.path: Path = straight(Pose(0.0, 0.0, 0.0))
@@ -242,10 +241,8 @@ class Actor:
             return None
         if self.coupling is not None:
             return self.levels.ground_m(state.x_m, state.y_m, self.coupling.tower._ground_m)
-        known_m = self.levels.lane_height_m(self.path, state.station_m, state.x_m, state.y_m)
-        if known_m is not None:
-            return known_m
-        return self.levels.ground_m(state.x_m, state.y_m, self._ground_m)
+        lane_m = self.levels.lane_height_m(self.path, state.station_m, state.x_m, state.y_m)
+        return self.levels.ground_m(state.x_m, state.y_m, self._ground_m) if lane_m is None else lane_m
 
     # How it can move
 
