@@ -38,8 +38,10 @@ from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig, PipelineState
 from smartmot.tracking.association import AssociationConfig
 from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config, tracker_config
+from smartmot.tracking.fusion.fused import FusedTracker
 from smartmot.tracking.lifecycle import LifecycleConfig
 from smartmot.tracking.own import ObjectTracker, tracks_from_arrays
+from smartmot.tracking.profile import DetectorProfile
 from smartmot.tracking.state import TrackerState
 from smartmot.tracking.tracker import ReportConfig, Tracker, TrackerConfig
 from smartmot.types import Boxes, Detections, Dropped, EgoState, Forecast, Threats, Tracks
@@ -58,6 +60,7 @@ __all__ = [
     "ConstantTurnRate",
     "ConstantVelocity",
     "Detections",
+    "DetectorProfile",
     "Dropped",
     "EgoState",
     "Event",
@@ -65,6 +68,7 @@ __all__ = [
     "Forecast",
     "ForecastConfig",
     "FrameResult",
+    "FusedTracker",
     "LaneMap",
     "LeadObject",
     "LifecycleConfig",

@@ -77,6 +77,18 @@ def box_arrays(
     return center, size, yaw
 
 
+def are_covariances(pose_covariance: FloatArray) -> bool:
+    """Whether what (N, 3, 3) matrices of x, y, yaw state is symmetric and positive definite; NaN: nothing."""
+    xx, yy, xy, yx = (pose_covariance[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)))
+    yaw = pose_covariance[:, 2, 2]
+    with np.errstate(invalid="ignore", over="ignore"):
+        silent = np.isnan(xx + yy + xy + yx)
+        # Sylvester's criterion; symmetric but for rounding
+        definite = (xx > 0.0) & (xx * yy > xy * xy) & (np.abs(xy - yx) <= 1e-9 * (xx + yy))
+        sound = (silent | definite) & (np.isnan(yaw) | (yaw > 0.0))
+    return bool(sound.all()) and not np.isinf(pose_covariance).any()
+
+
 def _unchanged(given: NDArray[Any], dtype: type, name: str) -> None:
     """Refuse what would become another number or truth value: 1.5 as an identifier, NaN as a truth value."""
     if not given.size:

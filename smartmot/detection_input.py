@@ -57,6 +57,7 @@ def detections_from_arrays(
     category: ArrayLike | None = None,
     velocity_mps: ArrayLike | None = None,
     pose_covariance: ArrayLike | None = None,
+    detector: str = "",
 ) -> tuple[Detections, int]:
     """Detections out of what a detector wrote, without the impossible ones.
 
@@ -75,6 +76,7 @@ def detections_from_arrays(
         velocity_mps: (N, 2) measured velocities over ground.
         pose_covariance: (N, 3, 3) of x, y (m2) and yaw (rad2), or (N, 2, 2) of x and y; NaN or 0 where
             nothing is stated.
+        detector: Who reports them, where several do.
 
     Returns:
         The detections and how many rows were dropped; `Detections.dropped` tells why. A row that is wrong in
@@ -117,7 +119,7 @@ def detections_from_arrays(
         noise = None if noise is None else noise[good]
     # Everything that the constructors check has just been checked.
     boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
-    made = unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped, noise)
+    made = unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped, noise, detector)
     return made, dropped.total
 
 
@@ -205,6 +207,7 @@ def to_map(detections: Detections, x_m: float, y_m: float, yaw_rad: float) -> De
         turned,
         detections.dropped,
         None if noise is None else turned_covariances(noise, yaw_rad),
+        detections.detector,
     )
 
 

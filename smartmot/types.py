@@ -20,6 +20,7 @@ from smartmot.arrays import (
     FloatArray,
     IntArray,
     StrArray,
+    are_covariances,
     box_arrays,
     frozen,
     part,
@@ -121,18 +122,6 @@ def _set(target: object, name: str, value: object) -> None:
     object.__setattr__(target, name, value)
 
 
-def _are_covariances(pose_covariance: FloatArray) -> bool:
-    """Whether what (N, 3, 3) matrices of x, y, yaw state is symmetric and positive definite; NaN: nothing."""
-    xx, yy, xy, yx = (pose_covariance[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)))
-    yaw = pose_covariance[:, 2, 2]
-    with np.errstate(invalid="ignore", over="ignore"):
-        silent = np.isnan(xx + yy + xy + yx)
-        # Sylvester's criterion; symmetric but for rounding
-        definite = (xx > 0.0) & (xx * yy > xy * xy) & (np.abs(xy - yx) <= 1e-9 * (xx + yy))
-        sound = (silent | definite) & (np.isnan(yaw) | (yaw > 0.0))
-    return bool(sound.all()) and not np.isinf(pose_covariance).any()
-
-
 @shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
@@ -215,6 +204,7 @@ class Detections:
         pose_covariance: (N, 3, 3) covariance of the noise of x, y (m2) and yaw (rad2), map frame, as the
             detector states it. NaN in the position's part, or in the yaw's variance: not stated, the filter's
             own noise holds; what position and yaw share is not used. None: nothing is stated.
+        detector: who reports them, where several do (`smartmot.FusedTracker`).
 
     Raises:
         ShapeError: Shapes disagree, a score is outside [0, 1], a velocity is infinite, a category is
@@ -229,9 +219,12 @@ class Detections:
     velocity_mps: FloatArray | None = None
     dropped: Dropped = NOTHING_DROPPED
     pose_covariance: FloatArray | None = None
+    detector: str = ""
 
     def __post_init__(self) -> None:
         n = len(_boxes(self.boxes, "detections"))
+        if not isinstance(self.detector, str):
+            raise ShapeError(f"detections: detector must be a name, got {self.detector!r}")
         _set(self, "stamp_s", seconds(self.stamp_s, "detections"))
         score = frozen(self.score, np.float64, (n,), "score")
         _set(self, "score", _within_one(score, "detections"))
@@ -243,7 +236,7 @@ class Detections:
             _set(self, "velocity_mps", velocity)
         if self.pose_covariance is not None:
             covariance = frozen(self.pose_covariance, np.float64, (n, 3, 3), "pose_covariance")
-            if not _are_covariances(covariance):
+            if not are_covariances(covariance):
                 raise ShapeError(
                     "pose_covariance: expected symmetric, positive definite (3, 3) matrices of x, y and yaw, "
                     "or NaN where nothing is stated"
@@ -268,6 +261,7 @@ class Detections:
             velocity,
             self.dropped,
             covariance,
+            self.detector,
         )
 
     @classmethod
@@ -279,7 +273,15 @@ class Detections:
         """
         stamp_s = seconds(stamp_s, "detections")
         return unchecked(
-            cls, stamp_s, Boxes.empty(), np.zeros(0), np.zeros(0, dtype=np.str_), None, NOTHING_DROPPED, None
+            cls,
+            stamp_s,
+            Boxes.empty(),
+            np.zeros(0),
+            np.zeros(0, dtype=np.str_),
+            None,
+            NOTHING_DROPPED,
+            None,
+            "",
         )
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import rich.console
 
     from evaluation.studies.mot.run import MotResult, MotStudy
+    from smartmot.tracking.profile import DetectorProfile
 
 EXAMPLES = options.examples(
     "`smartmot-eval mot kitti/training --out results/mot`",
@@ -28,6 +29,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
     "`smartmot-eval mot my_csv_folder --scores running`",
     "`smartmot-eval mot my_csv_folder --profile my_detector.json`",
+    "`smartmot-eval mot my_csv_folder --detectors lidar=lidar.json,camera=camera.json`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
 
@@ -65,6 +67,13 @@ def command(
             "(those so far) or fixed (1)."
         ),
     ] = "file",
+    detectors: Annotated[
+        str | None,
+        typer.Option(
+            help="Profiles of several detectors (column `detector`): lidar=lidar.json,camera=camera.json.",
+            metavar="NAME=FILE,...",
+        ),
+    ] = None,
     area: Annotated[
         str, typer.Option("--filter", help="none, or map: only what is on lanes that matter to the ego.")
     ] = "none",
@@ -135,6 +144,7 @@ def command(
         config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
     tracker = plugin(config) if is_plugin(config) else tracker_config(config)
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
+    profiles = parse_detectors(detectors)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
     scale = options.parse_name(scores, SCALES, "--scores")
@@ -145,7 +155,7 @@ def command(
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
-        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale)
+        study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale, profiles)
         for note in study.notes:
             console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
         if profile is not None:
@@ -174,6 +184,10 @@ def _print(
         f"tracking: {1e3 * result.tracking_s / frame_count:.2f} ms of processor time per frame",
         highlight=False,
     )
+    if too_late := sum(each.too_late for each in result.tracked):
+        console.print(
+            f"{too_late} measurements arrived later than the tracker waits: left out", highlight=False
+        )
     for similarity in similarities if result.scores else ():
         console.print(score_table(result.scores, similarity), "")
     if result.forecasts:
@@ -188,6 +202,24 @@ def _listed(paths: Sequence[Path]) -> str:
     if len(names) > MOST_LISTED:
         names = [names[0], "...", *names[1 - MOST_LISTED :]]
     return ", ".join(names)
+
+
+def parse_detectors(text: str | None) -> dict[str, DetectorProfile]:
+    """`lidar=lidar.json,camera=camera.json` as profiles by name.
+
+    Raises:
+        ArgumentError: Not of that form.
+        ConfigError: A file is no profile.
+    """
+    from smartmot.tracking.profile import DetectorProfile
+
+    profiles = {}
+    for part in text.split(",") if text else ():
+        name, sign, path = (piece.strip() for piece in part.partition("="))
+        if not (name and sign and path) or name in profiles:
+            raise ArgumentError(f"--detectors: expected NAME=FILE,... with each name once, got {part!r}")
+        profiles[name] = DetectorProfile.load(path)
+    return profiles
 
 
 def parse_frames(text: str | None) -> slice:

@@ -4,7 +4,7 @@ Files of a folder (docs/mot.md says what each column means)::
 
     detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
                      [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
-                     [, x_var_m2, y_var_m2 [, xy_cov_m2]] [, yaw_var_rad2]
+                     [, x_var_m2, y_var_m2 [, xy_cov_m2]] [, yaw_var_rad2] [, detector] [, received_s]
     labels.csv       the same with track_id [, ignored]      (optional; enough alone)
     ego.csv          [sequence,] stamp_s | frame, x_m, y_m, yaw_rad      (optional)
 
@@ -48,10 +48,10 @@ _POSITION_NOISE = ("x_var_m2", "y_var_m2")
 _NUMBERS = frozenset(
     (
         *(*_STILL, *_VEHICLE, *_BOX, "stamp_s", "frame", "score", "height_m", "z_m", "vx_mps", "vy_mps"),
-        *("track_id", "ignored", *_POSITION_NOISE, "xy_cov_m2", "yaw_var_rad2"),
+        *("track_id", "ignored", *_POSITION_NOISE, "xy_cov_m2", "yaw_var_rad2", "received_s"),
     )
 )
-_TEXTS = ("sequence", "category")
+_TEXTS = ("sequence", "category", "detector")
 DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
 
 TRACK_COLUMNS = (
@@ -216,7 +216,8 @@ def _frame_names(stamp_s: FloatArray, detections: TextTable, frame_s: float) -> 
 
 def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None) -> Objects:
     """Rows of a table as boxes; those in the vehicle's frame are moved by the poses, if there are any."""
-    columns = {name: table[name] for name in ("category", "kind", "score", "height_m") if name in table}
+    names = ("category", "kind", "score", "height_m", "detector", "received_s")
+    columns = {name: table[name] for name in names if name in table}
     if "z_m" in table:
         height = columns.get("height_m", np.full(len(table), HEIGHT_M))
         with np.errstate(invalid="ignore", over="ignore"):  # boxes that are not finite are rejected later

@@ -21,7 +21,8 @@ without them it is the vehicle's own (x ahead, y left), and a track's velocity i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -73,6 +74,8 @@ class Objects:
         ignored: (K,) labels that count neither as found nor as missed.
         pose_covariance: (K, 3, 3) noise of x, y and yaw that the detector states, world frame; NaN where it
             states none.
+        detector: (K,) who reported the box, where several detectors did; "" otherwise.
+        received_s: (K,) when it arrived, by the clock of the frames; NaN where that is not known.
     """
 
     frame: IntArray
@@ -88,6 +91,8 @@ class Objects:
     velocity_mps: FloatArray
     ignored: BoolArray
     pose_covariance: FloatArray
+    detector: StrArray
+    received_s: FloatArray
 
     def __post_init__(self) -> None:
         shapes = {item.name: getattr(self, item.name).shape[:1] for item in fields(self)}
@@ -127,6 +132,8 @@ class Objects:
             "velocity_mps": np.full((count, 2), np.nan),
             "ignored": np.zeros(count, dtype=np.bool_),
             "pose_covariance": np.full((count, 3, 3), np.nan),
+            "detector": np.full(count, ""),
+            "received_s": np.full(count, np.nan),
         } | columns
         order = np.argsort(filled["frame"], kind="stable")
         order = order[filled["category"][order] != LEFT_OUT]
@@ -230,20 +237,48 @@ class Sequence:
         Raises:
             smartmot.errors.StampError: A stamp is not in seconds.
         """
+        made = self._maker()
+        frame_rows = self.detections.frame_rows(len(self))
+        for stamp_s, rows in zip(self.stamp_s[first:].tolist(), frame_rows[first:], strict=True):
+            yield made(stamp_s, rows, "")
+
+    def measurements(self) -> Iterator[tuple[int, float, Detections]]:
+        """What each detector reported in each frame: the frame, when it arrived (NaN: not known), detections.
+
+        A frame without any detections is one of no detector, named "". A detector that saw nothing in a frame
+        in which another saw something is not there: files do not tell it.
+        """
+        made, objects = self._maker(), self.detections
+        for k, rows in enumerate(objects.frame_rows(len(self))):
+            names = objects.detector[rows]
+            for name in dict.fromkeys(names.tolist()) or ("",):
+                own = np.flatnonzero(names == name) + rows.start
+                received_s = objects.received_s[own]
+                known = received_s[np.isfinite(received_s)]
+                yield (
+                    k,
+                    float(known.max()) if len(known) else math.nan,
+                    made(float(self.stamp_s[k]), own, name),
+                )
+
+    def _maker(self) -> Callable[[float, slice | IntArray, str], Detections]:
+        """What makes detections of a time out of rows."""
         objects = self.detections
         measured = bool(np.isfinite(objects.velocity_mps).any())
         stated = bool(np.isfinite(objects.pose_covariance).any())
-        frame_rows = objects.frame_rows(len(self))
-        for stamp_s, rows in zip(self.stamp_s[first:].tolist(), frame_rows[first:], strict=True):
-            boxes = Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows])
-            yield Detections(
+
+        def made(stamp_s: float, rows: slice | IntArray, detector: str) -> Detections:
+            return Detections(
                 stamp_s,
-                boxes,
+                Boxes(objects.center_m[rows], objects.size_m[rows], objects.yaw_rad[rows]),
                 objects.score[rows],
                 objects.category[rows],
                 objects.velocity_mps[rows] if measured else None,
                 pose_covariance=objects.pose_covariance[rows] if stated else None,
+                detector=detector,
             )
+
+        return made
 
     def ego_xy_yaw(self) -> FloatArray:
         """(F, 3) x, y and yaw of the vehicle; zeros without odometry."""

@@ -70,4 +70,4 @@ def detected(
         wrap_angle(boxes.yaw_rad + config.yaw_sigma_rad * noise[:, 2]),
     )
     scores, names = np.ones(len(reported)), measurement.category.take(reported)
-    return unchecked(Detections, measurement.stamp_s, noisy, scores, names, None, NOTHING_DROPPED, None)
+    return unchecked(Detections, measurement.stamp_s, noisy, scores, names, None, NOTHING_DROPPED, None, "")

@@ -182,6 +182,7 @@ class ErrorProcess:
             velocity,
             NOTHING_DROPPED,
             None,
+            "",
         )
 
     def _noisy(

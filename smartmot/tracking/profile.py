@@ -40,8 +40,7 @@ class CategoryProfile:
             if value is None and item.default is None:
                 continue
             high = 1.0 if item.name == "reference_score" else math.inf
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not (number and 0.0 < value <= high and math.isfinite(value)):
+            if not (_is_number(value) and 0.0 < value <= high and math.isfinite(value)):
                 allowed = "over 0 and at most 1" if high == 1.0 else "positive"
                 raise ConfigError(f"{item.name} must be {allowed}, got {value!r}")
 
@@ -54,6 +53,10 @@ class DetectorProfile:
         name: For people.
         rate_hz: Frames per second.
         categories: What it says of the categories that it reports.
+        delay_s: Time from a measurement to its arrival, where several detectors report to one tracker.
+        trust: What a sure detection of it counts, against one of a detector of trust 1: scores are multiplied
+            by it. Under the tracker's threshold for births it starts no track, and only follows those of
+            others.
 
     Raises:
         ConfigError: A value is outside its range, or a category unknown.
@@ -62,12 +65,18 @@ class DetectorProfile:
     name: str
     rate_hz: float
     categories: Mapping[str, CategoryProfile] = field(default_factory=dict)
+    delay_s: float = 0.0
+    trust: float = 1.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ConfigError(f"name must be a text, got {self.name!r}")
-        if not isinstance(self.rate_hz, (int, float)) or not 0.0 < self.rate_hz < math.inf:
+        if not _is_number(self.rate_hz) or not 0.0 < self.rate_hz < math.inf:
             raise ConfigError(f"rate_hz must be positive, got {self.rate_hz!r}")
+        if not _is_number(self.delay_s) or not 0.0 <= self.delay_s < math.inf:
+            raise ConfigError(f"delay_s must be 0 or more, got {self.delay_s!r}")
+        if not _is_number(self.trust) or not 0.0 < self.trust <= 1.0:
+            raise ConfigError(f"trust must be over 0 and at most 1, got {self.trust!r}")
         for category in self.categories:
             if category not in CATEGORIES:
                 raise ConfigError(f"category {category!r} is unknown; there are {', '.join(CATEGORIES)}")
@@ -115,11 +124,16 @@ class DetectorProfile:
             categories = {
                 name: CategoryProfile(**values) for name, values in content.get("categories", {}).items()
             }
-            return cls(content["name"], content["rate_hz"], categories)
+            more = {name: content[name] for name in ("delay_s", "trust") if name in content}
+            return cls(content["name"], content["rate_hz"], categories, **more)
         except KeyError as error:
             raise ConfigError(f"{path}: {error.args[0]} is missing") from None
         except (TypeError, AttributeError, ConfigError) as error:
             raise ConfigError(f"{path}: {error}") from None
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def is_profile(name: str) -> bool:

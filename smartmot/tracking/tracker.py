@@ -178,7 +178,11 @@ class Tracker:
         return tracks
 
     def step(
-        self, state: TrackerState, detections: Detections, monitored: Monitored | None = None
+        self,
+        state: TrackerState,
+        detections: Detections,
+        monitored: Monitored | None = None,
+        together: bool = False,
     ) -> tuple[TrackerState, Tracks]:
         """Process one frame: a function of its arguments and the configuration.
 
@@ -186,6 +190,7 @@ class Tracker:
             state: What is known so far.
             detections: The frame's detections, map frame.
             monitored: The monitored area; None when everything is monitored.
+            together: Whether the frame may have the time of the one before, being another detector's.
 
         Returns:
             The new state and the tracks that `TrackerConfig.report` chooses, oldest first; by default all
@@ -196,7 +201,9 @@ class Tracker:
             ShapeError: `monitored` does not return one flag per object.
             ConfigError: The state comes from a tracker with another motion model.
         """
-        dt_s = _elapsed_s(state.stamp_s, detections.stamp_s)
+        dt_s = 0.0
+        if not (together and state.stamp_s == detections.stamp_s):
+            dt_s = _elapsed_s(state.stamp_s, detections.stamp_s)
         measured = self._measured(detections, state.scores)
         if len(state) == 0 and len(measured.score) == 0:
             nothing = unchecked(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from evaluation.errors import ArgumentError
@@ -12,6 +12,7 @@ from evaluation.metrics.forecast_quality import ForecastScore
 from evaluation.metrics.matching import compare
 from evaluation.metrics.mot import MotScore, evaluate
 from evaluation.progress import Progress
+from evaluation.studies.mot.detectors import detector_notes, detectors_of
 from evaluation.studies.mot.film import Film
 from evaluation.studies.mot.forecasts import MODELS, SHIPPED, carried_on, motions, score_forecasts
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
@@ -25,7 +26,9 @@ from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
 from scenarios.recorded.formats import Reading, read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, map_of
 from smartmot.plugins import Plugin
+from smartmot.tracking.fusion.fused import FusedTracker
 from smartmot.tracking.own import ObjectTracker, own
+from smartmot.tracking.profile import DetectorProfile
 from smartmot.tracking.tracker import Tracker, TrackerConfig
 from smartmot.types import CATEGORIES
 
@@ -45,6 +48,7 @@ class MotStudy:
         network: The map, in the frame of the data; None: there is none.
         filtered: Whether the map chose the detections.
         notes: What a user should know about them, a line each.
+        detectors: Profiles by name where several detectors report; empty: one does.
     """
 
     data: Dataset
@@ -52,6 +56,7 @@ class MotStudy:
     network: DriveMap | None
     filtered: bool
     notes: tuple[str, ...]
+    detectors: Mapping[str, DetectorProfile | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +87,7 @@ def prepare(
     by_map: bool = False,
     columns: Reading | None = None,
     scores: str = "file",
+    profiles: Mapping[str, DetectorProfile] | None = None,
 ) -> MotStudy:
     """Read recordings, and choose from them.
 
@@ -94,6 +100,7 @@ def prepare(
         by_map: Keep only what is on lanes that matter to the vehicle.
         columns: What the columns of a table mean, or which topics of a bag are read; None: ours, all.
         scores: Where relative thresholds on scores have their scale from, one of `score_scale.SCALES`.
+        profiles: What is known of the detectors, by the names in the data; None: nothing.
 
     Raises:
         ArgumentError: There is no map to keep it by.
@@ -114,10 +121,12 @@ def prepare(
     elif network is not None:
         for sequence in data.sequences:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
+    detectors: Mapping[str, DetectorProfile | None] = {}
     if isinstance(config, TrackerConfig):
+        detectors = detectors_of(data, scores, profiles or {})
         config = with_score_scale(config, data, scores)
-        notes += scale_notes(config, data)
-    return MotStudy(data, config, network, by_map, (*notes, *notes_on(data, config)))
+        notes += detector_notes(data, detectors) if detectors else scale_notes(config, data)
+    return MotStudy(data, config, network, by_map, (*notes, *notes_on(data, config)), detectors)
 
 
 def chosen(data: Dataset, names: str | None) -> Dataset:
@@ -163,7 +172,7 @@ def carry_out(
     data = study.data
     progress.begin("tracking", data.frame_count)
     start_s = time.thread_time()  # without the thread that draws the bar
-    tracked = track_dataset(data, study.config, progress.done)
+    tracked = track_dataset(data, study.config, progress.done, study.detectors)
     tracking_s = time.thread_time() - start_s
     forms = forms or [form for form in dict.fromkeys((data.kind, "csv")) if form in TRACK_FORMATS]
     written = write_tracks(out, data, tracked, forms, use_map=study.filtered)
@@ -186,6 +195,7 @@ def track_dataset(
     data: Dataset,
     config: TrackerConfig | Callable[[], ObjectTracker],
     done: Callable[[], None] = lambda: None,
+    detectors: Mapping[str, DetectorProfile | None] | None = None,
 ) -> list[TrackedSequence]:
     """Track every sequence with a new tracker; scores of the tracks are in the detector's scale.
 
@@ -193,6 +203,7 @@ def track_dataset(
         data: The recordings.
         config: Settings of the tracker, or what makes one of your own.
         done: Called after every frame.
+        detectors: What is known of several detectors, by name (`detectors.detectors_of`); None: there is one.
 
     Raises:
         DatasetError: The tracker refuses a frame.
@@ -200,7 +211,11 @@ def track_dataset(
     """
     tracked = []
     for sequence in data.sequences:
-        tracker = Tracker(config) if isinstance(config, TrackerConfig) else own(config)
+        tracker: Tracker | FusedTracker | ObjectTracker
+        if not isinstance(config, TrackerConfig):
+            tracker = own(config)
+        else:
+            tracker = FusedTracker(config, detectors) if detectors else Tracker(config)
         each = track_sequence(sequence, tracker, done)
         if data.log_odds:
             each = replace(each, tracks=replace(each.tracks, score=log_odds(each.tracks.score)))
@@ -258,7 +273,7 @@ def _tracked_by_model(
     return {SHIPPED: tracked} | {
         name: tracked
         if model == config.motion
-        else track_dataset(study.data, replace(config, motion=model), progress.done)
+        else track_dataset(study.data, replace(config, motion=model), progress.done, study.detectors)
         for name, model in motions(config.motion).items()
     }
 

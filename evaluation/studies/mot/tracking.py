@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +14,7 @@ from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.sources.frames import frames
 from scenarios.sources.recorded import RecordedSource
 from smartmot.errors import SmartMotError
+from smartmot.tracking.fusion.fused import FusedTracker
 from smartmot.tracking.own import ObjectTracker, update_own
 from smartmot.tracking.tracker import Tracker, box_filter
 from smartmot.types import BoolArray, FloatArray, IntArray, Tracks
@@ -34,6 +36,7 @@ class TrackedSequence:
         coasted_s: (K,) time since the last detection.
         dynamic: (K,) what the tracker says moves; None: not known.
         covariance: (K, D, D) of the filter's states; None: not known.
+        too_late: Measurements of several detectors that arrived later than the tracker's buffer reaches.
     """
 
     sequence: Sequence
@@ -43,14 +46,19 @@ class TrackedSequence:
     coasted_s: FloatArray
     dynamic: BoolArray | None = None
     covariance: FloatArray | None = None
+    too_late: int = 0
 
 
 def track_sequence(
     sequence: Sequence,
-    tracker: Tracker | ObjectTracker,
+    tracker: Tracker | FusedTracker | ObjectTracker,
     done: Callable[[], None] = lambda: None,
 ) -> TrackedSequence:
     """Run a tracker over all frames and keep what it confirmed.
+
+    Of several detectors, measurements are taken in as they arrive. A frame's tracks are those that were known
+    when the first measurement of its time arrived; if a later frame had been tracked by then, those that this
+    measurement leads to.
 
     The tracker estimates boxes on the ground. A track's height and underside are those of the detection
     nearest to it, and stay while it coasts.
@@ -64,14 +72,19 @@ def track_sequence(
         DatasetError: The tracker refuses a frame, for example one that is not newer than the one before; or
             one of the user's own fails.
     """
-    reported: list[Tracks] = []
-    update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
-    for k, frame in enumerate(frames(RecordedSource(sequence, needs_odometry=False))):
-        try:
-            reported.append(update(frame.detections))
-        except SmartMotError as error:
-            raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
-        done()
+    if isinstance(tracker, FusedTracker):
+        reported = _reported_by_several(sequence, tracker, done)
+    else:
+        reported = []
+        update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
+        for k, frame in enumerate(frames(RecordedSource(sequence, needs_odometry=False))):
+            try:
+                reported.append(update(frame.detections))
+            except SmartMotError as error:
+                raise DatasetError(
+                    f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}"
+                ) from None
+            done()
     if not reported:
         return TrackedSequence(sequence, Objects.empty(), np.zeros(0), np.zeros((0, 2)), np.zeros(0))
     frame_index = np.repeat(np.arange(len(reported)), [len(t) for t in reported])
@@ -100,12 +113,37 @@ def track_sequence(
         coasted_s=coasted_s[confirmed],
         dynamic=column("dynamic").astype(np.bool_)[confirmed],
         covariance=column("covariance")[confirmed],
+        too_late=tracker.too_late if isinstance(tracker, FusedTracker) else 0,
     )
 
 
-def _accelerations(tracker: Tracker | ObjectTracker, mean: FloatArray) -> FloatArray:
+def _reported_by_several(sequence: Sequence, tracker: FusedTracker, done: Callable[[], None]) -> list[Tracks]:
+    """Tracks of every frame, measurements taken in as they arrive; see `track_sequence`."""
+    first_name = next(iter(tracker.delays_s))
+    arrivals = []
+    for k, received_s, detections in sequence.measurements():
+        if not detections.detector:  # a frame in which nobody saw anything
+            detections = replace(detections, detector=first_name)
+        if math.isnan(received_s):
+            received_s = detections.stamp_s + tracker.delays_s[detections.detector]
+        arrivals.append((max(received_s, detections.stamp_s), k, detections))
+    arrivals.sort(key=lambda each: each[:2])
+    reported: dict[int, Tracks] = {}
+    for _, k, detections in arrivals:
+        try:
+            tracks = tracker.update(detections)
+        except SmartMotError as error:
+            raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
+        if k not in reported:
+            then = tracks if tracks.stamp_s == detections.stamp_s else tracker.at(detections.stamp_s)
+            reported[k] = tracks[:0] if then is None else then
+            done()
+    return [reported[k] for k in range(len(sequence))]
+
+
+def _accelerations(tracker: Tracker | FusedTracker | ObjectTracker, mean: FloatArray) -> FloatArray:
     """(K, 2) accelerations in the filter's states, zero where its model has none."""
-    if not isinstance(tracker, Tracker):
+    if not isinstance(tracker, Tracker | FusedTracker):
         return np.zeros((len(mean), 2))
     names = box_filter(tracker.config.motion, tracker.config.filter).names
     if _ACCELERATION[0] not in names:

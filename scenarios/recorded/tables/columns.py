@@ -33,6 +33,7 @@ OURS: dict[str, tuple[str, float, float]] = {
     **{name: (name, 1.0, 0.0) for name in ("length_m", "width_m", "height_m", "z_m", "yaw_rad", "ignored")},
     **{name: (name, 1.0, 0.0) for name in ("vx_mps", "vy_mps")},
     **{name: (name, 1.0, 0.0) for name in ("x_var_m2", "y_var_m2", "xy_cov_m2", "yaw_var_rad2")},
+    **{name: (name, 1.0, 0.0) for name in ("detector", "received_s")},
     **{f"stamp_{unit}": ("stamp_s", part, 0.0) for unit, part in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))},
     "y_down_m": ("y_m", -1.0, 0.0),
     "corner_y_down_m": ("corner_y_m", -1.0, 0.0),
@@ -61,7 +62,7 @@ _SAME |= {"frame": "time", "stamp_s": "time"}
 EGO_TRACK = "ego_track"
 """On the left: which track is the vehicle."""
 
-_TEXTS = ("sequence", "category", "track_id")
+_TEXTS = ("sequence", "category", "track_id", "detector")
 
 _SHORT = {"x": "x_m", "y": "y_m", "z": "z_m", "length": "length_m", "width": "width_m", "height": "height_m"}
 _SHORT |= {"vx": "vx_mps", "vy": "vy_mps"}

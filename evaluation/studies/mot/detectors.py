@@ -1,0 +1,93 @@
+"""Several detectors in one recording: what is known of each, and what to tell the user."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.dataset import Dataset, Objects
+from smartmot.tracking.profile import CategoryProfile, DetectorProfile
+from smartmot.tracking.scores import reference_scores
+from smartmot.tracking.settings import CODES
+from smartmot.types import CATEGORIES, FloatArray
+
+
+def detectors_of(
+    data: Dataset, scale: str, profiles: Mapping[str, DetectorProfile]
+) -> dict[str, DetectorProfile | None]:
+    """Profiles of the detectors that the recordings name, by name; empty if they name none.
+
+    Args:
+        data: The recordings.
+        scale: Where scores have their scale from where there is no profile: one of `score_scale.SCALES`.
+        profiles: Those that the user gives.
+
+    Raises:
+        DatasetError: A profile is of a detector that is not there, or only some boxes name their detector.
+    """
+    names = sorted({name for s in data.sequences for name in s.detections.detector.tolist()})
+    for name in profiles:
+        if name not in names:
+            there = ", ".join(filter(None, names)) or "none (column `detector` names them)"
+            raise DatasetError(f"--detectors: no detector {name!r} in the data; there are: {there}")
+    if not any(names):
+        return {}
+    if "" in names:
+        raise DatasetError("column detector: some boxes have none; name the detector of every box")
+    return {name: profiles.get(name) or _from_file(data, name, scale) for name in names}
+
+
+def _from_file(data: Dataset, name: str, scale: str) -> DetectorProfile | None:
+    """A detector's score scale by all its detections, or 1 where scores are fixed; None: as they come."""
+    if scale == "running":
+        return None
+    parts = [_of(s.detections, name) for s in data.sequences]
+    code = np.array(
+        [CODES[category] for part in parts for category in part.category.tolist()], dtype=np.int64
+    )
+    reference = reference_scores(code, np.concatenate([part.score for part in parts]))
+    counts = np.bincount(code, minlength=len(CATEGORIES))
+    categories = {
+        category: CategoryProfile(int(counts[k]), 1.0 if scale == "fixed" else float(reference[k]))
+        for k, category in enumerate(CATEGORIES)
+        if counts[k]
+    }
+    steps_s = [
+        np.diff(s.stamp_s[np.unique(part.frame)]) for s, part in zip(data.sequences, parts, strict=True)
+    ]
+    steps, late_s = np.concatenate(steps_s), _lateness_s(data, name)
+    delay_s = max(float(np.median(late_s)), 0.0) if len(late_s) else 0.0
+    return DetectorProfile(name, float(1.0 / np.median(steps)) if len(steps) else 1.0, categories, delay_s)
+
+
+def _lateness_s(data: Dataset, name: str) -> FloatArray:
+    """(K,) times from measurement to arrival of a detector's boxes, where they are known."""
+    late = [s.detections.received_s - s.stamp_s[s.detections.frame] for s in data.sequences]
+    own = [s.detections.detector == name for s in data.sequences]
+    late_s = np.concatenate([each[rows] for each, rows in zip(late, own, strict=True)])
+    known: FloatArray = late_s[np.isfinite(late_s)]
+    return known
+
+
+def _of(objects: Objects, name: str) -> Objects:
+    return objects[objects.detector == name]
+
+
+def detector_notes(data: Dataset, detectors: Mapping[str, DetectorProfile | None]) -> list[str]:
+    """What each detector reports, a line each."""
+    notes = []
+    for name, profile in detectors.items():
+        parts = [_of(s.detections, name) for s in data.sequences]
+        boxes = sum(len(part) for part in parts)
+        measurements = sum(len(np.unique(part.frame)) for part in parts)
+        facts = [f"{boxes} boxes in {measurements} measurements"]
+        late_s = _lateness_s(data, name)
+        if len(late_s):
+            facts.append(f"{np.median(late_s):.3g} s late (median)")
+        if profile is not None:
+            facts.append(f"trust {profile.trust:g}")
+            facts += [f"{name} {each.reference_score:.3g}" for name, each in profile.categories.items()]
+        notes.append(f"detector {name}: {', '.join(facts)}")
+    return notes

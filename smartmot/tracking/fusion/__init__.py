@@ -1,0 +1,1 @@
+"""Several detectors with rates, delays and trust of their own into one tracker."""
