@@ -98,6 +98,26 @@ def image_boxes(boxes: FloatArray, projection: FloatArray) -> FloatArray:
     Returns:
         (K, 4) left, top, right, bottom in pixels; without extent for a box outside the image.
     """
+    low, high = _image_bounds(boxes, projection)
+    border = np.array(IMAGE_PX)
+    return np.column_stack((np.clip(low, 0.0, border), np.clip(high, 0.0, border)))
+
+
+def truncation(boxes: FloatArray, projection: FloatArray) -> FloatArray:
+    """(K,) shares of boxes outside the image, by area; 1 for those whose middle is behind the camera.
+
+    Args:
+        boxes: (K, 7) h w l x y z ry, camera frame.
+        projection: (3, 4) matrix P2.
+    """
+    low, high = _image_bounds(boxes, projection)
+    inside = np.clip(high, 0.0, IMAGE_PX) - np.clip(low, 0.0, IMAGE_PX)
+    share = 1.0 - inside.prod(axis=1) / np.maximum((high - low).prod(axis=1), 1e-9)
+    return np.where(boxes[:, 5] > _MIN_DEPTH_M, share.clip(0.0, 1.0), 1.0)
+
+
+def _image_bounds(boxes: FloatArray, projection: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(K, 2) left, top and (K, 2) right, bottom of boxes, wherever the image ends."""
     ground = camera_corners(boxes)
     bottom, height = boxes[:, 4], boxes[:, 0]
     levels = np.stack((bottom, bottom - height), axis=1)
@@ -108,9 +128,7 @@ def image_boxes(boxes: FloatArray, projection: FloatArray) -> FloatArray:
     points[..., 2] = np.maximum(ground[:, None, :, 1], _MIN_DEPTH_M)
     pixel = points.reshape(len(boxes), 8, 3) @ projection[:, :3].T + projection[:, 3]
     uv = pixel[..., :2] / pixel[..., 2:]
-    low, high = uv.min(axis=1, initial=np.inf), uv.max(axis=1, initial=-np.inf)
-    border = np.array(IMAGE_PX)
-    return np.column_stack((np.clip(low, 0.0, border), np.clip(high, 0.0, border)))
+    return uv.min(axis=1, initial=np.inf), uv.max(axis=1, initial=-np.inf)
 
 
 __getattr__ = _smartmot.renamed(__name__, {"wrapped": "smartmot.geometry.wrap_angle"})

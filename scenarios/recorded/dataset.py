@@ -184,10 +184,18 @@ class Sweeps:
     Args:
         ego_SE3_lidar: (4, 4) pose of the sensor (x ahead, y left, z up) in the vehicle's frame.
         point_count: (K,) points of the frame's cloud in the box of each label, those on its faces included.
+        seen_share: (K,) points on each of them over those that it would have if nothing else were there, 0 to
+            1; None: not known.
     """
 
     ego_SE3_lidar: FloatArray  # noqa: N815 - dst_SE3_src is the field's notation
     point_count: IntArray
+    seen_share: FloatArray | None = None
+
+    def __getitem__(self, index: Any) -> Sweeps:
+        """What is known of some of the labels."""
+        share = None if self.seen_share is None else self.seen_share[index]
+        return Sweeps(self.ego_SE3_lidar, self.point_count[index], share)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import typer
 
 from evaluation.cli.lidar import bench, convert, detect, score
+from evaluation.cli.lidar.dataset import group as dataset
 
 app = typer.Typer(
     name="lidar",
-    help="Point clouds: convert files, detect road users, score boxes.",
+    help="Point clouds: convert files, detect road users, score boxes, make data sets.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -19,8 +20,9 @@ app.command("detect", epilog=detect.EXAMPLES)(detect.command)
 app.command("score", epilog=score.EXAMPLES)(score.command)
 
 app.command("bench", epilog=bench.EXAMPLES)(bench.command)
+app.add_typer(dataset.app)
 
 
 @app.callback()
 def group() -> None:
-    """Point clouds: convert files, detect road users, score boxes."""
+    """Point clouds: convert files, detect road users, score boxes, make data sets."""

@@ -40,7 +40,7 @@ def command(
     out: Annotated[
         Path, typer.Option(help="Folder of the data set, or the scenario, FILE.xosc.", metavar="PATH")
     ],
-    form: Annotated[str, typer.Option("--format", help="simbev, nuscenes or openscenario.")],
+    form: Annotated[str, typer.Option("--format", help="simbev, nuscenes, kitti or openscenario.")],
     sequence: Annotated[
         str | None, typer.Option(help="Only these sequences of a drive, comma-separated.", metavar="NAMES")
     ] = None,

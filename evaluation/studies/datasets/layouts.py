@@ -1,4 +1,4 @@
-"""Simulated runs and recorded drives as data sets in the layouts of SimBEV and nuScenes."""
+"""Simulated runs and recorded drives as data sets in the layouts of SimBEV, nuScenes and KITTI."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from evaluation.studies.datasets.sweeps import LidarChoice, sweeps_of
 from evaluation.studies.mot.run import chosen
 from scenarios.recorded.dataset import HEIGHT_M, Sequence
 from scenarios.recorded.formats import Reading, read_dataset
+from scenarios.recorded.layouts.kitti import KITTI_SWEEPS, kitti_files
 from scenarios.recorded.layouts.nuscenes import NUSCENES_SWEEPS, VERSION, nuscenes_files, without_category
+from scenarios.recorded.layouts.scenes import ScenePlace, split_of_scenes
 from scenarios.recorded.layouts.simbev import SIMBEV_SWEEPS, frame_grid, simbev_files, without_class
 from scenarios.recorded.layouts.sweeps import SweepFiles, swept, with_least_points
 from scenarios.recorded.vehicles import vehicle_of
@@ -41,6 +43,7 @@ class Layout:
 LAYOUTS = {
     "simbev": Layout("simbev", simbev_files, SIMBEV_SWEEPS),
     "nuscenes": Layout(VERSION, nuscenes_files, NUSCENES_SWEEPS),
+    "kitti": Layout("ImageSets", kitti_files, KITTI_SWEEPS),
 }
 
 
@@ -81,12 +84,15 @@ def write_layout(
     if is_runs(source):
         recordings, count = _recordings(source)
         sequences, notes = [], _Notes()
+        splits, first = split_of_scenes(count, seed), 0
         for number, recording in enumerate(recordings):
             notes.of_run(recording)
             if lidar is None:
                 sequences.append(recording.sequence)
                 continue
-            sequence = _cast(sweeps_of(recording, lidar), layout, out, number, notes)
+            sweeps = sweeps_of(recording, lidar)
+            sequence = _cast(sweeps, layout, out, ScenePlace(number, first, splits[number]), notes)
+            first += len(sequence)
             kept = with_least_points(sequence, lidar.least_points)
             notes.hidden(sequence, kept, lidar.least_points)
             sequences.append(kept)
@@ -113,13 +119,13 @@ def _recordings(source: Path) -> tuple[Iterator[RunRecording], int]:
     return recordings_of_runs(source, names), len(names)
 
 
-def _cast(sweeps: RecordedSweeps, layout: Layout, out: Path, number: int, notes: _Notes) -> Sequence:
+def _cast(sweeps: RecordedSweeps, layout: Layout, out: Path, place: ScenePlace, notes: _Notes) -> Sequence:
     """A run with what the LiDAR has of its labels; the clouds are written."""
     sequence = sweeps.sequence
     notes.frames_left_out += sweeps.left_out
 
     def write(frame: int, cloud: PointCloud) -> None:
-        write_bytes(out / layout.sweeps.path(number, sequence, frame), layout.sweeps.content(cloud))
+        write_bytes(out / layout.sweeps.path(place, sequence, frame), layout.sweeps.content(cloud))
 
     return swept(sequence, sweeps, sweeps.ego_SE3_lidar, write)
 

@@ -44,6 +44,7 @@ class DrawnFrame:
         category: (T,) out of `CLASSES`.
         points: (T,) points in each box.
         ground_m: height of the sensor over the ground.
+        ego: the vehicle.
     """
 
     cloud: PointCloud
@@ -51,21 +52,31 @@ class DrawnFrame:
     category: StrArray
     points: FloatArray
     ground_m: float
+    ego: EgoState
 
 
 def drawn_frames(
-    maps: Sequence[Path], config: LidarConfig, count: int, seed: int, *, clutter: bool = True
+    maps: Sequence[Path],
+    config: LidarConfig,
+    count: int,
+    seed: int,
+    *,
+    clutter: bool = True,
+    first: int = 0,
+    mount: Mount | None = None,
 ) -> Iterator[DrawnFrame]:
-    """Frames on maps by turns; the mount's height is 1.4 to 2.1 m, its pitch up to 1.5 degrees.
+    """Frames on maps by turns.
 
     Args:
         maps: OpenDRIVE files.
-        config: the LiDAR; its mount is drawn.
+        config: the LiDAR.
         count: frames.
         seed: of all that is drawn.
         clutter: whether there is more than `furnished_street` has.
+        first: number of the first frame, a multiple of `FRAMES_PER_STREET`.
+        mount: of the LiDAR; None: it is drawn for every frame, 1.4 to 2.1 m high, pitched up to 1.5 degrees.
     """
-    for number in range(count):
+    for number in range(first, first + count):
         rng = np.random.default_rng((seed, number))
         if number % FRAMES_PER_STREET == 0:
             network = load_map(maps[(number // FRAMES_PER_STREET) % len(maps)])
@@ -73,8 +84,8 @@ def drawn_frames(
             street = furnished_street(
                 network, rng.uniform(3.0, 14.0), int(rng.integers(2**31)), parked_share=rng.uniform(0.0, 0.8)
             )
-        mount = Mount(rng.uniform(1.4, 2.1), 0.0, math.radians(rng.uniform(-1.5, 1.5)))
-        sensor_config = replace(config, mount=mount)
+        drawn_mount = mount or Mount(rng.uniform(1.4, 2.1), 0.0, math.radians(rng.uniform(-1.5, 1.5)))
+        sensor_config = replace(config, mount=drawn_mount)
         ego = _ego(network, rng)
         world = _world(network, surface, street, ego, rng)
         own_street = street
@@ -83,7 +94,7 @@ def drawn_frames(
             own_street = replace(street, bodies=joined([street.bodies, extra]))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
         cloud = _smeared(sensor.measure(world, ego).cloud, rng)
-        frame = _frame(cloud, world, street, ego, mount)
+        frame = _frame(cloud, world, street, ego, drawn_mount)
         yield _spoked(frame, rng)
 
 
@@ -386,4 +397,4 @@ def _frame(cloud: PointCloud, world: World, street: Street, ego: EgoState, mount
     near = np.hypot(x, y) < FARTHEST_M
     boxes = Boxes3D(center, size, wrap_angle(yaw - ego.yaw_rad))[near]
     counts = boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64)
-    return DrawnFrame(cloud, boxes, category[near], counts, mount.height_m)
+    return DrawnFrame(cloud, boxes, category[near], counts, mount.height_m, ego)

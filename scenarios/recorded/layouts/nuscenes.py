@@ -26,7 +26,6 @@ from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.layouts.scenes import SPLITS, quaternion_of, split_of_scenes, truth_of
 from scenarios.recorded.layouts.sweeps import SweepFiles, boxes_of
 from scenarios.recorded.nuscenes import CATEGORY_OF_LABEL_CLASS, CLASS_OF_CATEGORY
-from scenarios.recorded.poses import turned_about
 from smartmot.pointcloud import PointCloud
 from smartmot.types import FloatArray, IntArray
 
@@ -190,7 +189,7 @@ def _add_calibration(tables: Tables, sequence: Sequence) -> str:
     """Token of where LIDAR_TOP is, in the frame of the rear axle; entered once for each place."""
     pose = np.eye(4)
     if sequence.sweeps is not None:
-        pose = sequence.sweeps.ego_SE3_lidar @ _TURN
+        pose = sequence.sweeps.ego_SE3_lidar @ NUSCENES_SE3_OURS.T
         pose[0, 3] += REAR_AXLE_M
     translation, rotation = pose[:3, 3].tolist(), quaternion_of(pose[None])[0].tolist()
     token = token_of("calibrated_sensor", translation, rotation)
@@ -207,9 +206,10 @@ def _add_calibration(tables: Tables, sequence: Sequence) -> str:
     return token
 
 
-_TURN = np.eye(4)
-_TURN[:3, :3] = turned_about(2, np.array([-0.5 * np.pi]))[0].round()
-"""From nuScenes' axes of LIDAR_TOP to ours (x ahead, y left)."""
+NUSCENES_SE3_OURS = np.array(
+    [(0.0, -1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)]
+)
+"""(4, 4) from our axes of a LiDAR (x ahead, y left) to those of LIDAR_TOP (x right, y ahead)."""
 
 INTENSITY = 255.0
 """Greatest intensity in nuScenes; ours are from 0 to 1."""
@@ -221,12 +221,12 @@ def _sweep_path(scene: str, k: int) -> str:
 
 def sweep_bytes(cloud: PointCloud) -> bytes:
     """A cloud as nuScenes keeps it: x right, y ahead, intensities up to 255, rings."""
-    xyz = cloud.xyz_m @ _TURN[:3, :3].astype(cloud.xyz_m.dtype)
+    xyz = cloud.xyz_m @ NUSCENES_SE3_OURS[:3, :3].T.astype(cloud.xyz_m.dtype)
     intensity = None if cloud.intensity is None else INTENSITY * cloud.intensity
     return bin_bytes(replace(cloud, xyz_m=xyz, intensity=intensity), nuscenes=True)
 
 
-NUSCENES_SWEEPS = SweepFiles(lambda scene, _, k: _sweep_path(_scene_name(scene), k), sweep_bytes)
+NUSCENES_SWEEPS = SweepFiles(lambda place, _, k: _sweep_path(_scene_name(place.number), k), sweep_bytes)
 
 
 def _scene_name(number: int) -> str:

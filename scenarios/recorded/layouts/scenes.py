@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import accumulate
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +23,29 @@ def split_of_scenes(count: int, seed: int) -> list[str]:
     held_back = round(HELD_BACK_SHARE * count)
     names = held_back * ["val", "test"] + (count - 2 * held_back) * ["train"]
     return [names[k] for k in np.random.default_rng(seed).permutation(count).tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class ScenePlace:
+    """Where a scene is in a data set.
+
+    Args:
+        number: of the scene.
+        first_frame: how many frames are before it.
+        split: out of `SPLITS`.
+    """
+
+    number: int
+    first_frame: int
+    split: str
+
+
+def scene_places(frame_counts: Iterable[int], seed: int) -> list[ScenePlace]:
+    """The place of each scene of a data set, from how many frames each has."""
+    counts = list(frame_counts)
+    splits = split_of_scenes(len(counts), seed)
+    first = accumulate(counts, initial=0)
+    return [ScenePlace(number, *place) for number, place in enumerate(zip(first, splits, strict=False))]
 
 
 def truth_of(sequence: Sequence) -> tuple[Objects, FloatArray]:

@@ -131,7 +131,7 @@ def sweep_bytes(cloud: PointCloud) -> bytes:
 
 
 SIMBEV_SWEEPS = SweepFiles(
-    lambda scene, sequence, k: _sweep_path(scene, int(frame_grid(sequence)[0][k])), sweep_bytes
+    lambda place, sequence, k: _sweep_path(place.number, int(frame_grid(sequence)[0][k])), sweep_bytes
 )
 
 

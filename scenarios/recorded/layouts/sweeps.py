@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Objects, Sequence, Sweeps
+from scenarios.recorded.layouts.scenes import ScenePlace
 from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.types import FloatArray, IntArray
 
@@ -19,11 +20,11 @@ class SweepFiles:
     """How a layout keeps clouds.
 
     Args:
-        path: of a cloud below the data set's folder, from the scene's number, the recording and the frame.
+        path: of a cloud below the data set's folder, from the scene's place, the recording and the frame.
         content: of the file.
     """
 
-    path: Callable[[int, Sequence, int], str]
+    path: Callable[[ScenePlace, Sequence, int], str]
     content: Callable[[PointCloud], bytes]
 
 
@@ -73,11 +74,8 @@ def with_least_points(sequence: Sequence, least: int) -> Sequence:
     """A recording without the labels whose boxes hold fewer points; one without a LiDAR as it is."""
     if sequence.sweeps is None or sequence.labels is None:
         return sequence
-    count = sequence.sweeps.point_count
-    kept = count >= least
-    return replace(
-        sequence, labels=sequence.labels[kept], sweeps=replace(sequence.sweeps, point_count=count[kept])
-    )
+    kept = sequence.sweeps.point_count >= least
+    return replace(sequence, labels=sequence.labels[kept], sweeps=sequence.sweeps[kept])
 
 
 def common_lidar(sequences: Many[Sequence]) -> FloatArray | None:

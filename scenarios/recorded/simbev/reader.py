@@ -41,7 +41,7 @@ from scenarios.recorded.dataset import (
 from scenarios.recorded.poses import rigid, rotation_matrix
 from scenarios.recorded.simbev.safe_pickle import PickledArray, read_npy_list
 from scenarios.recorded.textfile import MAX_FRAMES, is_given, read_json, read_text
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 CATEGORY_OF_CLASS = {
     "car": "car",
@@ -275,6 +275,20 @@ def _sequence(
         labels=labels,
         world_SE3_ego=pose,
     )
+
+
+def frame_labels(path: Path, classes: ClassMap) -> tuple[Objects, IntArray | None]:
+    """Road users among the labels of one frame, and (K,) their LiDAR points, where post-processing counted.
+
+    Raises:
+        DatasetError: The file is wrong.
+    """
+    rows, points = _Rows(), []
+    for index, label in enumerate(_labels(path)):
+        if _add(rows, 0, label, f"{path}: label {index}", classes, _Counts()):
+            points.append(_plain(label.get("num_lidar_pts")))
+    counted = all(_is_number(count) and 0 <= count < 2**31 for count in points)
+    return _objects(rows, classes, path), np.array(points, dtype=np.int64) if counted else None
 
 
 def _timestep_s(root: Path, scene: str, missing: list[str]) -> float:

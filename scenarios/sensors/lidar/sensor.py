@@ -54,7 +54,7 @@ class LidarSensor:
         """
         number = self.timing.number_at(world.time_s)
         rays = self.config.pattern.rays(number)
-        table, row_of = _table(rays, self.config.mount.pitch_rad)
+        table, row_of = ray_table(rays, self.config.mount.pitch_rad)
         ground = world.ego_ground_m
         if ground is None:
             at = np.array([[ego.x_m, ego.y_m]])
@@ -156,7 +156,7 @@ class LidarSensor:
 
 
 @lru_cache(maxsize=64)
-def _table(rays: Rays, pitch_rad: float) -> tuple[RayTable, IntArray]:
+def ray_table(rays: Rays, pitch_rad: float) -> tuple[RayTable, IntArray]:
     """The rays in the level frame, and (N,) the row of each in the table; tabulated once."""
     table, order = RayTable.of(pitched(rays.direction, pitch_rad), rays.time_offset_s)
     row = np.empty(len(order), dtype=np.int64)

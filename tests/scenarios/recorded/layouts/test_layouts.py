@@ -13,11 +13,15 @@ import numpy as np
 import pytest
 
 from scenarios.errors import DatasetError
+from scenarios.recorded.camera import truncation
 from scenarios.recorded.clouds.files import read_cloud
 from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.recorded.formats import read_dataset
+from scenarios.recorded.kitti_objects.calibration import read_calibration
+from scenarios.recorded.kitti_objects.labels import read_objects
+from scenarios.recorded.layouts.kitti import KITTI_SWEEPS, boxes_in_lidar, calibration, kitti_files
 from scenarios.recorded.layouts.nuscenes import NUSCENES_SWEEPS, REAR_AXLE_M, nuscenes_files, token_of
-from scenarios.recorded.layouts.scenes import split_of_scenes
+from scenarios.recorded.layouts.scenes import ScenePlace, split_of_scenes
 from scenarios.recorded.layouts.simbev import (
     SIMBEV_SWEEPS,
     corners_of,
@@ -27,7 +31,7 @@ from scenarios.recorded.layouts.simbev import (
 )
 from scenarios.recorded.layouts.sweeps import SweepFiles, boxes_of, swept, with_least_points
 from scenarios.recorded.poses import rigid, turned_about
-from smartmot.pointcloud import PointCloud
+from smartmot.pointcloud import Boxes3D, PointCloud
 
 CATEGORIES = ("car", "pedestrian", "cyclist", "truck", "motorcycle")
 Files = Callable[..., Iterable[tuple[str, bytes]]]
@@ -247,6 +251,8 @@ def cast_labels() -> tuple[Sequence, list[PointCloud]]:
 LIDAR = rigid(turned_about(1, np.array([0.05])), np.array([[0.6, 0.0, 1.8]]))[0]
 """Ahead of the middle, and pitched."""
 
+FIRST = ScenePlace(0, 0, "train")
+
 
 @pytest.mark.parametrize(
     ("files", "sweeps"), [(simbev_files, SIMBEV_SWEEPS), (nuscenes_files, NUSCENES_SWEEPS)]
@@ -257,7 +263,7 @@ def test_clouds_are_read_again_and_hold_the_points_that_labels_say(
     written, clouds = cast_labels()
     kept: dict[str, bytes] = {}
     made = swept(written, clouds, LIDAR, lambda k, cloud: kept.update(
-        {sweeps.path(0, written, k): sweeps.content(cloud)}))  # fmt: skip
+        {sweeps.path(FIRST, written, k): sweeps.content(cloud)}))  # fmt: skip
     assert made.sweeps is not None
     assert made.labels is not None
     folder = write(tmp_path, [*kept.items(), *files([made])])
@@ -290,6 +296,53 @@ def test_clouds_are_read_again_and_hold_the_points_that_labels_say(
     assert counts == made.sweeps.point_count.tolist()
     with pytest.raises(DatasetError, match="in the same place in all recordings"):
         list(simbev_files([made, written]))
+
+
+def test_kitti_s_files_are_read_again(tmp_path: Path) -> None:
+    written, clouds = cast_labels()
+    kept: dict[str, bytes] = {}
+    level = rigid(turned_about(2, np.zeros(1)), np.array([[0.6, 0.0, 1.8]]))[0]
+    made = swept(written, clouds, level, lambda k, cloud: kept.update(
+        {KITTI_SWEEPS.path(FIRST, written, k): KITTI_SWEEPS.content(cloud)}))  # fmt: skip
+    assert made.sweeps is not None
+    assert made.labels is not None
+    assert made.world_SE3_ego is not None
+    share = np.linspace(0.0, 1.0, len(made.labels))
+    made = replace(made, sweeps=replace(made.sweeps, seen_share=share))
+    folder = write(tmp_path, [*kept.items(), *kitti_files([made])])
+    assert (folder / "ImageSets/train.txt").read_text().split() == [f"{k:06d}" for k in range(6)]
+    assert (folder / "ImageSets/scenes.txt").read_text().splitlines()[5] == "000005 run"
+    levels = []
+    for k in range(6):
+        name = f"{k:06d}"
+        read = read_cloud(folder / f"training/velodyne/{name}.bin").cloud
+        assert read.xyz_m.tolist() == clouds[k].xyz_m.tolist()
+        calib = read_calibration(folder / f"training/calib/{name}.txt")
+        lines = read_objects(folder / f"training/label_2/{name}.txt")
+        boxes, labels = calib.boxes_to_lidar(lines.camera_box), made.labels[made.labels.frame == k]
+        expected = boxes_in_lidar(labels, made.world_SE3_ego[k] @ level)
+        assert boxes.center_m == pytest.approx(expected.center_m, abs=1e-9)
+        assert boxes.size_m == pytest.approx(expected.size_m, abs=1e-12)
+        assert np.cos(boxes.yaw_rad - expected.yaw_rad) == pytest.approx(1.0, abs=1e-12)
+        assert set(lines.type_name.tolist()) <= {"Car", "Pedestrian", "Cyclist", "Truck", "Misc"}
+        # who is behind the camera is outside the image
+        behind = boxes.center_m[:, 0] < 0.0
+        assert (lines.truncated[behind] == 1.0).all()
+        assert ((lines.truncated >= 0.0) & (lines.truncated <= 1.0)).all()
+        levels += lines.occluded.tolist()
+    assert levels == [0 if seen >= 0.8 else 1 if seen >= 0.4 else 2 for seen in share]
+    with pytest.raises(DatasetError, match="sequence run has no clouds"):
+        list(kitti_files([written]))
+
+
+def test_the_camera_sees_what_is_ahead() -> None:
+    """Half of a box that stands on the image's border is outside; one in the middle is inside."""
+    calib = calibration()
+    edge_m = 20.0 * 609.5593 / 721.5377  # 20 m ahead of the camera
+    center = np.array([[20.27, 0.0, -1.0], [20.27, edge_m, -1.0], [20.27, edge_m + 3.0, -1.0]])
+    boxes = Boxes3D(center, np.tile((0.01, 2.0, 1.0), (3, 1)), np.zeros(3))
+    share = truncation(calib.boxes_to_camera(boxes), calib.projection[2])
+    assert share == pytest.approx([0.0, 0.5, 1.0], abs=0.01)
 
 
 def test_labels_with_few_points_go() -> None:
@@ -408,7 +461,7 @@ def test_the_devkit_opens_it(tmp_path: Path) -> None:
         clouds,
         LIDAR,
         lambda k, cloud: write(
-            folder, [(NUSCENES_SWEEPS.path(0, written, k), NUSCENES_SWEEPS.content(cloud))]
+            folder, [(NUSCENES_SWEEPS.path(FIRST, written, k), NUSCENES_SWEEPS.content(cloud))]
         ),
     )
     write(folder, nuscenes_files([made]))

@@ -1,0 +1,1 @@
+"""`smartmot-eval lidar dataset`: data sets of labelled clouds."""

@@ -1,0 +1,108 @@
+"""`smartmot-eval lidar dataset make`: labelled clouds for training, without recording anything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.cli.output import counting
+from evaluation.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from evaluation.studies.datasets.make import FrameMaker
+    from scenarios.sensors.lidar import LidarConfig
+
+EXAMPLES = options.examples(
+    "`smartmot-eval lidar dataset make --sensor hdl64 --frames 1000 --out data` draws streets and their road "
+    "users, casts a LiDAR, and writes KITTI's tree.",
+    "`smartmot-eval lidar dataset make --sensor mid70 --frames 400 --layout nuscenes --min-points 5`",
+    "What is in it: docs/datasets.md.",
+)
+
+SOURCES = ("scenes",)
+HIGHEST_M = 5.0
+"""Of a sensor on a vehicle: a truck's roof is at 4 m."""
+
+
+def command(
+    source: Annotated[
+        str, typer.Option("--from", help="scenes: simulated streets drawn at random.", metavar="NAME")
+    ] = "scenes",
+    sensor: Annotated[str, typer.Option(help="hdl32, hdl64 or mid70.", metavar="NAME")] = "hdl32",
+    frames: Annotated[int, typer.Option(min=1, max=1_000_000, help="Frames in all splits together.")] = 1000,
+    layout: Annotated[str, typer.Option(help="kitti, nuscenes or simbev.", metavar="NAME")] = "kitti",
+    min_points: Annotated[
+        int, typer.Option(min=0, max=1_000_000, help="Labels with fewer points in their box are left out.")
+    ] = 1,
+    height: Annotated[
+        float | None, typer.Option(help="Of the sensor over the ground, m. Default: 1.73, that of KITTI's.")
+    ] = None,
+    maps: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--map", help="OpenDRIVE file, again for more. Default: the shipped maps.", metavar="FILE"
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the data set.")] = Path("results/dataset"),
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of all that is drawn.")] = 1,
+    workers: options.Workers = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Make a data set of labelled clouds, split by scene into train, val and test."""
+    import rich.console
+
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.datasets.layouts import LAYOUTS
+    from evaluation.studies.datasets.make import Recipe, make_dataset
+
+    source = options.parse_name(source, SOURCES, "--from")
+    layout = options.parse_name(layout, tuple(LAYOUTS), "--layout")
+    config = parse_sensor(sensor, height)
+    recipe = Recipe(
+        parse_source(source, config, maps, seed),
+        layout,
+        frames,
+        seed,
+        min_points,
+        {"from": source, "sensor": sensor},
+    )
+    with counting("making", quiet) as done:
+        made = make_dataset(recipe, out, workers or available_cores(), done)
+    console = rich.console.Console(quiet=quiet)
+    splits = ", ".join(f"{name} {count}" for name, count in made.frames.items())
+    labels = ", ".join(f"{name} {count}" for name, count in made.labels.items()) or "none"
+    few = "no point" if min_points == 1 else f"fewer than {min_points} points"
+    lines = [f"frames: {splits}", f"labels: {labels}"]
+    if made.hidden:
+        lines.append(f"left out: {made.hidden} labels with {few} in their box")
+    for line in (*lines, f"written to {out}"):
+        console.print(line, highlight=False, soft_wrap=True, markup=False)
+
+
+def parse_sensor(name: str, height_m: float | None) -> LidarConfig:
+    """The LiDAR on its mount.
+
+    Raises:
+        ArgumentError: an unknown name, or a height that no vehicle has.
+    """
+    from dataclasses import replace
+
+    from scenarios.sensors.lidar import SENSORS, Mount
+
+    config = SENSORS[options.parse_name(name, tuple(SENSORS), "--sensor")]
+    if height_m is None:
+        return config
+    if not 0.1 <= height_m <= HIGHEST_M:
+        raise ArgumentError(f"--height: expected 0.1 to {HIGHEST_M:g} m, got {height_m:g}")
+    return replace(config, mount=Mount(height_m))
+
+
+def parse_source(source: str, config: LidarConfig, maps: list[Path] | None, seed: int) -> FrameMaker:
+    """What makes the frames."""
+    from evaluation.studies.datasets.streets import Streets
+    from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
+
+    return Streets(tuple(maps or map(shipped_map, SHIPPED_MAPS)), config, seed)

@@ -1,0 +1,284 @@
+"""Frames of data sets with clouds, in the layouts of KITTI, nuScenes and SimBEV."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarios.errors import DatasetError
+from scenarios.recorded.classes import read_classes
+from scenarios.recorded.clouds.files import read_cloud
+from scenarios.recorded.dataset import Objects
+from scenarios.recorded.kitti import CATEGORY_OF_TYPE
+from scenarios.recorded.kitti_objects.calibration import read_calibration
+from scenarios.recorded.kitti_objects.labels import DONT_CARE, read_objects
+from scenarios.recorded.layouts.kitti import SCENES_TXT, boxes_in_lidar
+from scenarios.recorded.layouts.nuscenes import NUSCENES_SE3_OURS
+from scenarios.recorded.layouts.scenes import SPLITS
+from scenarios.recorded.layouts.sweeps import points_inside
+from scenarios.recorded.nuscenes import CATEGORY_OF_LABEL_CLASS, CLASS_OF_CATEGORY
+from scenarios.recorded.nuscenes_records import read_records, referred
+from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix
+from scenarios.recorded.simbev.reader import (
+    CATEGORY_OF_CLASS,
+    LABELS,
+    file_of,
+    frame_labels,
+    infos_of,
+    is_simbev,
+    scene_frames,
+    simbev_root,
+)
+from scenarios.recorded.textfile import read_json, read_text
+from smartmot.pointcloud import Boxes3D, PointCloud
+from smartmot.types import FloatArray, IntArray
+
+SIMBEV_CLOUDS = "sweeps/LIDAR"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DatasetFrame:
+    """A frame of a data set.
+
+    Args:
+        name: of the frame.
+        scene: of which it is; empty where the layout does not say.
+        split: out of `SPLITS`, or as the data set calls it.
+        cloud: sensor's frame: x ahead, y left, z up.
+        labels: K labels, world frame.
+        world_SE3_lidar: (4, 4) pose of the sensor.
+        written_count: (K,) points in each box, as the data set says; None: it does not.
+    """
+
+    name: str
+    scene: str
+    split: str
+    cloud: PointCloud
+    labels: Objects
+    world_SE3_lidar: FloatArray  # noqa: N815 - dst_SE3_src is the field's notation
+    written_count: IntArray | None
+
+    @property
+    def boxes(self) -> Boxes3D:
+        """The K boxes in the sensor's frame."""
+        return boxes_in_lidar(self.labels, self.world_SE3_lidar)
+
+    def point_counts(self) -> IntArray:
+        """(K,) points in each box."""
+        return points_inside(self.labels, self.world_SE3_lidar, self.cloud)
+
+
+def read_frames(folder: Path) -> Iterator[DatasetFrame]:
+    """The frames of a data set, one at a time.
+
+    Raises:
+        DatasetError: it is in none of the layouts, or a file is missing or damaged.
+    """
+    if (folder / "ImageSets").is_dir():
+        return _kitti_frames(folder)
+    if is_simbev(folder):
+        return _simbev_frames(folder)
+    tables = [
+        path for path in (folder, *sorted(folder.glob("v1.0-*"))) if (path / "sample_data.json").is_file()
+    ]
+    if tables:
+        return _nuscenes_frames(tables[0])
+    raise DatasetError(f"{folder}: no data set with clouds; expected ImageSets, v1.0-* or simbev/infos in it")
+
+
+def layout_of(folder: Path) -> str:
+    """Name of the layout of a folder that `read_frames` reads."""
+    return "kitti" if (folder / "ImageSets").is_dir() else "simbev" if is_simbev(folder) else "nuscenes"
+
+
+# ---- KITTI -------------------------------------------------------------------------------------------------
+
+
+def _kitti_frames(folder: Path) -> Iterator[DatasetFrame]:
+    scenes = _kitti_scenes(folder / SCENES_TXT)
+    lists = [folder / "ImageSets" / f"{split}.txt" for split in SPLITS]
+    if not any(path.is_file() for path in lists):
+        raise DatasetError(f"{folder / 'ImageSets'}: none of train.txt, val.txt, test.txt is there")
+    for split, path in zip(SPLITS, lists, strict=True):
+        for line, text in enumerate(read_text(path).splitlines() if path.is_file() else (), 1):
+            name = text.strip()
+            if not name:
+                continue
+            if Path(name).name != name or not name.isprintable():
+                raise DatasetError(f"{path}:{line}: {name!r} is no name of a frame")
+            part = folder / ("testing" if split == "test" else "training")
+            if (part / "label_2" / f"{name}.txt").is_file() or split != "test":
+                yield _kitti_frame(part, name, scenes.get(name, ""), split)
+
+
+def _kitti_scenes(path: Path) -> dict[str, str]:
+    """The scene of each frame, where there is a file of them."""
+    if not path.is_file():
+        return {}
+    scenes = {}
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        words = text.split(maxsplit=1)
+        if len(words) != 2:
+            raise DatasetError(f"{path}:{line}: expected FRAME SCENE, got {text!r}")
+        scenes[words[0]] = words[1]
+    return scenes
+
+
+def _kitti_frame(part: Path, name: str, scene: str, split: str) -> DatasetFrame:
+    calib = read_calibration(part / "calib" / f"{name}.txt")
+    lines = read_objects(part / "label_2" / f"{name}.txt")
+    lines = lines.chosen(lines.type_name != DONT_CARE)
+    boxes = calib.boxes_to_lidar(lines.camera_box)
+    kinds = lines.type_name.tolist()
+    labels = Objects.of(
+        np.zeros(len(boxes)),
+        boxes.center_m[:, :2],
+        category=np.array([CATEGORY_OF_TYPE.get(kind, "unknown") for kind in kinds], dtype=np.str_),
+        kind=lines.type_name,
+        size_m=boxes.size_m[:, :2],
+        yaw_rad=boxes.yaw_rad,
+        bottom_m=boxes.bottom_m,
+        height_m=boxes.size_m[:, 2],
+    )
+    cloud = read_cloud(part / "velodyne" / f"{name}.bin").cloud
+    return DatasetFrame(name, scene, split, cloud, labels, np.eye(4), None)
+
+
+# ---- SimBEV ------------------------------------------------------------------------------------------------
+
+
+def _simbev_frames(folder: Path) -> Iterator[DatasetFrame]:
+    root = simbev_root(folder)
+    classes = read_classes(folder, CATEGORY_OF_CLASS)
+    for path in infos_of(folder):
+        split = path.stem.removeprefix("simbev_infos_")
+        ego_SE3_lidar = _simbev_lidar(path)
+        for scene, frames in scene_frames(path).items():
+            for info in frames:
+                where = f"{path}: scene {scene}, frame {info['frame']}"
+                ego = _pose(info, ("ego2global_translation", "ego2global_rotation"), where)
+                labels, counts = frame_labels(file_of(root, LABELS, info, "GT_DET", where), classes)
+                cloud = read_cloud(file_of(root, SIMBEV_CLOUDS, info, "LIDAR", where)).cloud
+                name = f"{scene}_{info['frame']:04d}"
+                yield DatasetFrame(name, scene, split, cloud, labels, ego @ ego_SE3_lidar, counts)
+
+
+def _simbev_lidar(path: Path) -> FloatArray:
+    """(4, 4) pose of the LiDAR in the vehicle's frame."""
+    content = read_json(path)
+    metadata = content.get("metadata") if isinstance(content, dict) else None
+    lidar = metadata.get("LIDAR") if isinstance(metadata, dict) else None
+    if not isinstance(lidar, dict):
+        raise DatasetError(f"{path}: no 'LIDAR' in 'metadata': a data set without clouds")
+    return _pose(lidar, ("sensor2ego_translation", "sensor2ego_rotation"), f"{path}: metadata LIDAR")
+
+
+def _pose(record: dict[str, Any], names: tuple[str, str], where: str) -> FloatArray:
+    """(4, 4) pose of a translation and a quaternion."""
+    parts = []
+    for name, length in zip(names, (3, 4), strict=True):
+        value = record.get(name)
+        if (
+            not isinstance(value, list)
+            or len(value) != length
+            or not all(type(number) in (int, float) and abs(number) < 1e9 for number in value)
+        ):
+            raise DatasetError(f"{where}: field {name!r} must be {length} numbers")
+        parts.append(np.array(value, dtype=np.float64))
+    if not parts[1].any():
+        raise DatasetError(f"{where}: field {names[1]!r} must not be 0")
+    pose: FloatArray = rigid(rotation_matrix(parts[1])[None], parts[0][None])[0]
+    return pose
+
+
+# ---- nuScenes ----------------------------------------------------------------------------------------------
+
+
+def _nuscenes_frames(tables: Path) -> Iterator[DatasetFrame]:
+    root = tables.parent if tables.name.startswith("v1.0-") else tables
+    rows = {
+        name: {row["token"]: row for row in read_records(tables, name)}
+        for name in ("scene", "sample", "instance", "category", "sensor", "calibrated_sensor", "ego_pose")
+    }
+    splits = _nuscenes_splits(tables / "splits.json")
+    annotations: dict[str, list[dict[str, Any]]] = {}
+    for row in read_records(tables, "sample_annotation"):
+        annotations.setdefault(row["sample_token"], []).append(row)
+    for row in read_records(tables, "sample_data"):
+        calibrated = referred(tables, rows["calibrated_sensor"], "sample_data", row, "calibrated_sensor")
+        sensor = referred(tables, rows["sensor"], "calibrated_sensor", calibrated, "sensor")
+        if sensor["channel"] != "LIDAR_TOP" or not row["is_key_frame"]:
+            continue
+        sample = referred(tables, rows["sample"], "sample_data", row, "sample")
+        scene = referred(tables, rows["scene"], "sample", sample, "scene")["name"]
+        ego = referred(tables, rows["ego_pose"], "sample_data", row, "ego_pose")
+        where = f"{tables / 'sample_data.json'}: sample {sample['token']}"
+        file = row.get("filename")
+        if not isinstance(file, str) or not file or Path(file).is_absolute() or ".." in Path(file).parts:
+            raise DatasetError(
+                f"{where}: field 'filename' must be a path below the data set: it has no cloud"
+            )
+        fields = ("translation", "rotation")
+        pose = _pose(ego, fields, where) @ _pose(calibrated, fields, where) @ NUSCENES_SE3_OURS
+        cloud = read_cloud(root / file).cloud
+        turned = (cloud.xyz_m @ NUSCENES_SE3_OURS[:3, :3].astype(cloud.xyz_m.dtype)).astype(cloud.xyz_m.dtype)
+        own = PointCloud(turned, cloud.intensity, cloud.ring, frame=cloud.frame)
+        labels, counts = _nuscenes_labels(tables, rows, annotations.get(sample["token"], []))
+        yield DatasetFrame(Path(file).name, scene, splits.get(scene, ""), own, labels, pose, counts)
+
+
+def _nuscenes_splits(path: Path) -> dict[str, str]:
+    """The split of each scene, where there is a file of them."""
+    if not path.is_file():
+        return {}
+    content = read_json(path)
+    if not isinstance(content, dict) or not all(isinstance(names, list) for names in content.values()):
+        raise DatasetError(f"{path}: expected an object with lists of scenes")
+    return {str(name): split.removeprefix("smartmot_") for split, names in content.items() for name in names}
+
+
+def _nuscenes_labels(
+    tables: Path, rows: dict[str, dict[str, Any]], annotations: list[dict[str, Any]]
+) -> tuple[Objects, IntArray | None]:
+    kinds = []
+    for row in annotations:
+        instance = referred(tables, rows["instance"], "sample_annotation", row, "instance")
+        kinds.append(referred(tables, rows["category"], "instance", instance, "category")["name"])
+    center = np.array([row["translation"] for row in annotations]).reshape(-1, 3)
+    size = np.array([row["size"] for row in annotations]).reshape(-1, 3)
+    class_of = {name: kind for kind, name in CATEGORY_OF_LABEL_CLASS.items()}
+    category_of = {kind: category for category, kind in CLASS_OF_CATEGORY.items()}
+    category = [category_of.get(class_of.get(kind, ""), "unknown") for kind in kinds]
+    counts = [row.get("num_lidar_pts") for row in annotations]
+    labels = Objects.of(
+        np.zeros(len(kinds)),
+        center[:, :2],
+        category=np.array(category, dtype=np.str_),
+        kind=np.array(kinds, dtype=np.str_),
+        size_m=size[:, [1, 0]],
+        yaw_rad=quaternion_yaw(np.array([row["rotation"] for row in annotations]).reshape(-1, 4)),
+        bottom_m=center[:, 2] - 0.5 * size[:, 2],
+        height_m=size[:, 2],
+    )
+    known = all(type(count) is int and 0 <= count < 2**31 for count in counts)
+    return labels, np.array(counts, dtype=np.int64) if known else None
+
+
+def dataset_values(folder: Path, name: str) -> dict[str, Any]:
+    """What a data set says of itself; empty where there is no such file.
+
+    Raises:
+        DatasetError: the file is damaged.
+    """
+    path = folder / name
+    if not path.is_file():
+        return {}
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise DatasetError(f"{path}: expected an object, got {json.dumps(content)[:40]}")
+    return content

@@ -1,0 +1,41 @@
+"""Frames of simulated streets drawn at random."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.studies.datasets.frames import LabelledFrame
+from evaluation.studies.lidar.drawn import FRAMES_PER_STREET, drawn_frames
+from scenarios.sensors.lidar import LidarConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Streets:
+    """Streets with furniture, clutter and road users; each is a scene.
+
+    Args:
+        maps: OpenDRIVE files, taken by turns.
+        config: the LiDAR on its mount.
+        seed: of all that is drawn.
+    """
+
+    maps: tuple[Path, ...]
+    config: LidarConfig
+    seed: int
+
+    @property
+    def frames_per_scene(self) -> int:
+        """The same street is seen from so many places, with other road users."""
+        return FRAMES_PER_STREET
+
+    def frames(self, scene: int, count: int) -> Iterator[LabelledFrame]:
+        """The first frames of a scene."""
+        first = FRAMES_PER_STREET * scene
+        drawn = drawn_frames(self.maps, self.config, count, self.seed, first=first, mount=self.config.mount)
+        for frame in drawn:
+            ego = frame.ego
+            yield LabelledFrame(
+                frame.cloud, frame.boxes, frame.category, (ego.x_m, ego.y_m, 0.0, ego.yaw_rad)
+            )
