@@ -1,8 +1,8 @@
 """Curves that entities move along, by arc length.
 
-Every curve (lane, route, trajectory) is a chain of points with headings, dense where it bends. Between points
-position and heading change linearly; beyond its ends it goes on straight. A chord of 0.05 m departs from an
-arc of 8 m radius by 0.04 mm.
+Every curve (lane, route, trajectory) is a chain of points with headings, the denser the more it bends.
+Between points position and heading change linearly; beyond its ends it goes on straight. A chord of 0.05 m
+departs from an arc of 8 m radius by 0.04 mm.
 """
 
 from __future__ import annotations
@@ -17,13 +17,19 @@ import numpy as np
 
 from scenarios.openscenario.elements import Immutable
 from smartmot.path import chord_stations
-from smartmot.types import BoolArray, FloatArray
+from smartmot.types import BoolArray, FloatArray, IntArray
 
 SPACING_M = 0.05
 """Distance of points where a curve bends."""
 
 ON_PATH_M = 1e-3
 """Who is further from its path is looked up on the map."""
+
+CHORD_ERROR_M = SPACING_M**2 / 64.0
+"""How far a chord departs from an arc of 8 m radius; wider bends have fewer points for the same departure."""
+
+CHUNK = 64
+"""Chords that share a circle: a look at the circles of 5 km costs as much as one at 100 m of chords."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +71,18 @@ class Track(Immutable):
     along_s: list[int]
 
 
+def _circles(points_m: FloatArray) -> FloatArray:
+    """(C, 3) centre x, y and radius of circles around the chords of each chunk of a curve."""
+    starts = np.arange(0, len(points_m) - 1, CHUNK)
+    ends = np.minimum(starts + CHUNK, len(points_m) - 1)
+    boxes = [
+        (points_m[a : b + 1].min(axis=0), points_m[a : b + 1].max(axis=0))
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+    ]
+    low, high = np.array([box[0] for box in boxes]), np.array([box[1] for box in boxes])
+    return np.column_stack((0.5 * (low + high), 0.5 * np.hypot(*(high - low).T)))
+
+
 class Path(Immutable):
     """A curve by arc length.
 
@@ -77,9 +95,12 @@ class Path(Immutable):
     __slots__ = (
         "_chord_yaw",
         "_chords",
+        "_circles",
         "_ends",
         "_station",
+        "_table",
         "_yaw",
+        "_yaw_table",
         "first_z_m",
         "length_m",
         "on_road",
@@ -102,19 +123,22 @@ class Path(Immutable):
         self.points_m = points
         self._station: list[float] = station_m.tolist()
         begins = np.column_stack((points, station_m))
-        columns = (*begins[:-1].T.tolist(), *np.diff(begins, axis=0).T.tolist())
         # x, y and arc length at which each chord begins, and by how much they grow along it
-        self._chords: list[tuple[float, ...]] = list(zip(*columns, strict=True))
+        self._table: FloatArray = np.column_stack((begins[:-1], np.diff(begins, axis=0)))
+        self._chords: list[tuple[float, ...]] = list(zip(*self._table.T.tolist(), strict=True))
         self._ends = points[0].tolist(), points[-1].tolist()
         self._chord_yaw: list[float] = []
         self._yaw: list[float] | None = None
         if yaw_rad is None:
-            self._chord_yaw = np.arctan2(chord[:, 1], chord[:, 0]).tolist()
+            self._yaw_table: FloatArray = np.arctan2(chord[:, 1], chord[:, 0])
+            self._chord_yaw = self._yaw_table.tolist()
         else:
-            self._yaw = np.asarray(yaw_rad, float).tolist()
+            self._yaw_table = np.asarray(yaw_rad, float)
+            self._yaw = self._yaw_table.tolist()
         self.length_m: float = self._station[-1]
         self.first_z_m: float | None = None
         """Height of its beginning, if the file gives one."""
+        self._circles: FloatArray | None = None
         self.on_road = False
         """Whether it follows lanes."""
         self.track: Track | None = None
@@ -153,14 +177,13 @@ class Path(Immutable):
 
     def poses(self, station_m: FloatArray) -> FloatArray:
         """(K, 3) x, y and heading at (K,) arc lengths, which may lie beyond the ends."""
-        table = np.array(self._chords)
-        stations = np.array(self._station)
-        i = np.clip(np.searchsorted(stations, station_m, side="right") - 1, 0, len(table) - 1)
+        table = self._table
+        i = np.clip(np.searchsorted(table[:, 2], station_m, side="right") - 1, 0, len(table) - 1)
         x0, y0, s0, dx, dy, ds = table[i].T
         part = (station_m - s0) / ds
         if self._yaw is None:
-            return np.column_stack((x0 + part * dx, y0 + part * dy, np.array(self._chord_yaw)[i]))
-        yaw, inside = np.array(self._yaw), np.clip(part, 0.0, 1.0)
+            return np.column_stack((x0 + part * dx, y0 + part * dy, self._yaw_table[i]))
+        yaw, inside = self._yaw_table, np.clip(part, 0.0, 1.0)
         heading = yaw[i] + inside * (yaw[i + 1] - yaw[i])
         beyond = (part - inside) * ds
         x, y = x0 + inside * dx + beyond * np.cos(heading), y0 + inside * dy + beyond * np.sin(heading)
@@ -168,35 +191,56 @@ class Path(Immutable):
 
     def project(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Arc length of the nearest point, also beyond the ends, and the offset to the left of it."""
-        return self._project(x_m, y_m, 0, len(self._station))
+        count = len(self._station) - 1
+        if count <= 4 * CHUNK:
+            return self._project(x_m, y_m, np.arange(count))
+        if self._circles is None:
+            self._circles = _circles(self.points_m)
+        # no chord of a chunk is nearer than its circle, and one is no further away than the far side of that
+        away = np.hypot(x_m - self._circles[:, 0], y_m - self._circles[:, 1])
+        nearest = away - self._circles[:, 2] <= (away + self._circles[:, 2]).min() + 1e-6
+        nearest[[0, -1]] = True  # the curve goes on beyond its ends
+        chords = (np.flatnonzero(nearest)[:, None] * CHUNK + np.arange(CHUNK)).ravel()
+        return self._project(x_m, y_m, chords[chords < count])
 
-    def project_near(self, x_m: float, y_m: float, station_m: float, within_m: float) -> tuple[float, float]:
-        """As `project`, on the part of the curve that lies within a distance of an arc length.
+    def project_from(self, x_m: float, y_m: float, station_m: float) -> tuple[float, float]:
+        """As `project`, but the point that is reached from an arc length by going nearer and nearer.
 
-        Its cost does not grow with the length of the curve.
+        Its cost grows with the way to that point, not with the length of the curve.
         """
-        stations = self._station
-        first = max(bisect_right(stations, station_m - within_m) - 1, 0)
-        last = min(bisect_right(stations, station_m + within_m) + 1, len(stations))
-        first = min(first, len(stations) - 2)
-        return self._project(x_m, y_m, first, max(last, first + 2))
+        chords, last, came = self._chords, len(self._chords) - 1, 0
+        i = bisect_right(self._station, station_m, 1, last + 1) - 1
+        while True:
+            x0, y0, s0, dx, dy, ds = chords[i]
+            part = ((x_m - x0) * dx + (y_m - y0) * dy) / (dx * dx + dy * dy)
+            onward = 1 if part > 1.0 and i < last else -1 if part < 0.0 and i > 0 else 0
+            if onward == 0 or onward == -came:  # on the chord, or at the corner between two
+                break
+            i, came = i + onward, onward
+        if onward:
+            part = 1.0 if onward > 0 else 0.0
+        station = s0 + part * ds
+        foot_x, foot_y, heading = self.pose(station)
+        return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
 
-    def _project(self, x_m: float, y_m: float, first: int, last: int) -> tuple[float, float]:
-        points = self.points_m[first:last]
-        step = np.diff(points, axis=0)
+    def _project(self, x_m: float, y_m: float, chords: IntArray) -> tuple[float, float]:
+        """Onto the nearest of some chords, in growing order."""
+        begin = self.points_m[chords]
+        step = self.points_m[chords + 1] - begin
         squared = (step**2).sum(axis=1)
-        offset = np.array([x_m, y_m]) - points[:-1]
+        offset = np.array([x_m, y_m]) - begin
         part = (offset * step).sum(axis=1) / squared
         # the first chord of the curve goes on before it, the last one after it
         low, high = np.zeros(len(part)), np.ones(len(part))
-        if first == 0:
+        if chords[0] == 0:
             low[0] = -np.inf
-        if last == len(self._station):
+        if chords[-1] == len(self._station) - 2:
             high[-1] = np.inf
         part = np.clip(part, low, high)
         miss = offset - part[:, None] * step
-        i = int(((miss**2).sum(axis=1)).argmin()) + first
-        station = self._station[i] + float(part[i - first]) * (self._station[i + 1] - self._station[i])
+        nearest = int(((miss**2).sum(axis=1)).argmin())
+        i = int(chords[nearest])
+        station = self._station[i] + float(part[nearest]) * (self._station[i + 1] - self._station[i])
         foot_x, foot_y, heading = self.pose(station)
         return station, (y_m - foot_y) * math.cos(heading) - (x_m - foot_x) * math.sin(heading)
 
@@ -248,7 +292,7 @@ class Path(Immutable):
 
     def yaw_at_points(self) -> FloatArray | None:
         """(K,) headings at the points; None where those of the chords hold."""
-        return None if self._yaw is None else np.array(self._yaw)
+        return None if self._yaw is None else self._yaw_table
 
     def station_of_vertices(self) -> list[float]:
         """Arc length at every point, or at every vertex of a polyline."""

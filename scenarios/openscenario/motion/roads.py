@@ -15,7 +15,16 @@ from opendrive.errors import OpenDriveError
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
-from scenarios.openscenario.motion.paths import ON_PATH_M, SPACING_M, Path, Pose, Track, joined, straight
+from scenarios.openscenario.motion.paths import (
+    CHORD_ERROR_M,
+    ON_PATH_M,
+    SPACING_M,
+    Path,
+    Pose,
+    Track,
+    joined,
+    straight,
+)
 from smartmot.maps.lane_map import LEVEL_M
 from smartmot.types import FloatArray, IntArray
 
@@ -384,7 +393,10 @@ class Roads(Immutable):
         across = (rows[:, 0] - rows[0, 0]) * chord[1] - (rows[:, 1] - rows[0, 1]) * chord[0]
         if np.abs(across).max() <= 1e-9 * float(chord @ chord) and np.ptp(np.unwrap(rows[:, 2])) < 1e-12:
             return rows[[0, -1]]
-        return self._rows(leg, left_m, max(3, math.ceil(leg.length_m / SPACING_M) + 1))
+        yaw = np.unwrap(rows[:, 2])
+        sharpest = np.abs(np.diff(yaw)).max() / (leg.length_m / (probes - 1))
+        spacing = np.clip(math.sqrt(8.0 * CHORD_ERROR_M / sharpest), SPACING_M, 1.0)
+        return self._rows(leg, left_m, max(probes, math.ceil(leg.length_m / spacing) + 1))
 
     def _rows(self, leg: Leg, left_m: float, count: int) -> FloatArray:
         s = np.linspace(leg.s_start_m, leg.s_end_m, count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
 from scenarios.openscenario import model
@@ -23,7 +24,7 @@ PERFORMANCE_ROUNDED = 1e-6
 ActionT_co = TypeVar("ActionT_co", bound=model.Action, covariant=True)
 
 
-class RunningAction(Generic[ActionT_co]):
+class RunningAction(ABC, Generic[ActionT_co]):
     """An action of one entity (or of none). Those that end at once are over when `start` returns.
 
     Args:
@@ -39,9 +40,9 @@ class RunningAction(Generic[ActionT_co]):
         self.world, self.actor, self.action = world, actor, action
         self.over = self.stopped = False
 
+    @abstractmethod
     def start(self, time_s: float) -> None:
         """Begin."""
-        raise NotImplementedError
 
     def ended(self, instant: Instant) -> bool:
         """Whether it has come to its end by itself at an instant."""

@@ -27,9 +27,6 @@ JUMP_M = 0.05
 KAPPA_M = 0.05
 """Distance on both sides over which the curvature of a path is taken: that of its points."""
 
-TOW_LOOK_M = 100.0
-"""Between two looks nobody comes further along."""
-
 COMMAND_EPSILON_S = 1e-9
 """A controller that commands from an instant this near on commands now."""
 
@@ -221,7 +218,7 @@ class Actor:
         if self._beside_path is not path:
             self._beside_path, self._beside_m = path, path.project(other.x_m, other.y_m)[0]
         else:
-            self._beside_m = path.project_near(other.x_m, other.y_m, self._beside_m, TOW_LOOK_M)[0]
+            self._beside_m = path.project_from(other.x_m, other.y_m, self._beside_m)[0]
         return self._beside_m
 
     def pose(self, time_s: float) -> Pose:

@@ -267,7 +267,7 @@ class Engine:
             repeats = False
             if self.storyboard.update(self._now):
                 self._unsettle()
-            if controllers.decide(self._driven(), self._now):
+            if controllers.decide(self._driven(), self.world, self._now):
                 self._unsettle()
             if self._kink_s <= self.time_s + TOLERANCE_S:
                 self._kink_s = self._next_kink_s()

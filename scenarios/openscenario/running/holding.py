@@ -9,6 +9,7 @@ looked into.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -32,12 +33,12 @@ Mark: TypeAlias = int | tuple["Mark", ...]
 """What a condition comes to; where it changes, the step is split."""
 
 
-class Holding:
+class Holding(ABC):
     """A bare condition; without methods of its own one of which nothing is known beforehand."""
 
+    @abstractmethod
     def holds(self, instant: Instant) -> bool:
         """Whether it holds."""
-        raise NotImplementedError
 
     def mark(self, instant: Instant) -> Mark:
         """The same, finer where it also matters which part holds."""
@@ -162,9 +163,9 @@ class Compared(Holding):
         self._rule, self._value = rule, value
         self._compare, self._equality = COMPARE[rule], rule in EQUALITIES
 
+    @abstractmethod
     def quantity(self, instant: Instant) -> float:
         """What is compared."""
-        raise NotImplementedError
 
     def reach(self, a: Instant, b: Instant) -> float:
         """How much the quantity can have changed between two instants beyond what it shows at both."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 
 from scenarios.openscenario import model
@@ -47,9 +48,9 @@ class Lasting(Holding):
         self._duration_s, self._actor, self._world = duration_s, actor, world
         self._since_s: float | None = None
 
+    @abstractmethod
     def is_so(self, instant: Instant) -> bool:
         """Whether it is so at an instant."""
-        raise NotImplementedError
 
     def _so(self, instant: Instant) -> bool:
         so: bool | None = instant.memo.get(self)

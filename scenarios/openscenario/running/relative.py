@@ -277,6 +277,11 @@ class TimeToCollision(_Distance):
 
         return apart_m(0.0), (apart_m(-BRIEFLY_S) - apart_m(BRIEFLY_S)) / (2.0 * BRIEFLY_S)
 
+    def quantity(self, instant: Instant) -> float:
+        """The time; infinite while the distance does not shrink."""
+        apart_m, speed_mps = self._closing(instant)
+        return apart_m / speed_mps if speed_mps > STANDING_MPS else math.inf
+
     def _side(self, instant: Instant) -> int:
         """0: it does not shrink; else whether the time is below (2), at (3) or above (4) the value."""
         apart_m, speed_mps = self._closing(instant)

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
 
 from scenarios.openscenario import model
 from scenarios.openscenario.control import Motion
@@ -17,6 +20,7 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.running.actions import RunningAction
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import Instant, World
+from smartmot.types import FloatArray
 
 DRIVERS = ("acc", "alks", "idm", "naturaldriver", "followroute")
 """Words in the names of controllers that keep a distance from who is ahead, such as esmini's."""
@@ -37,6 +41,12 @@ ACCEL_MPS2, DECEL_MPS2, HEADWAY_S, STANDSTILL_M = 0.73, 1.67, 1.6, 2.0
 
 LOOK_AHEAD_M = 300.0
 """Who is further ahead makes no difference: less than 0.001 m/s2 at 30 m/s."""
+
+SEARCH_S = 0.1
+"""How often a driver looks who is ahead; in between it watches that one. Nobody cuts in by much meanwhile."""
+
+COARSE_M = 10.0
+"""Chords of the way on which others are looked for, before the one ahead is measured on the way itself."""
 
 BESIDE_M = 0.2
 """A vehicle is in the way if less than this is left between its side and the own lane's track."""
@@ -166,11 +176,15 @@ class Driver:
         self._desired_mps = _number(properties.get("setspeed"), controller)
         headway_s = _number(properties.get("timegap"), controller)
         self._headway_s = HEADWAY_S if headway_s is None else headway_s
+        self._leader: Actor | None = None
+        self._leader_m = 0.0
+        self._path: Path | None = None
+        self._search_s = -math.inf
 
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
         """Go on from the speed that it has."""
         self._speed_mps = speed_mps
-        self._decide(time_s)
+        self.decide(time_s, Traffic(self._world, time_s))
 
     def motion(self, time_s: float, duration_s: float) -> Motion:
         """On with the acceleration that was decided, to a standstill at most."""
@@ -185,41 +199,100 @@ class Driver:
         """Take over the speed at the end; what follows is decided there."""
         self._speed_mps = self.motion(time_s, duration_s).speed_mps
 
-    def decide(self, time_s: float) -> None:
+    def decide(self, time_s: float, traffic: Traffic) -> None:
         """Choose the acceleration of the step that begins."""
-        self._decide(time_s)
-
-    def _decide(self, time_s: float) -> None:
         speed = self._speed_mps
         desired = self._actor.asked_mps(time_s) if self._desired_mps is None else self._desired_mps
         free = 1.0 - (speed / desired) ** 4 if desired > 0.0 else -1.0 if speed > 0.0 else 0.0
-        gap_m, leader_mps = self._ahead(time_s)
+        gap_m, leader_mps = self._ahead(time_s, traffic)
         wanted = STANDSTILL_M + speed * self._headway_s
         wanted += speed * (speed - leader_mps) / (2.0 * math.sqrt(ACCEL_MPS2 * DECEL_MPS2))
         crowded = (max(wanted, STANDSTILL_M) / max(gap_m, 0.1)) ** 2 if math.isfinite(gap_m) else 0.0
         # nobody brakes harder than a car can, however near another one appears
         self._accel_mps2 = max(ACCEL_MPS2 * (free - crowded), -9.0)
 
-    def _ahead(self, time_s: float) -> tuple[float, float]:
+    def _ahead(self, time_s: float, traffic: Traffic) -> tuple[float, float]:
         """Free distance to the nearest one on the way, and its speed along it; infinite if there is none."""
+        path, leader = self._actor.path, self._leader
+        if path is self._path and time_s < self._search_s - 1e-9:
+            if leader is None:
+                return math.inf, 0.0
+            gap = self._gap(leader, self._leader_m, time_s) if leader.exists else None
+            if gap is not None:
+                return gap
+        self._path, self._search_s = path, time_s + SEARCH_S
+        return self._search(time_s, traffic)
+
+    def _search(self, time_s: float, traffic: Traffic) -> tuple[float, float]:
+        """Find who is ahead, and how far and how fast that one is."""
+        own, path, nearest = self._actor.state(time_s), self._actor.path, (math.inf, 0.0)
+        self._leader = None
+        away = np.hypot(*(traffic.places_m - (own.x_m, own.y_m)).T)
+        near = np.flatnonzero(away <= LOOK_AHEAD_M)
+        if len(near) <= 1:  # it sees itself
+            return nearest
+        stations = own.station_m + np.arange(0.0, LOOK_AHEAD_M + COARSE_M, COARSE_M)
+        points = path.poses(stations)
+        begin, step = points[:-1, :2], np.diff(points[:, :2], axis=0)
+        offset = traffic.places_m[near][:, None, :] - begin
+        part = np.clip((offset * step).sum(axis=2) / (step**2).sum(axis=1), 0.0, 1.0)
+        miss = np.hypot(*np.moveaxis(offset - part[..., None] * step, 2, 0))
+        chord = miss.argmin(axis=1)
+        rows = np.arange(len(near))
+        ahead = COARSE_M * (chord + part[rows, chord])
+        # an arc departs from its chord by an eighth of chord times turn
+        bulge = COARSE_M / 8.0 * float(np.abs(np.diff(np.unwrap(points[:, 2]))).max(initial=0.0))
+        reach = 0.5 * self._actor.definition.width_m + traffic.half_width_m[near] + BESIDE_M + bulge
+        in_way = np.flatnonzero(miss[rows, chord] <= reach)
+        for k in in_way[ahead[in_way].argsort(kind="stable")].tolist():
+            other = traffic.actors[near[k]]
+            if other is self._actor or ahead[k] - other.rear_m - self._actor.front_m > nearest[0] + COARSE_M:
+                continue
+            station = own.station_m + float(ahead[k])
+            gap = self._gap(other, station, time_s)
+            if gap is not None and gap[0] < nearest[0]:
+                nearest, self._leader, self._leader_m = gap, other, station
+        return nearest
+
+    def _gap(self, other: Actor, near_m: float, time_s: float) -> tuple[float, float] | None:
+        """Free distance to another on the way, and its speed along it; None if it is not on it, or behind."""
         actor = self._actor
-        own = actor.state(time_s)
-        nearest_m, speed_mps = math.inf, 0.0
-        for other in self._world.actors.values():
-            if other is actor or not other.exists or not other.placed:
-                continue
-            state = other.state(time_s)
-            if math.hypot(state.x_m - own.x_m, state.y_m - own.y_m) > LOOK_AHEAD_M:
-                continue
-            station, left = actor.path.project_near(state.x_m, state.y_m, own.station_m, LOOK_AHEAD_M)
-            reach = 0.5 * (other.definition.width_m + actor.definition.width_m) + BESIDE_M
-            if station <= own.station_m or abs(left) > reach:
-                continue
-            gap = station - own.station_m - other.rear_m - actor.front_m
-            if gap < nearest_m:
-                along = math.cos(state.yaw_rad - actor.path.pose(station)[2])
-                nearest_m, speed_mps = gap, state.speed_mps * along
-        return nearest_m, speed_mps
+        own, state = actor.state(time_s), other.state(time_s)
+        station, left = actor.path.project_from(state.x_m, state.y_m, near_m)
+        self._leader_m = station
+        reach = 0.5 * (other.definition.width_m + actor.definition.width_m) + BESIDE_M
+        if station <= own.station_m or abs(left) > reach:
+            return None
+        along = state.speed_mps * math.cos(state.yaw_rad - actor.path.pose(station)[2])
+        return station - own.station_m - other.rear_m - actor.front_m, along
+
+
+class Traffic:
+    """Everybody who is there at a time, worked out once for all drivers that look then.
+
+    Args:
+        world: in which they are.
+        time_s: when.
+    """
+
+    def __init__(self, world: World, time_s: float) -> None:
+        self._world, self._time_s = world, time_s
+
+    @cached_property
+    def actors(self) -> list[Actor]:
+        """Entities."""
+        return [actor for actor in self._world.actors.values() if actor.exists and actor.placed]
+
+    @cached_property
+    def places_m(self) -> FloatArray:
+        """(N, 2) reference points."""
+        states = [actor.state(self._time_s) for actor in self.actors]
+        return np.array([(state.x_m, state.y_m) for state in states])
+
+    @cached_property
+    def half_width_m(self) -> FloatArray:
+        """(N,) half widths."""
+        return np.array([0.5 * actor.definition.width_m for actor in self.actors])
 
 
 def _number(text: str | None, controller: model.Controller) -> float | None:
@@ -231,11 +304,11 @@ def _number(text: str | None, controller: model.Controller) -> float | None:
         raise RunError(f"controller '{controller.name}' has a property that is no number: '{text}'") from None
 
 
-def decide(actors: Iterator[Actor], instant: Instant) -> bool:
+def decide(actors: Iterator[Actor], world: World, instant: Instant) -> bool:
     """Let drivers choose what they do in the step that begins; whether one of them does."""
-    driven = False
+    driven, traffic = False, Traffic(world, instant.time_s)
     for actor in actors:
         if isinstance(actor.controller, Driver) and actor.commanded:
-            actor.controller.decide(instant.time_s)
+            actor.controller.decide(instant.time_s, traffic)
             driven = True
     return driven

@@ -21,9 +21,6 @@ BRAKING = 0.8
 REACHED_M, REACHED_MPS = 0.1, 0.1
 """A distance that is not kept is reached within this; that of the distance is esmini's."""
 
-LOOK_M = 500.0
-"""Within this part of its way an entity looks for the other one."""
-
 
 def limited(constraints: model.DynamicConstraints | None) -> bool:
     """Whether constraints limit an acceleration; else a distance is there at once."""
@@ -63,7 +60,7 @@ class Approach(RunningAction[model.LongitudinalDistanceAction]):
         own, seen = actor.state(time_s), self._other.state(time_s)
         if actor.path is not self._path:
             self._path, self._hint = actor.path, actor.path.project(seen.x_m, seen.y_m)[0]
-        station = self._hint = actor.path.project_near(seen.x_m, seen.y_m, self._hint, LOOK_M)[0]
+        station = self._hint = actor.path.project_from(seen.x_m, seen.y_m, self._hint)[0]
         along = seen.speed_mps * math.cos(actor.path.pose(station)[2] - seen.yaw_rad)
         distance = action.distance_m
         if distance is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import TypeVar
 
 import numpy as np
@@ -249,15 +250,17 @@ class _Kept(_Sideways[LateralT_co]):
         pose = self.who.pose(time_s)
         return offset, self._duration(abs(offset - self._middle.project(pose.x_m, pose.y_m)[1]))
 
+    @abstractmethod
     def _target_m(self, time_s: float) -> float:
-        raise NotImplementedError
+        """The offset to the left of the lane's middle that is asked for now."""
 
+    @abstractmethod
     def _duration(self, change_m: float) -> float:
-        raise NotImplementedError
+        """How long a change of the offset takes."""
 
+    @abstractmethod
     def _follows(self) -> bool:
         """Whether the offset moves with another entity."""
-        raise NotImplementedError
 
     def update(self, instant: Instant) -> bool:
         """Follow the other entity."""

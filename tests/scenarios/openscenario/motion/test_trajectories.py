@@ -2,6 +2,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from scenarios.openscenario import ContentError, Engine, RunError, UnsupportedError, load
 from scenarios.openscenario.motion.paths import Path
@@ -311,6 +313,32 @@ def test_projection_is_the_inverse_of_the_pose():
         x, y, yaw = path.pose(station)
         found, left = path.project(x - 0.5 * math.sin(yaw), y + 0.5 * math.cos(yaw))
         assert (found, left) == pytest.approx((station, 0.5), abs=0.02)
+
+
+def test_projection_on_a_long_curve_is_that_of_all_its_chords():
+    s = np.linspace(0.0, 40.0, 3000)
+    path = Path(300 * np.sin(0.3 * s), 40 * s, None)
+    chords = np.arange(len(s) - 1)
+    places = [
+        (0.0, -30.0),
+        (250.0, 800.0),
+        (-400.0, 100.0),
+        (10.0, 1700.0),
+        *path.points_m[100::700].tolist(),
+    ]
+    got = [path.project(x, y) for x, y in places]
+    assert got == [path._project(x, y, chords) for x, y in places]
+
+
+@given(st.floats(-3.0, 45.0), st.floats(-8.0, 8.0), st.floats(-12.0, 12.0))
+def test_projection_from_near_by_on_a_bend_is_the_inverse_of_the_pose(station, left, away):
+    """Up to 8 m beside a bend of 15 m radius, from up to 12 m further on or back."""
+    s = np.linspace(0.0, 3.0, 901)
+    path = Path(15 * np.cos(s), 15 * np.sin(s), s + np.pi / 2)
+    x, y, yaw = path.pose(station)
+    got = path.project_from(x - left * math.sin(yaw), y + left * math.cos(yaw), station + away)
+    # a chord of 0.05 m turns by 3.3 mrad, which at 8 m is 27 mm
+    assert got == pytest.approx((station, left), abs=0.03)
 
 
 @pytest.mark.parametrize("mode", ["position", "follow"])

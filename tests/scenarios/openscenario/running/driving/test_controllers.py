@@ -4,8 +4,15 @@ import math
 
 import pytest
 
+from benchmarks.openscenario_actors import write_road, write_scenario
 from scenarios.openscenario import Engine, UnsupportedError, load
-from scenarios.openscenario.running.driving.controllers import ACCEL_MPS2, HEADWAY_S, STANDSTILL_M
+from scenarios.openscenario.running.driving.controllers import (
+    ACCEL_MPS2,
+    HEADWAY_S,
+    STANDSTILL_M,
+    Driver,
+    Traffic,
+)
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     act,
@@ -107,3 +114,21 @@ def test_an_overridden_pedal_of_another_is_refused(write):
     with pytest.raises(UnsupportedError, match="of 'Other' sets Brake"):
         Engine(load(write(init=EGO_AT_START + behind(brake, s=60))))
     Engine(load(write(init=EGO_AT_START + behind(brake.replace("true", "false"), s=60))))
+
+
+def test_a_driver_sees_the_one_ahead_that_a_search_of_all_finds(tmp_path):
+    road, path = tmp_path / "road.xodr", tmp_path / "many.xosc"
+    write_road(road, 600.0)
+    write_scenario(path, road, "driver", 24, 25.0)
+    engine = Engine(load(path), ego="car0")
+    engine.advance(0.01)
+    drivers = [actor for actor in engine.world.actors.values() if isinstance(actor.controller, Driver)]
+    assert len(drivers) == 23
+    for actor in drivers:
+        own, gaps = actor.state(0.01), [math.inf]
+        for other in engine.world.actors.values():
+            station, left = actor.path.project(*other.state(0.01)[:2])
+            if abs(left) < 1.8 and station > own.station_m + 1.0:
+                gaps.append(station - own.station_m - other.rear_m - actor.front_m)
+        gap_m, _ = actor.controller._ahead(0.01, Traffic(engine.world, 0.01))
+        assert gap_m == pytest.approx(min(gaps), abs=1e-6)
