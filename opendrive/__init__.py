@@ -22,7 +22,7 @@ from opendrive.errors import (
     RouteNotFoundError,
     WarningKind,
 )
-from opendrive.formats import write_commonroad, write_lanelet2, write_mesh
+from opendrive.formats import write_commonroad, write_lanelet2, write_mesh, write_sumo
 from opendrive.geo import GeoReferenceError
 from opendrive.lanes.table import LaneKey, LaneTable
 from opendrive.lanes.travel import LanePlaces, LaneRoute
@@ -68,4 +68,5 @@ __all__ = [
     "write_lanelet2",
     "write_map",
     "write_mesh",
+    "write_sumo",
 ]

@@ -45,8 +45,8 @@ def command(
     export: Annotated[
         tuple[str, Path] | None,
         typer.Option(
-            help="Write the map for another tool: commonroad (.xml), lanelet2 (.osm), gltf (.glb, .gltf) or "
-            "obj (.obj). What the format cannot hold is listed.",
+            help="Write the map for another tool: commonroad (.xml), lanelet2 (.osm), sumo (.xml; needs the "
+            "extra sumo), gltf (.glb, .gltf) or obj (.obj). What the format cannot hold is listed.",
             metavar="FORMAT FILE",
         ),
     ] = None,

@@ -7,9 +7,10 @@ from opendrive.formats.commonroad import write_commonroad
 from opendrive.formats.contents import Export
 from opendrive.formats.lanelet2 import write_lanelet2
 from opendrive.formats.mesh import write_mesh
+from opendrive.formats.sumo import write_sumo
 from opendrive.network import RoadNetwork
 
-__all__ = ["EXPORTS", "Export", "write_commonroad", "write_lanelet2", "write_mesh"]
+__all__ = ["EXPORTS", "Export", "write_commonroad", "write_lanelet2", "write_mesh", "write_sumo"]
 
 
 def _mesh(network: RoadNetwork, path: Path) -> Export:
@@ -19,6 +20,7 @@ def _mesh(network: RoadNetwork, path: Path) -> Export:
 EXPORTS: Mapping[str, tuple[tuple[str, ...], Callable[[RoadNetwork, Path], Export]]] = {
     "commonroad": ((".xml",), write_commonroad),
     "lanelet2": ((".osm",), write_lanelet2),
+    "sumo": ((".xml",), write_sumo),
     "gltf": ((".glb", ".gltf"), _mesh),
     "obj": ((".obj",), _mesh),
 }
