@@ -22,6 +22,7 @@ from smartmot.decision.aeb import AebConfig, Event
 from smartmot.decision.rules import Assessment, BrakeRule, Command, LeadObject, PaperRule
 from smartmot.detection_input import detections_from_arrays, to_map
 from smartmot.errors import ConfigError, PluginError, ShapeError, SmartMotError, StampError, TimeOrderError
+from smartmot.filters.existence import ExistenceConfig
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import (
     ConstantAcceleration,
@@ -65,6 +66,7 @@ __all__ = [
     "EgoState",
     "Event",
     "EverythingArea",
+    "ExistenceConfig",
     "Forecast",
     "ForecastConfig",
     "FrameResult",

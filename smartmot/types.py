@@ -304,6 +304,7 @@ class Tracks:
         coasted_s: (M,) time since the last matched detection (0 when matched in this frame).
         confirmed: (M,) whether the life cycle confirmed the track.
         dynamic: (M,) faster than the static/dynamic threshold.
+        existence: (M,) probability that there is an object; None: the tracker does not tell.
 
     Raises:
         ShapeError: Shapes disagree, a value is not finite, a score is outside [0, 1], a time is negative, an
@@ -324,6 +325,7 @@ class Tracks:
     coasted_s: FloatArray
     confirmed: BoolArray
     dynamic: BoolArray
+    existence: FloatArray | None = None
 
     def __post_init__(self) -> None:
         m = len(_boxes(self.boxes, "tracks"))
@@ -354,6 +356,9 @@ class Tracks:
             _set(self, name, time)
         for name in ("confirmed", "dynamic"):
             _set(self, name, frozen(getattr(self, name), np.bool_, (m,), name))
+        if self.existence is not None:
+            probable = frozen(self.existence, np.float64, (m,), "existence")
+            _set(self, "existence", _within_one(probable, "tracks, existence"))
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -361,8 +366,8 @@ class Tracks:
     def __getitem__(self, index: Any) -> Tracks:
         """Subset by a mask, a slice or an index array."""
         index = positions(index)
-        columns = (getattr(self, name)[index] for name in self.__slots__ if name != "stamp_s")
-        return unchecked(Tracks, self.stamp_s, *columns)
+        columns = (getattr(self, name) for name in self.__slots__ if name != "stamp_s")
+        return unchecked(Tracks, self.stamp_s, *(None if c is None else c[index] for c in columns))
 
 
 @shared_by_copies

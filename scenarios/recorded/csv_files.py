@@ -18,7 +18,7 @@ are in the vehicle's frame (headings from its own, velocities over ground along 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +53,8 @@ _NUMBERS = frozenset(
 )
 _TEXTS = ("sequence", "category", "detector")
 DETECTIONS, LABELS, EGO = "detections.csv", "labels.csv", "ego.csv"
+
+EXISTENCE = "existence"
 
 TRACK_COLUMNS = (
     *("sequence", "frame", "stamp_s", "track_id", "category", "score", *_STILL, *_BOX),
@@ -281,11 +283,21 @@ def _poses(name: str, table: TextTable, stamp_s: FloatArray) -> FloatArray:
     return rigid(turned_about(2, yaw), np.column_stack((*place, np.zeros(len(stamp_s)))))
 
 
-def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:
-    """Tracks of all sequences as CSV with the columns of `TRACK_COLUMNS`; z_m is the centre's height."""
-    lines = [",".join(TRACK_COLUMNS)]
-    form = "%s,%d,%.6f,%d,%s" + ",%.6f" * (len(TRACK_COLUMNS) - 5)
-    for sequence, tracks in parts:
+def tracks_text(
+    parts: Collection[tuple[Sequence, Objects]], existence: Collection[FloatArray | None] = ()
+) -> str:
+    """Tracks of all sequences as CSV with the columns of `TRACK_COLUMNS`; z_m is the centre's height.
+
+    Args:
+        parts: Sequences and their tracks.
+        existence: (K,) for each: probabilities that there is an object; a column if all are known.
+    """
+    known = [each for each in existence if each is not None]
+    told = len(known) == len(parts) > 0
+    columns = (*TRACK_COLUMNS, EXISTENCE) if told else TRACK_COLUMNS
+    lines = [",".join(columns)]
+    form = "%s,%d,%.6f,%d,%s" + ",%.6f" * (len(columns) - 5)
+    for k, (sequence, tracks) in enumerate(parts):
         numbers = np.column_stack(
             (
                 tracks.score,
@@ -295,6 +307,7 @@ def tracks_text(parts: Iterable[tuple[Sequence, Objects]]) -> str:
                 tracks.bottom_m + 0.5 * tracks.height_m,
                 tracks.height_m,
                 tracks.velocity_mps,
+                *((known[k],) if told else ()),
             )
         )
         rows = zip(

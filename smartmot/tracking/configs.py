@@ -34,6 +34,7 @@ import math
 from dataclasses import replace
 
 from smartmot.errors import ConfigError
+from smartmot.filters.existence import ExistenceConfig
 from smartmot.filters.filterpy_motions import InteractingModels, UnscentedTurnRate
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import ConstantVelocity, PerCategory
@@ -148,6 +149,7 @@ def _default() -> TrackerConfig:
         score_reference=None,
         evidence_memory_s=1.0,
         merge_duplicates=True,
+        existence=ExistenceConfig(),
     )
 
 

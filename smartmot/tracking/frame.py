@@ -67,7 +67,8 @@ class Frame:
     `coasting` says whether a track is without detection, `all_confirmed` whether none is tentative, `born`
     counts the tracks of this frame, `merged` the detections that repeat another. Most frames bring no births,
     and in many nothing coasts: what that rules out is not computed. `estimate` is what the corrected filter
-    states say, if somebody has asked, as `speed_variance` is.
+    states say, if somebody has asked, as `speed_variance` is. `found` are the matched tracks and how much
+    likelier their detections are if the objects exist.
     """
 
     rows: FloatArray
@@ -80,6 +81,7 @@ class Frame:
     merged: int = 0
     estimate: Estimate | None = None
     speed_variance: FloatArray | None = None
+    found: tuple[IntArray, FloatArray] | None = None
 
 
 def limits_of(config: TrackerConfig, reference: FloatArray) -> Limits:

@@ -53,6 +53,7 @@ def tracks_from_arrays(
     coasted_s: ArrayLike | None = None,
     confirmed: ArrayLike | None = None,
     dynamic: ArrayLike | None = None,
+    existence: ArrayLike | None = None,
 ) -> Tracks:
     """Tracks out of what a tracker estimates; what most trackers do not know may be left out.
 
@@ -71,6 +72,7 @@ def tracks_from_arrays(
         coasted_s: (M,) time since the last detection; 0 when not given.
         confirmed: (M,) only confirmed tracks raise a flag; all of them when not given.
         dynamic: (M,) only dynamic tracks are forecast; those over `DYNAMIC_MPS` when not given.
+        existence: (M,) probability that there is an object; not told when not given.
 
     Returns:
         The tracks, with an empty filter state.
@@ -101,6 +103,7 @@ def tracks_from_arrays(
         coasted_s=np.asarray(column(coasted_s, 0.0)),
         confirmed=np.ones(m, dtype=np.bool_) if confirmed is None else np.asarray(confirmed),
         dynamic=np.asarray(moves),
+        existence=None if existence is None else np.asarray(existence),
     )
 
 

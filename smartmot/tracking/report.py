@@ -9,7 +9,7 @@ from smartmot.filters.motion_models import table
 from smartmot.geometry import wrap_angle
 from smartmot.tracking.frame import COASTED, Frame, Limits, Measured
 from smartmot.tracking.settings import TrackerConfig
-from smartmot.tracking.state import BIRTH_S, CONFIRMED, HITS, ID, MATCHED_S, SCORE, SCORE_SUM
+from smartmot.tracking.state import BIRTH_S, CONFIRMED, EXISTENCE, HITS, ID, MATCHED_S, SCORE, SCORE_SUM
 from smartmot.types import CATEGORIES, BoolArray, Boxes, IntArray, Tracks, unchecked
 
 _NAMES = np.array(CATEGORIES)
@@ -83,6 +83,7 @@ class Reporter:
             now_s - rows[:, MATCHED_S],
             rows[:, CONFIRMED] > 0.0,
             dynamic,
+            None if config.existence is None else rows[:, EXISTENCE].copy(),
         )
 
     def _shown(self, frame: Frame, now_s: float, limits: Limits) -> IntArray | None:
@@ -110,4 +111,4 @@ def _no_tracks(entries: int) -> tuple[object, ...]:
     none, ids, flags = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_)
     mean, covariance = np.zeros((0, entries)), np.zeros((0, entries, entries))
     velocity, names = np.zeros((0, 2)), _NAMES[:0]
-    return (ids, Boxes.empty(), names, none, mean, covariance, velocity, none, none, none, flags, flags)
+    return (ids, Boxes.empty(), names, none, mean, covariance, velocity, none, none, none, flags, flags, None)

@@ -9,6 +9,7 @@ import numpy as np
 
 from smartmot.errors import ConfigError
 from smartmot.filters.box_filter import Motion
+from smartmot.filters.existence import ExistenceConfig
 from smartmot.filters.kalman import BevFilterConfig
 from smartmot.filters.motion_models import (
     ConstantVelocity,
@@ -109,6 +110,7 @@ class TrackerConfig:
         evidence_memory_s: The category of a track is the one with most evidence, the scores of its
             detections, which fades over this time, as the evidence for its heading does. None: the category
             is that of the first detection for ever, and heading "evidence" is refused.
+        existence: What the probability that a track's object exists is estimated from. None: it is not.
         merge_duplicates: A detection without a track whose centre lies in the box of one that has a track
             starts none, nor one whose centre lies in that of another with a higher score.
 
@@ -132,6 +134,7 @@ class TrackerConfig:
     score_reference: Setting | None = 1.0
     evidence_memory_s: float | None = None
     merge_duplicates: bool = False
+    existence: ExistenceConfig | None = None
 
     def __post_init__(self) -> None:
         if self.score_reference is not None:

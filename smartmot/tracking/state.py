@@ -25,15 +25,16 @@ COLUMNS = (
     "birth_s",
     "matched_s",
     "inside_s",
+    "existence",
     "front",
     *(f"evidence_{name}" for name in CATEGORIES),
 )
 """What is known of a track besides its filter state. Times are stamps, `inside_s` that of the last time
 inside the monitored area; `score_sum` and `hits` count the matched detections. `front` is the evidence that
 the object faces where its heading says and not backwards, `evidence_...` that for each category; both fade
-with time."""
+with time. `existence` is the probability that there is an object; NaN where it is not estimated."""
 
-ID, CODE, CONFIRMED, SCORE, SCORE_SUM, HITS, BIRTH_S, MATCHED_S, INSIDE_S, FRONT = range(10)
+ID, CODE, CONFIRMED, SCORE, SCORE_SUM, HITS, BIRTH_S, MATCHED_S, INSIDE_S, EXISTENCE, FRONT = range(11)
 EVIDENCE = slice(FRONT + 1, len(COLUMNS))
 
 FILE_VERSION = 1
@@ -153,8 +154,10 @@ class TrackerState:
                         f"{path}: tracker state of version {version}, this release reads {FILE_VERSION}"
                     )
                 stamp, rows, scores = float(data["stamp_s"]), np.array(data["rows"], dtype=np.float64), None
-                if rows.ndim == 2 and rows.shape[1] == FRONT:  # written before there was evidence
+                if rows.ndim == 2 and rows.shape[1] == EXISTENCE:  # written before there was evidence
                     rows = np.hstack((rows, np.zeros((len(rows), len(COLUMNS) - FRONT))))
+                if rows.ndim == 2 and rows.shape[1] == len(COLUMNS) - 1:  # before there was existence
+                    rows = np.insert(rows, EXISTENCE, np.nan, axis=1)
                 if "score_mass" in data:
                     mass, reference = (
                         np.array(data[name], dtype=np.float64) for name in ("score_mass", "score_reference")

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from smartmot.detection_input import detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.filters.box_filter import box_filter
+from smartmot.filters.existence import Existence
 from smartmot.filters.kalman import measurements
 from smartmot.filters.motion_models import YAW, X, table
 from smartmot.geometry import wrap_angle
@@ -32,6 +33,7 @@ from smartmot.tracking.state import (
     COLUMNS,
     CONFIRMED,
     EVIDENCE,
+    EXISTENCE,
     FRONT,
     HITS,
     ID,
@@ -98,9 +100,10 @@ class Tracker:
         self.rejected = 0
         config = self.config
         self._filter = box_filter(config.motion, config.filter)
-        self._associator = Associator(
-            config.association, config.filter.measurement_variance()[:, X], affinity
-        )
+        variance_m2 = config.filter.measurement_variance()[:, X]
+        self._associator = Associator(config.association, variance_m2, affinity)
+        known = config.existence
+        self._existence = None if known is None else Existence(known, variance_m2)
         self._lifecycle = Lifecycle(config.lifecycle)
         self._reporter = Reporter(config, self._filter)
         reference = config.score_reference
@@ -220,6 +223,12 @@ class Tracker:
         if measured.shares_noise:
             frame.filtered = self._filter.widened(frame.filtered)
         unmatched = self._correct(frame, measured, dt_s)
+        if self._existence is not None and len(frame.rows):
+            ratio = self._existence.missed(frame.code)
+            if frame.found is not None:
+                ratio[frame.found[0]] = frame.found[1]
+            rows = frame.rows
+            rows[:, EXISTENCE] = self._existence.after(rows[:, EXISTENCE], ratio, frame.code, dt_s)
         if len(unmatched):
             self._start(frame, measured, unmatched)
         self._live(frame, measured.stamp_s, monitored)
@@ -296,10 +305,11 @@ class Tracker:
             if before_s - frame.rows[:, MATCHED_S].min() > self._lifecycle.least_max_age_s:
                 overdue = self._lifecycle.overdue(before_s - frame.rows[:, MATCHED_S], frame.code)
                 overdue = overdue if np.count_nonzero(overdue) else None
+        covariance = self._filter.position_covariance(frame.filtered)
         track, detection = self._associator.match(
             predicted,
             frame.code,
-            self._filter.position_covariance(frame.filtered),
+            covariance,
             measured.boxes,
             measured.code,
             dt_s,
@@ -317,6 +327,11 @@ class Tracker:
         velocity, noise = measured.own(detection)
         rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
         measurement = measured.measurement.take(detection, axis=0)
+        if self._existence is not None:
+            offset = measurement[:, :2] - predicted.center_m.take(track, axis=0)
+            xx, yy, xy = covariance
+            spread = xx.take(track), yy.take(track), xy.take(track)
+            frame.found = track, self._existence.found(offset, spread, code, noise)
         frame.coasting = len(track) < len(rows)
         # Tracks come in order: where all are matched, nothing has to be taken out and put back.
         matched = rows.take(track, axis=0) if frame.coasting else rows
@@ -375,6 +390,7 @@ class Tracker:
         rows[:, BIRTH_S] = rows[:, MATCHED_S] = measured.stamp_s
         rows[:, INSIDE_S] = -np.inf
         rows[:, FRONT] = score
+        rows[:, EXISTENCE] = np.nan if self._existence is None else self._existence.initial(code)
         known = np.flatnonzero(code != _UNKNOWN)
         rows[known, EVIDENCE.start + code[known]] = score[known]
         frame.estimate = frame.speed_variance = None

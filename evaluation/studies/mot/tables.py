@@ -61,7 +61,7 @@ def write_tracks(
             _require_own_files(data)
             texts = {f"{_file_name(part[0].name)}.txt": tracking_text(*part) for part in parts}
         elif form == "csv":
-            texts = {TRACKS_CSV: tracks_text(parts)}
+            texts = {TRACKS_CSV: tracks_text(parts, [each.existence for each in tracked])}
         else:
             texts = {TRACKS_NUSCENES: submission_text(parts, data.kind == "nuscenes", use_map)}
         written += [_write(folder / name, text.encode()) for name, text in texts.items()]

@@ -36,6 +36,7 @@ class TrackedSequence:
         coasted_s: (K,) time since the last detection.
         dynamic: (K,) what the tracker says moves; None: not known.
         covariance: (K, D, D) of the filter's states; None: not known.
+        existence: (K,) probabilities that there is an object; None: the tracker does not tell.
         too_late: Measurements of several detectors that arrived later than the tracker's buffer reaches.
     """
 
@@ -46,6 +47,7 @@ class TrackedSequence:
     coasted_s: FloatArray
     dynamic: BoolArray | None = None
     covariance: FloatArray | None = None
+    existence: FloatArray | None = None
     too_late: int = 0
 
 
@@ -113,6 +115,7 @@ def track_sequence(
         coasted_s=coasted_s[confirmed],
         dynamic=column("dynamic").astype(np.bool_)[confirmed],
         covariance=column("covariance")[confirmed],
+        existence=None if reported[0].existence is None else column("existence")[confirmed],
         too_late=tracker.too_late if isinstance(tracker, FusedTracker) else 0,
     )
 

@@ -129,3 +129,16 @@ def test_a_wrong_option_is_one_line(
     DetectorProfile("lidar", 10.0).save(path)
     assert _call(monkeypatch, tmp_path, "--detectors", text.format(a=path)) == 2
     assert "--detectors: expected NAME=FILE" in capsys.readouterr().err
+
+
+def test_existence_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pandas as pd
+
+    folder = _recording(tmp_path / "data", None)
+    for name, told in (("default", True), ("smartmot", False)):
+        assert _call(monkeypatch, folder, "--config", name, "--out", tmp_path / name, "--quiet") == 0
+        table = pd.read_csv(tmp_path / name / "tracks.csv")
+        assert ("existence" in table) == told
+    existence = pd.read_csv(tmp_path / "default" / "tracks.csv")["existence"]
+    assert existence.iloc[0] == 0.5
+    assert existence.iloc[-1] > 0.99
