@@ -293,8 +293,8 @@ def tracks_text(
         existence: (K,) for each: probabilities that there is an object; a column if all are known.
     """
     known = [each for each in existence if each is not None]
-    told = len(known) == len(parts) > 0
-    columns = (*TRACK_COLUMNS, EXISTENCE) if told else TRACK_COLUMNS
+    has_existence = len(known) == len(parts) > 0
+    columns = (*TRACK_COLUMNS, EXISTENCE) if has_existence else TRACK_COLUMNS
     lines = [",".join(columns)]
     form = "%s,%d,%.6f,%d,%s" + ",%.6f" * (len(columns) - 5)
     for k, (sequence, tracks) in enumerate(parts):
@@ -307,7 +307,7 @@ def tracks_text(
                 tracks.bottom_m + 0.5 * tracks.height_m,
                 tracks.height_m,
                 tracks.velocity_mps,
-                *((known[k],) if told else ()),
+                *((known[k],) if has_existence else ()),
             )
         )
         rows = zip(

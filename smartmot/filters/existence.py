@@ -18,7 +18,10 @@ from smartmot.filters.motion_models import Setting, check_range, table
 from smartmot.types import FloatArray, IntArray
 
 _CERTAIN = 1e-9
-"""Nothing is surer: from 0 or 1 no evidence leads back."""
+"""No setting is surer: from 0 or 1 no evidence leads back."""
+
+_STEPS = 32
+"""Time steps whose survival is remembered, as in `smartmot.filters.channels`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,8 @@ class Existence:
         # P_D g / clutter: all that does not depend on the innovation
         self._found = self._seen / (2.0 * math.pi * table(config.clutter_per_m2))
         self._initial, self._rate_ps = table(config.initial), 1.0 / table(config.mean_life_s)
-        self._variance = position_variance_m2
+        self._tables = np.column_stack((self._missed, self._found, position_variance_m2))
+        self._survival: dict[float, FloatArray] = {}
 
     def initial(self, code: IntArray) -> FloatArray:
         """(N,) of new tracks; `code` holds positions in CATEGORIES."""
@@ -88,21 +92,28 @@ class Existence:
             pose_covariance: (K, 3, 3) noise that the detections state, NaN where they state none.
         """
         xx, yy, xy = covariance
-        noise = self._variance.take(code)
-        if pose_covariance is None:
-            xx, yy = xx + noise, yy + noise
-        else:
+        missed, density, noise = self._tables.take(code, axis=0).T
+        if pose_covariance is not None:
             own = np.isfinite(pose_covariance[:, 0, 0])
             xx = xx + np.where(own, pose_covariance[:, 0, 0], noise)
             yy = yy + np.where(own, pose_covariance[:, 1, 1], noise)
             xy = xy + np.where(own, pose_covariance[:, 0, 1], 0.0)
+        else:
+            xx, yy = xx + noise, yy + noise
         dx, dy = offset_m[:, 0], offset_m[:, 1]
-        determinant = xx * yy - xy * xy
+        determinant = xx * yy
+        squared = yy * (dx * dx)
+        squared += xx * (dy * dy)
+        if np.count_nonzero(xy):
+            determinant -= xy * xy
+            squared -= 2.0 * xy * dx * dy
         # half the normalised innovation squared, with the inverse of the 2 x 2 covariance written out
-        half = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (2.0 * determinant)
-        ratio: FloatArray = np.exp(-half) / np.sqrt(determinant)
-        ratio *= self._found.take(code)
-        ratio += self._missed.take(code)
+        squared /= determinant
+        squared *= -0.5
+        ratio: FloatArray = np.exp(squared, out=squared)
+        ratio /= np.sqrt(determinant)
+        ratio *= density
+        ratio += missed
         return ratio
 
     def after(self, existence: FloatArray, ratio: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
@@ -114,8 +125,16 @@ class Existence:
             code: (M,) positions in CATEGORIES.
             dt_s: Time since the look before.
         """
-        prior = existence * np.exp(-dt_s * self._rate_ps.take(code))
+        survival = self._survival.get(dt_s)
+        if survival is None:
+            if len(self._survival) == _STEPS:
+                self._survival.clear()
+            survival = self._survival[dt_s] = np.exp(-dt_s * self._rate_ps)
+        prior = survival.take(code)
+        prior *= existence
         likely = ratio * prior
-        posterior: FloatArray = likely / (1.0 - prior + likely)
-        np.minimum(posterior, 1.0 - _CERTAIN, out=posterior)
-        return np.maximum(posterior, _CERTAIN, out=posterior)
+        # prior < 1 after any time: a miss lowers every probability
+        odds = 1.0 - prior
+        odds += likely
+        likely /= odds
+        return likely

@@ -410,8 +410,9 @@ class Associator:
         else:
             radius, other = np.zeros(len(size)), np.zeros(len(center))
         i, j = near_pairs(tracks.center_m, center, radius, other, reach)
-        possible = COMPATIBLE[track_code.take(i), detection_code.take(j)]
-        if np.count_nonzero(possible) < len(i):
+        of_track, of_detection = track_code.take(i), detection_code.take(j)
+        if np.count_nonzero(of_track == of_detection) < len(i):
+            possible = COMPATIBLE[of_track, of_detection]
             i, j = i[possible], j[possible]
         if len(i) == 0:
             return i, j

@@ -29,7 +29,13 @@ _FORWARDS_MPS = table(PerCategory.grouped(4.0, 1.0, 2.0))
 """Faster than this nobody of the category goes backwards for long: vehicles reverse at up to about 15 km/h,
 people step back at less than walking pace, and a bicycle is only pushed backwards."""
 
+_LEAST_M2PS2 = 0.25 * _FORWARDS_MPS * _FORWARDS_MPS
+"""Slower than half of that, motion says nothing."""
+
 _UNKNOWN = CODES["unknown"]
+
+_UNIT = np.eye(len(CODES))
+"""One sure detection of each category as evidence."""
 
 
 class Evidence:
@@ -66,7 +72,7 @@ class Evidence:
                 now.yaw_rad,
                 now.velocity_mps,
                 variance,
-                _FORWARDS_MPS.take(code),
+                code,
                 score,
             )
             if np.count_nonzero(wrong):
@@ -95,10 +101,10 @@ def classified(
     Returns:
         (N,) categories; `code` itself if none changes.
     """
-    row = np.arange(len(code))
-    evidence[row, detected] += score
+    evidence += _UNIT.take(detected, axis=0) * score[:, None]
     if np.count_nonzero(detected == code) == len(code):
         return code
+    row = np.arange(len(code))
     evidence[:, unknown] = 0.0
     best = evidence.argmax(axis=1)
     changed = evidence[row, best] > CLEARLY * evidence[row, code]
@@ -111,14 +117,14 @@ def backwards(
     yaw_rad: FloatArray,
     velocity_mps: FloatArray,
     speed_variance_m2ps2: FloatArray,
-    forwards_mps: FloatArray,
+    code: IntArray,
     score: FloatArray,
 ) -> BoolArray:
     """Which tracks face the other way than their heading says, after one more detection each.
 
     A detection votes for its own heading with its score; who moves votes for the direction of motion. At
-    `forwards_mps` motion weighs as much as a sure detection: what always faces one way and goes backwards
-    more slowly reverses.
+    the category's `_FORWARDS_MPS` motion weighs as much as a sure detection: what always faces one way and
+    goes backwards more slowly reverses.
 
     Args:
         front: (N,) evidence for the heading so far; changed in place, and never negative afterwards.
@@ -126,20 +132,21 @@ def backwards(
         yaw_rad: (N,) headings of the tracks.
         velocity_mps: (N, 2) velocities over ground.
         speed_variance_m2ps2: (N,) variance of the speed.
-        forwards_mps: (N,) speed above which the category goes forwards.
+        code: (N,) positions in CATEGORIES.
         score: (N,) scores of the detections.
 
     Returns:
         (N,) flags.
     """
     front += score * np.cos(measured_yaw_rad - yaw_rad)
-    along = velocity_mps[:, 0] * np.cos(yaw_rad)
-    along += velocity_mps[:, 1] * np.sin(yaw_rad)
-    # slower than half of that, or within two standard deviations of the estimate, motion says nothing
-    least = np.maximum(0.25 * forwards_mps * forwards_mps, 4.0 * speed_variance_m2ps2)
-    moving = along * along > least
-    if np.count_nonzero(moving):
-        along /= forwards_mps
+    vx, vy = velocity_mps[:, 0], velocity_mps[:, 1]
+    # within two standard deviations of the estimate, motion says nothing either
+    least = np.maximum(_LEAST_M2PS2.take(code), 4.0 * speed_variance_m2ps2)
+    if np.count_nonzero(vx * vx + vy * vy > least):
+        along = vx * np.cos(yaw_rad)
+        along += vy * np.sin(yaw_rad)
+        moving = along * along > least
+        along /= _FORWARDS_MPS.take(code)
         np.minimum(along, _MOST_MOTION, out=along)
         np.maximum(along, -_MOST_MOTION, out=along)
         along *= moving

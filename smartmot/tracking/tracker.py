@@ -224,10 +224,13 @@ class Tracker:
             frame.filtered = self._filter.widened(frame.filtered)
         unmatched = self._correct(frame, measured, dt_s)
         if self._existence is not None and len(frame.rows):
-            ratio = self._existence.missed(frame.code)
-            if frame.found is not None:
-                ratio[frame.found[0]] = frame.found[1]
             rows = frame.rows
+            if frame.found is not None and not frame.coasting:
+                ratio = frame.found[1]
+            else:
+                ratio = self._existence.missed(frame.code)
+                if frame.found is not None:
+                    ratio[frame.found[0]] = frame.found[1]
             rows[:, EXISTENCE] = self._existence.after(rows[:, EXISTENCE], ratio, frame.code, dt_s)
         if len(unmatched):
             self._start(frame, measured, unmatched)
@@ -327,12 +330,13 @@ class Tracker:
         velocity, noise = measured.own(detection)
         rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
         measurement = measured.measurement.take(detection, axis=0)
-        if self._existence is not None:
-            offset = measurement[:, :2] - predicted.center_m.take(track, axis=0)
-            xx, yy, xy = covariance
-            spread = xx.take(track), yy.take(track), xy.take(track)
-            frame.found = track, self._existence.found(offset, spread, code, noise)
         frame.coasting = len(track) < len(rows)
+        if self._existence is not None:
+            center = predicted.center_m
+            if frame.coasting:
+                center = center.take(track, axis=0)
+                covariance = covariance[0].take(track), covariance[1].take(track), covariance[2].take(track)
+            frame.found = track, self._existence.found(measurement[:, :2] - center, covariance, code, noise)
         # Tracks come in order: where all are matched, nothing has to be taken out and put back.
         matched = rows.take(track, axis=0) if frame.coasting else rows
         if not frame.coasting:
@@ -355,8 +359,8 @@ class Tracker:
         matched[:, MATCHED_S] = measured.stamp_s
         if frame.coasting:
             rows[track] = matched
-        unknown = code == _UNKNOWN
-        if np.count_nonzero(unknown) and self.config.evidence_memory_s is None:
+        unknown = None if self._evidence is not None else code == _UNKNOWN
+        if unknown is not None and np.count_nonzero(unknown):
             # An unknown track learns its category from the first detection that knows it.
             frame.code[track[unknown]] = measured.code[detection[unknown]]
             rows[:, CODE] = frame.code
