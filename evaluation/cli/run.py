@@ -77,7 +77,13 @@ def command(
         bool, typer.Option("--check", help="Say which files can be run, as a table, and stop.")
     ] = False,
     to_end: Annotated[
-        bool, typer.Option("--to-end", help="With --check: run each file unbraked, to its end or for 60 s.")
+        bool, typer.Option("--to-end", help="With --check: run each file unbraked, to its end or for 300 s.")
+    ] = False,
+    as_markdown: Annotated[
+        bool,
+        typer.Option(
+            "--markdown", help="With --check: the table in Markdown, as docs/openscenario.md has it."
+        ),
     ] = False,
     phase_ms: options.PhaseMs = 0.0,
     seed: options.Seed = 0,
@@ -92,7 +98,7 @@ def command(
     if road is not None and not road.exists():
         raise ArgumentError(f"--road: {road} does not exist")
     if check:
-        _check(scenario, road, to_end, quiet)
+        _check(scenario, road, to_end, as_markdown, quiet)
     if road is not None:
         map_file = _road_of(scenario, road, map_file)
     from evaluation.runs.folder_lock import locked, writable_folder
@@ -130,11 +136,11 @@ def command(
             write_mcaps(out, quiet, workers or available_cores())
 
 
-def _check(place: str, road: Path | None, to_end: bool, quiet: bool) -> None:
+def _check(place: str, road: Path | None, to_end: bool, as_markdown: bool, quiet: bool) -> None:
     """Print the table of what can be run, with a line per note for a single file; ends the command."""
     from evaluation.cli.output import counting, one_line
     from scenarios.catalogue.library import scenario_path
-    from scenarios.openscenario.checking import check, scenario_files, table
+    from scenarios.openscenario.checking import check, markdown, scenario_files, table
 
     path = Path(place) if Path(place).exists() else scenario_path(place)
     files = scenario_files(path)
@@ -143,9 +149,10 @@ def _check(place: str, road: Path | None, to_end: bool, quiet: bool) -> None:
         for number, file in enumerate(files):
             done(number, len(files))
             checks.append(check(file, road, to_end))
-    for line in table(checks, path if path.is_dir() else path.parent):
+    form = markdown if as_markdown else table
+    for line in form(checks, path if path.is_dir() else path.parent):
         typer.echo(one_line(line))
-    for note in checks[0].lines if len(checks) == 1 else ():
+    for note in checks[0].lines if len(checks) == 1 and not as_markdown else ():
         typer.echo(f"  {one_line(note)}")
     raise typer.Exit(1 if any(held.verdict == "refused" for held in checks) else 0)
 

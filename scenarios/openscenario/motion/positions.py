@@ -92,16 +92,22 @@ class Locator:
         return oriented(frame, position.orientation)
 
     def _in_lane(
-        self, road_id: str, lane_id: int, s_m: float, offset_m: float, orientation: Orientation
+        self,
+        road_id: str,
+        lane_id: int,
+        s_m: float,
+        offset_m: float,
+        orientation: Orientation,
+        against: bool = False,
     ) -> Pose:
-        """The heading without orientation is that of the traffic in the lane."""
+        """The heading without orientation is that of the traffic in the lane, or against it."""
         if lane_id == 0:  # the line between the lanes of both directions
             return oriented(
                 self.roads.point(road_id, s_m, self.roads.middle_m(road_id, s_m) + offset_m), orientation
             )
         lane = self.roads.lane(road_id, lane_id, s_m)
         frame = self.roads.point(road_id, s_m, self.roads.lane_middle_m(lane, s_m) + offset_m)
-        if self.roads.direction(lane) < 0:
+        if (self.roads.direction(lane) < 0) != against:
             frame = frame.moved(0.0, 0.0, math.pi)
         return oriented(frame, orientation)
 
@@ -112,8 +118,12 @@ class Locator:
         return place
 
     def _relative_lane(self, position: RelativeLanePosition) -> Pose:
-        """DLane counts lanes to the left of the entity, ds the way ahead of it."""
+        """DLane counts lanes to the left of the entity, ds the way ahead of it.
+
+        Of an entity that drives against the traffic of its lane the heading is against it, too.
+        """
         place = self._place(position.entity)
+        against = self.roads.direction(place.lane) != place.along_s
         lane_id = place.beside(position.d_lane)
         s = place.s_m + (0.0 if position.along_lane else position.ds_m * place.along_s)
         length_m = self.roads.network.roads[place.road_id].length_m
@@ -122,7 +132,7 @@ class Locator:
             lane, s, turned = self.roads.walked(lane, place.s_m, position.ds_m * place.along_s)
             key = self.roads.network.lanes.key[lane]
             return self._in_lane(
-                key.road_id, key.lane_id, s, position.offset_m * turned, position.orientation
+                key.road_id, key.lane_id, s, position.offset_m * turned, position.orientation, against
             )
         if position.along_lane:
             lane = self.roads.lane(place.road_id, lane_id, place.s_m)
@@ -130,17 +140,29 @@ class Locator:
             path = self.roads.path([Leg(lane, place.s_m, end)], 0.0)
             x, y, _ = path.pose(position.ds_m)
             s = float(self.roads.network.road_coordinates(place.road_id, np.array([[x, y]]))[0][0])
-        return self._in_lane(place.road_id, lane_id, s, position.offset_m, position.orientation)
+        return self._in_lane(place.road_id, lane_id, s, position.offset_m, position.orientation, against)
 
     def _on_route(self, position: RoutePosition) -> Pose:
         leg, s = self._leg_at(self.legs(position.route), position.path_s_m, position.route.name)
         key = self.roads.network.lanes.key[leg.lane]
         t = position.offset_m * leg.along_s
         if position.lane_id is not None:
-            lane = self.roads.lane(key.road_id, position.lane_id * leg.along_s, s)
-            t += self.roads.lane_middle_m(lane, s)
+            lane_id = position.lane_id * leg.along_s
+            if leg.along_s < 0 and self._is_that_of_the_road(key.road_id, position.lane_id, s):
+                lane_id, t = position.lane_id, position.offset_m
+            t += self.roads.lane_middle_m(self.roads.lane(key.road_id, lane_id, s), s)
         frame = self.roads.point(key.road_id, s, t)
         return frame if leg.along_s > 0 else frame.moved(0.0, 0.0, math.pi)
+
+    def _is_that_of_the_road(self, road_id: str, lane_id: int, s_m: float) -> bool:
+        """Whether the lane of a place on a route against s is meant as the road has it.
+
+        As esmini does by default. Of both readings that is meant whose lane is driven along the route.
+        """
+        try:
+            return self.roads.direction(self.roads.lane(road_id, lane_id, s_m)) < 0
+        except RunError:
+            return False
 
     def _leg_at(self, legs: list[Leg], path_s_m: float, name: str) -> tuple[Leg, float]:
         left = path_s_m

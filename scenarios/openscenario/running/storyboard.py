@@ -69,10 +69,10 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
 
 
 class TriggerWatch:
-    """A trigger under observation; `missing` is what a trigger that is not there comes to."""
+    """A trigger under observation; `missing` is what one that is not there, or empty, comes to."""
 
     def __init__(self, trigger: model.Trigger | None, world: World, missing: bool) -> None:
-        self._missing = missing if trigger is None else None
+        self._missing = missing if not trigger else None
         self.groups = [[Watch(condition, world) for condition in group] for group in trigger or ()]
 
     def look(self, instant: Instant) -> bool:

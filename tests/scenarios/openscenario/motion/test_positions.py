@@ -111,6 +111,32 @@ def test_relative_positions_turn_with_the_entity(write):
     assert yaw == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(("turn", "yaw"), [(0.0, 0.0), (pi, pi)])
+def test_beside_who_drives_against_the_traffic_the_heading_is_against_it(write, turn, yaw):
+    """Lane -1 runs east: an ego that drives west in it has lane -2 to its right, 20 m ahead at s = 80."""
+    turned = f'<Orientation type="relative" h="{turn}"/>'
+    ego = private("Ego", teleport(lane_position(100, inner=turned)), speed(5))
+    sign = -1 if turn else 1
+    x, y, heading = place(write, f'<RelativeLanePosition entityRef="Ego" dLane="{-sign}" ds="20"/>', ego)
+    assert (x, y) == pytest.approx((100 + 20 * sign, -5.25))
+    assert abs((heading - yaw + pi) % (2 * pi) - pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lane", "offset", "y"),
+    [
+        # beyond x = 300 the route runs against s of B, whose lane 1 is driven along it: both ids mean it
+        (-1, 0.5, -1.25),
+        (1, 0.5, -2.25),
+        # of lane 2 and -2 the same holds
+        (2, 0.0, -5.25),
+    ],
+)
+def test_lanes_of_a_route_as_the_road_counts_them(write, lane, offset, y):
+    inner = f'<FromLaneCoordinates pathS="230" laneId="{lane}" laneOffset="{offset}"/>'
+    assert place(write, on_route(inner)) == pytest.approx((330, y, 0), abs=1e-9)
+
+
 def test_refused(write):
     with pytest.raises(RunError, match="pathS = 551 m lies 1 m beyond the end of route 'through'"):
         place(write, on_route('<FromRoadCoordinates pathS="551" t="0"/>'))

@@ -229,6 +229,16 @@ def test_events_that_start_one_another_without_end_are_refused(write):
         engine_of(write, act(maneuver(event("e", add_to_variable("n", 1))), count=100_000))
 
 
+def test_empty_triggers_are_as_those_that_are_not_there(write):
+    """As in esmini: what has no condition to wait for starts at once, and nothing stops it."""
+    empty = event("e", add_to_variable("n", 1), "<StartTrigger/>")
+    after = event("after", add_to_variable("n", 10), later(2))
+    stops = act(maneuver(empty, after), start="<StartTrigger/>", stop="<StopTrigger/>")
+    engine = engine_of(write, stops)
+    assert n_at(engine, 0.5) == 1
+    assert n_at(engine, 3.0) == 11
+
+
 def test_an_event_that_may_again_begins_once_a_step(write):
     """It sets n at 1 s and a step later, and is not used up at one instant, however great its count."""
     often = event("e", add_to_variable("n", 1), later(1), count=5000)
