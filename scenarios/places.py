@@ -18,7 +18,7 @@ from smartmot.maps.walks import kerb, lanes_under
 STRAIGHT_M = 0.05
 """A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle
 under test may leave its path in a Euro NCAP test."""
-SITE_STEP_M = 5.0
+SITE_STEP_M = 1.0
 """Places of a lane are tried at this distance."""
 
 RUN_OUT_M = 20.0
@@ -72,6 +72,21 @@ class Site(MapView):
     def line(self) -> Pose:
         """Where the line crosses the lane's centre, heading along it."""
         return Pose(*self.route.pose(self.line_m))
+
+    @property
+    def place(self) -> Place:
+        """The line as a place of the map: on the last lane of the route that has it."""
+        index = int(np.searchsorted(self.route.entry_m, self.line_m, side="right")) - 1
+        strip = self.route.strips[max(index, 0)]
+        key = self.network.lanes.key[strip.lane]
+        s_m = strip.s_at(min(max(self.line_m - float(self.route.entry_m[index]), 0.0), strip.length_m))
+        return Place(key.road_id, key.lane_id, float(s_m))
+
+    @property
+    def has_sidewalk(self) -> bool:
+        """Whether a sidewalk begins at the kerb of the near side, without a driving lane between."""
+        lane = lane_at(self.network, self.place)
+        return kerb_m(self.network, lane, self.place.s_m, self.near_side, over_lanes=False)[1]
 
 
 def lane_at(network: RoadNetwork, place: Place) -> int:
@@ -144,13 +159,13 @@ def site_at(network: RoadNetwork, lane: int, s_m: float, approach_m: float) -> S
 def straight_around(route: Route, station_m: float) -> tuple[float, float]:
     """Lengths before and after a station over which the route stays on the tangent there."""
     x, y, yaw = route.pose(station_m)
-    delta = route.center_m - np.array([x, y])
-    aside = np.abs(np.cos(yaw) * delta[:, 1] - np.sin(yaw) * delta[:, 0]) > STRAIGHT_M
-    before = np.flatnonzero(aside & (route.station_m < station_m))
-    after = np.flatnonzero(aside & (route.station_m > station_m))
-    start = route.station_m[before[-1] + 1] if len(before) else 0.0
-    end = route.station_m[after[0] - 1] if len(after) else route.length_m
-    return station_m - float(start), float(end) - station_m
+    along = route.station_m
+    offset = np.cos(yaw) * (route.center_m[:, 1] - y) - np.sin(yaw) * (route.center_m[:, 0] - x)
+    aside = np.flatnonzero(np.abs(offset) > STRAIGHT_M)
+    first = int(np.searchsorted(along[aside], station_m))  # so many of them lie before it
+    start = float(along[aside[first - 1] + 1]) if first else 0.0
+    end = float(along[aside[first] - 1]) if first < len(aside) else route.length_m
+    return station_m - start, end - station_m
 
 
 def find_site(network: RoadNetwork, approach_m: float) -> Site:

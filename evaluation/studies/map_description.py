@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from opendrive import RoadNetwork
+from opendrive.checks import warning_table
 from scenarios.catalogue.cpna import approach_m
 from scenarios.errors import ScenarioError
 from scenarios.places import RUN_OUT_M, Place, Site, lane_at, near_side, site_stretches
@@ -55,7 +56,9 @@ def describe_map(network: RoadNetwork, site: Site | None, speed_kmh: float) -> l
         pairs = ", ".join(f"{a} and {b}" for a, b in network.overlapping_roads[:5])
         more = "" if len(network.overlapping_roads) <= 5 else ", ..."
         lines.append(f"levels: roads lie above each other ({pairs}{more}); queries there need a height")
-    lines += [f"  warning: {warning}" for warning in network.warnings[:20]]
+    lines += [f"  warning: {line}" for line in warning_table(network.warnings[:20])[1:-1]]
+    if len(network.warnings) > 20:
+        lines.append(f"  and {len(network.warnings) - 20} more: --check lists all of them")
     if site is not None:
         lines.append(
             f"route: {len(site.route.strips)} lanes, {site.route.length_m - site.line_m:.0f} m ahead"

@@ -58,8 +58,16 @@ def compare_cpna(
         title=_title(specs),
         published=PUBLISHED if is_published(suite) else None,
     )
-    for line in _sensing(suite):
+    for line in (placement(site), *_sensing(suite)):
         console.print(line, highlight=False)
+
+
+def placement(site: Site) -> str:
+    """Where a test stands, as `--at` takes it, and whether there is a sidewalk for its pedestrian."""
+    place, has_sidewalk = site.place, site.has_sidewalk
+    sidewalk = "a sidewalk begins" if has_sidewalk else "no sidewalk begins"
+    at = f"{place.road_id},{place.lane_id},{place.s_m:.1f}"
+    return f"placed at --at {at} (x {site.line.x_m:.1f} m, y {site.line.y_m:.1f} m); {sidewalk} at its kerb"
 
 
 def _sensing(suite: CpnaSuite) -> list[str]:

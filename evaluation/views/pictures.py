@@ -101,11 +101,11 @@ def save_map(
     from evaluation.views.plots import map_picture
 
     if strategy is None or ego is None:
-        figure = map_picture(network, title=network.name or None)
+        figure = map_picture(network, title=network.name or None, ids=True)
     else:
         title = f"{network.name or 'map'}: {strategy.name} area at {ego.speed_mps * MPS_TO_KMH:g} km/h"
         pose = (ego.x_m, ego.y_m, ego.yaw_rad)
-        figure = map_picture(network, strategy.at(ego).polygons(), pose, title)
+        figure = map_picture(network, strategy.at(ego).polygons(), pose, title, ids=True)
     save_picture(figure, path, "--png")
 
 

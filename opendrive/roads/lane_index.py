@@ -55,7 +55,8 @@ class NearestLanes(NamedTuple):
     """The nearest lane of each of N points.
 
     Attributes:
-        found: (N,) false where the map has no lane of the wanted types; the other fields are then 0.
+        found: (N,) false where there is no lane of the wanted types, or none within the distance that was
+            asked for; the other fields are then 0.
         lane: (N,) index of the lane.
         s_m: (N,) road s of the foot on the lane's road, within the lane.
         t_m: (N,) t of the point.
@@ -67,6 +68,17 @@ class NearestLanes(NamedTuple):
     s_m: FloatArray
     t_m: FloatArray
     distance_m: FloatArray
+
+    @property
+    def inside(self) -> BoolArray:
+        """(N,) whether the point lies in that lane; else it is off every lane of the wanted types."""
+        inside: BoolArray = self.found & (self.distance_m <= 0.0)
+        return inside
+
+    def within(self, distance_m: float) -> "NearestLanes":
+        """Return the same, with nothing found where the lane is farther away than a distance."""
+        found = self.found & (self.distance_m <= distance_m)
+        return NearestLanes(found, *(np.where(found, column, 0) for column in self[1:]))
 
 
 class _Feet(NamedTuple):

@@ -1,4 +1,8 @@
-"""Where the lanes of a network lie: their middles, borders and outlines."""
+"""Where the lanes and roads of a network lie, and which are at a point."""
+
+from collections.abc import Collection, Mapping
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,29 +13,42 @@ from opendrive.arrays import (
     concatenated_ranges,
     finite,
     first_rows,
+    per_point,
+    points_xy,
     positive,
     wrapped,
 )
-from opendrive.errors import LaneNotFoundError
-from opendrive.lanes.table import LaneTable
+from opendrive.errors import LaneNotFoundError, RoadNotFoundError
+from opendrive.lanes.table import LaneKey, LaneTable
+from opendrive.model import MapModel
 from opendrive.roads.borders import (
     SampledBorders,
     SampledCenters,
+    bounds_of,
     lane_polygon,
     lane_polygons,
     sample_borders,
 )
-from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.geometry import NetworkGeometry, SurfacePoints
+from opendrive.roads.lane_index import LaneHits, LaneIndex, NearestLanes
 from opendrive.roads.lane_poses import LanePoses
-from opendrive.roads.road import S_TOLERANCE_M, within
+from opendrive.roads.levels import overlapping_roads
+from opendrive.roads.road import S_TOLERANCE_M, RoadGeometry, SurfaceAttitudes, within
+from opendrive.roads.road_records import RoadRecords
 
 
 class NetworkLanes:
-    """The lanes of a network and their shapes; `RoadNetwork` adds everything else."""
+    """Where lanes and roads lie, and which are at a point: the first group of a `RoadNetwork`'s methods.
 
-    def __init__(self, geometry: NetworkGeometry) -> None:
-        self._geometry = geometry
-        self._lane_poses = LanePoses(geometry)
+    A lane goes in and comes out as its index, a row of `lanes`; `lanes.key` has its road id, the index of its
+    lane section and its lane id, and `lane_index_of` is the way back. A road goes in as its id, a text.
+    """
+
+    def __init__(self, model: MapModel) -> None:
+        self._model = model
+        geometry = model.roads.geometry if isinstance(model.roads, RoadRecords) else None
+        self._geometry = geometry or NetworkGeometry.collect(tuple(model.roads.values()))
+        self._lane_poses = LanePoses(self._geometry)
 
     @property
     def lanes(self) -> LaneTable:
@@ -193,7 +210,135 @@ class NetworkLanes:
         width = self.lane_width(lane, s_m)
         return SampledCenters(first_rows(count), s_m, np.stack([x, y, z], axis=1), heading, width)
 
+    # Roads
+
+    @cached_property
+    def roads(self) -> Mapping[str, RoadGeometry]:
+        """Roads by id."""
+        return MappingProxyType(
+            {
+                road_id: RoadGeometry(road_id, r, self._geometry, self._model.roads)
+                for r, road_id in enumerate(self._geometry.roads.id)
+            }
+        )
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates of all lanes: xmin, ymin, xmax, ymax, metres.
+
+        Exact where the borders are straight, within 5 mm where they bend; 0 without lanes.
+        """
+        return bounds_of(self._geometry)
+
+    def road_point(self, road_id: str, s_m: ArrayLike, t_m: ArrayLike) -> SurfacePoints:
+        """Return x, y, z and heading along s at (s, t) of a road, broadcast against each other.
+
+        Raises:
+            RoadNotFoundError: no such road.
+            PositionError: s or t is not finite, or s is off the road.
+        """
+        return self._road(road_id).point(s_m, t_m)
+
+    def road_coordinates(self, road_id: str, xy_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return (s, t) of points (N, 2) relative to a road; see `RoadGeometry.coordinates`.
+
+        Raises:
+            RoadNotFoundError: no such road.
+            PositionError: the shape is not (N, 2), or a value is not finite.
+        """
+        return self._road(road_id).coordinates(xy_m)
+
+    def attitude(self, road_id: str, s_m: ArrayLike, t_m: ArrayLike) -> SurfaceAttitudes:
+        """Return height, heading, pitch, roll and normal of a road's surface; see `RoadGeometry.attitude`.
+
+        Raises:
+            RoadNotFoundError: no such road.
+            PositionError: s or t is not finite, or s is off the road.
+        """
+        return self._road(road_id).attitude(s_m, t_m)
+
+    # Queries
+
+    def lane_index_of(self, key: LaneKey | tuple[str, int, int]) -> int:
+        """Return the index of a lane.
+
+        Raises:
+            LaneNotFoundError: the network has no such lane.
+        """
+        road_id, section, lane_id = key
+        lane = self.lanes.lane_of_key.get(LaneKey(road_id, section, lane_id))
+        if lane is None:
+            raise LaneNotFoundError(f"no lane {lane_id} in section {section} of road {road_id!r}")
+        return lane
+
+    def locate(self, xy_m: ArrayLike, z_m: ArrayLike | None = None) -> LaneHits:
+        """Return every lane that contains each point.
+
+        Without heights, lanes of all levels count, such as those under a bridge; see `overlapping_roads`.
+
+        Args:
+            xy_m: (N, 2) points, map frame.
+            z_m: (N,) heights of the points, or one for all: only the lanes of the nearest level count, which
+                are those within 2 m in height of the lane nearest in height.
+
+        Raises:
+            PositionError: the shape is not (N, 2), or a value is not finite.
+        """
+        points = points_xy(xy_m)
+        return self._index.containing(points, None if z_m is None else per_point(z_m, "z_m", points))
+
+    def nearest_lane(
+        self,
+        xy_m: ArrayLike,
+        lane_types: Collection[str] = ("driving",),
+        heading_rad: ArrayLike | None = None,
+        z_m: ArrayLike | None = None,
+        within_m: float = np.inf,
+    ) -> NearestLanes:
+        """Return the nearest lane of the given types for each point, however far away it is.
+
+        `distance_m` says how far, and `inside` whether the point lies in it at all.
+
+        Of several lanes that contain a point, the one whose centre line is nearest is taken; if headings are
+        given, the one whose travel direction is nearest to the heading.
+
+        Args:
+            xy_m: (N, 2) points, map frame.
+            lane_types: OpenDRIVE lane types.
+            heading_rad: (N,) headings of what stands at the points, or one for all.
+            z_m: (N,) heights of the points, or one for all: the nearest lane in space is taken; its distance
+                stays that in plan.
+            within_m: nothing is found farther away than this.
+
+        Raises:
+            PositionError: the shape is not (N, 2), or a value is not finite.
+        """
+        types = (lane_types,) if isinstance(lane_types, str) else tuple(lane_types)
+        points = points_xy(xy_m)
+        height_m = None if z_m is None else per_point(z_m, "z_m", points)
+        if heading_rad is None:
+            nearest = self._index.nearest(points, types, height_m)
+        else:
+            headings = per_point(heading_rad, "heading_rad", points)
+            nearest = self._index.nearest_along(points, types, headings, height_m)
+        return nearest if within_m == np.inf else nearest.within(within_m)
+
+    @cached_property
+    def overlapping_roads(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of roads above each other, as bridges lie: queries there need a height."""
+        return overlapping_roads(self._geometry, self._index)
+
+    @cached_property
+    def _index(self) -> LaneIndex:
+        return LaneIndex.build(self._geometry)
+
     # Checks
+
+    def _road(self, road_id: str) -> RoadGeometry:
+        road = self.roads.get(road_id)
+        if road is None:
+            raise RoadNotFoundError(f"no road {road_id!r} in the network; ids are strings")
+        return road
 
     def _checked(self, lane: int) -> int:
         if not 0 <= lane < len(self.lanes):

@@ -13,6 +13,7 @@ from opendrive import (
     LaneNotFoundError,
     MapContentError,
     PositionError,
+    RoadNetwork,
     RoadNotFoundError,
     load_map,
 )
@@ -362,3 +363,26 @@ def test_bounds_of_a_very_long_road_take_no_time(load, text):
     start = time.process_time()
     np.testing.assert_allclose(network.bounds, [0.0, -3.5, 1e6, 3.5], atol=1e-9)
     assert time.process_time() - start < 1.0
+
+
+def test_a_point_off_every_lane_is_said_to_be_so(load, text):
+    """A road of 100 m with lanes of 3.5 m on either side of y = 0."""
+    network = load(text.road('<geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry>'))
+    points = [[50.0, -1.0], [50.0, -3.5], [50.0, -4.0], [50.0, -499.5]]
+    nearest = network.nearest_lane(points)
+    assert nearest.inside.tolist() == [True, True, False, False]
+    np.testing.assert_allclose(nearest.distance_m, [0.0, 0.0, 0.5, 496.0], atol=1e-9)
+    near = network.nearest_lane(points, within_m=3.0)
+    assert near.found.tolist() == [True, True, True, False]
+    assert (near.lane[3], near.s_m[3], near.distance_m[3]) == (0, 0.0, 0.0)
+    assert not near.inside[3]
+
+
+def test_methods_are_three_groups_whose_help_lists_them():
+    groups = [RoadNetwork, *RoadNetwork.__mro__[1:3]]
+    assert [group.__name__ for group in groups] == ["RoadNetwork", "NetworkTopology", "NetworkLanes"]
+    methods = [{name for name in vars(group) if not name.startswith("_")} for group in groups]
+    assert not set.intersection(methods[0] | methods[1], methods[2])
+    assert {"route", "successors", "lane_change", "places_ahead"} <= methods[1]
+    assert {"locate", "nearest_lane", "center_line", "road_point"} <= methods[2]
+    assert {"warnings", "objects", "to_geojson", "signals_of"} <= methods[0]

@@ -186,8 +186,8 @@ def test_every_straight_stretch_is_found(tmp_path: Path, start_m: float) -> None
     network = load_map(file)
     (stretch,) = site_stretches(network, 100.0)
     # On the arcs of 100 m radius the tangent is left by 5 cm after 3.2 m.
-    assert stretch.s_low_m == pytest.approx(start_m + 100.0, abs=9.0)
-    assert stretch.s_high_m == pytest.approx(start_m + 200.0 - RUN_OUT_M, abs=9.0)
+    assert stretch.s_low_m == pytest.approx(start_m + 100.0, abs=4.5)
+    assert stretch.s_high_m == pytest.approx(start_m + 200.0 - RUN_OUT_M, abs=4.5)
     assert not stretch.has_sidewalk
     site = find_site(network, 100.0)
     before, after = straight_around(site.route, site.line_m)
@@ -199,3 +199,26 @@ def test_stretches_with_a_sidewalk_come_first() -> None:
     stretches = site_stretches(load_map(shipped_map("urban_street")), 60.0)
     assert {(s.place.road_id, s.place.lane_id) for s in stretches} == {("1", -1), ("1", 1)}
     assert all(s.has_sidewalk for s in stretches)
+
+
+def test_a_stretch_of_a_few_metres_is_found(tmp_path: Path) -> None:
+    """Straight for 2.5 m more than a test needs; before, places were tried every 5 m."""
+    file = tmp_path / "winding.xodr"
+    file.write_text(short_straight(300.0), encoding="utf-8")
+    (stretch,) = site_stretches(load_map(file), 200.0 - RUN_OUT_M - 2.5)
+    assert stretch.s_high_m - stretch.s_low_m < 10.0
+
+
+@pytest.mark.parametrize("has_sidewalk", [True, False])
+def test_a_site_says_its_place_and_whether_there_is_a_sidewalk(tmp_path: Path, has_sidewalk: bool) -> None:
+    text = shipped_map("urban_street").read_text(encoding="utf-8")
+    assert 'type="sidewalk"' in text
+    file = tmp_path / "street.xodr"
+    file.write_text(
+        text if has_sidewalk else text.replace('type="sidewalk"', 'type="none"'), encoding="utf-8"
+    )
+    network = load_map(file)
+    site = find_site(network, 60.0)
+    assert site.has_sidewalk is has_sidewalk
+    again = site_at(network, lane_at(network, site.place), site.place.s_m, 60.0)
+    assert (again.line.x_m, again.line.y_m) == pytest.approx((site.line.x_m, site.line.y_m), abs=1e-6)

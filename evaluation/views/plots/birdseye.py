@@ -12,6 +12,7 @@ from evaluation.views.plots.fitting import fitted, set_title
 from evaluation.views.plots.ground import Area, draw_areas, draw_map, lane_outlines
 from evaluation.views.plots.labels import Rectangle
 from evaluation.views.plots.log_rows import frame_at, of_kind
+from evaluation.views.plots.map_ids import draw_ids
 from evaluation.views.plots.objects import draw_objects
 from evaluation.views.plots.polygons import Pose, draw_polygons
 from evaluation.views.plots.style import BLACK, FONT_PT, MPS_TO_KMH, SMALL_PT, WIDTH_IN, new_figure
@@ -74,6 +75,7 @@ def map_picture(
     areas: Sequence[Area] = (),
     ego_pose: Pose | None = None,
     title: str | None = None,
+    ids: bool = False,
 ) -> Figure:
     """The map in its own frame, with lanes by type, and monitored areas and the ego if given.
 
@@ -83,6 +85,7 @@ def map_picture(
             shown, and the whole map if there are none.
         ego_pose: x, y in metres and yaw in radians.
         title: heading, if any.
+        ids: write the ids of roads and lanes where they fit.
     """
     origin = (0.0, 0.0, 0.0)
     view = _view_of([ring for _, ring in areas], 0.25) if areas else _whole_view(network)
@@ -98,6 +101,8 @@ def map_picture(
         length = max(4.4, 0.02 * (view[2] - view[0]))
         box = corners(np.array([x, y]), np.array([length, 0.41 * length]), np.array(yaw))
         handles.append(draw_polygons(axes, [box], "ego", face=BLACK, edge=BLACK, zorder=7.0))
+    if ids:
+        draw_ids(axes, network, view)
     _add_legend(figure, axes, handles)
     return figure
 

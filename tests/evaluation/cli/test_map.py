@@ -155,3 +155,10 @@ def test_an_export_that_is_not_possible_is_refused_in_one_line(
     answer = capsys.readouterr().err
     assert len(answer.splitlines()) == 1
     assert reason in answer
+
+
+def test_warnings_of_a_map_are_lines_of_words(faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("map", faulty) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "warning: " in line]
+    assert line.split()[:4] == ["warning:", "unknown", "lane", "type"]
+    assert "MapWarning" not in line

@@ -10,6 +10,8 @@ from evaluation.results.files import ResultsError
 from evaluation.views.plots import birdseye, map_picture
 from evaluation.views.plots.fitting import SMALLEST_PT
 from evaluation.views.plots.ground import AREA_COLOURS
+from opendrive import load_map
+from scenarios.catalogue.maps import shipped_map
 from tests.figures import text_faults
 
 
@@ -107,3 +109,19 @@ def test_a_long_title_gets_lines_of_its_own(
     ):
         assert text_faults(figure) == []
         assert figure.axes[0].title.get_fontsize() >= SMALLEST_PT
+
+
+def test_ids_are_written_where_they_fit() -> None:
+    network = load_map(shipped_map("urban_intersection"))
+    whole = map_picture(network, ids=True)
+    (axes,) = whole.axes
+    names = [text.get_text() for text in axes.texts if text.get_gid() == "id"]
+    long_roads = [road_id for road_id, road in network.roads.items() if road.length_m > 100.0]
+    assert set(long_roads) <= set(names)  # lanes of 3.5 m on 440 m are narrower than a text
+    area_m = np.array([[-60.0, 0.0], [-30.0, 0.0], [-30.0, 8.0], [-60.0, 8.0]])
+    around = map_picture(network, [("current", area_m)], ids=True)
+    (axes,) = around.axes
+    assert {"1", "-1", "2", "-2"} <= {text.get_text() for text in axes.texts if text.get_gid() == "id"}
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_gid() == "id"]
+    assert len(boxes) > 3
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
