@@ -151,6 +151,7 @@ def test_conditions_reach_the_rows(command: Command, tmp_path: Path) -> None:
         ("CPNA-25", "physical", "snow", "static"),
     ]
     assert "published" not in answer.out
+    assert "placed at --at 1,1,300.0 (x 300.0 m, y 1.8 m); a sidewalk begins at its" in answer.out
 
 
 def test_number_of_processes_changes_no_byte(results: Path, tmp_path: Path) -> None:
