@@ -77,8 +77,8 @@ class NearestLanes(NamedTuple):
 
     def within(self, distance_m: float) -> "NearestLanes":
         """Return the same, with nothing found where the lane is farther away than a distance."""
-        found = self.found & (self.distance_m <= distance_m)
-        return NearestLanes(found, *(np.where(found, column, 0) for column in self[1:]))
+        near = self.found & (self.distance_m <= distance_m)
+        return NearestLanes(near, *(np.where(near, column, 0) for column in self[1:]))
 
 
 class _Feet(NamedTuple):
