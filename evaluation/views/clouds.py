@@ -10,10 +10,11 @@ import numpy as np
 
 from evaluation.results.files import write_bytes
 from evaluation.views.pictures import save_picture
+from smartmot.arrays import IntArray, StrArray
 from smartmot.geometry import corners
 from smartmot.lidar import BoxDetections
 from smartmot.lidar.detections import GROUND, LOOSE, OFF_AREA, OUT_OF_REACH
-from smartmot.pointcloud import PointCloud
+from smartmot.pointcloud import Boxes3D, PointCloud
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,4 +84,40 @@ def cloud_picture(title: str, cloud: PointCloud, detections: BoxDetections) -> F
         axes.set_ylim(float(x[shown].min()) - 1.0, float(x[shown].max()) + 1.0)
     axes.set(xlabel="left (m)", ylabel="ahead (m)", title=title, aspect="equal")
     axes.legend(loc="upper right", fontsize=7, markerscale=6)
+    return figure
+
+
+def labelled_picture(
+    title: str, cloud: PointCloud, boxes: Boxes3D, category: StrArray, points: IntArray
+) -> Figure:
+    """A cloud from above, x ahead upwards, coloured by height, with labels and the points in each.
+
+    Args:
+        title: of the picture.
+        cloud: sensor's frame.
+        boxes: K boxes in that frame.
+        category: (K,) names.
+        points: (K,) points in each box.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 8.0), layout="constrained")
+    axes = figure.add_subplot()
+    x, y, z = cloud.xyz_m.T
+    dots = axes.scatter(
+        y, x, c=z, s=0.6, cmap="viridis", vmin=-2.2, vmax=2.3, linewidths=0.0, rasterized=True
+    )
+    figure.colorbar(dots, label="height over the sensor (m)", shrink=0.6)
+    outline = boxes.on_ground
+    for row, corner in enumerate(corners(outline.center_m, outline.size_m, outline.yaw_rad)):
+        color = BOX_COLORS.get(str(category[row]), CLUSTER_COLOR)
+        ring = np.concatenate((corner, corner[:1]))
+        axes.plot(ring[:, 1], ring[:, 0], "-", linewidth=1.2, color=color)
+        front = np.stack((corner.mean(axis=0), 0.5 * (corner[0] + corner[3])))
+        axes.plot(front[:, 1], front[:, 0], "-", linewidth=1.0, color=color)
+        axes.annotate(str(points[row]), (corner[:, 1].min(), corner[:, 0].max()), fontsize=6, color=color)
+    reach = float(np.abs(outline.center_m).max(initial=20.0)) + 5.0
+    axes.set_xlim(reach, -reach)
+    axes.set_ylim(-reach, reach)
+    axes.set(xlabel="left (m)", ylabel="ahead (m)", title=title, aspect="equal")
     return figure

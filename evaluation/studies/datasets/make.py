@@ -35,8 +35,8 @@ class FrameMaker(Protocol):
     def frames_per_scene(self) -> int:
         """The most frames of a scene."""
 
-    def frames(self, scene: int, count: int) -> Iterator[LabelledFrame]:
-        """The first frames of a scene, by its number."""
+    def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
+        """The first frames of a scene."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def _write_scene(recipe: Recipe, out: Path, place_count: tuple[ScenePlace, int])
     def write(frame: int, cloud: PointCloud) -> None:
         write_bytes(out / sweeps.path(place, scene, frame), sweeps.content(cloud))
 
-    frames = recipe.maker.frames(place.number, count)
+    frames = recipe.maker.frames(place, count)
     return with_frames(scene, frames, recipe.maker.config, recipe.least_points, write)
 
 

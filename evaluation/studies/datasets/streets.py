@@ -8,6 +8,7 @@ from pathlib import Path
 
 from evaluation.studies.datasets.frames import LabelledFrame
 from evaluation.studies.lidar.drawn import FRAMES_PER_STREET, drawn_frames
+from scenarios.recorded.layouts.scenes import ScenePlace
 from scenarios.sensors.lidar import LidarConfig
 
 
@@ -30,9 +31,9 @@ class Streets:
         """The same street is seen from so many places, with other road users."""
         return FRAMES_PER_STREET
 
-    def frames(self, scene: int, count: int) -> Iterator[LabelledFrame]:
+    def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
         """The first frames of a scene."""
-        first = FRAMES_PER_STREET * scene
+        first = FRAMES_PER_STREET * place.number
         drawn = drawn_frames(self.maps, self.config, count, self.seed, first=first, mount=self.config.mount)
         for frame in drawn:
             ego = frame.ego

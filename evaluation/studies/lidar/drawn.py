@@ -125,6 +125,14 @@ _CAR = _Kind("car", (3.5, 1.6, 1.38), (5.0, 1.95, 1.75), 14.0)
 _VAN = _Kind("car", (4.8, 1.85, 1.9), (6.0, 2.05, 2.1), 14.0)
 
 
+def drawn_size(category: str, rng: np.random.Generator) -> FloatArray:
+    """(3,) length, width and height of one of `CLASSES`; a fifth of the pedestrians are children."""
+    people = _CHILD if rng.random() < 0.2 else _ADULT
+    kind = {"pedestrian": people, "cyclist": _CYCLIST, "car": _CAR}[category]
+    size: FloatArray = rng.uniform(kind.low_m, kind.high_m)
+    return size
+
+
 def _world(
     network: RoadNetwork, surface: MapSurface, street: Street, ego: EgoState, rng: np.random.Generator
 ) -> World:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from evaluation.cli.lidar.dataset import check, make
+from evaluation.cli.lidar.dataset import check, make, show
 
 app = typer.Typer(
     name="dataset",
@@ -15,6 +15,7 @@ app = typer.Typer(
 )
 app.command("make", epilog=make.EXAMPLES)(make.command)
 app.command("check", epilog=check.EXAMPLES)(check.command)
+app.command("show", epilog=show.EXAMPLES)(show.command)
 
 
 @app.callback()

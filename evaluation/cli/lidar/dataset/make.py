@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,24 +12,33 @@ from evaluation.cli.output import counting
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from evaluation.studies.datasets.compose import Composer
     from evaluation.studies.datasets.make import FrameMaker
+    from evaluation.studies.datasets.streets import Streets
     from scenarios.sensors.lidar import LidarConfig
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar dataset make --sensor hdl64 --frames 1000 --out data` draws streets and their road "
     "users, casts a LiDAR, and writes KITTI's tree.",
     "`smartmot-eval lidar dataset make --sensor mid70 --frames 400 --layout nuscenes --min-points 5`",
+    "`smartmot-eval lidar dataset make --from crops --crops data --flip --scale 0.1 --out composed`",
     "What is in it: docs/datasets.md.",
 )
 
-SOURCES = ("scenes",)
+SOURCES = ("scenes", "crops")
+CROPS = "Of --from crops"
 HIGHEST_M = 5.0
 """Of a sensor on a vehicle: a truck's roof is at 4 m."""
 
 
 def command(
     source: Annotated[
-        str, typer.Option("--from", help="scenes: simulated streets drawn at random.", metavar="NAME")
+        str,
+        typer.Option(
+            "--from",
+            help="scenes: simulated streets drawn at random; crops: road users cut out and placed anew.",
+            metavar="NAME",
+        ),
     ] = "scenes",
     sensor: Annotated[str, typer.Option(help="hdl32, hdl64 or mid70.", metavar="NAME")] = "hdl32",
     frames: Annotated[int, typer.Option(min=1, max=1_000_000, help="Frames in all splits together.")] = 1000,
@@ -44,6 +53,45 @@ def command(
         list[Path] | None,
         typer.Option(
             "--map", help="OpenDRIVE file, again for more. Default: the shipped maps.", metavar="FILE"
+        ),
+    ] = None,
+    crops: Annotated[
+        Path | None,
+        typer.Option(
+            help="Data set whose road users are cut out. Default: simulated ones, each recorded alone.",
+            metavar="DIR",
+            rich_help_panel=CROPS,
+        ),
+    ] = None,
+    background: Annotated[
+        Path | None,
+        typer.Option(
+            help="Data set into whose frames they are pasted. Default: an empty floor.",
+            metavar="DIR",
+            rich_help_panel=CROPS,
+        ),
+    ] = None,
+    flip: Annotated[bool, typer.Option("--flip", help="Mirror half of them.", rich_help_panel=CROPS)] = False,
+    scale: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=0.5, help="Change sizes by up to this share.", rich_help_panel=CROPS),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Move points along their rays, standard deviation in m.",
+            rich_help_panel=CROPS,
+        ),
+    ] = None,
+    turn: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=180.0,
+            help="Turn them by up to so many degrees against the line of sight. Default: 30.",
+            rich_help_panel=CROPS,
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the data set.")] = Path("results/dataset"),
@@ -61,14 +109,25 @@ def command(
     source = options.parse_name(source, SOURCES, "--from")
     layout = options.parse_name(layout, tuple(LAYOUTS), "--layout")
     config = parse_sensor(sensor, height)
-    recipe = Recipe(
-        parse_source(source, config, maps, seed),
-        layout,
-        frames,
-        seed,
-        min_points,
-        {"from": source, "sensor": sensor},
-    )
+    typed: dict[str, Any] = {
+        name: value
+        for name, value in (
+            *(("crops", crops), ("background", background), ("flip", flip or None)),
+            *(("scale", scale), ("noise", noise), ("turn", turn)),
+        )
+        if value is not None
+    }
+    if source == "crops":
+        if maps:
+            raise ArgumentError("--map: for --from scenes")
+        maker: FrameMaker = parse_composer(config, seed, **typed)
+    else:
+        if typed:
+            raise ArgumentError(f"--{next(iter(typed))}: for --from crops")
+        maker = parse_streets(config, maps, seed)
+    values = {name: value.name if isinstance(value, Path) else value for name, value in typed.items()}
+    values |= {"from": source, "sensor": sensor}
+    recipe = Recipe(maker, layout, frames, seed, min_points, values)
     with counting("making", quiet) as done:
         made = make_dataset(recipe, out, workers or available_cores(), done)
     console = rich.console.Console(quiet=quiet)
@@ -100,9 +159,38 @@ def parse_sensor(name: str, height_m: float | None) -> LidarConfig:
     return replace(config, mount=Mount(height_m))
 
 
-def parse_source(source: str, config: LidarConfig, maps: list[Path] | None, seed: int) -> FrameMaker:
-    """What makes the frames."""
+def parse_streets(config: LidarConfig, maps: list[Path] | None, seed: int) -> Streets:
+    """Streets on maps."""
     from evaluation.studies.datasets.streets import Streets
     from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 
     return Streets(tuple(maps or map(shipped_map, SHIPPED_MAPS)), config, seed)
+
+
+def parse_composer(
+    config: LidarConfig,
+    seed: int,
+    *,
+    crops: Path | None = None,
+    background: Path | None = None,
+    flip: bool = False,
+    scale: float = 0.0,
+    noise: float = 0.0,
+    turn: float = 30.0,
+) -> Composer:
+    """The composer of cut-out road users.
+
+    Raises:
+        ArgumentError: the sensor of a data set is at another height.
+    """
+    import math
+
+    from evaluation.studies.datasets.compose import Composer
+    from evaluation.studies.datasets.make import DATASET_JSON
+    from evaluation.studies.datasets.reading import dataset_values
+
+    if background is not None:
+        height = dataset_values(background, DATASET_JSON).get("sensor_height_m", config.mount.height_m)
+        if height != config.mount.height_m:
+            raise ArgumentError(f"--background: its sensor is at {height} m; add --height {height}")
+    return Composer(config, seed, crops, background, flip, scale, noise, math.radians(turn))

@@ -1,7 +1,9 @@
 """Data sets of labelled clouds: made, read again, checked; damaged ones are one line."""
 
+import base64
 import hashlib
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -111,3 +113,109 @@ def test_layouts_hold_the_same(layout: str, kitti: Path, tmp_path: Path, call: C
         assert frame.labels.category.tolist() == same.labels.category.tolist()
         assert frame.written_count is not None
         assert frame.written_count.tolist() == same.point_counts().tolist()
+
+
+def test_crops_of_a_data_set_in_its_own_frames(kitti: Path, tmp_path: Path, call: Call) -> None:
+    composed = ("--from", "crops", "--crops", kitti, "--background", kitti, "--flip", "--scale", 0.1)
+    assert call(*MAKE[:3], "--frames", 10, "-q", *composed, "--out", tmp_path)[0] == 0
+    assert call("check", tmp_path)[0] == 0
+    background = sum(len(frame.labels) for frame in read_frames(kitti))
+    assert sum(len(frame.labels) for frame in read_frames(tmp_path)) > background
+    assert json.loads((tmp_path / "dataset.json").read_text())["crops"] == "data"
+
+
+def test_clouds_are_shown(kitti: Path, tmp_path: Path, call: Call) -> None:
+    code, out, _ = call("show", kitti, "--scene", "0001", "--mode", "bev", "--frames", 1, "--out", tmp_path)
+    assert (code, out) == (0, f"{tmp_path / '000004.png'}\n")
+    assert (tmp_path / "000004.png").read_bytes()[:4] == b"\x89PNG"
+    assert call("show", kitti, "--mode", "page", "--out", tmp_path, "-q")[0] == 0
+    page = (tmp_path / "clouds.html").read_text()
+    data = json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+    frames = list(read_frames(kitti))[:8]
+    assert [len(frame["boxes"]) for frame in data["frames"]] == [len(frame.labels) for frame in frames]
+    points = (
+        np.frombuffer(base64.b64decode(data["frames"][0]["points"]), "<i2").reshape(-1, 3) / data["units"]
+    )
+    assert np.abs(points - frames[0].cloud.xyz_m).max() < 0.006
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("show", "{data}", "--scene", "0099"), "--scene: no '0099' in {data}; there are: scene_0000"),
+        (("show", "{data}", "--mode", "rgb"), "--mode: unknown 'rgb'; use one of: bev, page"),
+        (("check", "{data}/nothing"), "{data}/nothing: no data set with clouds"),
+        (("make", "--out", "{data}"), "ImageSets is there already; name another folder or remove it"),
+        (("make", "--from", "gazebo"), "--from: unknown 'gazebo'; use one of: scenes, crops"),
+        (("make", "--flip"), "--flip: for --from crops"),
+        (("make", "--from", "crops", "--map", "x.xodr"), "--map: for --from scenes"),
+        (("make", "--height", "9"), "--height: expected 0.1 to 5 m, got 9"),
+        (("make", "--sensor", "truth"), "--sensor: unknown 'truth'; use one of: hdl32, hdl64, mid70"),
+        (("make", "--frames", "1", "--workers", "1", "--map", "{data}/no.xodr"), "no.xodr"),
+        (
+            ("make", "--from", "crops", "--background", "{data}", "--height", "1.5"),
+            "--background: its sensor is at 1.73 m; add --height 1.73",
+        ),
+    ],
+)
+def test_mistakes_are_one_line(
+    words: tuple[str, ...], message: str, kitti: Path, tmp_path: Path, call: Call
+) -> None:
+    arguments = [word.format(data=kitti) for word in words]
+    if words[0] != "check" and "--out" not in arguments:
+        arguments += ["--out", str(tmp_path / "out")]
+    code, _, error = call(*arguments)
+    assert code == 2
+    assert message.format(data=kitti) in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("training/velodyne/{first}.bin", b"12345", "no whole number of points"),
+        ("training/velodyne/{first}.bin", None, "No such file"),
+        ("training/label_2/{first}.txt", b"Car 0 0", "field"),
+        ("training/calib/{first}.txt", b"P2: 1 2 3", "P2"),
+        ("training/label_2/{first}.txt", None, "No such file"),
+        ("ImageSets/train.txt", b"../../secret\n", "is no name of a frame"),
+        ("ImageSets/scenes.txt", b"000000\n", "expected FRAME SCENE"),
+        ("dataset.json", b"[]", "expected an object"),
+        ("dataset.json", b'{"min_points": "many"}', "must be a whole number"),
+    ],
+)
+def test_damaged_data_sets_are_one_line(
+    name: str, content: bytes | None, message: str, kitti: Path, tmp_path: Path, call: Call
+) -> None:
+    folder = tmp_path / "data"
+    shutil.copytree(kitti, folder)
+    [first, *_] = (kitti / "ImageSets/train.txt").read_text().split()
+    path = folder / name.format(first=first)
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content)
+    code, _, error = call("check", folder)
+    assert code == 2
+    assert path.name in error
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_what_is_wrong_in_a_readable_data_set_is_found(kitti: Path, tmp_path: Path, call: Call) -> None:
+    folder = tmp_path / "data"
+    shutil.copytree(kitti, folder)
+    splits = folder / "ImageSets"
+    [first, *_] = (splits / "train.txt").read_text().split()
+    with (splits / "val.txt").open("a") as val:
+        val.write(f"{first}\n")
+    label = folder / "training/label_2" / f"{first}.txt"
+    words = label.read_text().splitlines()[0].split()
+    words[11] = "500"  # x: half a kilometre to the right
+    with label.open("a") as lines:
+        lines.write(" ".join(words) + "\n")
+    code, _, error = call("check", folder)
+    assert code == 1
+    assert f"{first}: is in train and in val" in error
+    assert "holds 0 points, 1 at least expected" in error
+    assert "its frames are in train and val" in error
