@@ -141,32 +141,33 @@ def find_candidates(
 ) -> tuple[Candidates, Clusters, IntArray]:
     """Boxes of all classes, their clusters, and (P,) what has become of each point."""
     point_cluster = np.full(len(cloud), OUT_OF_REACH, dtype=np.int64)
-    x, y = cloud.xyz_m[:, 0].astype(np.float64), cloud.xyz_m[:, 1].astype(np.float64)
-    distance = np.hypot(x, y)
+    # coordinate by coordinate: what goes through one of them reads no other
+    axes = cloud.xyz_m.T.astype(np.float64, order="C")
+    distance = np.hypot(axes[0], axes[1])
     within = np.flatnonzero(distance <= config.reach_m)
-    distance, azimuth = distance[within], np.arctan2(y[within], x[within])
-    xyz = cloud.xyz_m.take(within, axis=0).astype(np.float64)
+    if len(within) < len(cloud):
+        axes, distance = axes.take(within, axis=1), distance.take(within)
+    xyz, azimuth = axes.T, np.arctan2(axes[1], axes[0])
     clock.note("region of interest", len(within), "points")
     ground, height = ground_under(xyz, azimuth, distance, config.reach_m, sensor_height_m)
-    point_cluster[within[height <= config.ground_m]] = GROUND
-    standing = (height > config.ground_m) & (height <= config.top_m)
-    obstacle, tall = np.flatnonzero(standing), np.flatnonzero(height > config.top_m)
+    above, over = height > config.ground_m, height > config.top_m
+    fate = np.where(above, OUT_OF_REACH, GROUND)
+    obstacle, tall = np.flatnonzero(above & ~over), np.flatnonzero(over)
     clock.note("ground", len(obstacle), "points")
     if monitored is not None:
         kept = monitored[within[obstacle]]
-        point_cluster[within[obstacle[~kept]]] = OFF_AREA
+        fate[obstacle[~kept]] = OFF_AREA
         obstacle = obstacle[kept]
         clock.note("monitored area", len(obstacle), "points")
     around = Surroundings(xyz, azimuth, distance, obstacle, tall, height[obstacle])
     gap = np.clip(distance[obstacle] * config.gap_rad, config.gap_m, config.widest_gap_m)
-    close, loose = _groupings(x[within[obstacle]], y[within[obstacle]], gap)
-    point_cluster[within[obstacle]] = np.where(
-        np.bincount(close, minlength=1)[close] >= config.least_points, close, LOOSE
-    )
+    close, loose = _groupings(axes[0].take(obstacle), axes[1].take(obstacle), gap)
+    fate[obstacle] = np.where(np.bincount(close, minlength=1)[close] >= config.least_points, close, LOOSE)
+    point_cluster[within] = fate
     clock.note("clusters", int(close.max(initial=-1)) + 1, "clusters")
     clusters = measured(around, [close, loose], config.least_points)
     clock.note("features", len(clusters), "clusters")
-    candidates = _candidates(clusters, xyz[obstacle[clusters.point], :2], ground)
+    candidates = _candidates(clusters, axes[:2].take(obstacle[clusters.point], axis=1).T, ground)
     clock.note("boxes", len(candidates.category), "boxes")
     return candidates, clusters, point_cluster
 
@@ -290,6 +291,8 @@ def _apart(boxes: Boxes3D) -> IntArray:
     outline = boxes.on_ground
     a, b = outline[i], outline[j]
     near = np.flatnonzero(circles_touch(a.center_m, a.size_m, b.center_m, b.size_m))
+    if not len(near):
+        return np.arange(count)
     i, j, a, b = i[near], j[near], a[near], b[near]
     common = intersection_area(a.center_m, a.size_m, a.yaw_rad, b.center_m, b.size_m, b.yaw_rad)
     least = np.minimum(a.size_m.prod(axis=1), b.size_m.prod(axis=1))

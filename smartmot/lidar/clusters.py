@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from smartmot.arrays import FloatArray, IntArray
@@ -27,26 +27,41 @@ def components(
     if not len(x_m):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     widest = int(gap_m.max() / cell_m + 1e-9)
-    row, column = (((axis - axis.min()) / cell_m).astype(np.int64) + widest for axis in (x_m, y_m))
+    row, column = (((axis - axis.min()) / cell_m).astype(np.intp) + widest for axis in (x_m, y_m))
     rows, columns = int(row.max()) + widest + 1, int(column.max()) + widest + 1
     key = row * columns + column
-    number = np.arange(len(key), dtype=np.int32)
+    # small numbers keep the image in the cache
+    number = np.arange(len(key), dtype=np.int16 if len(key) < 2**15 else np.int32)
     # an image of rows: which point, then which cell; writing it takes less time than sorting
-    image = np.full(rows * columns, -1, dtype=np.int32)
+    image = np.full(rows * columns, -1, dtype=number.dtype)
     image[key] = number
     first = np.flatnonzero(image[key] == number)
     cell = key[first]
     image[cell] = number[: len(cell)]
     gap = gap_m[first] / cell_m + 1e-9
     dx, dy, distance = _half_disc(widest)
-    neighbour = image[cell + (dx * columns + dy)[:, None]]
-    offset, own = (neighbour >= 0).nonzero()
-    target = neighbour[offset, own]
-    near = np.maximum(gap[own], gap[target]) >= distance[offset]
-    i, j = own[near], target[near]
-    links = coo_matrix((np.ones(len(i), dtype=np.int8), (i, j)), shape=(len(cell), len(cell)))
+    neighbour = image.take(cell + (dx * columns + dy)[:, None]).ravel()
+    found = np.flatnonzero(neighbour >= 0)
+    offset = found // len(cell)
+    own, target = found - offset * len(cell), neighbour.take(found)
+    near = np.maximum(gap.take(own), gap.take(target)) >= distance.take(offset)
+    links = _linked(own[near], target[near], len(cell))
     label = connected_components(links, directed=False)[1]
     return label[image[key]].astype(np.int64), first
+
+
+def _linked(own: IntArray, target: IntArray, count: int) -> csr_matrix:
+    """Graph of so many cells with links from own to target, row by row as it is searched."""
+    first = np.zeros(count + 1, dtype=np.int32)
+    np.cumsum(np.bincount(own, minlength=count), out=first[1:])
+    sorted_target = target[by_label(own, count)]
+    return csr_matrix((np.ones(len(target)), sorted_target, first), shape=(count, count))
+
+
+def by_label(label: IntArray, count: int) -> IntArray:
+    """Order of so many labels from 0 on, equal ones as they are."""
+    # 16 bits are sorted by radix, in a tenth of the time
+    return np.argsort(label.astype(np.uint16) if count <= 2**16 else label, kind="stable")
 
 
 @lru_cache(maxsize=32)

@@ -12,7 +12,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from smartmot.arrays import FloatArray, StrArray
+from smartmot.arrays import FloatArray, IntArray, StrArray
 
 FARTHEST = 3.0
 """Features farther from their mean, in standard deviations, count as this far: nothing is known of them."""
@@ -43,8 +43,14 @@ class Evidence:
 def terms(features: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
     """(N, F + F (F + 1) / 2 + 1) what the weights are for."""
     standard = np.clip((features - mean) / scale, -FARTHEST, FARTHEST)
-    i, j = np.triu_indices(features.shape[1])
+    i, j = _pairs(features.shape[1])
     return np.column_stack((standard, standard[:, i] * standard[:, j], np.ones(len(features))))
+
+
+@lru_cache(maxsize=4)
+def _pairs(count: int) -> tuple[IntArray, IntArray]:
+    """Every pair of features, and each with itself."""
+    return np.triu_indices(count)
 
 
 @lru_cache(maxsize=1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.arrays import FloatArray, IntArray
+from smartmot.lidar.clusters import by_label
 
 FEATURES = (
     "range_m", "log_count", "log_count_of_body", "top_m", "bottom_m", "width_m", "possible_width_m",
@@ -94,14 +95,10 @@ class Surroundings:
 def runs(label: IntArray, least_points: int) -> tuple[IntArray, IntArray, IntArray]:
     """Points sorted by label, first and count of each label that has enough of them."""
     count = np.bincount(label)
-    # 16 bits are sorted by radix, in a tenth of the time
-    order = np.argsort(label.astype(np.uint16) if len(count) < 2**16 else label, kind="stable")
-    first = np.cumsum(count) - count
-    large = np.flatnonzero(count >= least_points)
-    keep = np.repeat(count >= least_points, count)
+    order = by_label(label, len(count))
+    large = count >= least_points
     kept = count[large]
-    del first
-    return order[keep], np.cumsum(kept) - kept, kept
+    return order[np.repeat(large, count)], np.cumsum(kept) - kept, kept
 
 
 def measured(around: Surroundings, labels: list[IntArray], least_points: int) -> Clusters:
@@ -131,9 +128,8 @@ def measured(around: Surroundings, labels: list[IntArray], least_points: int) ->
 
 def _measured(around: Surroundings, point: IntArray, first: IntArray, count: IntArray) -> Clusters:
     """See `measured`."""
-    xyz = around.xyz_m[around.obstacle[point]]
+    x, y, z = around.xyz_m.T.take(around.obstacle[point], axis=1)
     height = around.height_m[point]
-    x, y = xyz[:, 0], xyz[:, 1]
     owner = np.repeat(np.arange(len(first)), count)
 
     def mean(values: FloatArray) -> FloatArray:
@@ -162,12 +158,15 @@ def _measured(around: Surroundings, point: IntArray, first: IntArray, count: Int
         widths.append(np.maximum(np.where(np.isfinite(low), high - low, 0.0), 0.0))
     mean_height = mean(height)
     spread = np.sqrt(np.maximum(mean(height * height) - mean_height**2, 0.0))
-    density = _density_per_sr(around, (mx, my), mean(xyz[:, 2]), distance)
+    density = _density_per_sr(around, (mx, my), mean(z), distance)
     width, rise = np.maximum(left - right, 0.02), np.maximum(top - bottom, 0.02)
     fill = count / (density * width * rise / distance**2)
     low, high = (np.column_stack(pair) for pair in zip(span(x), span(y), strict=True))
-    crowding = _counts(around.xyz_m[around.obstacle], low, high, AROUND_M) - count
-    overhead = _counts(around.xyz_m[around.tall], low, high, 0.25)
+    crowding, overhead = (
+        _counts(around.xyz_m.T[:2].take(chosen, axis=1), low, high, margin_m)
+        for chosen, margin_m in ((around.obstacle, AROUND_M), (around.tall, 0.25))
+    )
+    crowding -= count
     hidden, joined = _sides(around, (mx, my), distance, (right, left), (near, far))
     columns = (
         distance, np.log(count), np.log(count * distance**2 / (density * ADULT_M2)), top, bottom,
@@ -186,14 +185,17 @@ def _density_per_sr(
     distance of 1 m: cells shrink with the cosine cubed.
     """
     step = DENSITY_CELL_RAD
-    rise = around.xyz_m[:, 2] / np.maximum(around.distance_m, 1e-9)
+    row = np.maximum(around.distance_m, 1e-9)
+    np.divide(around.xyz_m[:, 2], row, out=row)
+    np.clip(row, -STEEPEST, STEEPEST, out=row)
     columns, rows = int(2.0 * math.pi / step) + 3, 2 * int(STEEPEST / step) + 4
-    cell = ((np.clip(rise, -STEEPEST, STEEPEST) + STEEPEST) / step + 1.0).astype(np.int64) * columns
-    cell += ((around.azimuth_rad + math.pi) / step + 1.0).astype(np.int64)
+    cell = _binned(row, STEEPEST, step)
+    cell *= columns
+    cell += _binned(around.azimuth_rad, math.pi, step)
     count = np.bincount(cell, minlength=rows * columns)
     own = np.clip(z_m / distance_m, -STEEPEST, STEEPEST)
-    at = ((own + STEEPEST) / step + 1.0).astype(np.int64) * columns
-    at += ((np.arctan2(middle_m[1], middle_m[0]) + math.pi) / step + 1.0).astype(np.int64)
+    at = _binned(own, STEEPEST, step) * columns
+    at += _binned(np.arctan2(middle_m[1], middle_m[0]), math.pi, step)
     steps = (np.arange(-1, 2)[:, None] * columns + np.arange(-1, 2)).ravel()
     fullest = count[at[:, None] + steps].max(axis=1)
     area_sr = step**2 / (1.0 + own**2) ** 1.5
@@ -201,19 +203,27 @@ def _density_per_sr(
     return density
 
 
-def _counts(xyz_m: FloatArray, low_m: FloatArray, high_m: FloatArray, margin_m: float) -> FloatArray:
-    """(C,) points within rectangles that are widened all round, to the nearest cells."""
-    if not len(xyz_m):
+def _binned(value: FloatArray, least: float, step: float) -> IntArray:
+    """Number of the bin of each value from -least on; the first is 1."""
+    bins = value + least
+    bins /= step
+    bins += 1.0
+    return bins.astype(np.intp)
+
+
+def _counts(axes_m: FloatArray, low_m: FloatArray, high_m: FloatArray, margin_m: float) -> FloatArray:
+    """(C,) of the points, x and y (2, Q), within rectangles widened all round, to the nearest cells."""
+    if not axes_m.shape[1]:
         return np.zeros(len(low_m))
-    x, y = (np.ascontiguousarray(axis) for axis in xyz_m.T[:2])
-    start = np.array([x.min(), y.min()])
+    start = axes_m.min(axis=1)
     # sums over all cells before each: the first row and column are empty
-    row, column = (
-        ((axis - low) / AROUND_CELL_M).astype(np.int64) + 1 for axis, low in zip((x, y), start, strict=True)
-    )
+    row, column = ((axes_m - start[:, None]) / AROUND_CELL_M).astype(np.intp) + 1
     rows, columns = int(row.max()) + 1, int(column.max()) + 1
-    counted = np.bincount(row * columns + column, minlength=rows * columns)
-    total = counted.astype(np.int32).reshape(rows, columns)
+    row *= columns
+    row += column
+    # no sum is greater than the number of points: small numbers keep the table in the cache
+    total = np.zeros((rows, columns), dtype=np.int16 if len(row) < 2**15 else np.int32)
+    np.add.at(total.ravel(), row, total.dtype.type(1))
     np.cumsum(total, axis=0, out=total)
     np.cumsum(total, axis=1, out=total)
     most = (rows - 1, columns - 1)

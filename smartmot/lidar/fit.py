@@ -114,7 +114,7 @@ def _extents(
     rows = np.repeat(clusters.first[chosen] - start, count) + np.arange(int(count.sum()))
     owner = np.repeat(np.arange(len(chosen)), count)
     c, s = np.cos(yaw_rad)[owner], np.sin(yaw_rad)[owner]
-    x, y = xy_m[rows].T
+    x, y = xy_m.T.take(rows, axis=1)
     axes = (c * x + s * y, c * y - s * x)
     low = np.column_stack([np.minimum.reduceat(axis, start) for axis in axes])
     high = np.column_stack([np.maximum.reduceat(axis, start) for axis in axes])
@@ -143,12 +143,13 @@ def _grown(
 def _l_shapes(xy_m: FloatArray, clusters: Clusters, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
     """(C,) headings of the rectangles whose two near sides most points are close to, and how close."""
     count = clusters.count[chosen]
-    sample = (np.arange(SAMPLES) * (count[:, None] - 1) / (SAMPLES - 1)).astype(np.int64)
+    sample = (np.arange(SAMPLES)[:, None] * (count - 1) / (SAMPLES - 1)).astype(np.intp)
     # relative to their mean, float32 is exact to a micrometre
     sight = clusters.middle_m[chosen]
-    points = (xy_m[clusters.first[chosen][:, None] + sample] - sight[:, None]).astype(np.float32)
+    at = xy_m.T.take(clusters.first[chosen] + sample, axis=1)
+    points = (at - sight.T[:, None]).astype(np.float32)
     coarse = np.linspace(0.0, 0.5 * math.pi, ANGLES, endpoint=False)
-    best = coarse[_closeness(points, sight, np.broadcast_to(coarse, (len(chosen), ANGLES)))[0].argmax(axis=1)]
+    best = coarse[_closeness(points, sight, coarse[None])[0].argmax(axis=1)]
     fine = best[:, None] + np.radians(np.arange(-2.0, 3.0))
     close, off_side = _closeness(points, sight, fine)
     row = np.arange(len(chosen))
@@ -159,16 +160,16 @@ def _l_shapes(xy_m: FloatArray, clusters: Clusters, chosen: IntArray) -> tuple[F
 def _closeness(
     points_m: RealArray, sight_m: FloatArray, yaw_rad: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(C, A) how close (C, S, 2) points are to near sides under (C, A) headings, and mean distances."""
-    c, s = (f(yaw_rad)[:, None].astype(np.float32) for f in (np.cos, np.sin))
-    x, y = points_m[:, :, :1], points_m[:, :, 1:]
+    """(C, A) how close (2, S, C) points are to near sides under (C, A) headings, and mean distances."""
+    c, s = (f(yaw_rad).astype(np.float32) for f in (np.cos, np.sin))
+    x, y = points_m[..., None]
     far = None
-    for axis, toward in (
-        (c * x + s * y, c[:, 0] * sight_m[:, :1] + s[:, 0] * sight_m[:, 1:]),
-        (c * y - s * x, c[:, 0] * sight_m[:, 1:] - s[:, 0] * sight_m[:, :1]),
-    ):
-        axis *= np.where(toward < 0.0, -1.0, 1.0).astype(np.float32)[:, None]
-        axis -= axis.min(axis=1, keepdims=True)
-        far = axis if far is None else np.minimum(far, axis)
+    for along_x, along_y in ((c, s), (-s, c)):
+        toward = along_x * sight_m[:, :1] + along_y * sight_m[:, 1:]
+        sign = np.where(toward < 0.0, -1.0, 1.0).astype(np.float32)
+        axis = sign * along_x * x
+        axis += sign * along_y * y
+        axis -= axis.min(axis=0)
+        far = axis if far is None else np.minimum(far, axis, out=far)
     assert far is not None
-    return (np.float32(1.0) / np.maximum(far, np.float32(CLOSEST_M))).mean(axis=1), far.mean(axis=1)
+    return (np.float32(1.0) / np.maximum(far, np.float32(CLOSEST_M))).mean(axis=0), far.mean(axis=0)

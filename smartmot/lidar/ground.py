@@ -76,9 +76,12 @@ class Ground:
 
 def _cells(azimuth_rad: FloatArray, distance_m: FloatArray, rings: int) -> IntArray:
     """(N,) number of the cell of each point."""
-    sector = ((azimuth_rad + math.pi) * (SECTORS / (2.0 * math.pi))).astype(np.int64)
-    ring = (distance_m * (1.0 / RING_M)).astype(np.int64)
-    cell: IntArray = np.minimum(sector, SECTORS - 1) * rings + np.minimum(ring, rings - 1)
+    sector = ((azimuth_rad + math.pi) * (SECTORS / (2.0 * math.pi))).astype(np.intp)
+    np.minimum(sector, SECTORS - 1, out=sector)
+    cell: IntArray = (distance_m * (1.0 / RING_M)).astype(np.intp)
+    np.minimum(cell, rings - 1, out=cell)
+    sector *= rings
+    cell += sector
     return cell
 
 
@@ -136,38 +139,58 @@ def _plane(xy_m: FloatArray, z_m: FloatArray, prior_m: float | None) -> tuple[Fl
     if not valid.any():
         return None
     slope, level = slope[valid], level[valid]
-    over = z_m[:, None] - (xy_m @ slope.T + level)
-    near = np.abs(over) <= INLIER_M
+    # single precision is exact to a micrometre within `NEAR_M`
+    single = np.float32
+    planes, cells = np.column_stack((slope, level)), np.vstack((xy_m.T, np.ones(len(xy_m))))
+    over = planes.astype(single) @ cells.astype(single)
+    np.subtract(z_m.astype(single), over, out=over)
     # what lies lower is ground as well, but for stray echoes: a plane of roofs has much under it
-    support = near.sum(axis=0) - (over < -2.0 * INLIER_M).sum(axis=0).astype(np.float64)
+    votes = -(over < single(-2.0 * INLIER_M)).view(np.int8)
+    votes += np.abs(over, out=over) <= single(INLIER_M)
+    support = votes.sum(axis=1, dtype=np.int32).astype(np.float64)
     if prior_m is not None:
         # half a cell per decimetre: the mount decides only between planes that are as good
         support -= 5.0 * np.abs(-level - prior_m)
     best = int(support.argmax())
-    chosen = near[:, best]
-    if chosen.sum() < 6:
-        return None
+    fit: FloatArray | None = planes[best]
     for _ in range(2):
-        design = np.column_stack((xy_m[chosen], np.ones(int(chosen.sum()))))
-        fit = np.linalg.lstsq(design, z_m[chosen], rcond=None)[0]
-        chosen = np.abs(z_m - xy_m @ fit[:2] - fit[2]) <= INLIER_M
-        if chosen.sum() < 6:
+        if fit is None or len(chosen := _supporting(fit, xy_m, z_m)) < 6:
             return None
-    if np.hypot(fit[0], fit[1]) > MOST_TILT or fit[2] >= 0.0:
+        fit = _least_squares(xy_m[chosen], z_m[chosen])
+    if fit is None or len(_supporting(fit, xy_m, z_m)) < 6:
+        return None
+    if math.hypot(fit[0], fit[1]) > MOST_TILT or fit[2] >= 0.0:
         return None
     return fit[:2], float(-fit[2])
+
+
+def _supporting(plane: FloatArray, xy_m: FloatArray, z_m: FloatArray) -> IntArray:
+    """Which points lie near to a plane."""
+    return np.flatnonzero(np.abs(z_m - xy_m @ plane[:2] - plane[2]) <= INLIER_M)
+
+
+def _least_squares(xy_m: FloatArray, z_m: FloatArray) -> FloatArray | None:
+    """(3,) slope along x and y, and level, of the plane through points; None: they lie along a line."""
+    mean, level = xy_m.mean(axis=0), float(z_m.mean())
+    x, y = (xy_m - mean).T
+    z = z_m - level
+    xx, xy, yy, xz, yz = (float(a @ b) for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
+    determinant = xx * yy - xy * xy
+    if determinant <= 1e-9 * xx * yy:
+        return None
+    slope = np.array([yy * xz - xy * yz, xx * yz - xy * xz]) / determinant
+    return np.append(slope, level - slope @ mean)
 
 
 def _grown(over_m: FloatArray) -> FloatArray:
     """(S, R) how far the ground is over the plane, from the lowest points, infinite where there is none."""
     sectors, rings = over_m.shape
     offset, steps = np.empty((rings, sectors)), np.ascontiguousarray(over_m.T)
-    level, since = np.zeros(sectors), np.zeros(sectors)
-    for ring in range(rings):
-        since += RING_M
-        bound = np.minimum(STEP_M + BEND * since, MOST_STEP_M)
-        is_ground: BoolArray = np.abs(steps[ring] - level) <= bound
-        np.copyto(level, steps[ring], where=is_ground)
-        since[is_ground] = 0.0
-        offset[ring] = level
+    level, bound = np.zeros(sectors), np.full(sectors, STEP_M)
+    for step, ground in zip(steps, offset, strict=True):
+        bound += BEND * RING_M
+        is_ground: BoolArray = np.abs(step - level) <= np.minimum(bound, MOST_STEP_M)
+        np.copyto(level, step, where=is_ground)
+        np.copyto(bound, STEP_M, where=is_ground)
+        ground[:] = level
     return np.ascontiguousarray(offset.T)
