@@ -13,7 +13,7 @@ from scenarios.errors import ScenarioError
 from scenarios.sensors.boxes import SensorConfig
 from scenarios.sensors.errors import greatest
 from scenarios.sensors.interfaces import SensorChain
-from scenarios.sensors.lidar.chain import LidarPerception, lidar_chain
+from scenarios.sensors.lidar.chain import AreaAt, LidarPerception, lidar_chain
 from scenarios.sensors.lidar.street import BARE, Furnished, Street
 from scenarios.sensors.measured_errors import REAL_ERRORS
 from scenarios.sensors.sensor import box_chain, observing_chain
@@ -234,7 +234,12 @@ def bare_street() -> Street:
 
 
 def sensors_of(
-    preset: Preset, seed: int, street: Callable[[], Street] = bare_street, *, backwards: bool = False
+    preset: Preset,
+    seed: int,
+    street: Callable[[], Street] = bare_street,
+    *,
+    backwards: bool = False,
+    area_at: AreaAt | None = None,
 ) -> tuple[SensorChain[Any], ...]:
     """The sensors of a preset: the shipped one, its LiDAR, or what the user's own name makes.
 
@@ -243,14 +248,16 @@ def sensors_of(
         seed: of their errors.
         street: makes what stands along the road; a LiDAR asks for it at its first cloud.
         backwards: whether the ego drives in reverse.
+        area_at: the monitored area at a time, and the ego in its frame, for detectors that ask for it.
 
     Raises:
+        ScenarioError: a detector asks for a monitored area, and there is none.
         smartmot.errors.PluginError: what is made is neither a detector that observes, nor a `SensorChain` or
             several of them; or a detector of clouds has no `detect`.
     """
     plugin = preset.detector
     if preset.lidar is not None:
-        return (lidar_chain(preset.lidar, preset.sensor, seed, street, backwards=backwards),)
+        return (lidar_chain(preset.lidar, preset.sensor, seed, street, backwards=backwards, area_at=area_at),)
     if plugin is None:
         return (box_chain(preset.sensor, seed),)
     made = plugin(preset.sensor, seed)

@@ -52,11 +52,12 @@ from scenarios.simulation.street import RunStreet
 from scenarios.simulation.truth import STEP_S, Truth
 from scenarios.sources.frames import Frame, StepResult
 from scenarios.sources.perception import AreaPipelines, Perception, StrategyMaker, faulty_map, map_view
-from smartmot.area import RectangularArea
+from smartmot.area import MonitoredArea, RectangularArea
 from smartmot.decision.rules import Command
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
+from smartmot.types import Detections, EgoState
 
 WAY_STEP_M = 2.0
 """Spacing at which the ego's way is laid over the perception's map."""
@@ -113,7 +114,9 @@ class Simulation:
         self._pose_errors = pose_errors_of(preset, seed)
         street = RunStreet(preset.street, self.network, definition, self.engine.world.locator.roads)
         self._chains = (
-            sensors_of(preset, seed, street, backwards=backwards) if sensors is None else tuple(sensors)
+            sensors_of(preset, seed, street, backwards=backwards, area_at=self._sensed_area)
+            if sensors is None
+            else tuple(sensors)
         )
         interval_s = min((1.0 / chain.sensor.timing.rate_hz for chain in self._chains), default=1.0)
         self._truth = Truth(self.engine, self._drive, backwards, interval_s)
@@ -124,6 +127,7 @@ class Simulation:
         self._counts, self._milestones = DetectionCounts(), Milestones()
         self._suite: SensorSuite | None = None
         self._senses, self._keeps = True, True
+        self._sensing: Perception | None = None
         self._step_count = round(self._rule.time_limit_s / STEP_S)
         self._steps_done, self._now_s, self._measure_step = 0, 0.0, 0
         self._frame: Frame | None = None
@@ -314,6 +318,11 @@ class Simulation:
         odometry = self._truth.odometry(now)
         frame = Frame(now, odometry, detections, arrival.measurement, self._lane_map, self._path)
         return frame if self._pose_errors is None else self._pose_errors.perceived(frame)
+
+    def _sensed_area(self, now: float) -> tuple[MonitoredArea, EgoState]:
+        """The monitored area of a frame that arrived now, and the ego in its frame."""
+        self._sensing = self._sensing or self.perception()
+        return self._sensing.area(self._frame_of(Arrival(now, Detections.empty(now)), now))
 
     def _advance(self) -> None:
         """Move the world on by a step, and begin the next one unless the run has ended."""

@@ -13,7 +13,7 @@ import numpy as np
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.sources.frames import Frame
-from smartmot.area import MonitoredAreaStrategy
+from smartmot.area import MonitoredArea, MonitoredAreaStrategy
 from smartmot.maps.faulty import NO_MAP_ERRORS, FaultyMap, MapErrors
 from smartmot.maps.follow import route_along
 from smartmot.maps.lane_map import LaneMap
@@ -176,17 +176,31 @@ class Perception:
 
     def step(self, frame: Frame) -> FrameResult:
         """Process the next frame; see `Pipeline.step` for what it raises."""
-        mission = frame.mission or frame.path
-        if self._pipeline is None or mission is not self._mission:
-            self._pipeline, self._mission = self._pipeline_of(frame), mission
-        pipeline = self._pipeline
+        pipeline = self._pipeline_at(frame)
         state = self._state or pipeline.initial()
-        ego, localised = frame.ego, frame.localised
-        if self._course_of is not None:
-            ego, localised = self._course_of(ego), None if localised is None else self._course_of(localised)
+        ego, localised = self._courses(frame)
         start_ns = time.thread_time_ns()
         # pipelines of the user's own, derived from ours, may know nothing of a localisation
         given = (frame.path,) if localised is None else (frame.path, localised)
         self._state, result = pipeline.step(state, frame.detections, ego, *given)
         self._spent_ns.append(time.thread_time_ns() - start_ns)
         return result
+
+    def area(self, frame: Frame) -> tuple[MonitoredArea, EgoState]:
+        """The monitored area of a frame that is not processed, and the ego in its frame."""
+        pipeline = self._pipeline_at(frame)
+        ego, localised = self._courses(frame)
+        return pipeline.area(ego, frame.path, localised), ego
+
+    def _pipeline_at(self, frame: Frame) -> Pipeline:
+        mission = frame.mission or frame.path
+        if self._pipeline is None or mission is not self._mission:
+            self._pipeline, self._mission = self._pipeline_of(frame), mission
+        return self._pipeline
+
+    def _courses(self, frame: Frame) -> tuple[EgoState, EgoState | None]:
+        """The ego, and the ego on the map, in the heading in which it drives."""
+        ego, localised, course_of = frame.ego, frame.localised, self._course_of
+        if course_of is None:
+            return ego, localised
+        return course_of(ego), None if localised is None else course_of(localised)

@@ -33,6 +33,7 @@ from smartmot.lidar.fit import (
     pedestrian_outlines,
 )
 from smartmot.lidar.ground import Ground, ground_under
+from smartmot.lidar.monitored import Monitored
 from smartmot.overlap import intersection_area
 from smartmot.pointcloud import Boxes3D, PointCloud
 
@@ -110,7 +111,7 @@ def detect_classical(
     cloud: PointCloud,
     config: ClassicalConfig,
     *,
-    monitored: BoolArray | None = None,
+    monitored: Monitored | None = None,
     sensor_height_m: float | None = None,
 ) -> BoxDetections:
     """Boxes of a cloud with probabilities; see `smartmot.lidar.detect`."""
@@ -136,7 +137,7 @@ def find_candidates(
     cloud: PointCloud,
     config: ClassicalConfig,
     clock: StageClock,
-    monitored: BoolArray | None = None,
+    monitored: Monitored | None = None,
     sensor_height_m: float | None = None,
 ) -> tuple[Candidates, Clusters, IntArray]:
     """Boxes of all classes, their clusters, and (P,) what has become of each point."""
@@ -155,7 +156,7 @@ def find_candidates(
     obstacle, tall = np.flatnonzero(above & ~over), np.flatnonzero(over)
     clock.note("ground", len(obstacle), "points")
     if monitored is not None:
-        kept = monitored[within[obstacle]]
+        kept = monitored(xyz[obstacle]) if callable(monitored) else monitored[within[obstacle]]
         fate[obstacle[~kept]] = OFF_AREA
         obstacle = obstacle[kept]
         clock.note("monitored area", len(obstacle), "points")

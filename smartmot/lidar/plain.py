@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
 from smartmot.errors import ConfigError
 from smartmot.lidar.detections import GROUND, LOOSE, OFF_AREA, OUT_OF_REACH, BoxDetections, StageClock
+from smartmot.lidar.monitored import Monitored
 from smartmot.pointcloud import Boxes3D, PointCloud
 
 HEADINGS = 45
@@ -91,7 +92,7 @@ def detect_plain(
     cloud: PointCloud,
     config: PlainConfig,
     *,
-    monitored: BoolArray | None = None,
+    monitored: Monitored | None = None,
     sensor_height_m: float | None = None,
 ) -> BoxDetections:
     """Boxes of a cloud by the plain chain; all have score 1.
@@ -99,7 +100,7 @@ def detect_plain(
     Args:
         cloud: P points.
         config: parameters.
-        monitored: (P,) points that may be of a road user; None: all.
+        monitored: points that may be of a road user; None: all.
         sensor_height_m: not used: the plane says it.
     """
     clock = StageClock()
@@ -114,10 +115,13 @@ def detect_plain(
     above = near[_above_plane(voxel[near], config)]
     clock.note("ground plane", len(above), "voxels")
     if monitored is not None:
-        kept = np.zeros(len(voxel), dtype=np.bool_)
-        kept[voxel_of_point[monitored]] = True
         cluster_of_voxel[above] = OFF_AREA
-        above = above[kept[above]]
+        if callable(monitored):
+            above = above[monitored(voxel[above])]
+        else:
+            kept = np.zeros(len(voxel), dtype=np.bool_)
+            kept[voxel_of_point[monitored]] = True
+            above = above[kept[above]]
         clock.note("monitored area", len(above), "voxels")
     label, sizes = _clusters(voxel[above], config.cluster_gap_m)
     large = sizes >= config.least_voxels

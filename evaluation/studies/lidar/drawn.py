@@ -44,7 +44,8 @@ class DrawnFrame:
         category: (T,) out of `CLASSES`.
         points: (T,) points in each box.
         ground_m: height of the sensor over the ground.
-        ego: the vehicle.
+        network: the map.
+        ego: where the sensor is on it.
     """
 
     cloud: PointCloud
@@ -52,6 +53,7 @@ class DrawnFrame:
     category: StrArray
     points: FloatArray
     ground_m: float
+    network: RoadNetwork
     ego: EgoState
 
 
@@ -94,7 +96,7 @@ def drawn_frames(
             own_street = replace(street, bodies=joined([street.bodies, extra]))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
         cloud = _smeared(sensor.measure(world, ego).cloud, rng)
-        frame = _frame(cloud, world, street, ego, drawn_mount)
+        frame = _frame(cloud, world, street, network, ego, drawn_mount)
         yield _spoked(frame, rng)
 
 
@@ -385,7 +387,9 @@ def _smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
     return replace(cloud, xyz_m=xyz.astype(np.float32))
 
 
-def _frame(cloud: PointCloud, world: World, street: Street, ego: EgoState, mount: Mount) -> DrawnFrame:
+def _frame(
+    cloud: PointCloud, world: World, street: Street, network: RoadNetwork, ego: EgoState, mount: Mount
+) -> DrawnFrame:
     """The cloud with the boxes of road users and parked cars."""
     parked = street.rows_of("parked")
     position, heading = street.bodies.position_m[parked], street.bodies.yaw_rad[parked]
@@ -405,4 +409,4 @@ def _frame(cloud: PointCloud, world: World, street: Street, ego: EgoState, mount
     near = np.hypot(x, y) < FARTHEST_M
     boxes = Boxes3D(center, size, wrap_angle(yaw - ego.yaw_rad))[near]
     counts = boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64)
-    return DrawnFrame(cloud, boxes, category[near], counts, mount.height_m, ego)
+    return DrawnFrame(cloud, boxes, category[near], counts, mount.height_m, network, ego)

@@ -19,8 +19,11 @@ from scenarios.sensors.lidar.patterns import Spinning
 from scenarios.sensors.lidar.sensor import LidarSensor
 from scenarios.sensors.lidar.street import Street
 from scenarios.sensors.world import MapSurface, World, reversed_course
+from smartmot.area import MonitoredArea
+from smartmot.arrays import BoolArray, FloatArray
 from smartmot.errors import PluginError
 from smartmot.lidar import METHODS, ClassicalConfig, detect
+from smartmot.lidar.monitored import points_on
 from smartmot.plugins import Plugin, require
 from smartmot.types import Detections, EgoState
 
@@ -33,8 +36,13 @@ OF_TRUTH: dict[str, type[CutoutDetector] | type[LabelDetector]] = {
 UNSCORED = {f"{name}_unscored": name for name in sorted(METHODS) if name != "plain"}
 """Detectors whose boxes all have score 1, and which they are: `plain` has no other scores."""
 
-PERCEPTIONS = (*sorted(METHODS), *UNSCORED, *OF_TRUTH)
+MONITORED = {f"{name}_monitored": name for name in sorted(METHODS) if name != "plain"}
+"""Detectors that are given the points on the monitored area alone, and which they are."""
+
+PERCEPTIONS = (*sorted(METHODS), *UNSCORED, *MONITORED, *OF_TRUTH)
 """Names of perceptions; the first is that of a LiDAR unless another is asked for."""
+
+AreaAt = Callable[[float], tuple[MonitoredArea, EgoState]]
 
 DEFAULT_PERCEPTION = PERCEPTIONS[0]
 
@@ -139,23 +147,35 @@ class CloudDetector:
     """A shipped detector of clouds behind a LiDAR.
 
     Args:
-        method: name out of `smartmot.lidar.METHODS`, with its default parameters, or out of `UNSCORED`.
+        method: name out of `smartmot.lidar.METHODS`, with its default parameters, out of `UNSCORED` or of
+            `MONITORED`.
+        area_at: the monitored area at the time of a cloud, and the ego's pose in its frame; for `MONITORED`.
     """
 
     latency_s = 0.0
     rate_hz: float | None = None
 
-    def __init__(self, method: str) -> None:
-        config, self.scored = METHODS[UNSCORED.get(method, method)](), method not in UNSCORED
+    def __init__(self, method: str, area_at: AreaAt | None = None) -> None:
+        config, self.scored = METHODS[(UNSCORED | MONITORED).get(method, method)](), method not in UNSCORED
+        self.area_at = area_at if method in MONITORED else None
         # the tracker drops low scores, and they are counted; the detector keeps none back
         self.config = replace(config, least_score=0.0) if isinstance(config, ClassicalConfig) else config
 
     def detect(self, measurement: LidarMeasurement) -> Detections:
         """Detections of a cloud, with the detector's scores."""
         height_m = measurement.mount.height_m
-        made = detect(measurement.cloud, self.config, sensor_height_m=height_m)
+        made = detect(
+            measurement.cloud, self.config, monitored=self._monitored(measurement), sensor_height_m=height_m
+        )
         score = made.score if self.scored else np.ones(len(made.score))
         return measurement.detections(made.boxes, score, made.category)
+
+    def _monitored(self, measurement: LidarMeasurement) -> Callable[[FloatArray], BoolArray] | None:
+        """What says which points are on the monitored area; None: all count."""
+        if self.area_at is None:
+            return None
+        area, ego = self.area_at(measurement.stamp_s)
+        return lambda xyz_m: points_on(area.kept, measurement.places(xyz_m, ego))
 
 
 class OwnDetector:
@@ -230,6 +250,7 @@ def lidar_chain(
     street: Callable[[], Street],
     *,
     backwards: bool = False,
+    area_at: AreaAt | None = None,
 ) -> SensorChain[Any]:
     """The LiDAR of a run and its detector.
 
@@ -239,9 +260,11 @@ def lidar_chain(
         seed: of the noise.
         street: makes what stands along the road.
         backwards: whether the ego drives in reverse.
+        area_at: see `CloudDetector`.
 
     Raises:
         PluginError: a detector of the user's own cannot be made.
+        ScenarioError: the perception asks for a monitored area, and there is none.
     """
     config = lidar_of(lidar, sensor)
     perception = lidar.perception
@@ -250,5 +273,12 @@ def lidar_chain(
     if isinstance(perception, Plugin):
         own = OwnDetector(perception(config, seed), perception.name)
         return SensorChain(carried, own, perception.name)
+    if perception in MONITORED:
+        if area_at is None:
+            raise ScenarioError(
+                f"perception={perception} needs a monitored area; use {MONITORED[perception]}"
+            )
+        # detections of two strategies differ: no frame is shared
+        return SensorChain(carried, CloudDetector(perception, area_at), perception)
     detector: Detector[Any] = OF_TRUTH[perception]() if labelled else CloudDetector(perception)
     return LidarChain(carried, detector, perception)

@@ -37,6 +37,13 @@ class LidarMeasurement:
         """False: it is what a LiDAR gives."""
         return False
 
+    def places(self, xyz_m: FloatArray, ego: EgoState) -> FloatArray:
+        """(N, 2) where points, (N, 3) in the sensor's frame, are in the frame of a pose of the ego."""
+        level = pitched(xyz_m, self.mount.pitch_rad)
+        ahead, left = level[:, 0] + self.mount.forward_m, level[:, 1]
+        c, s = np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)
+        return np.column_stack((ego.x_m + c * ahead - s * left, ego.y_m + s * ahead + c * left))
+
     def detections(self, boxes: Boxes3D, score: FloatArray, category: StrArray) -> Detections:
         """Boxes in the sensor's frame as detections on the map, stamped with the time of the cloud.
 
@@ -48,10 +55,7 @@ class LidarMeasurement:
         Raises:
             smartmot.errors.ShapeError: shapes disagree, or a value is out of range.
         """
-        level = pitched(boxes.center_m, self.mount.pitch_rad)
-        ahead, left = level[:, 0] + self.mount.forward_m, level[:, 1]
-        c, s = np.cos(self.ego.yaw_rad), np.sin(self.ego.yaw_rad)
-        center = np.column_stack((self.ego.x_m + c * ahead - s * left, self.ego.y_m + s * ahead + c * left))
+        center = self.places(boxes.center_m, self.ego)
         outlines = Boxes(center, boxes.size_m[:, :2], wrap_angle(boxes.yaw_rad + self.ego.yaw_rad))
         return Detections(self.stamp_s, outlines, score, category)
 
