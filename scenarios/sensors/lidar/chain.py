@@ -275,8 +275,9 @@ def lidar_chain(
         return SensorChain(carried, own, perception.name)
     if perception in MONITORED:
         if area_at is None:
+            other = MONITORED[perception]
             raise ScenarioError(
-                f"perception={perception} needs a monitored area; use {MONITORED[perception]}"
+                f"perception={perception} needs a monitored area, and there is none; use {other}"
             )
         # detections of two strategies differ: no frame is shared
         return SensorChain(carried, CloudDetector(perception, area_at), perception)

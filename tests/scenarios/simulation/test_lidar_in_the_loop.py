@@ -12,13 +12,14 @@ from scenarios.catalogue.library import shipped_scenario
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.model import SpeedAction
 from scenarios.openscenario.reading.reader import load
-from scenarios.presets import PHYSICAL, pipeline_of
+from scenarios.presets import PHYSICAL, pipeline_of, sensors_of
 from scenarios.sensors.boxes import SensorConfig
 from scenarios.sensors.lidar import HDL32, LidarMeasurement, LidarSensor, Mount
 from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception, _kept, lidar_of
 from scenarios.sensors.lidar.cutout import CutoutDetector, LabelledCloud, fit_boxes
 from scenarios.sensors.lidar.street import Furnished
 from scenarios.settings import preset_with
+from scenarios.simulation.ends import StopRule
 from scenarios.simulation.outcome import Outcome
 from scenarios.simulation.simulation import Simulation
 from scenarios.simulation.street import RunStreet, swept_outlines
@@ -78,8 +79,9 @@ def test_the_same_seed_gives_the_same_bytes_and_another_other_noise() -> None:
     assert logs[0]["x_m"].tobytes() != logs[1]["x_m"].tobytes()
 
 
-def test_a_copied_and_a_pickled_run_go_on_with_the_same_bytes() -> None:
-    given = spec(sensor="mid70", perception="cutout", street="furnished")
+@pytest.mark.parametrize("perception", ["cutout", "classical_monitored"])
+def test_a_copied_and_a_pickled_run_go_on_with_the_same_bytes(perception: str) -> None:
+    given = spec(sensor="mid70", perception=perception, street="furnished")
     simulation = simulation_of(given)
     perception, step = simulation.perception(), simulation.start()
     for _ in range(5):
@@ -256,6 +258,40 @@ def test_a_box_grows_away_from_the_sensor() -> None:
     assert (x - 0.5 * length, y) == pytest.approx((10.0, 0.0), abs=0.1)
     assert length > width >= 1.7
     assert (z, height) == pytest.approx((-0.9, 1.2))
+
+
+# ---- points on the monitored area --------------------------------------------------------------------------
+
+
+def detections_of(perception: str, strategy: str, **settings: float | str) -> np.ndarray:
+    """Time and place of the detections of the first second."""
+    given = replace(
+        spec(sensor="mid70", street="furnished", perception=perception, **settings), strategy=strategy
+    )
+    log = simulation_of(given, StopRule(time_limit_s=1.0)).run().log.table()
+    rows = log["kind"] == "detection"
+    return np.column_stack([log[name][rows] for name in ("time_s", "x_m", "y_m", "yaw_rad")])
+
+
+def test_with_an_area_that_keeps_everybody_nothing_is_dropped() -> None:
+    everything = detections_of("classical_monitored", "all")
+    assert len(everything) > 0
+    np.testing.assert_array_equal(everything, detections_of("classical", "all"))
+
+
+def test_off_the_lanes_of_the_map_nothing_is_detected_however_wrong_the_localisation_is() -> None:
+    """Areas are where perception has them: what it keeps of the boxes is about what it lets be found."""
+    for lateral_m in (0.0, 6.0):
+        cut, whole = (
+            detections_of(name, "map", localisation_lateral_m=lateral_m)
+            for name in ("classical_monitored", "classical")
+        )
+        assert 0 < len(cut) < 0.8 * len(whole)
+
+
+def test_an_area_is_asked_for_only_where_there_is_one() -> None:
+    with pytest.raises(ScenarioError, match="needs a monitored area, and there is none; use classical"):
+        sensors_of(preset_with(PHYSICAL, (("sensor", "hdl32"), ("perception", "classical_monitored"))), 0)
 
 
 # ---- the user's own ----------------------------------------------------------------------------------------
