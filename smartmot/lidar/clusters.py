@@ -41,9 +41,9 @@ def components(
     gap = gap_m[first] / cell_m + 1e-9
     dx, dy, distance = _half_disc(widest)
     neighbour = image.take(cell + (dx * columns + dy)[:, None]).ravel()
-    found = np.flatnonzero(neighbour >= 0)
-    offset = found // len(cell)
-    own, target = found - offset * len(cell), neighbour.take(found)
+    filled = np.flatnonzero(neighbour >= 0)
+    offset = filled // len(cell)
+    own, target = filled - offset * len(cell), neighbour.take(filled)
     near = np.maximum(gap.take(own), gap.take(target)) >= distance.take(offset)
     links = _linked(own[near], target[near], len(cell))
     label = connected_components(links, directed=False)[1]
