@@ -15,23 +15,12 @@ from itertools import accumulate
 from math import pi
 from pathlib import Path
 
-import numpy as np
-
 import _smartmot
-from opendrive import model
+from opendrive import building, model
+from opendrive.building.records import CENTRE, UNMARKED_CENTRE, Lane, lane_record
+from opendrive.building.reference_line import ORIGIN, Piece, Pose, end_of, moved, total_length_m, turned
 from opendrive.xml.writer import map_bytes
 from scenarios.catalogue import maps as shipped
-from scenarios.catalogue.reference_line import (
-    ORIGIN,
-    Piece,
-    Pose,
-    end_of,
-    moved,
-    reference_line,
-    to_15_digits,
-    total_length_m,
-    turned,
-)
 
 __getattr__ = _smartmot.names_of(__name__, "scenarios.catalogue.maps")
 
@@ -58,28 +47,12 @@ SPEED_SIGN_FROM_END_M = 20.0
 CROSSING_SIGN_FROM_CROSSWALK_M = 1.0
 SIGN_FROM_KERB_M = 0.5
 SIGN_HEIGHT_ABOVE_ROAD_M = 2.2
-ROAD_MARK_WIDTH_M = 0.12
 
 JUNCTION_ID = "100"
-
-_NO_CUBICS = np.empty((0, 5))
-_NO_SHAPE = np.empty((0, 6))
-
-
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """A lane and the mark on its outer border; a broken one may be crossed, both ways."""
-
-    kind: str
-    width_m: float
-    mark: str
-
 
 DRIVING = Lane("driving", 3.5, "solid")
 PARKING = Lane("parking", 2.0, "solid")
 SIDEWALK = Lane("sidewalk", 2.5, "none")
-CENTRE = Lane("none", 0.0, "broken")
-UNMARKED_CENTRE = Lane("none", 0.0, "none")
 
 Lanes = tuple[Lane, ...]
 _STREET: Lanes = (DRIVING, SIDEWALK)
@@ -144,97 +117,45 @@ _ARMS = (
 # ----------------------------------------------------------------------------------------------- records
 
 
-def lane_record(
-    lane_id: int, lane: Lane, predecessors: tuple[int, ...] = (), successors: tuple[int, ...] = ()
-) -> model.Lane:
-    """A lane of constant width with the mark on its outer border; the centre lane has no width."""
-    mark = model.RoadMark(
-        s_offset_m=0.0,
-        type=lane.mark,
-        weight="standard",
-        color="standard",
-        width_m=None if lane.mark == "none" else ROAD_MARK_WIDTH_M,
-        lane_change="both" if lane.mark == "broken" else "none",
-    )
-    return model.Lane(
-        lane_id,
-        lane.kind,
-        level=False,
-        predecessors=predecessors,
-        successors=successors,
-        width=np.array([[0.0, lane.width_m, 0.0, 0.0, 0.0]]) if lane_id else _NO_CUBICS,
-        border=_NO_CUBICS,
-        details=model.Deferred.of(model.LaneDetails(road_marks=(mark,))),
-    )
-
-
 def _two_way(lanes: Lanes) -> tuple[model.Lane, ...]:
     """The same lanes on both sides of a broken centre mark; overtaking across it is allowed."""
     left, right = ([lane_record(side * k, lane) for k, lane in enumerate(lanes, start=1)] for side in (1, -1))
     return (*reversed(left), lane_record(0, CENTRE), *right)
 
 
+def width_of(lanes: Lanes) -> float:
+    """Width of all lanes of a side; each is as wide everywhere."""
+    return sum(float(lane.width_m) for lane in lanes)
+
+
 def kerb_at_m(lanes: Lanes) -> float:
     """From the middle of a street to its kerb."""
-    return sum(lane.width_m for lane in lanes if lane.kind != "sidewalk")
+    return width_of(tuple(lane for lane in lanes if lane.kind != "sidewalk"))
 
 
 def crosswalk_record(crosswalk_id: str, s_m: float, kerb_m: float) -> model.RoadObject:
     """A crosswalk from kerb to kerb, its middle at s."""
-    half_m = CROSSWALK_DEPTH_M / 2
-    counter_clockwise = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    corners = [
-        (to_15_digits(s_m + along * half_m), aside * kerb_m, 0.0) for along, aside in counter_clockwise
-    ]
-    outline = model.Outline(
-        in_road_frame=True,
-        corners=np.array(corners),
-        closed=True,
-        heights_m=np.zeros(len(corners)),
-        corner_ids=tuple(str(number) for number in range(len(corners))),
-        id="0",
-        attributes=(("fillType", "paint"), ("outer", "true")),
-    )
-    return model.RoadObject(
-        id=crosswalk_id,
-        name="crosswalk",
-        type="crosswalk",
-        subtype="",
-        s_m=to_15_digits(s_m),
-        t_m=0.0,
-        z_offset_m=0.0,
-        heading_rad=0.0,
-        orientation="none",
-        length_m=CROSSWALK_DEPTH_M,
-        width_m=2 * kerb_m,
-        height_m=0.0,
-        radius_m=None,
-        outlines=(outline,),
-        validity=(),
-    )
+    return building.crosswalk(crosswalk_id, s_m, CROSSWALK_DEPTH_M, -kerb_m, kerb_m)
 
 
 def _signal(signal_id: str, sign: _Sign, s_m: float, side: int, kerb_m: float) -> model.Signal:
     """A sign on the right of the traffic that it is for: lanes whose ids have the sign of `side`."""
-    return model.Signal(
-        id=signal_id,
-        name=sign.name,
-        s_m=to_15_digits(s_m),
-        t_m=side * (kerb_m + SIGN_FROM_KERB_M),
-        z_offset_m=SIGN_HEIGHT_ABOVE_ROAD_M,
-        heading_offset_rad=0.0,
-        type=sign.type,
+    return building.signal(
+        signal_id,
+        sign.type,
+        s_m,
+        side * (kerb_m + SIGN_FROM_KERB_M),
         subtype=sign.subtype,
+        name=sign.name,
         country=COUNTRY,
         country_revision=SIGN_CATALOGUE_YEAR,
         value=sign.value_kmh,
         unit="" if sign.value_kmh is None else "km/h",
-        text="",
         dynamic=sign.dynamic,
-        orientation="+" if side < 0 else "-",
-        height_m=sign.height_m,
+        z_offset_m=SIGN_HEIGHT_ABOVE_ROAD_M,
         width_m=sign.width_m,
-        validity=(model.LaneRange(side, side),),
+        height_m=sign.height_m,
+        validity=((side, side),),
     )
 
 
@@ -251,24 +172,18 @@ def road_record(
     details: model.RoadDetails | None = None,
 ) -> model.Road:
     """A flat road in town, with one lane section."""
-    return model.Road(
+    return building.road(
         road_id,
-        name,
-        to_15_digits(total_length_m(pieces)),
-        junction_id,
-        "RHT",
-        predecessor,
-        successor,
-        geometries=reference_line(start, pieces),
-        elevation=_NO_CUBICS,
-        superelevation=_NO_CUBICS,
-        crossfall_left=_NO_CUBICS,
-        crossfall_right=_NO_CUBICS,
-        shape=_NO_SHAPE,
-        lane_offset=_NO_CUBICS,
-        types=(model.RoadType(0.0, "town", COUNTRY, SPEED_LIMIT_KMH / 3.6),),
-        sections=(model.LaneSection(0.0, single_side=False, lanes=lanes),),
-        details=model.Deferred.of(details or model.RoadDetails()),
+        start,
+        pieces,
+        [model.LaneSection(0.0, single_side=False, lanes=lanes)],
+        name=name,
+        junction_id=junction_id,
+        predecessor=predecessor,
+        successor=successor,
+        country=COUNTRY,
+        speed_mps=SPEED_LIMIT_KMH / 3.6,
+        details=details,
     )
 
 
@@ -281,26 +196,8 @@ def map_record(
 ) -> model.MapModel:
     """The map; its header's extent is that of `corners` widened by the margin."""
     x_m, y_m = zip(*corners, strict=True)
-    header = model.Header(
-        rev_major=1,
-        rev_minor=6,
-        name=name,
-        version="1",
-        date="",
-        vendor="smartmot",
-        north_m=to_15_digits(max(y_m) + margin_m),
-        south_m=to_15_digits(min(y_m) - margin_m),
-        east_m=to_15_digits(max(x_m) + margin_m),
-        west_m=to_15_digits(min(x_m) - margin_m),
-        geo_reference=GEO_REFERENCE,
-        offset=None,
-    )
-    return model.MapModel(
-        header,
-        roads={road.id: road for road in roads},
-        junctions={junction.id: junction for junction in junctions},
-        noted=model.Deferred.of(()),
-    )
+    extent_m = (min(x_m) - margin_m, min(y_m) - margin_m, max(x_m) + margin_m, max(y_m) + margin_m)
+    return building.road_map(name, roads, junctions, geo_reference=GEO_REFERENCE, extent_m=extent_m)
 
 
 # -------------------------------------------------------------------------------------------------- maps
@@ -323,7 +220,7 @@ def street_map(
     road = road_record("1", name, start, pieces, _two_way(lanes), details=details)
     *_, end = accumulate(pieces, end_of, initial=start)
     corners = [(start.x_m, start.y_m), (end.x_m, end.y_m)]
-    return map_bytes(map_record(name, corners, sum(lane.width_m for lane in lanes), [road]))
+    return map_bytes(map_record(name, corners, width_of(lanes), [road]))
 
 
 def _furniture(length_m: float, kerb_m: float) -> model.RoadDetails:
@@ -442,7 +339,7 @@ _STREETS: Mapping[str, tuple[Lanes, Sequence[Piece], Pose]] = {
     "euro_ncap_street": (
         _STREET_WITH_PARKING,
         [Piece(EURO_NCAP_LENGTH_M)],
-        Pose(0.0, EURO_NCAP_LANE_Y_M + DRIVING.width_m / 2, 0.0),
+        Pose(0.0, EURO_NCAP_LANE_Y_M + width_of((DRIVING,)) / 2, 0.0),
     ),
 }
 

@@ -9,17 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from opendrive import model
+from opendrive.building.records import CENTRE, UNMARKED_CENTRE, lane_record
+from opendrive.building.reference_line import Piece, Pose, moved, turned
 from scenarios.catalogue.map_builder import (
-    CENTRE,
-    UNMARKED_CENTRE,
     Lanes,
     crosswalk_record,
     kerb_at_m,
-    lane_record,
     map_record,
     road_record,
 )
-from scenarios.catalogue.reference_line import Piece, Pose, moved, turned
 from smartmot.types import FloatArray
 
 CROSSWALK_FROM_MOUTH_M = 4.0

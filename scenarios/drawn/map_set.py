@@ -16,20 +16,18 @@ from math import radians
 from pathlib import Path
 
 from opendrive import model
+from opendrive.building.records import CENTRE, UNMARKED_CENTRE, Lane, lane_record
+from opendrive.building.reference_line import ORIGIN, Piece, end_of, total_length_m
 from opendrive.xml.writer import map_bytes
 from scenarios.catalogue.map_builder import (
-    CENTRE,
-    UNMARKED_CENTRE,
-    Lane,
     Lanes,
     crosswalk_record,
     kerb_at_m,
-    lane_record,
     map_record,
     road_record,
+    width_of,
     write_maps,
 )
-from scenarios.catalogue.reference_line import ORIGIN, Piece, end_of, total_length_m
 from scenarios.drawn.junctions import Arm, crossing_map, mirrored, roundabout_map
 
 MAPS = Path(__file__).parent / "maps"
@@ -110,7 +108,7 @@ def street(
     details = model.RoadDetails(objects=objects)
     road = road_record("1", name, ORIGIN, pieces, lanes, details=details)
     poses = [*accumulate(pieces, end_of, initial=ORIGIN)]
-    margin_m = max(sum(lane.width_m for lane in side) for side in (left, right))
+    margin_m = max(map(width_of, (left, right)))
     return map_record(name, [(pose.x_m, pose.y_m) for pose in poses], margin_m, [road])
 
 

@@ -9,17 +9,17 @@ from __future__ import annotations
 from math import pi
 from pathlib import Path
 
+from opendrive.building.records import Lane
+from opendrive.building.reference_line import Piece
 from scenarios.catalogue.map_builder import (
     BEND_STRAIGHT_M,
     DRIVING,
     PARKING,
     SIDEWALK,
-    Lane,
     bend_pieces,
     street_map,
     write_maps,
 )
-from scenarios.catalogue.reference_line import Piece
 
 MAPS = Path(__file__).parent / "maps"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from opendrive.building.reference_line import Piece
 from opendrive.xml.writer import map_bytes
-from scenarios.catalogue.reference_line import Piece
 from scenarios.drawn.draw import drawn_scenes
 from scenarios.drawn.map_set import MAPS, STREET, street
 from scenarios.drawn.proof import unbraked

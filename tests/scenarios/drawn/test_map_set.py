@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from opendrive import RoadNetwork, load_map
-from scenarios.catalogue.reference_line import Pose, end_of
+from opendrive.building.reference_line import Pose, end_of
 from scenarios.drawn.junctions import two_arcs
 from scenarios.drawn.map_set import MAPS, build_maps
 from scenarios.drawn.values import data
