@@ -62,7 +62,7 @@ def command(
         Path | None,
         typer.Option(
             help="Page to write: pan, zoom, search, hover; ids, links, signals, objects and findings; "
-            "with --at also the monitored area.",
+            "a click shows the monitored lanes there; with --at also the area of --strategy.",
             metavar="FILE.html",
         ),
     ] = None,
@@ -125,10 +125,12 @@ def command(
         typer.echo(f"picture: {png}")
     if view is not None:
         from evaluation.views.map_page import save_map_page
+        from scenarios.presets import named_preset
 
         area = [] if monitored is None or ego is None else monitored.at(ego).polygons()
         title = network.name or Path(file).stem
-        save_map_page(network, view, title, [outline for _, outline in area])
+        outlines = [outline for _, outline in area]
+        save_map_page(network, view, title, outlines, named_preset(preset).map_area, speed)
         typer.echo(f"page: {view}")
 
 

@@ -25,7 +25,7 @@ CURRENT = "current"
 SIDES: tuple[Side, Side] = ("left", "right")
 """Roles of the lanes beside them."""
 
-_LEAST_CROSSING_M2 = 0.1
+LEAST_CROSSING_M2 = 0.1
 """Lanes whose surfaces share less only touch, or meet by rounding."""
 _LEAST_M = 0.1
 """Shorter stretches of a neighbouring lane are left out."""
@@ -265,7 +265,7 @@ class MapArea:
                 roles.append((lane, "split" if same_start else "merge"))
             elif not same_start:
                 common = passed_surface.intersection(surface(lane_strip(network, lane, 0.0)))
-                if common.area > _LEAST_CROSSING_M2:
+                if common.area > LEAST_CROSSING_M2:
                     roles.append((lane, "cross"))
         return roles
 

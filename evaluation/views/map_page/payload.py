@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import shapely
 
+from evaluation.views.map_page.areas import area_lanes, area_settings
 from opendrive import RoadNetwork
 from opendrive.arrays import FloatArray
+from smartmot.area.lanes import MapAreaConfig
 
 TOLERANCE_M = 0.05
 """Outlines depart this much from the borders at most."""
@@ -24,12 +26,16 @@ TICK_M = 10.0
 """Distance of the marks along reference lines."""
 
 
-def map_payload(network: RoadNetwork, area: Sequence[FloatArray] = ()) -> dict[str, Any]:
+def map_payload(
+    network: RoadNetwork, area: Sequence[FloatArray], config: MapAreaConfig, speed_kmh: float
+) -> dict[str, Any]:
     """Return lanes, reference lines, links, junctions, signals, objects and findings of a map.
 
     Args:
         network: the map.
         area: outlines of a monitored area, (P, 2) each, map frame.
+        config: of the monitored lanes at a pose that is clicked.
+        speed_kmh: of the ego there, at first.
     """
     x_min, y_min, x_max, y_max = network.bounds
     origin = np.array([x_min, y_min])
@@ -37,9 +43,10 @@ def map_payload(network: RoadNetwork, area: Sequence[FloatArray] = ()) -> dict[s
     lanes = network.lanes
     middle_s = 0.5 * (lanes.s_start_m + lanes.s_end_m)
     every = np.arange(len(lanes))
-    middle_x, middle_y, _, heading = network.center_line(every, middle_s)
+    middle_x, middle_y, middle_z, heading = network.center_line(every, middle_s)
     width = network.lane_width(every, middle_s)
     middles = _units(np.stack([middle_x, middle_y], axis=1), origin).tolist()
+    strips = area_lanes(network, config, origin, UNITS_PER_M)
     rows = []
     for lane, key in enumerate(lanes.key):
         limit = network.speed_limit(lane, float(middle_s[lane]))
@@ -57,6 +64,8 @@ def map_payload(network: RoadNetwork, area: Sequence[FloatArray] = ()) -> dict[s
                 "middle": middles[lane],
                 "heading": round(float(heading[lane]), 3),
                 "width": round(float(width[lane]), 2),
+                "z": round(float(middle_z[lane]), 1),
+                **({"strip": strips[lane]} if lane in strips else {}),
             }
         )
     return {
@@ -81,6 +90,7 @@ def map_payload(network: RoadNetwork, area: Sequence[FloatArray] = ()) -> dict[s
             for item in network.objects
         ],
         "findings": _findings(network, origin),
+        "pose": area_settings(config, speed_kmh),
         "area": [_delta(_units(outline, origin)) for outline in area if len(outline)],
     }
 

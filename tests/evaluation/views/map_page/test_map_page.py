@@ -19,6 +19,9 @@ from evaluation.views.map_page import map_page, save_map_page
 from evaluation.views.map_page.payload import UNITS_PER_M
 from opendrive import load_map
 from scenarios.catalogue.maps import shipped_map
+from smartmot.area.lanes import MapArea, MapAreaConfig
+from smartmot.maps.route import route_ahead
+from smartmot.types import EgoState
 
 ROOT = Path(__file__).parents[4]
 FIELD = ROOT / "tests" / "data" / "field" / "opendrive"
@@ -68,10 +71,18 @@ def test_a_page_needs_no_network_and_trusts_no_name(tmp_path: Path) -> None:
     assert not re.search(r"(?:src|href)=|https?://", page)
 
 
-def test_a_town_is_of_moderate_size() -> None:
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of Town04."""
     if not TOWN.is_file():
         pytest.skip(f"the reference map is absent: {TOWN}")
-    assert len(map_page(load_map(TOWN), "Town04").encode("utf-8")) < 15e6
+    path = tmp_path_factory.mktemp("town") / "town.html"
+    save_map_page(load_map(TOWN), path, "Town04")
+    return path
+
+
+def test_a_town_is_of_moderate_size(town: Path) -> None:
+    assert town.stat().st_size < 15e6
 
 
 @pytest.fixture(scope="module")
@@ -160,3 +171,77 @@ def test_layers_can_be_hidden_and_the_wheel_zooms(view: Any) -> None:
     view.mouse.move(500, 400)
     view.mouse.wheel(0, -400)
     until(view, f"view.scale > {scale!r}")
+
+
+def test_a_click_shows_the_monitored_lanes_there(view: Any) -> None:
+    """The areas of the page against those of the strategy, before, in and after the junction."""
+    network = load_map(shipped_map("urban_intersection"))
+    config = MapAreaConfig()
+    driving = np.flatnonzero(network.lanes.lane_type == "driving").tolist()
+    compared = 0
+    for lane in driving[::2]:
+        for share, speed_kmh in ((0.3, 50.0), (0.9, 30.0)):
+            low_m, high_m = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
+            s_m = low_m + share * (high_m - low_m)
+            shown = view.evaluate("([i, s, v]) => mapPage.monitored(i, s, v)", [lane, s_m, speed_kmh])
+            route = route_ahead(network, lane, s_m, 200.0, 100.0)
+            pose = route.pose(route.station_of(lane, s_m))
+            expected = MapArea(network, route, config).at(EgoState(0.0, *pose, speed_kmh / 3.6)).polygons()
+            assert sorted({area["role"] for area in shown}) == sorted({role for role, _ in expected})
+            for role in {role for role, _ in expected}:
+                here = shapely.union_all(
+                    [shapely.Polygon(area["ring"]).buffer(0) for area in shown if area["role"] == role]
+                )
+                origin = view.evaluate("() => mapPage.D.origin")
+                here = shapely.transform(here, lambda xy, origin=origin: xy + origin)
+                there = shapely.union_all(
+                    [shapely.Polygon(ring).buffer(0) for other, ring in expected if other == role]
+                )
+                assert here.symmetric_difference(there).area < 0.01 * there.area + 0.05, (lane, role)
+                compared += 1
+    assert compared > 30
+
+
+def test_a_click_on_the_canvas_draws_and_follows_the_speed(view: Any) -> None:
+    lane = view.evaluate("() => mapPage.D.lanes.findIndex(l => l.type === 'driving' && l.junction === null)")
+    view.evaluate(f"() => mapPage.fit(mapPage.D.lanes[{lane}].box, 0.5)")
+    view.wait_for_timeout(60)
+    x, y = view.evaluate(SCREEN, view.evaluate(f"() => mapPage.D.lanes[{lane}].middle"))
+    view.mouse.click(x, y)
+    roles = "() => mapPage.picked.areas.map(a => a.role)"
+    assert {"current", "back", "vru_margin"} <= set(view.evaluate(roles))
+    assert view.locator("#roles span").all_text_contents()[:2] == ["current", "back"]
+    picture = "() => document.getElementById('map').toDataURL()"
+    before = view.evaluate(picture)
+    view.fill("#speed", "90")
+    until(view, f"document.getElementById('map').toDataURL() !== {before!r}")
+    view.fill("#speed", "50")
+
+
+def test_a_step_on_a_town_takes_less_than_a_tenth_of_a_second(view: Any, town: Path) -> None:
+    page = view.context.browser.new_page(viewport={"width": 1000, "height": 800})
+    page.goto(town.as_uri())
+    until(page, "window.view !== undefined")
+    spent_ms = []
+    for k in range(12):  # the whole town, then steps of zoom into it
+        page.mouse.move(500, 400)
+        page.mouse.wheel(0, -200 if k % 2 else -100)
+        page.wait_for_timeout(30)
+        spent_ms.append(page.evaluate("() => lastPaintMs"))
+    page.close()
+    assert np.median(spent_ms) < 100.0
+
+
+def test_upper_roads_are_drawn_and_found_above_lower_ones(view: Any, tmp_path: Path) -> None:
+    path = tmp_path / "bridge.html"
+    save_map_page(load_map(FIELD / "bridge_two_levels.xodr"), path, "bridge")
+    page = view.context.browser.new_page(viewport={"width": 1000, "height": 800})
+    page.goto(path.as_uri())
+    until(page, "window.view !== undefined")
+    lane = page.evaluate("() => mapPage.D.lanes.findIndex(l => l.road === '2')")
+    heights = page.evaluate("() => mapPage.D.lanes.map(l => l.z)")
+    assert heights[lane] == 6.0
+    x_m, y_m = page.evaluate("() => mapPage.D.origin")
+    at = page.evaluate(SCREEN, [(48.5 - x_m) * UNITS_PER_M, (-1.5 - y_m) * UNITS_PER_M])
+    assert page.evaluate("([x, y]) => mapPage.at(x, y).lane.road", at) == "2"
+    page.close()
