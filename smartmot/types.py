@@ -381,6 +381,7 @@ class Forecast:
         yaw_rad: (M, T) headings.
         size_m: (M, 2) box sizes, unchanged over the horizon.
         valid: (M, T) whether the prediction counts at that time.
+        covariance_m2: (M, T, 2, 2) covariances of the centres; None: not told, as by the paper's forecast.
 
     Raises:
         ShapeError: Shapes disagree, times do not ascend from 0, or a size is not positive. Poses that do not
@@ -392,6 +393,7 @@ class Forecast:
     yaw_rad: FloatArray
     size_m: FloatArray
     valid: BoolArray
+    covariance_m2: FloatArray | None = None
 
     def __post_init__(self) -> None:
         time = frozen(self.time_s, np.float64, (None,), "time_s")
@@ -411,6 +413,9 @@ class Forecast:
         _set(self, "center_m", center)
         _set(self, "yaw_rad", yaw)
         _set(self, "valid", valid)
+        if self.covariance_m2 is not None:
+            spread = frozen(self.covariance_m2, np.float64, (m, t, 2, 2), "covariance_m2")
+            _set(self, "covariance_m2", _finite(spread, "covariance_m2"))
 
     def __len__(self) -> int:
         return len(self.size_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -160,7 +160,9 @@ class UnscentedTurnRate:
         code = CATEGORIES.index(category)
         entries = 3 if config.use_yaw else 2
         points = MerweScaledSigmaPoints(len(NAMES), self.alpha, self.beta, self.kappa)
-        tracked = UnscentedKalmanFilter(len(NAMES), entries, 0.1, lambda x: x[:entries], _moved, points)
+        tracked = UnscentedKalmanFilter(
+            len(NAMES), entries, 0.1, partial(_measured, entries=entries), _moved, points
+        )
         variance, rates = config.measurement_variance()[code], config.initial_rate_variance()[code]
         tracked.R = np.diag(variance[[X, Y, YAW][:entries]])
         start = config.initial_factor * variance
@@ -172,6 +174,11 @@ class UnscentedTurnRate:
         """Predict; the noise is that of the mean course."""
         tracked.Q = tracked.noise.process_noise(tracked.x[None], tracked.code, dt_s)[0]
         tracked.predict(dt=dt_s)
+
+
+def _measured(state: FloatArray, entries: int) -> FloatArray:
+    """(K,) x, y and, of three entries, the heading."""
+    return state[:entries]
 
 
 def _moved(state: FloatArray, dt_s: float) -> FloatArray:

@@ -37,7 +37,7 @@ from smartmot.errors import ConfigError
 from smartmot.filters.existence import ExistenceConfig
 from smartmot.filters.filterpy_motions import InteractingModels, UnscentedTurnRate
 from smartmot.filters.kalman import BevFilterConfig
-from smartmot.filters.motion_models import ConstantVelocity, PerCategory
+from smartmot.filters.motion_models import ConstantVelocity, DecayingAcceleration, PerCategory
 from smartmot.forecast import ForecastConfig
 from smartmot.tracking.association import AssociationConfig
 from smartmot.tracking.lifecycle import LifecycleConfig
@@ -116,7 +116,7 @@ def _ab3dmot() -> TrackerConfig:
 
 def _default() -> TrackerConfig:
     return TrackerConfig(
-        motion=ConstantVelocity(velocity_m2ps3=PerCategory.grouped(1.0, 0.2, 1.0)),
+        motion=DecayingAcceleration(),
         filter=BevFilterConfig(
             position_sigma_m=0.2,
             area_sigma_m2=0.5,
@@ -189,7 +189,10 @@ def tracker_config(name: str) -> TrackerConfig:
 
 
 def forecast_config(name: str, horizon_s: float | None = None) -> ForecastConfig:
-    """How a named configuration looks ahead: with the tracks' turn rates, `centerpoint` in straight lines.
+    """How a named configuration looks ahead.
+
+    `ab3dmot` and `smartmot` with the tracks' turn rates, `centerpoint` in straight lines, the others each
+    category as it moves.
 
     Args:
         name: One of TRACKER_CONFIGS.
@@ -206,6 +209,15 @@ def forecast_config(name: str, horizon_s: float | None = None) -> ForecastConfig
     if name == "centerpoint":
         horizon_s = 2.0 if horizon_s is None else horizon_s
         return ForecastConfig(min_horizon_s=horizon_s, max_horizon_s=horizon_s, max_yaw_rate_radps=0.0)
+    model = "ctrv" if name in ("ab3dmot", "smartmot") else "class"
     if horizon_s is None:
-        return ForecastConfig()
-    return ForecastConfig(min_horizon_s=horizon_s, max_horizon_s=horizon_s)
+        return ForecastConfig(model=model)
+    return ForecastConfig(model=model, min_horizon_s=horizon_s, max_horizon_s=horizon_s)
+
+
+def forecast_of(config: TrackerConfig) -> ForecastConfig:
+    """`forecast_config` of the named configuration whose motion this one has; else the default settings."""
+    motion = config.motion
+    named = (name for name, each in TRACKER_CONFIGS.items() if each.motion == motion)
+    name = next(named, None)
+    return ForecastConfig() if name is None else forecast_config(name)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from evaluation.metrics.forecast_quality import (
+    FOLLOWED_S,
     DisplacementErrors,
     ForecastScore,
     displacement_errors,
@@ -27,8 +28,17 @@ from smartmot.filters.motion_models import (
     DecayingAcceleration,
     ctrv_positions,
 )
-from smartmot.forecast import ForecastConfig, class_positions, forecast_covariance, sure_turn_rates
-from smartmot.types import CATEGORIES, FloatArray, IntArray
+from smartmot.forecast import (
+    ForecastConfig,
+    class_motion,
+    class_positions,
+    codes,
+    forecast_covariance,
+)
+from smartmot.forecast import (
+    Motion as ObjectMotion,
+)
+from smartmot.types import FloatArray, IntArray
 
 MAX_YAW_RATE_RADPS = ForecastConfig().max_yaw_rate_radps
 """Turn rates of tracks are limited to this, as in `smartmot.forecast`."""
@@ -43,12 +53,18 @@ MODELS: dict[str, Motion] = {
 """Motion models by name, with their default noise."""
 
 SHIPPED = "shipped"
-"""The pipeline's forecast: CTRV of the tracker's own tracks; what is static stays (`smartmot.forecast`)."""
+"""The configuration's forecast of its own tracks (`smartmot.forecast_tracks`)."""
+
+WITH_MAP = (SHIPPED, "class")
+"""Forecasts that follow lanes too, where there is a map."""
 
 assert MATCH_DISTANCE_M == 2.0  # the module's text says so
 
 Carry = Callable[[TrackedSequence, IntArray, FloatArray], FloatArray]
 """Positions (R, 2) of some track rows (R,) after some times (R,)."""
+
+Hypotheses = Callable[[TrackedSequence, IntArray, FloatArray], FloatArray]
+"""Positions (R, K, 2) of the same, of K hypotheses, the most likely first."""
 
 
 def motions(own: Motion) -> dict[str, Motion]:
@@ -64,8 +80,22 @@ def carried_on(model: str) -> Carry:
         "ca": _constant_acceleration,
         "imm": _interacting_models,
         "class": _by_class,
-        SHIPPED: _shipped,
     }[model]
+
+
+def shipped(forecast: ForecastConfig) -> Carry:
+    """The pipeline's forecast with some settings; with constant turn rates what is static stays."""
+    if forecast.model == "class":
+        return _by_class
+    free = _constant_turn_rate if forecast.max_yaw_rate_radps > 0.0 else _constant_velocity
+
+    def carry(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+        moved = free(tracked, rows, time_s)
+        if tracked.dynamic is None:
+            return moved
+        return np.where(tracked.dynamic[rows, None], moved, tracked.tracks.center_m[rows])
+
+    return carry
 
 
 def _constant_velocity(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
@@ -102,35 +132,27 @@ def _interacting_models(tracked: TrackedSequence, rows: IntArray, time_s: FloatA
 
 
 def _by_class(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
+    code = codes(tracked.tracks.category[rows])
+    center, motion = tracked.tracks.center_m[rows], motion_of(tracked, rows)
+    return class_positions(center, motion, code, time_s[:, None])[0][:, 0]
+
+
+def motion_of(tracked: TrackedSequence, rows: IntArray) -> ObjectMotion:
+    """How some track rows (R,) move, as their category does."""
     tracks = tracked.tracks
     rate = np.clip(tracked.yaw_rate_radps[rows], -MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS)
-    if tracked.covariance is not None:
-        rate = sure_turn_rates(rate, tracked.covariance[rows])
-    positions, _ = class_positions(
-        tracks.center_m[rows],
+    covariance = np.zeros((len(rows), 0, 0)) if tracked.covariance is None else tracked.covariance[rows]
+    return class_motion(
         tracks.velocity_mps[rows],
+        tracks.yaw_rad[rows],
         rate,
         tracked.acceleration_mps2[rows],
-        _codes(tracked, rows),
-        time_s[:, None],
-    )
-    return positions[:, 0]
-
-
-def _shipped(tracked: TrackedSequence, rows: IntArray, time_s: FloatArray) -> FloatArray:
-    moved = _constant_turn_rate(tracked, rows, time_s)
-    if tracked.dynamic is None:
-        return moved
-    return np.where(tracked.dynamic[rows, None], moved, tracked.tracks.center_m[rows])
-
-
-def _codes(tracked: TrackedSequence, rows: IntArray) -> IntArray:
-    return np.array(
-        [CATEGORIES.index(name) for name in tracked.tracks.category[rows].tolist()], dtype=np.int64
+        covariance,
+        codes(tracks.category[rows]),
     )
 
 
-def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> DisplacementErrors:
+def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry | Hypotheses) -> DisplacementErrors:
     """Compare forecasts of a sequence with its labels.
 
     Args:
@@ -154,41 +176,58 @@ def forecast_errors(tracked: TrackedSequence, category: str, carry: Carry) -> Di
     place[by_object] = np.arange(len(by_object))
     rows = track_rows[track]
     covariance = tracked.covariance
+    tolerance_s = 0.5 * float(np.median(np.diff(sequence.stamp_s))) if len(sequence) > 1 else 0.0
+
+    def positions(forecasts: IntArray, elapsed_s: FloatArray) -> FloatArray:
+        moved = carry(tracked, rows[forecasts], elapsed_s)
+        return moved if moved.ndim == 3 else moved[:, None]
 
     def spread(forecasts: IntArray, elapsed_s: FloatArray) -> FloatArray:
         assert covariance is not None
         chosen = rows[forecasts]
-        return forecast_covariance(covariance[chosen], _codes(tracked, chosen), elapsed_s[:, None])[:, 0]
+        code = codes(tracked.tracks.category[chosen])
+        return forecast_covariance(covariance[chosen], code, elapsed_s[:, None])[:, 0]
 
     return displacement_errors(
         sequence.stamp_s[labels.frame[by_object]],
         labels.object_id[by_object],
         labels.center_m[by_object],
         place[label],
-        lambda forecasts, elapsed_s: carry(tracked, rows[forecasts], elapsed_s),
-        0.5 * float(np.median(np.diff(sequence.stamp_s))) if len(sequence) > 1 else 0.0,
+        positions,
+        tolerance_s,
+        _ages_s(tracked)[rows] >= FOLLOWED_S - tolerance_s,
         None if covariance is None or covariance.shape[1] == 0 else spread,
     )
+
+
+def _ages_s(tracked: TrackedSequence) -> FloatArray:
+    """(K,) time since each track row's identity was first told."""
+    stamp = tracked.sequence.stamp_s[tracked.tracks.frame]
+    _, first, identity = np.unique(tracked.tracks.object_id, return_index=True, return_inverse=True)
+    return np.asarray(stamp - stamp[first][identity])  # rows stand in the order of time
 
 
 def score_forecasts(
     tracked_by_model: Mapping[str, Iterable[TrackedSequence]],
     categories: Sequence[str],
-    along_lanes: Callable[[Carry], Carry] | None = None,
+    forecast: ForecastConfig,
+    along_lanes: Callable[[Carry], Hypotheses] | None = None,
 ) -> list[ForecastScore]:
     """Quality of every model's forecasts, per category.
 
     Args:
         tracked_by_model: What the tracker made of the sequences with each of `MODELS`.
         categories: Categories to score.
-        along_lanes: Makes a forecast follow the lanes of a map; None without a map.
+        forecast: Settings of the one that is shipped.
+        along_lanes: Makes a forecast by category follow the lanes of a map; None without a map.
     """
     scores: list[ForecastScore] = []
     for model, sequences in tracked_by_model.items():
         labelled = [tracked for tracked in sequences if tracked.sequence.labels is not None]
-        carries = [carried_on(model)]
-        if along_lanes is not None:
-            carries.append(along_lanes(carries[0]))
+        free = shipped(forecast) if model == SHIPPED else carried_on(model)
+        carries: list[Carry | Hypotheses] = [free]
+        if along_lanes is not None and model in WITH_MAP:
+            carries.append(along_lanes(free))
         for with_map, carry in enumerate(carries):
             for category in categories:
                 errors = [forecast_errors(tracked, category, carry) for tracked in labelled]

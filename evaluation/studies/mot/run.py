@@ -25,7 +25,9 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, labels_as_detections, log_odds
 from scenarios.recorded.formats import Reading, read_dataset
 from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, map_of
+from smartmot.forecast import ForecastConfig
 from smartmot.plugins import Plugin
+from smartmot.tracking.configs import forecast_of
 from smartmot.tracking.fusion.fused import FusedTracker
 from smartmot.tracking.own import ObjectTracker, own
 from smartmot.tracking.profile import DetectorProfile
@@ -186,7 +188,10 @@ def carry_out(
         if with_forecasts:
             along_lanes = LaneForecast(study.network).along_lanes if study.network is not None else None
             by_model = _tracked_by_model(study, tracked, progress)
-            forecasts = score_forecasts(by_model, categories, along_lanes)
+            forecast = ForecastConfig()
+            if isinstance(study.config, TrackerConfig):
+                forecast = forecast_of(study.config)
+            forecasts = score_forecasts(by_model, categories, forecast, along_lanes)
             written.append(write_forecasts(out, forecasts))
     return MotResult(tracked, tracking_s, scores, forecasts, written)
 
@@ -292,5 +297,5 @@ def film(study: MotStudy, tracked: TrackedSequence, span: slice) -> Film:
         kind = type(study.config.motion)
         carry = carried_on(next((name for name, model in MODELS.items() if type(model) is kind), "ctrv"))
     if study.network is not None:
-        carry = LaneForecast(study.network).along_lanes(carry)
+        carry = LaneForecast(study.network).first(carry)
     return Film(tracked, carry, frames, study.network)

@@ -151,11 +151,13 @@ def forecast_table(scores: Iterable[ForecastScore]) -> rich.table.Table:
         by_line.setdefault((score.category, score.objects, way), []).append(score)
     header = ["category", "objects", "model"]
     header += [f"{name} {h:g}s" for name in ("ADE", "FDE") for h in HORIZONS_S]
+    header += [f"minFDE6 {HORIZONS_S[-1]:g}s"]
     header += [f"miss {h:g}s" for h in HORIZONS_S[1:]] + [f"in95 {HORIZONS_S[-1]:g}s"]
     rows = []
     for key, horizons in by_line.items():
         errors = [_fixed(s.ade_m, 2) for s in horizons] + [_fixed(s.fde_m, 2) for s in horizons]
         shares = [_fixed(s.miss_rate_percent, 1) for s in horizons[1:]]
+        errors.append(_fixed(horizons[-1].min_fde_6_m, 2))
         rows.append((*key, *errors, *shares, _fixed(horizons[-1].inside_95_percent, 0)))
     title = "Forecasts: errors in m; misses (over 2 m), true places in the 95 % region in %"
     return rich_table(Table(tuple(header), tuple(rows)), title, texts=3)

@@ -1,12 +1,13 @@
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 import smartmot
 from smartmot import Boxes, ConfigError, Detections, Tracker, TrackerConfig, tracker_config
+from smartmot.filters.motion_models import ConstantAcceleration
 from smartmot.forecast import ForecastConfig, forecast_times, forecast_tracks
-from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config
+from smartmot.tracking.configs import TRACKER_CONFIGS, forecast_config, forecast_of
 
 NAMES = ["ab3dmot", "centerpoint", "default", "imm", "smartmot", "ukf"]
 
@@ -81,8 +82,16 @@ def test_centerpoints_forecast_is_a_straight_line(horizon_s: float | None, expec
     np.testing.assert_allclose(forecast.center_m[0], expected, atol=1e-9)
 
 
-def test_the_other_forecasts_are_the_papers() -> None:
-    assert forecast_config("default") == forecast_config("smartmot") == ForecastConfig()
+def test_forecasts_of_the_other_configurations() -> None:
+    """The paper's and its peer's turn; ours move by category, and so does what has their motion."""
+    assert forecast_config("smartmot") == forecast_config("ab3dmot") == ForecastConfig()
+    for name in ("default", "imm", "ukf"):
+        assert forecast_config(name) == ForecastConfig(model="class")
+        assert forecast_of(replace(tracker_config(name), score_reference=0.7)) == ForecastConfig(
+            model="class"
+        )
+    assert forecast_of(tracker_config("centerpoint")) == forecast_config("centerpoint")
+    assert forecast_of(TrackerConfig(motion=ConstantAcceleration())) == ForecastConfig()
     assert forecast_config("smartmot", 5.0).min_horizon_s == 5.0
     with pytest.raises(ConfigError, match="'sort' is unknown"):
         forecast_config("sort")

@@ -119,7 +119,7 @@ def test_a_state_with_shared_noise_is_saved_and_goes_on(tmp_path: object) -> Non
     for each in (tracker, again):
         _step(each, 0.5, [[0.5, 0.0]])
     np.testing.assert_array_equal(tracker.state.filtered, again.state.filtered)
-    assert tracker.state.filtered.shape[1] == 29  # five channels of five, and 2 x 2 that x and y share
+    assert tracker.state.filtered.shape[1] == 54  # five channels of nine, and 3 x 3 that x and y share
 
 
 BOX = ([[0.0, 0.0]], [SIZE], [0.0])

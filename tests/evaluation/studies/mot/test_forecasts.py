@@ -24,7 +24,8 @@ from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects, Sequence
 from scenarios.recorded.formats import read_dataset
 from smartmot.filters.motion_models import ConstantVelocity
-from smartmot.tracking.configs import tracker_config
+from smartmot.forecast import ForecastConfig
+from smartmot.tracking.configs import forecast_of, tracker_config
 from smartmot.types import FloatArray
 
 FRAMES = 60
@@ -45,7 +46,7 @@ def tracked(objects: Any, sequence: Any, path_m: np.ndarray, **state: np.ndarray
 
 
 def quality(model: str, one: TrackedSequence, **options: Any) -> dict[tuple[str, bool, float], ForecastScore]:
-    found = score_forecasts({model: [one]}, ["car"], **options)
+    found = score_forecasts({model: [one]}, ["car"], ForecastConfig(model="class"), **options)
     return {(s.objects, s.with_map, s.horizon_s): s for s in found}
 
 
@@ -68,7 +69,9 @@ def test_motion_that_the_model_knows_has_no_error(objects: Any, sequence: Any) -
         ),
     }
     for model, one in cases.items():
-        for score in quality(model, one).values():
+        scores = [score for score in quality(model, one).values() if score.forecasts]
+        assert len(scores) == 9  # all, moving and followed
+        for score in scores:
             assert score.ade_m == pytest.approx(0.0, abs=1e-9)
             assert score.fde_m == pytest.approx(0.0, abs=1e-9)
             assert score.miss_rate_percent == 0.0
@@ -117,7 +120,7 @@ def test_models_on_real_data(kitti: Path) -> None:
     by_model = {
         name: track_dataset(data, replace(config, motion=m)) for name, m in motions(config.motion).items()
     }
-    found = score_forecasts(by_model, ["car"])
+    found = score_forecasts(by_model, ["car"], forecast_of(config))
     assert {s.model for s in found} == set(MODELS)
     assert all(s.fde_m < 2.0 for s in found if s.horizon_s == 1.0 and s.objects == "all")
 
@@ -151,7 +154,7 @@ def test_along_lanes(objects: Any, sequence: Any, curve: Curve) -> None:
     """A car that keeps to its lane in a bend is foretold to a few centimetres with the map."""
     network, path, velocity = curve
     one = tracked(objects, sequence, path, velocity_mps=velocity)
-    found = quality("cv", one, along_lanes=LaneForecast(network).along_lanes)
+    found = quality("class", one, along_lanes=LaneForecast(network).along_lanes)
     assert found["all", True, 3.0].fde_m < 0.1
     assert found["all", False, 3.0].fde_m > 4.0
     assert found["all", True, 3.0].forecasts == found["all", False, 3.0].forecasts > 0
@@ -162,19 +165,22 @@ def test_pedestrians_and_crossing_cars_move_freely(objects: Any, sequence: Any, 
     across = np.column_stack((-velocity[:, 1], velocity[:, 0]))
     one = tracked(objects, sequence, path, velocity_mps=across)
     rows, times = np.arange(FRAMES), np.full(FRAMES, 2.0)
-    free = carried_on("cv")
-    assert (
-        LaneForecast(network).along_lanes(free)(one, rows, times).tolist() == free(one, rows, times).tolist()
-    )
+    free = carried_on("class")
+    hypotheses = LaneForecast(network).along_lanes(free)(one, rows, times)
+    assert hypotheses.shape == (FRAMES, 6, 2)
+    assert (hypotheses == free(one, rows, times)[:, None]).all()
 
 
 def test_a_braking_car_stops_and_does_not_turn_back(objects: Any, sequence: Any, curve: Curve) -> None:
     network, path, velocity = curve
-    one = tracked(objects, sequence, path, velocity_mps=velocity, acceleration_mps2=-0.5 * velocity)
-    carry = LaneForecast(network).along_lanes(carried_on("ca"))
-    first, later = (carry(one, np.arange(1), np.array([t])) for t in (2.0, 3.0))  # 8 m/s, -4 m/s2: 2 s, 8 m
-    assert later == pytest.approx(first)
-    assert np.linalg.norm(first[0] - path[0]) == pytest.approx(8.0, abs=0.2)  # the chord of the bend
+    one = tracked(objects, sequence, path, velocity_mps=velocity, acceleration_mps2=-2.5 * velocity)
+    carry = LaneForecast(network).first(carried_on("class"))
+    first, later = (carry(one, np.arange(1), np.array([t])) for t in (2.5, 3.0))
+    # 8 m/s and -20 m/s2 that fades over 0.5 s: it stands after 0.8 s, where 8 - 10 (1 - exp(-t / 0.5)) is 0
+    stop_s = -0.5 * np.log(0.2)
+    way = 8.0 * stop_s - 10.0 * (stop_s - 0.5 * 0.8)
+    assert later == pytest.approx(first, abs=0.05)  # the lane counts more later
+    assert np.linalg.norm(first[0] - path[0]) == pytest.approx(way, abs=0.05)
 
 
 def test_a_map_of_another_place_is_refused(curve: Curve) -> None:
@@ -220,3 +226,34 @@ def test_the_map_filter_needs_poses_on_the_map(objects: Any, curve: Curve) -> No
         filter_by_map(Dataset("csv", (drive(path, velocity, objects, poses=False),)), network)
     with pytest.raises(DatasetError, match="does not cover the data"):
         filter_by_map(Dataset("csv", (drive(path + 1e4, velocity, objects),)), network)
+
+
+def test_standing_and_followed_objects_are_scored_apart(objects: Any, sequence: Any) -> None:
+    """A car stands for 3 s and then drives at 8 m/s; its track is a second old after 10 frames."""
+    time = 0.1 * np.arange(FRAMES)
+    path = np.column_stack((8.0 * np.maximum(time - 3.0, 0.0), np.zeros(FRAMES)))
+    velocity = np.column_stack((np.where(time > 3.0 - 1e-9, 8.0, 0.0), np.zeros(FRAMES)))
+    found = quality("cv", tracked(objects, sequence, path, velocity_mps=velocity))
+    counts = {name: found[name, False, 1.0].forecasts for name in ("all", "moving", "standing", "followed")}
+    # 0.5 m within the next second: from frame 21 on (0.8 m); all of these tracks are over a second old
+    assert counts == {"all": 50, "moving": 29, "standing": 21, "followed": 29}
+    assert found["standing", False, 1.0].fde_m == pytest.approx(0.0)
+    assert found["followed", False, 3.0].forecasts == FRAMES - 30 - 10
+    assert found["moving", False, 3.0].forecasts == FRAMES - 30 - 2
+
+
+def test_the_best_hypothesis_is_scored_beside_the_most_likely(objects: Any, sequence: Any) -> None:
+    """The first hypothesis stands; the second is right."""
+    time = 0.1 * np.arange(FRAMES)
+    path = np.column_stack((8.0 * time, np.zeros(FRAMES)))
+    one = tracked(objects, sequence, path, velocity_mps=np.tile((8.0, 0.0), (FRAMES, 1)))
+
+    def two(free: Any) -> Any:
+        def hypotheses(tracks: TrackedSequence, rows: Any, time_s: Any) -> FloatArray:
+            return np.stack((tracks.tracks.center_m[rows], free(tracks, rows, time_s)), axis=1)
+
+        return hypotheses
+
+    score = quality("class", one, along_lanes=two)["moving", True, 3.0]
+    assert (score.fde_m, score.min_fde_6_m) == (pytest.approx(24.0), pytest.approx(0.0, abs=1e-9))
+    assert (score.ade_m, score.min_ade_6_m) == (pytest.approx(12.4), pytest.approx(0.0, abs=1e-9))

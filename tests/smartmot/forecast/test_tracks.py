@@ -13,12 +13,13 @@ from smartmot.forecast import (
     CHI2_95,
     SPREAD_M2PS3,
     ForecastConfig,
+    Motion,
+    class_motion,
     forecast_covariance,
     forecast_ego,
     forecast_ego_along,
     forecast_times,
     forecast_tracks,
-    sure_turn_rates,
 )
 from smartmot.maps.route import route_ahead
 from smartmot.types import CATEGORIES, Boxes, EgoState, FloatArray, Tracks
@@ -233,18 +234,72 @@ def test_by_class_a_known_acceleration_fades() -> None:
     )
 
 
-def test_by_class_what_stands_stays() -> None:
-    tracks = _tracks([[1.4, 0.0]], dynamic=False)
-    assert (forecast_tracks(tracks, TIMES, BY_CLASS).center_m == 0.0).all()
+def test_by_class_a_velocity_within_its_noise_is_none() -> None:
+    """A parked car drifts by 10 cm/s with 20 cm/s of noise; one at 0.4 m/s keeps three quarters of it."""
+    covariance = np.zeros((2, 9, 9))
+    covariance[:, 5, 5] = covariance[:, 6, 6] = 0.04
+    tracks = replace(
+        _tracks([[0.1, 0.0], [0.4, 0.0]], dynamic=False),
+        category=np.array(["car", "car"]),
+        mean=np.zeros((2, 9)),
+        covariance=covariance,
+    )
+    forecast = forecast_tracks(tracks, TIMES, BY_CLASS)
+    assert (forecast.center_m[0] == 0.0).all()
+    np.testing.assert_allclose(forecast.center_m[1, :, 0], 0.3 * TIMES, atol=1e-9)
+
+
+def test_forecasts_by_class_carry_the_region() -> None:
+    tracks = _tracks([[1.4, 0.0]])
+    forecast = forecast_tracks(tracks, TIMES, BY_CLASS, delay_s=0.2)
+    assert forecast.covariance_m2 is not None
+    code = np.array([CATEGORIES.index("pedestrian")])
+    np.testing.assert_array_equal(
+        forecast.covariance_m2, forecast_covariance(tracks.covariance, code, TIMES + 0.2)
+    )
+    assert forecast_tracks(tracks, TIMES, ForecastConfig()).covariance_m2 is None
+
+
+CAR = np.array([CATEGORIES.index("car")])
+
+
+def _motion(covariance: FloatArray, velocity: list[float], rate: float, acceleration: list[float]) -> Motion:
+    return class_motion(
+        np.array([velocity]), np.zeros(1), np.array([rate]), np.array([acceleration]), covariance[None], CAR
+    )
 
 
 def test_turn_rates_within_their_noise_are_none() -> None:
-    covariance = np.zeros((3, 9, 9))
-    covariance[:, 8, 8] = 0.01, 0.01, 0.0
-    np.testing.assert_allclose(
-        sure_turn_rates(np.array([0.05, 0.2, 0.05]), covariance), [0.0, 0.2 * 0.75, 0.05]
-    )
-    assert sure_turn_rates(np.array([0.05]), np.zeros((1, 0, 0))).tolist() == [0.05]
+    covariance = np.zeros((9, 9))
+    covariance[8, 8] = 0.01
+    rates = [_motion(covariance, [5.0, 0.0], rate, [0.0, 0.0]).yaw_rate_radps[0] for rate in (0.05, 0.2)]
+    np.testing.assert_allclose(rates, [0.0, 0.2 * 0.75])
+    unknown = _motion(np.zeros((0, 0)), [5.0, 0.0], 0.05, [0.0, 0.0])
+    assert unknown.yaw_rate_radps.tolist() == [0.05]
+
+
+def test_what_has_wheels_does_not_go_sideways() -> None:
+    """A car heads along x with a velocity at 45 degrees to it that is unsure; its heading is sure."""
+    covariance = np.zeros((9, 9))
+    covariance[5, 5] = covariance[6, 6] = 1.0
+    across = _motion(covariance, [5.0, 5.0], 0.0, [0.0, 0.0]).velocity_mps[0]
+    kept = 0.3**2 / (1.0 + 0.3**2)
+    assert across[1] / across[0] == pytest.approx(kept)
+    squared = 25.0 + (5.0 * kept) ** 2
+    assert np.hypot(*across) == pytest.approx(np.sqrt(squared) * (1.0 - 1.0 / squared))
+    sure = _motion(np.zeros((9, 9)), [5.0, 5.0], 0.0, [0.0, 0.0]).velocity_mps[0]
+    np.testing.assert_allclose(sure, [5.0, 5.0])
+
+
+def test_a_lateral_acceleration_is_a_turn_rate() -> None:
+    """10 m/s and 3 m/s2 to the left are 0.3 rad/s; unsure as the heading's rate, it counts as much."""
+    covariance = np.zeros((11, 11))
+    covariance[8, 8], covariance[10, 10] = 1e-6, 1e-6 * 10.0**2
+    motion = _motion(covariance, [10.0, 0.0], 0.1, [-2.0, 3.0])
+    assert motion.yaw_rate_radps[0] == pytest.approx(0.5 * (0.1 + 0.3), abs=1e-4)
+    assert motion.acceleration_mps2[0] == pytest.approx(-2.0)
+    fast = _motion(covariance, [30.0, 0.0], 0.5, [0.0, 15.0])
+    assert fast.yaw_rate_radps[0] == pytest.approx(4.0 / 30.0)  # no car corners harder
 
 
 def test_the_region_of_a_forecast_by_hand() -> None:

@@ -1,0 +1,146 @@
+"""Short-term forecasts of tracks and the ego: with constant turn rate and velocity, or by category."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from smartmot.errors import ConfigError
+from smartmot.filters.motion_models import ctrv_positions
+from smartmot.forecast.motion import (
+    accelerations,
+    class_motion,
+    class_positions,
+    codes,
+    forecast_covariance,
+)
+from smartmot.path import PlannedPath
+from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
+
+EGO_FORECASTS = ("ctrv", "path")
+TRACK_FORECASTS = ("ctrv", "class")
+_OLD_NAMES = {"route": "path"}
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastConfig:
+    """How far and how densely to look ahead.
+
+    Args:
+        ego: ctrv (paper): the ego keeps its speed and turn rate; path (formerly route): it keeps its speed
+            along its planned path, if that is known. Before and in a bend CTRV points across the road.
+        min_horizon_s: shortest horizon (paper: 3 s); it grows to braking distance / speed.
+        max_horizon_s: longest horizon, for speeds near zero.
+        step_s: spacing of the forecast boxes. The paper draws 4 boxes; 12.5 m apart at 60 km/h they would
+            step over a crossing pedestrian, so the boxes here are dense enough to overlap each other.
+        max_yaw_rate_radps: turn rates are limited to this; a track that is only just born may show more.
+
+        model: how tracks move on: ctrv (paper), or class, by category.
+
+    Raises:
+        ConfigError: A value is outside its range.
+    """
+
+    ego: str = "ctrv"
+    min_horizon_s: float = 3.0
+    max_horizon_s: float = 6.0
+    step_s: float = 0.1
+    max_yaw_rate_radps: float = 1.0
+    model: str = "ctrv"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ego", _OLD_NAMES.get(self.ego, self.ego))
+        if self.ego not in EGO_FORECASTS:
+            raise ConfigError(f"forecast: ego must be one of {', '.join(EGO_FORECASTS)}, got {self.ego!r}")
+        if self.model not in TRACK_FORECASTS:
+            choices = ", ".join(TRACK_FORECASTS)
+            raise ConfigError(f"forecast: model must be one of {choices}, got {self.model!r}")
+        if not 0 < self.step_s <= self.min_horizon_s <= self.max_horizon_s < math.inf:
+            raise ConfigError("forecast: needs 0 < step_s <= min_horizon_s <= max_horizon_s, finite")
+        if not self.max_yaw_rate_radps >= 0:
+            raise ConfigError("forecast: max_yaw_rate_radps must not be negative")
+
+
+def forecast_times(horizon_s: float, step_s: float) -> FloatArray:
+    """(T,) times from 0 to at least the horizon in equal steps."""
+    steps = int(np.ceil(horizon_s / step_s - 1e-9))
+    return np.arange(steps + 1, dtype=np.float64) * step_s
+
+
+def forecast_tracks(
+    tracks: Tracks, time_s: FloatArray, config: ForecastConfig, delay_s: float = 0.0
+) -> Forecast:
+    """Forecast of all tracks. With model ctrv static tracks stay where they are.
+
+    Args:
+        tracks: M tracks, map frame.
+        time_s: (T,) times after now.
+        config: limits.
+        delay_s: age of the tracks' estimate now (sensor latency); they are moved on by it first.
+
+    Returns:
+        Poses of the M tracks at the T times, map frame; with covariance if the model is class.
+    """
+    time_s = np.array(time_s, dtype=np.float64)  # the forecast's own: its arrays are read-only
+    shape, moved = (len(tracks), len(time_s)), time_s + delay_s
+    center, yaw = np.empty((*shape, 2)), np.empty(shape)
+    center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
+    limit = config.max_yaw_rate_radps
+    if config.model == "class":
+        code = codes(tracks.category)
+        rate = np.clip(tracks.yaw_rate_radps, -limit, limit)
+        acceleration = accelerations(tracks.mean)
+        motion = class_motion(
+            tracks.velocity_mps, tracks.boxes.yaw_rad, rate, acceleration, tracks.covariance, code
+        )
+        center, course = class_positions(tracks.boxes.center_m, motion, code, moved)
+        yaw += course - np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])[:, None]
+        covariance = forecast_covariance(tracks.covariance, code, moved)
+        valid = np.ones(shape, dtype=np.bool_)
+        return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, valid, covariance)
+    moving = tracks.dynamic.nonzero()[0]
+    if len(moving):
+        velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
+        rate = np.minimum(np.maximum(tracks.yaw_rate_radps[moving], -limit), limit)
+        center[moving], _ = ctrv_positions(
+            start[:, 0],
+            start[:, 1],
+            np.arctan2(velocity[:, 1], velocity[:, 0]),
+            np.hypot(velocity[:, 0], velocity[:, 1]),
+            rate,
+            moved,
+        )
+        yaw[moving] += rate[:, None] * moved
+    valid = np.ones(shape, dtype=np.bool_)
+    return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, valid, None)
+
+
+def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
+    """CTRV forecast of the ego at its present speed and turn rate; one object, (1, T)."""
+    x, y, course, speed, rate = np.array(
+        [[ego.x_m], [ego.y_m], [ego.yaw_rad], [ego.speed_mps], [ego.yaw_rate_radps]]
+    )
+    center, yaw = ctrv_positions(x, y, course, speed, rate, time_s)
+    size = np.array([[ego.length_m, ego.width_m]])
+    return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_), None)
+
+
+def forecast_ego_along(
+    ego: EgoState, path: PlannedPath, time_s: FloatArray, *, keeps_offset: bool = True
+) -> Forecast:
+    """Forecast of the ego at its present speed along its planned path; one object, (1, T).
+
+    Args:
+        ego: odometry now.
+        path: in the frame of the odometry.
+        time_s: (T,) times after now.
+        keeps_offset: whether it goes on beside the path as far as now, or on the path itself.
+    """
+    station, offset = path.project(ego.x_m, ego.y_m)
+    center, yaw = path.poses(station + ego.speed_mps * time_s, offset if keeps_offset else 0.0)
+    size = np.array([[ego.length_m, ego.width_m]])
+    return unchecked(
+        Forecast, time_s, center[None], yaw[None], size, np.ones((1, len(time_s)), dtype=np.bool_), None
+    )
