@@ -3,6 +3,8 @@
 Map frame throughout: OpenDRIVE's inertial frame, right-handed, x east, y north, yaw counter-clockwise
 from x. SI units and radians. Arrays are checked, converted to float64 and made read-only once, at
 construction.
+
+Long because every value that crosses a seam is here, with its checks.
 """
 
 from __future__ import annotations
