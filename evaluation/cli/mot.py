@@ -29,6 +29,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker`",
     "`smartmot-eval mot my_csv_folder --scores running`",
     "`smartmot-eval mot my_csv_folder --profile my_detector.json`",
+    "`smartmot-eval mot my_csv_folder --offline`",
     "`smartmot-eval mot my_csv_folder --detectors lidar=lidar.json,camera=camera.json`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
@@ -114,6 +115,13 @@ def command(
         typer.Option(help="Frames of the film: 0..200. Default: all."),
     ] = None,
     forecast: Annotated[bool, typer.Option(help="Score forecasts too.")] = True,
+    offline: Annotated[
+        bool,
+        typer.Option(
+            "--offline",
+            help="Also tracks smoothed with hindsight, their gaps filled: folder offline, scored apart.",
+        ),
+    ] = False,
     profile: Annotated[
         Path | None,
         typer.Option(
@@ -161,7 +169,7 @@ def command(
         if profile is not None:
             console.print(described(write_profile(study.data, profile), profile), soft_wrap=True)
         with study_progress(console) as progress:
-            result = run.carry_out(study, out, forms, similarities, best, forecast, progress)
+            result = run.carry_out(study, out, forms, similarities, best, forecast, progress, offline)
             for path, option in films:
                 film = run.film(study, result.tracked[0], span)
                 progress.begin("drawing", len(film.frames))
@@ -190,6 +198,8 @@ def _print(
         )
     for similarity in similarities if result.scores else ():
         console.print(score_table(result.scores, similarity), "")
+        if result.offline_scores:
+            console.print(score_table(result.offline_scores, similarity, "Offline tracking accuracy"), "")
     if result.forecasts:
         console.print(forecast_table(result.forecasts), "")
     if all(sequence.labels is None for sequence in study.data.sequences):

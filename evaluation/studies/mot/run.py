@@ -18,6 +18,7 @@ from evaluation.studies.mot.forecasts import MODELS, SHIPPED, carried_on, motion
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
 from evaluation.studies.mot.notes import notes_on
+from evaluation.studies.mot.offline import OFFLINE, offline_config, with_hindsight
 from evaluation.studies.mot.score_scale import scale_notes, with_score_scale
 from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
 from evaluation.studies.mot.tracking import TrackedSequence, track_sequence
@@ -71,6 +72,8 @@ class MotResult:
         scores: Accuracy; empty without labels.
         forecasts: Quality of forecasts; empty without labels, or if they are not asked for.
         written: The files.
+        with_hindsight: The sequences with smoothed tracks whose gaps are filled; empty unless asked for.
+        offline_scores: Their accuracy.
     """
 
     tracked: list[TrackedSequence]
@@ -78,6 +81,8 @@ class MotResult:
     scores: list[MotScore]
     forecasts: list[ForecastScore]
     written: list[Path]
+    with_hindsight: list[TrackedSequence] = field(default_factory=list)
+    offline_scores: list[MotScore] = field(default_factory=list)
 
 
 def prepare(
@@ -155,6 +160,7 @@ def carry_out(
     best_threshold: bool,
     with_forecasts: bool,
     progress: Progress,
+    offline: bool = False,
 ) -> MotResult:
     """Track, write, compare with the labels if there are any.
 
@@ -166,9 +172,10 @@ def carry_out(
         best_threshold: See `evaluation.metrics.mot.evaluate`.
         with_forecasts: Whether to score forecasts.
         progress: Is told how far the study has come.
+        offline: Whether to smooth the tracks as well, and fill their gaps, in a folder of their own.
 
     Raises:
-        ArgumentError: A file cannot be written.
+        ArgumentError: A file cannot be written, or the tracks cannot be smoothed.
         DatasetError: The tracker refuses a frame.
     """
     data = study.data
@@ -193,7 +200,34 @@ def carry_out(
                 forecast = forecast_of(study.config)
             forecasts = score_forecasts(by_model, categories, forecast, along_lanes)
             written.append(write_forecasts(out, forecasts))
-    return MotResult(tracked, tracking_s, scores, forecasts, written)
+    result = MotResult(tracked, tracking_s, scores, forecasts, written)
+    if not offline:
+        return result
+    return _with_offline(study, out / OFFLINE, forms, similarities, best_threshold, progress, result)
+
+
+def _with_offline(
+    study: MotStudy,
+    out: Path,
+    forms: Iterable[str],
+    similarities: Sequence[str],
+    best_threshold: bool,
+    progress: Progress,
+    online: MotResult,
+) -> MotResult:
+    """The result with tracks that know the whole recording, written and scored apart from the online ones."""
+    config = offline_config(study.config, study.data)
+    progress.begin("smoothing", study.data.frame_count)
+    matched = track_dataset(study.data, config, progress.done, study.detectors, hindsight=True)
+    assert isinstance(study.config, TrackerConfig)
+    shown = replace(config, report=study.config.report)
+    tracked = [with_hindsight(each, shown, bool(study.detectors)) for each in matched]
+    written = write_tracks(out, study.data, tracked, forms, use_map=study.filtered)
+    scores: list[MotScore] = []
+    if online.scores:
+        scores = score_tracks(tracked, similarities, best_threshold)
+        written.append(write_scores(out, scores))
+    return replace(online, written=[*online.written, *written], with_hindsight=tracked, offline_scores=scores)
 
 
 def track_dataset(
@@ -201,6 +235,7 @@ def track_dataset(
     config: TrackerConfig | Callable[[], ObjectTracker],
     done: Callable[[], None] = lambda: None,
     detectors: Mapping[str, DetectorProfile | None] | None = None,
+    hindsight: bool = False,
 ) -> list[TrackedSequence]:
     """Track every sequence with a new tracker; scores of the tracks are in the detector's scale.
 
@@ -209,6 +244,7 @@ def track_dataset(
         config: Settings of the tracker, or what makes one of your own.
         done: Called after every frame.
         detectors: What is known of several detectors, by name (`detectors.detectors_of`); None: there is one.
+        hindsight: See `track_sequence`.
 
     Raises:
         DatasetError: The tracker refuses a frame.
@@ -221,7 +257,7 @@ def track_dataset(
             tracker = own(config)
         else:
             tracker = FusedTracker(config, detectors) if detectors else Tracker(config)
-        each = track_sequence(sequence, tracker, done)
+        each = track_sequence(sequence, tracker, done, hindsight)
         if data.log_odds:
             each = replace(each, tracks=replace(each.tracks, score=log_odds(each.tracks.score)))
         tracked.append(each)

@@ -131,7 +131,9 @@ _SHOWN = {
 }
 
 
-def score_table(scores: Iterable[MotScore], similarity: str) -> rich.table.Table:
+def score_table(
+    scores: Iterable[MotScore], similarity: str, name: str = "Tracking accuracy"
+) -> rich.table.Table:
     """Accuracy over all sequences, for the terminal."""
     rows = [
         tuple(_shown(getattr(score, name)) for name in _SHOWN)
@@ -139,7 +141,7 @@ def score_table(scores: Iterable[MotScore], similarity: str) -> rich.table.Table
         if score.sequence == "all" and score.similarity == similarity
     ]
     rule = "centres at most 2 m apart" if similarity == "distance" else "overlap on the ground"
-    title = f"Tracking accuracy in %, match: {rule}"
+    title = f"{name} in %, match: {rule}"
     return rich_table(Table(tuple(_SHOWN.values()), tuple(rows)), title, texts=1)
 
 

@@ -37,6 +37,8 @@ class TrackedSequence:
         dynamic: (K,) what the tracker says moves; None: not known.
         covariance: (K, D, D) of the filter's states; None: not known.
         existence: (K,) probabilities that there is an object; None: the tracker does not tell.
+        mean: (K, D) of the filter's states; None: not known.
+        confirmed: (K,) whether the row's track was confirmed by then; None: all were.
         too_late: Measurements of several detectors that arrived later than the tracker's buffer reaches.
     """
 
@@ -48,6 +50,8 @@ class TrackedSequence:
     dynamic: BoolArray | None = None
     covariance: FloatArray | None = None
     existence: FloatArray | None = None
+    mean: FloatArray | None = None
+    confirmed: BoolArray | None = None
     too_late: int = 0
 
 
@@ -55,6 +59,7 @@ def track_sequence(
     sequence: Sequence,
     tracker: Tracker | FusedTracker | ObjectTracker,
     done: Callable[[], None] = lambda: None,
+    hindsight: bool = False,
 ) -> TrackedSequence:
     """Run a tracker over all frames and keep what it confirmed.
 
@@ -69,13 +74,15 @@ def track_sequence(
         sequence: The recording.
         tracker: A tracker that has seen nothing yet.
         done: Called after every frame.
+        hindsight: Whether tentative tracks are kept too, and measurements of several detectors are taken in
+            as they were made, all those of a time before its tracks are told.
 
     Raises:
         DatasetError: The tracker refuses a frame, for example one that is not newer than the one before; or
             one of the user's own fails.
     """
     if isinstance(tracker, FusedTracker):
-        reported = _reported_by_several(sequence, tracker, done)
+        reported = _reported_by_several(sequence, tracker, done, hindsight)
     else:
         reported = []
         update = tracker.update if isinstance(tracker, Tracker) else partial(update_own, tracker)
@@ -107,27 +114,34 @@ def track_sequence(
     coasted_s = column("coasted_s")
     tracks = _with_heights(tracks, coasted_s <= 0.0, sequence.detections, len(sequence))
     confirmed = column("confirmed").astype(np.bool_)
+    kept = np.ones_like(confirmed) if hindsight else confirmed
     return TrackedSequence(
         sequence=sequence,
-        tracks=tracks[confirmed],
-        yaw_rate_radps=column("yaw_rate_radps")[confirmed],
-        acceleration_mps2=_accelerations(tracker, column("mean"))[confirmed],
-        coasted_s=coasted_s[confirmed],
-        dynamic=column("dynamic").astype(np.bool_)[confirmed],
-        covariance=column("covariance")[confirmed],
-        existence=None if reported[0].existence is None else column("existence")[confirmed],
+        tracks=tracks[kept],
+        yaw_rate_radps=column("yaw_rate_radps")[kept],
+        acceleration_mps2=_accelerations(tracker, column("mean"))[kept],
+        coasted_s=coasted_s[kept],
+        dynamic=column("dynamic").astype(np.bool_)[kept],
+        covariance=column("covariance")[kept],
+        existence=None if reported[0].existence is None else column("existence")[kept],
+        mean=column("mean")[kept],
+        confirmed=confirmed[kept],
         too_late=tracker.too_late if isinstance(tracker, FusedTracker) else 0,
     )
 
 
-def _reported_by_several(sequence: Sequence, tracker: FusedTracker, done: Callable[[], None]) -> list[Tracks]:
+def _reported_by_several(
+    sequence: Sequence, tracker: FusedTracker, done: Callable[[], None], hindsight: bool
+) -> list[Tracks]:
     """Tracks of every frame, measurements taken in as they arrive; see `track_sequence`."""
     first_name = next(iter(tracker.delays_s))
     arrivals = []
     for k, received_s, detections in sequence.measurements():
         if not detections.detector:  # a frame in which nobody saw anything
             detections = replace(detections, detector=first_name)
-        if math.isnan(received_s):
+        if hindsight:
+            received_s = detections.stamp_s
+        elif math.isnan(received_s):
             received_s = detections.stamp_s + tracker.delays_s[detections.detector]
         arrivals.append((max(received_s, detections.stamp_s), k, detections))
     arrivals.sort(key=lambda each: each[:2])
@@ -137,7 +151,7 @@ def _reported_by_several(sequence: Sequence, tracker: FusedTracker, done: Callab
             tracks = tracker.update(detections)
         except SmartMotError as error:
             raise DatasetError(f"sequence {sequence.name}, frame {sequence.frame_name[k]}: {error}") from None
-        if k not in reported:
+        if hindsight or k not in reported:
             then = tracks if tracks.stamp_s == detections.stamp_s else tracker.at(detections.stamp_s)
             reported[k] = tracks[:0] if then is None else then
             done()
