@@ -7,9 +7,10 @@ within 2 m; tracks below the mean score with the best MOTA are left out, chosen 
 as AB3DMOT's evaluation does, for all trackers alike. `before` is `default` with the thresholds on scores as
 they were: 0.6 for every detector, no evidence over time, nothing hidden, no duplicates merged.
 
-norfair (distance of centres, 2 m) and motpy (overlap of axis-aligned boxes, its own confirmation) run with
-their defaults, a tracker per category, in an environment of their own, made from PyPI in a temporary folder
-unless --peer-python names one that has them. norfair shows its detections, motpy its filtered boxes.
+norfair (distance of centres, 2 m) and motpy (overlap of axis-aligned boxes), a tracker per category, confirm
+at once, let tracks live for 1.25 s as `default` does with cars, and show what has a detection: with their own
+defaults, which count frames, most figures are lower. They run in an environment of their own, made from PyPI
+in a temporary folder unless --peer-python names one that has them.
 """
 
 from __future__ import annotations
@@ -42,11 +43,16 @@ PEER_PROGRAM = r"""
 import json, sys
 import numpy as np
 
+LIFE_S = 1.25
+
 
 def norfair(frames, dt):
     import norfair as package
 
-    tracker = package.Tracker(distance_function="euclidean", distance_threshold=2.0)
+    life = max(2, round(LIFE_S / dt))
+    tracker = package.Tracker(
+        distance_function="euclidean", distance_threshold=2.0, hit_counter_max=life, initialization_delay=0
+    )
     for k, rows in enumerate(frames):
         given = [package.Detection(points=np.array([r[:2]]), data=(k, i)) for i, r in enumerate(rows)]
         for track in tracker.update(given):
@@ -58,11 +64,15 @@ def norfair(frames, dt):
 def motpy(frames, dt):
     import motpy as package
 
-    tracker, numbers = package.MultiObjectTracker(dt=dt), {}
+    tracker = package.MultiObjectTracker(
+        dt=dt,
+        tracker_kwargs={"max_staleness": max(2, round(LIFE_S / dt))},
+        active_tracks_kwargs={"max_staleness": 1},
+    )
+    numbers = {}
     for k, rows in enumerate(frames):
         boxes = [np.array([x - l / 2, y - w / 2, x + l / 2, y + w / 2]) for x, y, l, w, *_ in rows]
-        tracker.step([package.Detection(box=b, score=r[5]) for b, r in zip(boxes, rows)])
-        for track in tracker.active_tracks():
+        for track in tracker.step([package.Detection(box=b, score=r[5]) for b, r in zip(boxes, rows)]):
             x0, y0, x1, y1 = map(float, track.box)
             number = numbers.setdefault(track.id, len(numbers) + 1)
             size = max(x1 - x0, 0.1), max(y1 - y0, 0.1)

@@ -30,6 +30,8 @@ class Reporter:
         self._outlier = table(config.outlier_speed_mps)
         self._dynamic = table(config.dynamic_speed_mps)
         coasted = config.report.coasted_s
+        least = table(config.report.existence)
+        self._least_existence = least if least.any() else None
         self._shown_coasted = None if coasted is None else table(coasted) + 1e-6
 
     def nothing(self, stamp_s: float) -> Tracks:
@@ -98,6 +100,8 @@ class Reporter:
             conditions.append(rows[:, SCORE] >= limits.score.take(code))
         if limits.mean_score is not None:
             conditions.append(rows[:, SCORE_SUM] >= limits.mean_score.take(code) * rows[:, HITS])
+        if self._least_existence is not None:
+            conditions.append(rows[:, EXISTENCE] >= self._least_existence.take(code))
         if not conditions:
             return None
         shown = conditions[0]

@@ -66,6 +66,8 @@ class ReportConfig:
         coasted_s: Time without a match up to which a track is returned. None: until it dies.
         score: Tracks whose last detection had a lower score are not returned.
         mean_score: Tracks whose detections so far had a lower mean score are not returned.
+        existence: Tracks that exist with a lower probability are not returned; needs
+            `TrackerConfig.existence`.
 
     Raises:
         ConfigError: A value is outside its range.
@@ -76,12 +78,14 @@ class ReportConfig:
     coasted_s: Setting | None = None
     score: Setting = 0.0
     mean_score: Setting = 0.0
+    existence: Setting = 0.0
 
     def __post_init__(self) -> None:
         if self.coasted_s is not None:
             check_range(self, "coasted_s", 0.0, math.inf)
         check_range(self, "score", 0.0, 1.0)
         check_range(self, "mean_score", 0.0, 1.0)
+        check_range(self, "existence", 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +147,8 @@ class TrackerConfig:
             check_range(self, "evidence_memory_s", 1e-9, math.inf)
         elif self.filter.heading == "evidence":
             raise ConfigError('TrackerConfig: heading "evidence" needs evidence_memory_s')
+        if self.existence is None and table(self.report.existence).any():
+            raise ConfigError("TrackerConfig: report.existence needs existence, an ExistenceConfig")
         check_range(self, "score_threshold", 0.0, 1.0)
         check_range(self, "second_stage_score", 0.0, 1.0)
         check_range(self, "dynamic_speed_mps", 0.0, 10.0)

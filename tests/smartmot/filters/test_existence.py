@@ -151,3 +151,8 @@ def test_a_tracker_without_the_setting_does_not_tell() -> None:
 def test_impossible_settings_are_refused(setting: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=next(iter(setting))):
         ExistenceConfig(**setting)  # type: ignore[arg-type]
+
+
+def test_what_is_shown_by_existence_needs_existence() -> None:
+    with pytest.raises(ConfigError, match=r"report\.existence needs existence"):
+        TrackerConfig(report=replace(TrackerConfig().report, existence=0.5))

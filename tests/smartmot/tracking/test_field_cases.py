@@ -235,3 +235,34 @@ def test_a_config_without_new_settings_has_the_old_rules() -> None:
     assert (config.score_reference, config.evidence_memory_s, config.merge_duplicates) == (1.0, None, False)
     assert (config.association.hidden_gate_m, config.lifecycle.rest_max_age_s) == (None, None)
     assert config.filter.heading == "track"
+
+
+def _street_with_clutter(rng: np.random.Generator, k: int) -> FloatArray:
+    """Ten cars at 10 m/s in a row, and two false boxes anywhere in 100 m x 200 m."""
+    cars = np.column_stack((10.0 * np.arange(10) + 1.0 * k, np.zeros(10))) + rng.normal(0.0, 0.1, (10, 2))
+    false = rng.uniform((-50.0, 5.0), (150.0, 105.0), (2, 2)) + np.array([1.0 * k, 0.0])
+    return np.concatenate((cars, false))
+
+
+def test_weak_clutter_breeds_no_tracks(tracker: Tracker) -> None:
+    """False boxes with less than 0.4 of the scores that true ones have."""
+    rng = np.random.default_rng(3)
+    for k in range(80):
+        score = np.concatenate((rng.uniform(0.5, 0.9, 10), rng.uniform(0.0, 0.25, 2)))
+        tracks = _step(tracker, 0.1 * k, _street_with_clutter(rng, k), score=score)
+    assert sorted(tracks.track_id.tolist()) == [*range(1, 11)]
+
+
+def test_sure_clutter_shows_no_tracks_where_existence_counts() -> None:
+    """Scores say nothing: what was seen once does not exist with 0.99, what is seen again does."""
+    config = tracker_config("default")
+    config = replace(config, report=replace(config.report, existence=0.99))
+    rng, tracker, false, missing = np.random.default_rng(4), Tracker(config), 0, 0
+    for k in range(100):
+        tracks = _step(tracker, 0.1 * k, _street_with_clutter(rng, k))
+        if k >= 2:
+            shown = tracks.boxes.center_m[:, 1] < 2.0
+            false += int(np.count_nonzero(~shown))
+            missing += 10 - int(np.count_nonzero(shown))
+    assert missing == 0
+    assert false <= 4  # of 200 false boxes; two within a gate of each other make a track
