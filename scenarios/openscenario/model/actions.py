@@ -278,6 +278,18 @@ class LightStateAction(
     mode: str
 
 
+class AnimationAction(
+    Element,
+    group="AppearanceAction",
+    attributes="loop animationDuration",
+    children="AnimationType AnimationState",
+):
+    """Move a part of the entity, or let a pedestrian gesture: of this its duration alone is carried out."""
+
+    loop: Annotated[bool, Attribute("loop", False)]
+    duration_s: Annotated[float, Attribute("animationDuration", 0.0, sign="not negative")]
+
+
 class ActivateControllerAction(Element):
     """Let a controller drive an entity, or no longer; None: as before.
 
@@ -364,6 +376,12 @@ class SignalPhaseAction(Element):
     phase: str
 
 
+class SetMonitorAction(Element):
+    """Tell a value to whoever watches the run: nothing in the scenario can depend on it."""
+
+    monitor: str
+
+
 class SetVariableAction(Element):
     """Give a variable a value."""
 
@@ -393,6 +411,7 @@ PrivateAction: TypeAlias = (
     | AssignRouteAction
     | AcquirePositionAction
     | LightStateAction
+    | AnimationAction
     | ActivateControllerAction
     | ControllerAction
     | ConnectTrailerAction
@@ -404,6 +423,7 @@ GlobalAction: TypeAlias = (
     | DeleteEntityAction
     | SetVariableAction
     | ModifyVariableAction
+    | SetMonitorAction
     | SetParameterAction
     | ModifyParameterAction
     | SignalStateAction

@@ -8,6 +8,7 @@ from scenarios.openscenario.errors import ContentError, ParameterError
 from scenarios.openscenario.model import (
     Action,
     AddEntityAction,
+    AnimationAction,
     AssignRouteAction,
     DeleteEntityAction,
     Dimension,
@@ -25,6 +26,7 @@ from scenarios.openscenario.model import (
     RelativeLane,
     RelativeOffset,
     RelativeSpeed,
+    SetMonitorAction,
     SetParameterAction,
     SetVariableAction,
     SignalPhaseAction,
@@ -55,8 +57,14 @@ def private_action(node: Node, context: Context) -> Action:
 
 def global_action(node: Node, context: Context) -> Action:
     """Action without actor, from a GlobalAction element."""
-    child = node.one_of("EnvironmentAction EntityAction VariableAction ParameterAction InfrastructureAction")
+    child = node.one_of(
+        "EnvironmentAction EntityAction VariableAction ParameterAction InfrastructureAction SetMonitorAction"
+    )
     match child.tag:
+        case "SetMonitorAction":
+            child.allow("monitorRef value")
+            context.note(child, "is not used: no condition reads a monitor")
+            return SetMonitorAction(child.text("monitorRef"))
         case "EnvironmentAction":
             return EnvironmentAction(environment(referenced(child, "Environment", context)))
         case "EntityAction":
@@ -255,11 +263,20 @@ def _assign_route(node: Node, context: Context) -> AssignRouteAction:
 @reads(LightStateAction)
 def _light(node: Node, context: Context) -> LightStateAction:
     allow(LightStateAction, node)
-    light = node.need("LightType").one_of("VehicleLight")
-    light.allow("vehicleLightType")
+    light = node.need("LightType").one_of("VehicleLight UserDefinedLight")
+    own = light.tag == "UserDefinedLight"
+    light.allow("userDefinedLightType" if own else "vehicleLightType")
     state = node.need("LightState")
     state.allow("mode luminousIntensity flashingOnDuration flashingOffDuration", "Color")
-    return LightStateAction(light.choice("vehicleLightType", LIGHTS), state.choice("mode", "on off flashing"))
+    name = light.text("userDefinedLightType") if own else light.choice("vehicleLightType", LIGHTS)
+    return LightStateAction(name, state.choice("mode", "on off flashing"))
+
+
+@reads(AnimationAction)
+def _animation(node: Node, context: Context) -> AnimationAction:
+    allow(AnimationAction, node)
+    context.note(node, "is not shown: of it the duration alone is carried out")
+    return declared(AnimationAction, node, context)
 
 
 def environment(node: Node) -> Environment:

@@ -65,8 +65,8 @@ def load(
         raise FileReadError(f"{file}: holds a catalog, not a scenario")
     root.allow(
         "noNamespaceSchemaLocation",
-        "FileHeader ParameterDeclarations VariableDeclarations CatalogLocations RoadNetwork Entities "
-        "Storyboard",
+        "FileHeader ParameterDeclarations VariableDeclarations MonitorDeclarations CatalogLocations "
+        "RoadNetwork Entities Storyboard",
     )
     header = root.need("FileHeader")
     header.allow("revMajor revMinor date author description", "License Properties")

@@ -12,7 +12,7 @@ from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
 from scenarios.openscenario.running.actors import Actor, State
-from scenarios.openscenario.running.world import Instant, World
+from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
 
 LONGITUDINAL, LATERAL = "longitudinal", "lateral"
 
@@ -167,6 +167,18 @@ def overhangs_m(actor: Actor, other: Actor, own: State, seen: State, ahead: bool
     return actor.rear_m + front_m if ahead else actor.front_m + rear_m
 
 
+class Animation(RunningAction[model.AnimationAction]):
+    """AnimationAction: nothing moves, and it is over after its duration, if it is not repeated."""
+
+    def start(self, time_s: float) -> None:
+        """Take note of the time."""
+        self._end_s = math.inf if self.action.loop else time_s + self.action.duration_s
+
+    def ended(self, instant: Instant) -> bool:
+        """After its duration."""
+        return instant.time_s >= self._end_s - TIME_EPSILON_S
+
+
 class Switch(RunningAction[model.Action]):
     """Actions that change a value and are over: visibility, light, environment, variables, deletion."""
 
@@ -195,6 +207,8 @@ class Switch(RunningAction[model.Action]):
                 world.signals.set_state(action.signal, action.state, time_s)
             case model.SignalPhaseAction():
                 world.signals.set_phase(action.controller, action.phase, time_s)
+            case model.SetMonitorAction():
+                pass  # nothing in the scenario reads it
             case model.SetVariableAction():
                 world.variables[action.variable] = action.value
             case model.ModifyVariableAction():

@@ -11,7 +11,13 @@ from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.reading.references import ends_with
 from scenarios.openscenario.running import following
-from scenarios.openscenario.running.actions import LongitudinalDistance, RunningAction, Speed, Switch
+from scenarios.openscenario.running.actions import (
+    Animation,
+    LongitudinalDistance,
+    RunningAction,
+    Speed,
+    Switch,
+)
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
 from scenarios.openscenario.running.driving import distances, lateral, speeds
@@ -55,6 +61,8 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
                 return lateral.LateralDistance(world, actor, action)
             case model.AcquirePositionAction():
                 return following.AcquirePosition(world, actor, action)
+            case model.AnimationAction():
+                return Animation(world, actor, action)
             case model.TeleportAction():
                 return following.Teleport(world, actor, action)
             case model.SynchronizeAction():

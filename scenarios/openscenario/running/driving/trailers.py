@@ -22,6 +22,7 @@ def moves_itself(action: model.Action) -> bool:
         action,
         model.VisibilityAction
         | model.LightStateAction
+        | model.AnimationAction
         | model.ControllerAction
         | model.ActivateControllerAction
         | model.ConnectTrailerAction

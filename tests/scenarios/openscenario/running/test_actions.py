@@ -617,3 +617,49 @@ def test_a_step_is_at_once_whatever_the_performance_is(write):
 def test_the_car_of_these_tests():
     assert 'Center x="1.5"' in CAR  # the hand computations above rest on these overhangs
     assert 'length="4"' in CAR
+
+
+def animation(attributes):
+    return (
+        f"<PrivateAction><AppearanceAction><AnimationAction{attributes}><AnimationType><ComponentAnimation>"
+        '<VehicleComponent vehicleComponentType="doorFrontLeft"/></ComponentAnimation></AnimationType>'
+        '<AnimationState state="1"/></AnimationAction></AppearanceAction></PrivateAction>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("attributes", "ends_s"),
+    [(' animationDuration="1.5"', 2.5), ("", 1.0), (' animationDuration="1.5" loop="true"', math.inf)],
+)
+def test_an_animation_lasts_as_long_as_it_says(play, attributes, ends_s):
+    """It begins at 1 s; what waits for its end drives off at 4 m/s2 then."""
+    done = by_value(
+        '<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="door" '
+        'state="completeState"/>'
+    )
+    events = (
+        event("door", animation(attributes), later(1)),
+        event("go", speed(40, "linear", "rate", 4), trigger(condition(done))),
+    )
+    engine, run = play(act(maneuver(*events)))
+    assert at(run, "Other", 4.0)[3] == pytest.approx(4 * max(4.0 - ends_s, 0.0), abs=1e-6)
+    assert [note for note in engine.notes if "<AnimationAction> is not shown" in note]
+
+
+def test_monitors_and_lights_of_ones_own_change_no_motion(write):
+    monitor = '<GlobalAction><SetMonitorAction monitorRef="m" value="true"/></GlobalAction>'
+    light = (
+        "<PrivateAction><AppearanceAction><LightStateAction><LightType>"
+        '<UserDefinedLight userDefinedLightType="beacon"/></LightType><LightState mode="on"/>'
+        "</LightStateAction></AppearanceAction></PrivateAction>"
+    )
+    path = write(act(maneuver(event("m", monitor), event("light", light))))
+    text = path.read_text(encoding="utf-8").replace(
+        "<CatalogLocations>",
+        '<MonitorDeclarations><MonitorDeclaration name="m" value="false"/></MonitorDeclarations><CatalogLocations>',
+    )
+    path.write_text(text, encoding="utf-8")
+    engine = Engine(load(path))
+    engine.advance(1.0)
+    assert engine.world.actors["Other"].lights == {"beacon": "on"}
+    assert [note for note in engine.notes if "<SetMonitorAction> is not used: no condition reads" in note]
