@@ -91,7 +91,6 @@ def test_content(write, old, new, error, texts):
     "action",
     [
         "<RoutingAction><RandomRouteAction/></RoutingAction>",
-        "<AppearanceAction><AnimationAction/></AppearanceAction>",
     ],
 )
 def test_actions_that_are_not_carried_out_are_refused_by_name(write, action):

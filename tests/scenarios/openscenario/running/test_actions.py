@@ -14,6 +14,7 @@ from tests.scenarios.openscenario.conftest import (
     add_to_variable,
     at,
     at_time,
+    by_value,
     condition,
     event,
     lane_position,
@@ -656,7 +657,8 @@ def test_monitors_and_lights_of_ones_own_change_no_motion(write):
     path = write(act(maneuver(event("m", monitor), event("light", light))))
     text = path.read_text(encoding="utf-8").replace(
         "<CatalogLocations>",
-        '<MonitorDeclarations><MonitorDeclaration name="m" value="false"/></MonitorDeclarations><CatalogLocations>',
+        '<MonitorDeclarations><MonitorDeclaration name="m" value="false"/></MonitorDeclarations>'
+        "<CatalogLocations>",
     )
     path.write_text(text, encoding="utf-8")
     engine = Engine(load(path))
