@@ -14,6 +14,9 @@ from smartmot.overlap import intersection_area
 from smartmot.pointcloud.cloud import RealArray
 from smartmot.types import Boxes
 
+SORTED_FROM = 4
+"""Boxes from which on sorting the points once is faster than comparing all of them with each."""
+
 
 @shared_by_copies
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,8 +90,17 @@ class Boxes3D:
         """
         counts = np.zeros(len(self), dtype=np.int64)
         half = 0.5 * self.size_m + margin_m
+        near = [xyz_m] * len(self)
+        if len(self) >= SORTED_FROM:
+            # sorted once, each box is compared with the points in its strip across x alone
+            ordered = xyz_m[np.argsort(xyz_m[:, 0], kind="stable")]
+            x = ordered[:, 0].astype(np.float64)
+            reach = np.hypot(half[:, 0], half[:, 1]) + 1e-6 * (1.0 + np.abs(self.center_m[:, 0]))
+            first = np.searchsorted(x, self.center_m[:, 0] - reach)
+            last = np.searchsorted(x, self.center_m[:, 0] + reach, side="right")
+            near = [ordered[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)]
         for number, (center, yaw) in enumerate(zip(self.center_m, self.yaw_rad, strict=True)):
-            rel = xyz_m - center
+            rel = near[number] - center
             c, s = math.cos(yaw), math.sin(yaw)
             along, across = c * rel[:, 0] + s * rel[:, 1], c * rel[:, 1] - s * rel[:, 0]
             inside = (np.abs(along) <= half[number, 0]) & (np.abs(across) <= half[number, 1])

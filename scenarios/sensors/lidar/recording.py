@@ -65,9 +65,13 @@ class RecordedSweeps:
 
     def __iter__(self) -> Iterator[PointCloud]:
         """The clouds, one per frame."""
-        labels = self._labels
-        for ego, rows in zip(self._egos, labels.frame_rows(len(self)), strict=True):
-            yield self._sensor.measure(_world(labels[rows], ego.stamp_s, self._surface), ego).cloud
+        return map(self.cloud, range(len(self)))
+
+    def cloud(self, frame: int) -> PointCloud:
+        """The cloud of a frame."""
+        ego, labels = self._egos[frame], self._labels
+        rows = slice(*np.searchsorted(labels.frame, [frame, frame + 1]).tolist())
+        return self._sensor.measure(_world(labels[rows], ego.stamp_s, self._surface), ego).cloud
 
     @property
     def ego_SE3_lidar(self) -> FloatArray:  # noqa: N802 - dst_SE3_src is the field's notation

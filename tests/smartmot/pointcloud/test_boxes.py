@@ -79,3 +79,17 @@ def test_corners_hold_no_point_that_the_box_does_not() -> None:
 def test_wrong_boxes_are_refused(center: object, size: object, yaw: object, message: str) -> None:
     with pytest.raises(ShapeError, match=message):
         Boxes3D(center, size, yaw)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_many_boxes_hold_what_each_holds_alone(dtype: type) -> None:
+    """Points are sorted for many boxes and not for one; points on faces and equal ones among them."""
+    rng = np.random.default_rng(11)
+    boxes = Boxes3D(rng.normal(0, 4, (40, 3)), rng.uniform(0.1, 6, (40, 3)), rng.uniform(-4, 4, 40))
+    points = np.concatenate((rng.normal(0, 5, (3000, 3)), boxes.corners().reshape(-1, 3), np.zeros((5, 3))))
+    cloud = points.astype(dtype)
+    for margin_m in (0.0, 0.3, 1e-9):
+        alone = [int(boxes[[row]].point_counts(cloud, margin_m)[0]) for row in range(40)]
+        assert boxes.point_counts(cloud, margin_m).tolist() == alone
+        assert sum(alone) > 500
+    assert boxes.point_counts(np.zeros((0, 3))).tolist() == 40 * [0]

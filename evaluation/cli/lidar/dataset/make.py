@@ -14,6 +14,7 @@ from evaluation.errors import ArgumentError
 if TYPE_CHECKING:
     from evaluation.studies.datasets.compose import Composer
     from evaluation.studies.datasets.make import FrameMaker
+    from evaluation.studies.datasets.scenarios import ScenarioFrames
     from evaluation.studies.datasets.streets import Streets
     from scenarios.sensors.lidar import LidarConfig
 
@@ -94,6 +95,14 @@ def command(
             rich_help_panel=CROPS,
         ),
     ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            help="Of --from scenes: shipped scenarios or files, comma-separated, run unbraked on furnished "
+            "streets, in place of streets drawn at random.",
+            metavar="NAMES",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the data set.")] = Path("results/dataset"),
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of all that is drawn.")] = 1,
     workers: options.Workers = None,
@@ -117,6 +126,8 @@ def command(
         )
         if value is not None
     }
+    if scenario is not None and (source != "scenes" or maps):
+        raise ArgumentError("--scenario: for --from scenes without --map; each has a map of its own")
     if source == "crops":
         if maps:
             raise ArgumentError("--map: for --from scenes")
@@ -124,9 +135,11 @@ def command(
     else:
         if typed:
             raise ArgumentError(f"--{next(iter(typed))}: for --from crops")
-        maker = parse_streets(config, maps, seed)
+        maker = parse_streets(config, maps, seed) if scenario is None else parse_runs(config, scenario, seed)
     values = {name: value.name if isinstance(value, Path) else value for name, value in typed.items()}
     values |= {"from": source, "sensor": sensor}
+    if scenario is not None:
+        values["scenario"] = [Path(name).name for name in scenario.split(",")]
     recipe = Recipe(maker, layout, frames, seed, min_points, values)
     with counting("making", quiet) as done:
         made = make_dataset(recipe, out, workers or available_cores(), done)
@@ -165,6 +178,21 @@ def parse_streets(config: LidarConfig, maps: list[Path] | None, seed: int) -> St
     from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 
     return Streets(tuple(maps or map(shipped_map, SHIPPED_MAPS)), config, seed)
+
+
+def parse_runs(config: LidarConfig, scenarios: str, seed: int) -> ScenarioFrames:
+    """Runs of scenarios.
+
+    Raises:
+        ArgumentError: none is named.
+        scenarios.openscenario.errors.OpenScenarioError: one cannot be read.
+    """
+    from evaluation.studies.datasets.scenarios import ScenarioFrames, unbraked_runs
+
+    names = tuple(name.strip() for name in scenarios.split(",") if name.strip())
+    if not names:
+        raise ArgumentError("--scenario: nothing given; name scenarios or files")
+    return ScenarioFrames(unbraked_runs(names), config, seed)
 
 
 def parse_composer(

@@ -124,6 +124,20 @@ def test_crops_of_a_data_set_in_its_own_frames(kitti: Path, tmp_path: Path, call
     assert json.loads((tmp_path / "dataset.json").read_text())["crops"] == "data"
 
 
+def test_frames_of_scenarios(tmp_path: Path, call: Call) -> None:
+    """Two runs of one shipped scenario and one of another, each on a street of its own."""
+    words = ("--scenario", "cbla,cpna", "--frames", 9, "--layout", "simbev", "--min-points", 0)
+    assert call(*MAKE[:3], "-q", "--workers", 1, *words, "--out", tmp_path)[0] == 0
+    frames = list(read_frames(tmp_path))
+    assert len(frames) == 9
+    assert call("check", tmp_path, "--min-points", 0)[0] == 0
+    by_scene = {frame.scene: set(frame.labels.category.tolist()) for frame in frames}
+    assert "cyclist" in by_scene["scene_0000"]
+    assert "pedestrian" in by_scene["scene_0001"]
+    ego = [tuple(frame.world_SE3_lidar[:2, 3]) for frame in frames]
+    assert len(set(ego)) == 9
+
+
 def test_clouds_are_shown(kitti: Path, tmp_path: Path, call: Call) -> None:
     code, out, _ = call("show", kitti, "--scene", "0001", "--mode", "bev", "--frames", 1, "--out", tmp_path)
     assert (code, out) == (0, f"{tmp_path / '000004.png'}\n")
@@ -149,6 +163,8 @@ def test_clouds_are_shown(kitti: Path, tmp_path: Path, call: Call) -> None:
         (("make", "--from", "gazebo"), "--from: unknown 'gazebo'; use one of: scenes, crops"),
         (("make", "--flip"), "--flip: for --from crops"),
         (("make", "--from", "crops", "--map", "x.xodr"), "--map: for --from scenes"),
+        (("make", "--scenario", "cpna", "--from", "crops"), "--scenario: for --from scenes without --map"),
+        (("make", "--scenario", "no.xosc"), "no.xosc"),
         (("make", "--height", "9"), "--height: expected 0.1 to 5 m, got 9"),
         (("make", "--sensor", "truth"), "--sensor: unknown 'truth'; use one of: hdl32, hdl64, mid70"),
         (("make", "--frames", "1", "--workers", "1", "--map", "{data}/no.xodr"), "no.xodr"),
