@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
     from evaluation.studies.drive.recordings import Source
@@ -26,10 +27,6 @@ EXAMPLES = options.examples(
     "Scenes, parameters, measures and intervals: docs/study.md. "
     "A comparison that was killed goes on where it was.",
 )
-
-
-DRIVES = "Recorded drives"
-"""Heading of the options that only drives have."""
 
 OF_DRIVES = {
     "sees": "--detections", "map_file": "--map", "sequence": "--sequence", "ego": "--ego",
@@ -101,32 +98,13 @@ def command(
             help="Compare on recorded drives instead: a data set with ego poses, or a folder of them. Takes "
             "--strategies, --vary, --preset (real by default), --workers and what follows.",
             metavar="DIR",
-            rich_help_panel=DRIVES,
+            rich_help_panel=recorded.DRIVES,
         ),
     ] = None,
-    sees: Annotated[
-        str | None,
-        typer.Option(
-            "--detections",
-            help="detections or labels, as for `drive`.",
-            metavar="labels|detections",
-            rich_help_panel=DRIVES,
-        ),
-    ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", help="Map, as for `drive`.", metavar="FILE", rich_help_panel=DRIVES),
-    ] = None,
-    sequence: Annotated[
-        str | None,
-        typer.Option(help="Only these sequences, comma-separated.", rich_help_panel=DRIVES),
-    ] = None,
-    ego: Annotated[
-        str | None,
-        typer.Option(
-            help="Recording vehicle, as for `drive`.", metavar="L,W[,AHEAD]", rich_help_panel=DRIVES
-        ),
-    ] = None,
+    sees: recorded.Sees = None,
+    map_file: recorded.DriveMap = None,
+    sequence: recorded.SequenceNames = None,
+    ego: recorded.EgoOutline = None,
     columns: options.ColumnPairs = None,
     frame_rate: options.FrameRate = None,
 ) -> None:
@@ -134,28 +112,19 @@ def command(
 
     They differ in their area alone; each is also run once as the preset has it.
     """
-    from evaluation.cli.recorded.drive import parse_vehicle
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
     from evaluation.studies.compare.command import compare
     from evaluation.studies.compare.study import SceneStudy
-    from evaluation.studies.drive.drive import SEES
-    from evaluation.studies.drive.recordings import Source
     from evaluation.studies.growth import GrowthStudy, compare_growth
     from scenarios.scenes.scenes import scene_names
 
     typed = _typed(context)
     _refuse_misplaced(typed, drives is not None)
     if drives is not None:
-        source = Source(
-            drives,
-            sequences=sequence,
-            sees=options.parse_name(sees, SEES, "--detections") if sees else None,
-            map_file=map_file,
-            vehicle=None if ego is None else parse_vehicle(ego),
-            columns=options.source_reading(columns, frame_rate),
-        )
+        reading = options.source_reading(columns, frame_rate)
+        source = recorded.drive_source(drives, sequence, sees, map_file, ego, reading)
         named = strategies if "strategies" in typed else None
         drive_preset = preset if "preset" in typed else "real"
         processes = workers or available_cores()
@@ -234,7 +203,6 @@ def _compare_drives(
     Raises:
         ArgumentError: an option cannot be read, or means nothing on drives.
     """
-    from evaluation.cli.recorded.drive import parse_rules
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.drive.side_by_side.command import compare_drives
     from evaluation.studies.drive.side_by_side.comparison import DriveComparison
@@ -244,7 +212,7 @@ def _compare_drives(
     asked = Options(
         source,
         () if strategies is None else options.parse_strategies(strategies, "--strategies"),
-        parse_rules(None, varied),
+        recorded.parse_rules(None, varied),
         options.parse_preset(preset),
         vary=varied,
     )

@@ -10,7 +10,7 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.output import counting, one_line
-from evaluation.cli.recorded.drive import parse_vehicle
+from evaluation.cli.recorded.options import EgoOutline, parse_vehicle
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
@@ -80,14 +80,7 @@ def command(
             metavar="X,Y,Z[,YAW]",
         ),
     ] = None,
-    ego: Annotated[
-        str | None,
-        typer.Option(
-            help="Vehicle: length, width, and how far its middle is ahead of its frame's origin (m). "
-            "Default: a car of 4.4 m x 1.8 m.",
-            metavar="L,W[,AHEAD]",
-        ),
-    ] = None,
+    ego: EgoOutline = None,
     map_frame: Annotated[
         str, typer.Option(help="Frame of the poses where there is no odometry.", metavar="NAME")
     ] = "map",

@@ -9,11 +9,14 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.output import counting, print_written
-from evaluation.errors import ArgumentError
+from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
-    from scenarios.recorded.vehicles import Vehicle
-    from scenarios.settings import Setting
+    from collections.abc import Iterable
+
+    import rich.console
+
+    from evaluation.studies.drive.study import DriveResult
 
 MOST_ON_PAGE = 40
 """Drives of which a page is written without being asked: each frame adds about 1 kB to it."""
@@ -74,33 +77,10 @@ def command(
         str,
         typer.Option(help="paper, physical or real: brakes, areas and tracker; with labels also the sensor."),
     ] = "real",
-    map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            help="OpenDRIVE file, Argoverse 2 map or log, in the frame of the ego poses. "
-            "Default: the log's own.",
-            metavar="FILE",
-        ),
-    ] = None,
-    sees: Annotated[
-        str | None,
-        typer.Option(
-            "--detections",
-            help="detections: what was recorded; labels: they stand in, with the sensor's errors. Default: "
-            "detections where there are any.",
-            metavar="labels|detections",
-        ),
-    ] = None,
-    sequence: Annotated[str | None, typer.Option(help="Only these sequences, comma-separated.")] = None,
-    ego: Annotated[
-        str | None,
-        typer.Option(
-            help="Recording vehicle: length, width, and how far its middle is ahead of the recorded point "
-            "(m). Default: that of the data set, else a car of 4.4 m x 1.8 m.",
-            metavar="L,W[,AHEAD]",
-        ),
-    ] = None,
+    map_file: recorded.DriveMap = None,
+    sees: recorded.Sees = None,
+    sequence: recorded.SequenceNames = None,
+    ego: recorded.EgoOutline = None,
     seed: options.Seed = 0,
     gif: Annotated[
         Path | None,
@@ -121,32 +101,16 @@ def command(
     import rich.console
 
     from evaluation.progress import study_progress
-    from evaluation.results.tables import rich_table
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.studies.drive.drive import SEES
-    from evaluation.studies.drive.page import write_drive_page
-    from evaluation.studies.drive.recordings import Source
     from evaluation.studies.drive.study import Options, drive_all, prepare
-    from evaluation.studies.drive.views import replay_drive, write_drive_mcaps
-    from evaluation.views.page.page import PAGE_NAME
-    from evaluation.views.traces.folders import MCAP_FOLDER
     from evaluation.views.traces.mcap import require_foxglove
-    from scenarios.recorded.formats import FORMATS
 
     varied = options.parse_vary(vary or [])
-    source = Source(
-        folder=path,
-        form=options.parse_name(form, FORMATS, "--format") if form else None,
-        sequences=sequence,
-        sees=options.parse_name(sees, SEES, "--detections") if sees else None,
-        map_file=map_file,
-        vehicle=None if ego is None else parse_vehicle(ego),
-        columns=options.source_reading(columns, frame_rate, topic, odometry, velocity_frame),
-    )
+    reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     asked = Options(
-        source,
+        recorded.drive_source(path, sequence, sees, map_file, ego, reading, form),
         strategies=() if strategy is None else options.parse_strategies(strategy),
-        rules=parse_rules(rule, varied),
+        rules=recorded.parse_rules(rule, varied),
         preset=options.parse_preset(preset),
         seed=seed,
         vary=varied,
@@ -157,72 +121,64 @@ def command(
     console = rich.console.Console(quiet=quiet)
     with locked(out):
         study = prepare(asked)
-        for note in study.notes:
-            console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
+        _print_notes(study.notes, console)
         with study_progress(console) as progress:
             result = drive_all(study, out, progress)
-        for note in result.notes:
-            console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
-        console.print(rich_table(result.table, texts=2))
-        faster = study.recorded_s / max(result.spent_s, 1e-9)
-        console.print(
-            f"{faster:.0f} times faster than real time, without reading and writing", highlight=False
-        )
-        console.print(
-            f"written to {out}: {', '.join(p.name for p in result.written if p.parent == out)}, logs/",
-            highlight=False,
-            soft_wrap=True,
-        )
-        files = [(file, option) for file, option in ((gif, "--gif"), (film, "--film")) if file is not None]
-        if files:
-            with counting("drawing", quiet) as drawn:
-                replay_drive(out, str(result.rows[0].log), files, fps=FILM_FPS, progress=drawn)
-        for file, _ in files:
-            console.print(f"film: {file}", highlight=False, soft_wrap=True)
+        _print_result(result, study.recorded_s, out, console)
+        films = [(file, option) for file, option in ((gif, "--gif"), (film, "--film")) if file is not None]
+        _draw(films, str(result.rows[0].log), out, console)
         if mcap:
-            with counting("writing MCAP", quiet) as done:
-                notes = write_drive_mcaps(out, done)
-            print_written([out / MCAP_FOLDER], notes, quiet)
-        if page and len(result.drives) <= MOST_ON_PAGE:
-            with counting("writing the page", quiet) as read:
-                write_drive_page(out, progress=read)
-            console.print(f"page: {out / PAGE_NAME}", highlight=False, soft_wrap=True)
-        elif page:
-            console.print(f"no page of {len(result.drives)} drives; smartmot-eval report {out} writes it")
+            _write_mcaps(out, quiet)
+        if page:
+            _write_page(out, len(result.drives), console)
 
 
-def parse_rules(text: str | None, varied: dict[str, tuple[Setting, ...]]) -> tuple[str, ...]:
-    """Brake rules, from `--rule` or from `--vary rule=`, which is taken out of what is varied.
-
-    Raises:
-        ArgumentError: an unknown name, or both options.
-    """
-    from scenarios.settings import PARAMETERS
-
-    named = varied.pop("rule", None)
-    if named is None:
-        return options.parse_names(text or "paper", PARAMETERS["rule"].choices, "--rule", own=True)
-    if text is not None:
-        raise ArgumentError("--rule and --vary rule say the same; give one of them")
-    return tuple(map(str, named))
+def _print_notes(notes: Iterable[str], console: rich.console.Console) -> None:
+    for note in notes:
+        console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
 
 
-def parse_vehicle(text: str) -> Vehicle:
-    """`LENGTH,WIDTH` or `LENGTH,WIDTH,AHEAD` in metres.
+def _print_result(result: DriveResult, recorded_s: float, out: Path, console: rich.console.Console) -> None:
+    """Print the table of a study, its speed and its files."""
+    from evaluation.results.tables import rich_table
 
-    Raises:
-        ArgumentError: not of that form, or no road vehicle.
-    """
-    from scenarios.errors import DatasetError
-    from scenarios.recorded.vehicles import Vehicle
+    _print_notes(result.notes, console)
+    console.print(rich_table(result.table, texts=2))
+    faster = recorded_s / max(result.spent_s, 1e-9)
+    console.print(f"{faster:.0f} times faster than real time, without reading and writing", highlight=False)
+    files = ", ".join(path.name for path in result.written if path.parent == out)
+    console.print(f"written to {out}: {files}, logs/", highlight=False, soft_wrap=True)
 
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (2, 3):
-        raise ArgumentError(f"--ego: expected LENGTH,WIDTH or LENGTH,WIDTH,AHEAD in m, got {text!r}")
-    try:
-        return Vehicle(*numbers)
-    except DatasetError as error:
-        raise ArgumentError(f"--ego: {error}") from None
+
+def _draw(films: list[tuple[Path, str]], log: str, out: Path, console: rich.console.Console) -> None:
+    """Draw films of a run."""
+    from evaluation.studies.drive.views import replay_drive
+
+    if not films:
+        return
+    with counting("drawing", console.quiet) as drawn:
+        replay_drive(out, log, films, fps=FILM_FPS, progress=drawn)
+    for file, _ in films:
+        console.print(f"film: {file}", highlight=False, soft_wrap=True)
+
+
+def _write_mcaps(out: Path, quiet: bool) -> None:
+    from evaluation.studies.drive.views import write_drive_mcaps
+    from evaluation.views.traces.folders import MCAP_FOLDER
+
+    with counting("writing MCAP", quiet) as done:
+        notes = write_drive_mcaps(out, done)
+    print_written([out / MCAP_FOLDER], notes, quiet)
+
+
+def _write_page(out: Path, drive_count: int, console: rich.console.Console) -> None:
+    """Write the page, unless it would be too long."""
+    from evaluation.studies.drive.page import write_drive_page
+    from evaluation.views.page.page import PAGE_NAME
+
+    if drive_count > MOST_ON_PAGE:
+        console.print(f"no page of {drive_count} drives; smartmot-eval report {out} writes it")
+        return
+    with counting("writing the page", console.quiet) as read:
+        write_drive_page(out, progress=read)
+    console.print(f"page: {out / PAGE_NAME}", highlight=False, soft_wrap=True)

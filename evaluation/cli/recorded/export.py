@@ -9,7 +9,7 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.output import counting, print_written
-from evaluation.cli.recorded.drive import parse_vehicle
+from evaluation.cli.recorded.options import parse_vehicle
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outline = f"{ego['length_m']},{ego['width_m']}"
     # nuScenes has poses of the rear axle
     for form, vehicle in (("nuscenes", f"{outline},{REAR_AXLE_M}"), ("simbev", outline)):
-        command("export", root / "runs", "--format", form, "--out", root / form)
+        command("export", root / "runs", "--format", form, "--sensor", "none", "--out", root / form)
         command(
             *("drive", root / form, "--out", root / f"drive_{form}", "--detections", "labels", "--no-page"),
             *("--strategy", "path,all", "--rule", "paper,cascade", "--ego", vehicle),
