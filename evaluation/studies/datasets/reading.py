@@ -91,6 +91,20 @@ def read_frames(folder: Path) -> Iterator[DatasetFrame]:
     raise DatasetError(f"{folder}: no data set with clouds; expected ImageSets, v1.0-* or simbev/infos in it")
 
 
+def _require_possible(labels: Objects, where: str) -> None:
+    """See that boxes can be boxes.
+
+    Raises:
+        DatasetError: one is not finite, has no size, or is larger than any road user.
+    """
+    impossible = np.flatnonzero(~labels.usable())
+    if len(impossible):
+        row = int(impossible[0])
+        raise DatasetError(
+            f"{where}: label {row} ({labels.kind[row]}): no box of a road user has such numbers"
+        )
+
+
 def layout_of(folder: Path) -> str:
     """Name of the layout of a folder that `read_frames` reads."""
     return "kitti" if (folder / "ImageSets").is_dir() else "simbev" if is_simbev(folder) else "nuscenes"
@@ -145,6 +159,7 @@ def _kitti_frame(part: Path, name: str, scene: str, split: str) -> DatasetFrame:
         bottom_m=boxes.bottom_m,
         height_m=boxes.size_m[:, 2],
     )
+    _require_possible(labels, str(part / "label_2" / f"{name}.txt"))
     cloud = read_cloud(part / "velodyne" / f"{name}.bin").cloud
     return DatasetFrame(name, scene, split, cloud, labels, np.eye(4), None)
 
@@ -162,7 +177,9 @@ def _simbev_frames(folder: Path) -> Iterator[DatasetFrame]:
             for info in frames:
                 where = f"{path}: scene {scene}, frame {info['frame']}"
                 ego = _pose(info, ("ego2global_translation", "ego2global_rotation"), where)
-                labels, counts = frame_labels(file_of(root, LABELS, info, "GT_DET", where), classes)
+                file = file_of(root, LABELS, info, "GT_DET", where)
+                labels, counts = frame_labels(file, classes)
+                _require_possible(labels, str(file))
                 cloud = read_cloud(file_of(root, SIMBEV_CLOUDS, info, "LIDAR", where)).cloud
                 name = f"{scene}_{info['frame']:04d}"
                 yield DatasetFrame(name, scene, split, cloud, labels, ego @ ego_SE3_lidar, counts)
@@ -229,6 +246,7 @@ def _nuscenes_frames(tables: Path) -> Iterator[DatasetFrame]:
         turned = (cloud.xyz_m @ NUSCENES_SE3_OURS[:3, :3].astype(cloud.xyz_m.dtype)).astype(cloud.xyz_m.dtype)
         own = PointCloud(turned, cloud.intensity, cloud.ring, frame=cloud.frame)
         labels, counts = _nuscenes_labels(tables, rows, annotations.get(sample["token"], []))
+        _require_possible(labels, f"{tables / 'sample_annotation.json'}: sample {sample['token']}")
         yield DatasetFrame(Path(file).name, scene, splits.get(scene, ""), own, labels, pose, counts)
 
 
