@@ -58,7 +58,7 @@ def slices_of(network: RoadNetwork, left_out: Counter[str]) -> list[Slice]:
 def _slices(network: RoadNetwork, left_out: Counter[str]) -> Iterator[Slice]:
     lanes = network.lanes
     firsts = run_starts(lanes.section)
-    ends = np.append(firsts[1:], len(lanes))
+    ends = np.append(firsts[1:], len(lanes))[: len(firsts)]
     cuts = _cuts(network)
     wide_anywhere = np.zeros(len(lanes), dtype=np.bool_)
     for first, end in zip(firsts.tolist(), ends.tolist(), strict=True):

@@ -41,6 +41,8 @@ def write_sumo(network: RoadNetwork, path: str | PathLike[str]) -> Export:
     """
     netconvert = find_netconvert()
     plain = plain_network(network)
+    if not plain.counts["edges"]:
+        raise OpenDriveError("the map has no lane with traffic outside junctions: there is nothing for SUMO")
     with TemporaryDirectory() as folder:
         files = {"node": plain.nodes, "edge": plain.edges, "connection": plain.connections}
         arguments = [str(netconvert), *OPTIONS]

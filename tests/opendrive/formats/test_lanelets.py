@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 import shapely
 
@@ -47,10 +48,12 @@ def assert_links(network: RoadNetwork, lanes: list, export: Export) -> None:
 def assert_crossings(network: RoadNetwork, crossings: list) -> None:
     """Crosswalks have the outline of the map's."""
     assert len(crossings) == len(network.crosswalks)
-    for item, crosswalk in zip(crossings, network.crosswalks, strict=True):
-        ring = np.concatenate([item.right[:, :2], item.left[::-1, :2]])
-        outline, read_outline = shapely.Polygon(crosswalk.polygon), shapely.Polygon(ring)
-        assert outline.symmetric_difference(read_outline).area < 0.001 * outline.length
+    rings = [np.concatenate([item.right[:, :2], item.left[::-1, :2]]) for item in crossings]
+    outlines = [shapely.Polygon(ring) for ring in rings]
+    for crosswalk in network.crosswalks:
+        true = shapely.Polygon(crosswalk.polygon)
+        # Readers keep no order.
+        assert min(true.symmetric_difference(other).area for other in outlines) < 0.001 * true.length
 
 
 def assert_same(network: RoadNetwork, form: str, content: dict, export: Export) -> list:
@@ -143,6 +146,81 @@ def test_lanelet2_reads_the_same(map_file, peer, tmp_path):
             if number is not None:
                 item = by_id[entry["id"]]
                 assert network.lane_change(item.lane, middle[item.id], side)
+
+
+PLACED = (
+    "<OpenDRIVE><header revMajor='1' revMinor='6'><geoReference>+proj=utm +zone=32 +datum=WGS84"
+    "</geoReference><offset x='500000' y='5400000' z='0' hdg='0.5'/></header>{}</OpenDRIVE>"
+)
+
+
+def test_places_on_earth_are_those_of_the_map(load, text, tmp_path):
+    """The header's offset turns and moves the map frame before it is projected."""
+    network = load(PLACED.format(text.road()), whole=True)
+    _, _, content = written("lanelet2", network, tmp_path)
+    for entry in content["lanelets"]:
+        for side, geographic in zip(("left", "right"), entry["geographic"], strict=True):
+            latitude, longitude = np.array(geographic).T
+            xy_m = network.from_geographic(latitude, longitude)
+            assert xy_m == pytest.approx(np.array(entry[side])[:, :2], abs=1e-3)
+    # The first point of the road by hand: (10, 5) m turned by 0.5 rad, 500 km and 5,400 km added.
+    east, north = 500000 + 10 * np.cos(0.5) - 5 * np.sin(0.5), 5400000 + 10 * np.sin(0.5) + 5 * np.cos(0.5)
+    transformer = pyproj.Transformer.from_crs("EPSG:32632", "EPSG:4326", always_xy=True)
+    longitude, latitude = transformer.transform(east, north)
+    (entry,) = (e for e in content["lanelets"] if e["tags"]["opendrive"] == "r/0/-1")
+    assert entry["geographic"][0][0] == pytest.approx((latitude, longitude), abs=1e-9)
+    _, _, content = written("commonroad", network, tmp_path)
+    assert content["geo_reference"] == "+proj=utm +zone=32 +datum=WGS84"
+    assert content["translation"] == [500000.0, 5400000.0, 0.5]
+
+
+def test_a_map_far_from_its_origin_is_moved_and_says_so(load, text, tmp_path):
+    far = '<geometry s="0" x="691000.5" y="5334000.25" hdg="0" length="100"><line/></geometry>'
+    network = load(text.road(plan=far))
+    _, export, content = written("lanelet2", network, tmp_path)
+    assert "(691000, 5334000) m of the map frame lie at the origin" in export.notes
+    assert content["lanelets"][0]["left"][-1][:2] == pytest.approx([691000.5, 5334000.25], abs=1e-3)
+    (latitude, longitude) = content["lanelets"][0]["geographic"][0][-1]
+    assert (latitude, longitude) == pytest.approx((49.0, 9.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("form", ENDING)
+def test_a_map_without_width_has_no_lanelet_and_says_so(load, text, form, tmp_path):
+    lanes = text.section(right=text.lane(-1, text.record("width", 0.0)))
+    _, export, content = written(form, load(text.road(sections=lanes)), tmp_path)
+    assert content["lanelets"] == []
+    assert export.left_out == {"lanes without width": 1}
+
+
+@pytest.mark.parametrize("form", ENDING)
+def test_lanelets_begin_and_end_where_lanes_have_width_limits_and_marks(load, text, form, tmp_path):
+    """A lane from 30 m on, a limit from 50 m on, a mark from 70 m on."""
+    marks = '<roadMark sOffset="0" type="solid" laneChange="none"/><roadMark sOffset="70" type="broken"/>'
+    limit = '<speed sOffset="50" max="10" unit="m/s"/>'
+    opens = (
+        text.record("width", 0.0) + text.record("width", 0.0, 0.3, s=30.0) + text.record("width", 3.0, s=40.0)
+    )
+    lanes = text.section(
+        left=text.lane(1, text.record("width", 3.0), "sidewalk"),
+        right=text.lane(-1, text.record("width", 3.5) + marks + limit) + text.lane(-2, opens),
+    )
+    network = load(text.road(sections=lanes))
+    _, export, content = written(form, network, tmp_path)
+    items = assert_same(network, form, content, export)
+    pieces = comparison.pieces_of(items)
+    spans = {
+        network.lanes.key[lane].lane_id: [tuple(round(s) for s in item.s_m) for item in of_lane]
+        for lane, of_lane in pieces.items()
+    }
+    cuts = [(0, 30), (30, 50), (50, 70), (70, 100)]
+    assert spans == {1: cuts, -1: cuts, -2: cuts[1:]}
+    inner = pieces[network.lane_index_of(("r", 0, -1))]
+    assert [item.speed_mps for item in inner] == [None, None, 10.0, 10.0]
+    if form == "commonroad":
+        assert [item.more["right_mark"] for item in inner] == ["solid", "solid", "solid", "dashed"]
+    else:
+        changes = [item.more["right_tags"].get("lane_change:right") for item in inner]
+        assert changes == [None, "no", "no", "yes"]
 
 
 def run_peer(python: Path, script: str, path: Path, *more: str) -> dict:

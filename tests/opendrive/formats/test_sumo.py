@@ -165,6 +165,13 @@ def test_without_netconvert_the_extra_is_named(monkeypatch, load, text, tmp_path
         sumo.write_sumo(load(text.road()), tmp_path / "map.net.xml")
 
 
+def test_a_map_without_traffic_is_refused(monkeypatch, load, text, tmp_path):
+    monkeypatch.setattr(sumo, "find_netconvert", lambda: tmp_path / "netconvert")
+    lanes = text.section(right=text.lane(-1, text.record("width", 3.0), "shoulder"))
+    with pytest.raises(OpenDriveError, match="no lane with traffic"):
+        sumo.write_sumo(load(text.road(sections=lanes)), tmp_path / "map.net.xml")
+
+
 def test_what_netconvert_refuses_is_said(monkeypatch, load, text, tmp_path):
     refuses = tmp_path / "netconvert"
     refuses.write_text("#!/bin/sh\necho 'Error: no edges.' >&2\nexit 1\n")
