@@ -43,6 +43,10 @@ PENALTY = 1e-4
 streets that were not fitted to, in every class."""
 TIMES = {"mid70": 3}
 """How many times as many frames a sensor has: a cloud of a rosette holds a quarter of the clusters."""
+IN_THE_WAY = {"pedestrian": 0.3}
+"""Share of people who are drawn in the ego's way when the scores of a class are fitted, assumed: an emergency
+brake is for them, and the shots of a rosette crowd there. More people than there are would be more that
+vehicles are mistaken for: scores of the other classes are fitted without."""
 SEED = 1
 FRAMES = 240
 
@@ -65,18 +69,21 @@ def right(frame: DrawnFrame, category: str, boxes: Any) -> BoolArray:
     return enough
 
 
-def samples(maps: Sequence[Path], frames: int, seed: int) -> dict[str, tuple[FloatArray, BoolArray]]:
-    """Features of all boxes of each class, and which are right."""
-    features: dict[str, list[FloatArray]] = {name: [] for name in CLASSES}
-    truth: dict[str, list[BoolArray]] = {name: [] for name in CLASSES}
+def samples(
+    maps: Sequence[Path], frames: int, seed: int, classes: Sequence[str], in_the_way: float
+) -> dict[str, tuple[FloatArray, BoolArray]]:
+    """Features of all boxes of some classes, and which are right; see `drawn_frames`."""
+    features: dict[str, list[FloatArray]] = {name: [] for name in classes}
+    truth: dict[str, list[BoolArray]] = {name: [] for name in classes}
     for number, (sensor, config) in enumerate(sensors()):
-        for frame in drawn_frames(maps, config, frames * TIMES.get(sensor, 1), seed + number):
+        count = frames * TIMES.get(sensor, 1)
+        for frame in drawn_frames(maps, config, count, seed + number, in_the_way=in_the_way):
             candidates, *_ = find_candidates(frame.cloud, ClassicalConfig(), StageClock())
-            for name in CLASSES:
+            for name in classes:
                 rows = np.flatnonzero(candidates.category == name)
                 features[name].append(candidates.features[rows])
                 truth[name].append(right(frame, name, candidates.boxes[rows]))
-    return {name: (np.concatenate(features[name]), np.concatenate(truth[name])) for name in CLASSES}
+    return {name: (np.concatenate(features[name]), np.concatenate(truth[name])) for name in classes}
 
 
 def fitted(features: FloatArray, is_right: BoolArray) -> dict[str, Any]:
@@ -154,7 +161,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=TABLE)
     options = parser.parse_args()
     if not options.check_only:
-        rows = samples(FITTED_ON, options.frames, options.seed)
+        rows = {}
+        for share in sorted({IN_THE_WAY.get(name, 0.0) for name in CLASSES}):
+            own = [name for name in CLASSES if IN_THE_WAY.get(name, 0.0) == share]
+            rows |= samples(FITTED_ON, options.frames, options.seed, own, share)
         table = {
             "made_by": f"python -m benchmarks.fit_lidar --frames {options.frames} --seed {options.seed}",
             "classes": {name: fitted(*rows[name]) for name in CLASSES},
@@ -162,6 +172,8 @@ def main() -> None:
         options.out.write_text(table_text(table), encoding="utf-8")
         for name in CLASSES:
             print(f"{name}: {len(rows[name][1])} boxes, {rows[name][1].sum()} right")
+    if options.out != TABLE:
+        print(f"checked is the shipped table, not {options.out}")
     print("\n".join(check(options.check_frames, options.seed + 1000)))
 
 

@@ -22,7 +22,7 @@ from smartmot.geometry import circles_touch
 from smartmot.lidar.clusters import components
 from smartmot.lidar.detections import GROUND, LOOSE, OFF_AREA, OUT_OF_REACH, BoxDetections, StageClock
 from smartmot.lidar.evidence import probability
-from smartmot.lidar.features import Clusters, Surroundings, measured
+from smartmot.lidar.features import Clusters, Surroundings, in_a_gap, measured
 from smartmot.lidar.fit import (
     CAR_M,
     CYCLIST_M,
@@ -168,7 +168,7 @@ def find_candidates(
     clock.note("clusters", int(close.max(initial=-1)) + 1, "clusters")
     clusters = measured(around, [close, loose], config.least_points)
     clock.note("features", len(clusters), "clusters")
-    candidates = _candidates(clusters, axes[:2].take(obstacle[clusters.point], axis=1).T, ground)
+    candidates = _candidates(around, clusters, axes[:2].take(obstacle[clusters.point], axis=1).T, ground)
     clock.note("boxes", len(candidates.category), "boxes")
     return candidates, clusters, point_cluster
 
@@ -215,8 +215,13 @@ LIMITS = {
 """Extents: a pace is up to 0.8 m, with a foot 1.1 m; a bicycle up to 2.0 m long (DIN 79100) and 1.2 m
 wide with load; a van up to 7.0 m, and 2.6 m wide with its mirrors (96/53/EC: 2.55 m without)."""
 
-LOWEST_M, LOWEST_RAD = 0.45, 0.024
-"""A body begins no higher over the ground: knees behind a kerb; or a step between two of 32 rows."""
+LOWEST_M = 0.45
+"""A body begins no higher over the ground, knees behind a kerb, unless its lower part lies
+between rays."""
+
+LEAST_SEEN_M = 0.5
+"""How much is seen of a body whose lower part lies between rays: a trunk, 0.29 of the stature (Drillis and
+Contini, 1966)."""
 
 NARROWEST_PERSON_M = 0.25
 """Extent across the line of sight that a person could have, by the step between rays: from the side a trunk
@@ -234,11 +239,16 @@ OVERLAP = 0.3
 """Of two boxes that share more of the smaller one's area, one is wrong."""
 
 
-def _candidates(clusters: Clusters, xy_m: FloatArray, ground: Ground) -> Candidates:
+def _candidates(around: Surroundings, clusters: Clusters, xy_m: FloatArray, ground: Ground) -> Candidates:
     """A box of each class for each cluster that keeps its limits."""
-    top, bottom = clusters.column("top_m"), clusters.column("bottom_m")
+    top = clusters.column("top_m")
     extent = np.maximum(clusters.column("width_m"), clusters.column("depth_m"))
-    grounded = bottom <= np.maximum(LOWEST_M, LOWEST_RAD * clusters.column("range_m"))
+    grounded = clusters.column("bottom_m") <= LOWEST_M
+    seen = top - clusters.column("bottom_m")
+    high = np.flatnonzero(~grounded & (seen >= LEAST_SEEN_M) & (top <= TALLEST_PERSON_M))
+    if len(high):
+        level = ground.level_m(clusters.middle_m[high])
+        grounded[high] = in_a_gap(around, clusters, high, level, LOWEST_M)
     category, boxes, features, rows = [], [], [], []
     for name, limits in LIMITS.items():
         kept = grounded & (top >= limits.top_m[0]) & (top <= limits.top_m[1])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmot.arrays import FloatArray, IntArray
+from smartmot.arrays import BoolArray, FloatArray, IntArray
 from smartmot.lidar.clusters import by_label
 
 FEATURES = (
@@ -30,6 +30,12 @@ SIDE_RAD = math.radians(0.5)
 
 SIDE_GAP_M = 0.6
 """What is nearer by more hides, what is within it belongs together: half a lane's margin to a parked car."""
+
+RAY_SLOPE, FLATTEST = 0.01, 0.5
+"""Bins of rise over distance in which rays are counted, 20 cm at 20 m, and the steepest."""
+
+MOST_ROWS = 16
+"""So many bins under a cluster are looked at, from the lowest on."""
 
 AROUND_CELL_M, AROUND_M = 0.25, 0.75
 """Grid in which neighbours are counted, and how far from a cluster."""
@@ -140,8 +146,8 @@ def _measured(around: Surroundings, point: IntArray, first: IntArray, count: Int
         return np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
 
     mx, my = mean(x), mean(y)
-    distance = np.hypot(mx, my)
-    ex, ey = mx / np.maximum(distance, 1e-9), my / np.maximum(distance, 1e-9)
+    distance = np.maximum(np.hypot(mx, my), 1e-9)
+    ex, ey = mx / distance, my / distance
     dx, dy = x - mx[owner], y - my[owner]
     along, across = dx * ex[owner] + dy * ey[owner], dy * ex[owner] - dx * ey[owner]
     (near, far), (right, left) = span(along), span(across)
@@ -209,6 +215,51 @@ def _binned(value: FloatArray, least: float, step: float) -> IntArray:
     bins /= step
     bins += 1.0
     return bins.astype(np.intp)
+
+
+def in_a_gap(
+    around: Surroundings, clusters: Clusters, chosen: IntArray, ground_m: FloatArray, least_m: float
+) -> BoolArray:
+    """(N,) under which clusters the cloud shows nothing, so that they may reach down to the ground.
+
+    Where a ray passes higher than `least_m` to something behind, nobody is; where it ends in front, it is not
+    known what is hidden.
+
+    Args:
+        around: the cloud.
+        clusters: what is found in it.
+        chosen: (N,) which of them.
+        ground_m: (N,) z of the ground under them.
+        least_m: height over the ground.
+    """
+    x, y = clusters.middle_m[chosen].T
+    range_m = clusters.column("range_m")[chosen]
+    bottom_m = clusters.column("bottom_m")[chosen]
+    low, high = (
+        np.clip((ground_m + height_m) / range_m, -FLATTEST, FLATTEST) for height_m in (least_m, bottom_m)
+    )
+    z, distance_m = around.xyz_m[:, 2], around.distance_m
+    ray = np.flatnonzero((z >= low.min() * distance_m) & (z <= high.max() * distance_m))
+    columns, rows = round(2.0 * math.pi / SIDE_RAD), 2 * round(FLATTEST / RAY_SLOPE) + 1
+    distance_m = distance_m[ray]
+    slope = z[ray] / np.maximum(distance_m, 1e-9)
+    bins = _sectors(around.azimuth_rad[ray], columns) * rows
+    bins += np.rint((np.clip(slope, -FLATTEST, FLATTEST) + FLATTEST) / RAY_SLOPE).astype(np.intp)
+    hit = np.zeros(columns * rows, dtype=np.bool_)
+    hit[bins] = True
+    # bins that lie between the two heights with their whole width
+    window = np.ceil((low + FLATTEST) / RAY_SLOPE + 0.5).astype(np.intp)[:, None] + np.arange(MOST_ROWS)
+    last = np.floor((high + FLATTEST) / RAY_SLOPE - 0.5).astype(np.intp)
+    own = _sectors(np.arctan2(y, x), columns) * rows
+    empty: BoolArray = ~((window <= last[:, None]) & hit[own[:, None] + np.minimum(window, rows - 1)]).any(
+        axis=1
+    )
+    return empty
+
+
+def _sectors(azimuth_rad: FloatArray, count: int) -> IntArray:
+    """Number of the sector of each azimuth, of so many in a turn."""
+    return np.floor(azimuth_rad * (count / (2.0 * math.pi))).astype(np.intp) % count
 
 
 def _counts(axes_m: FloatArray, low_m: FloatArray, high_m: FloatArray, margin_m: float) -> FloatArray:

@@ -105,7 +105,9 @@ def detect_plain(
     """
     clock = StageClock()
     cluster_of_point = np.full(len(cloud), OUT_OF_REACH, dtype=np.int64)
-    xyz = cloud.xyz_m.astype(np.float64)
+    # a stray echo at a thousand kilometres would have no number of a voxel
+    measured = np.flatnonzero((np.abs(cloud.xyz_m) <= 2.0 * config.reach_m).all(axis=1))
+    xyz = cloud.xyz_m[measured].astype(np.float64)
     voxel_of_point, voxel = voxels(xyz, config.voxel_m)
     clock.note("voxel grid", len(voxel), "voxels")
     near = np.flatnonzero(np.hypot(voxel[:, 0], voxel[:, 1]) <= config.reach_m)
@@ -120,7 +122,7 @@ def detect_plain(
             above = above[monitored(voxel[above])]
         else:
             kept = np.zeros(len(voxel), dtype=np.bool_)
-            kept[voxel_of_point[monitored]] = True
+            kept[voxel_of_point[monitored[measured]]] = True
             above = above[kept[above]]
         clock.note("monitored area", len(above), "voxels")
     label, sizes = _clusters(voxel[above], config.cluster_gap_m)
@@ -130,7 +132,7 @@ def detect_plain(
     clock.note("clusters", int(large.sum()), "clusters")
     boxes, category, box_cluster = _boxes(voxel[above], number[label])
     clock.note("rules of size", len(boxes), "boxes")
-    cluster_of_point = cluster_of_voxel[voxel_of_point]
+    cluster_of_point[measured] = cluster_of_voxel[voxel_of_point]
     return BoxDetections(boxes, np.ones(len(boxes)), category, clock.stages, cluster_of_point, box_cluster)
 
 

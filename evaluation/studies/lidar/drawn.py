@@ -64,6 +64,7 @@ def drawn_frames(
     seed: int,
     *,
     clutter: bool = True,
+    in_the_way: float = 0.0,
     first: int = 0,
     mount: Mount | None = None,
 ) -> Iterator[DrawnFrame]:
@@ -75,6 +76,7 @@ def drawn_frames(
         count: frames.
         seed: of all that is drawn.
         clutter: whether there is more than `furnished_street` has.
+        in_the_way: share of people, or groups, who are no farther aside than a vehicle is wide, as a rule.
         first: number of the first frame, a multiple of `FRAMES_PER_STREET`.
         mount: of the LiDAR; None: it is drawn for every frame, 1.4 to 2.1 m high, pitched up to 1.5 degrees.
     """
@@ -89,7 +91,7 @@ def drawn_frames(
         drawn_mount = mount or Mount(rng.uniform(1.4, 2.1), 0.0, math.radians(rng.uniform(-1.5, 1.5)))
         sensor_config = replace(config, mount=drawn_mount)
         ego = _ego(network, rng)
-        world = _world(network, surface, street, ego, rng)
+        world = _world(network, surface, street, ego, in_the_way, rng)
         own_street = street
         if clutter:
             extra = _clutter(network, surface, street, ego, world, rng)
@@ -135,18 +137,46 @@ def drawn_size(category: str, rng: np.random.Generator) -> FloatArray:
     return size
 
 
+GROUPS = (0.6, 0.28, 0.08, 0.04)
+"""Shares of one, two, three and four people who walk together: half of all people in streets and more do,
+most of them in pairs (Moussaid, Perozo, Garnier, Helbing, Theraulaz, "The walking behaviour of pedestrian
+social groups and its impact on crowd dynamics", PLoS ONE 5, 2010)."""
+
+VEHICLE_M = 1.8
+"""Width of a vehicle, assumed."""
+
+APART_M = (0.6, 1.0)
+"""Between the middles of two who walk side by side: about 0.8 m in the same observations."""
+
+
 def _world(
-    network: RoadNetwork, surface: MapSurface, street: Street, ego: EgoState, rng: np.random.Generator
+    network: RoadNetwork,
+    surface: MapSurface,
+    street: Street,
+    ego: EgoState,
+    in_the_way: float,
+    rng: np.random.Generator,
 ) -> World:
     """People anywhere on and beside the road, riders and cars along lanes; none touches another."""
-    place, yaw, kinds = [], [], []
-    for _ in range(int(rng.integers(2, 10))):
-        kinds.append(_CHILD if rng.random() < 0.2 else _ADULT)
+    place: list[FloatArray] = []
+    yaw: list[float] = []
+    kinds: list[_Kind] = []
+    people = int(rng.integers(2, 10))
+    while len(kinds) < people:
         # most of them where a vehicle looks: ahead
         distance, angle = rng.uniform(4.0, 45.0), float(np.clip(rng.normal(0.0, 0.4), -0.9, 0.9))
+        if in_the_way and rng.random() < in_the_way:
+            angle = math.atan2(rng.normal(0.0, 0.5 * VEHICLE_M), distance)
         near = np.array([math.cos(ego.yaw_rad + angle), math.sin(ego.yaw_rad + angle)]) * distance
-        place.append(near + np.array([ego.x_m, ego.y_m]))
-        yaw.append(rng.uniform(-math.pi, math.pi))
+        facing = rng.uniform(-math.pi, math.pi)
+        # the first of a group, the others beside one another, a little before or behind
+        for number in range(min(int(rng.choice(len(GROUPS), p=GROUPS)) + 1, people - len(kinds))):
+            ahead, aside = rng.normal(0.0, 0.2), number * rng.uniform(*APART_M)
+            c, s = math.cos(facing), math.sin(facing)
+            kinds.append(_CHILD if rng.random() < 0.2 else _ADULT)
+            beside = np.array([c * ahead - s * aside, s * ahead + c * aside])
+            place.append(near + beside + np.array([ego.x_m, ego.y_m]))
+            yaw.append(facing + rng.normal(0.0, 0.3) if number else facing)
     usable = np.flatnonzero(np.isin(network.lanes.lane_type, ("driving", "biking")))
     for kind, many in (
         (_CYCLIST, rng.integers(2, 12)),
@@ -163,6 +193,8 @@ def _world(
     at = np.array(place)
     size = np.array([rng.uniform(kind.low_m, kind.high_m) for kind in kinds])
     radius = 0.5 * np.hypot(size[:, 0], size[:, 1])
+    walks = np.array([kind.category == "pedestrian" for kind in kinds])
+    radius[walks] = np.minimum(radius[walks], 0.5 * size[walks, 1])
     distance = np.hypot(*(at - (ego.x_m, ego.y_m)).T)
     taken = [(np.array([ego.x_m, ego.y_m]), 2.6), *_standing(street, ego)]
     kept = []

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from evaluation.metrics.detection.calibration import calibration_error
 from evaluation.studies.lidar.drawn import CLASSES, drawn_frames
@@ -16,8 +19,10 @@ from scenarios.sensors.lidar import SENSORS, LidarConfig, LidarSensor, Mount, Sp
 from scenarios.sensors.world import World
 from smartmot.arrays import FloatArray
 from smartmot.errors import ConfigError
-from smartmot.lidar import BoxDetections, ClassicalConfig, detect
-from smartmot.pointcloud import PointCloud
+from smartmot.lidar import BoxDetections, ClassicalConfig, PlainConfig, detect
+from smartmot.lidar.classical import find_candidates
+from smartmot.lidar.detections import StageClock
+from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.pointcloud.boxes import overlaps
 from smartmot.types import Boxes, EgoState
 
@@ -124,6 +129,69 @@ def test_points_off_the_monitored_area_make_no_boxes() -> None:
     assert "monitored area" in [stage.name for stage in detections.stages]
 
 
+@pytest.mark.parametrize(("y", "yaw"), [(0.0, 0.0), (0.0, 1.57), (3.0, 0.0), (4.0, 0.8), (5.0, 1.57)])
+def test_an_adult_is_found_wherever_the_loops_of_a_rosette_pass_it(y: float, yaw: float) -> None:
+    """Between the loops of 0.1 s there are gaps of 2 degrees and more: shins and thighs may lie in one."""
+    world = world_of("pedestrian", ADULT_M, 20.0, y, yaw)
+    detections = detect(seen(front("mid70"), world, 1), ClassicalConfig())
+    assert detections.category.tolist() == ["pedestrian"]
+    np.testing.assert_allclose(detections.boxes.center_m[0, :2], (20.0, y), atol=0.2)
+
+
+def upright(x: float, y: float, width_m: float, low_m: float, high_m: float) -> FloatArray:
+    """Points 5 cm apart on a sheet across x, heights over a ground 1.73 m under the sensor."""
+    left, height = np.meshgrid(np.arange(-0.5 * width_m, 0.5 * width_m, 0.05), np.arange(low_m, high_m, 0.05))
+    return np.column_stack((np.full(left.size, x), y + left.ravel(), height.ravel() - 1.73))
+
+
+def test_what_hangs_in_the_air_is_no_person_and_who_stands_behind_a_gap_may_be() -> None:
+    """Seen from 0.8 m on: over nothing that was measured, over a wall behind it, behind a higher one."""
+    x, y = np.meshgrid(np.arange(4.0, 40.0, 0.3), np.arange(-8.0, 8.0, 0.3))
+    ground = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, -1.73)))
+    ground = ground[(np.abs(ground[:, 1]) > 1.5) | (ground[:, 0] < 12.0)]
+    body = upright(15.0, 0.0, 0.5, 0.8, 1.75)
+    cases = {
+        "gap": body,
+        "over a wall": np.concatenate((body, upright(18.0, 0.0, 3.0, 0.15, 0.65))),
+        "behind a wall": np.concatenate((body, upright(8.0, 0.0, 3.0, 0.3, 1.25))),
+    }
+    config = ClassicalConfig(least_score=0.0)
+    looked_at = {}
+    for name, points in cases.items():
+        detections = detect(PointCloud(np.concatenate((ground, points))), config)
+        own = np.hypot(*(detections.boxes.center_m[:, :2] - (15.0, 0.0)).T) < 0.5
+        looked_at[name] = bool(own.any())
+    assert looked_at == {"gap": True, "over a wall": False, "behind a wall": False}
+
+
+@given(
+    st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0)),
+    st.tuples(st.floats(0.1, 6.0), st.floats(0.1, 3.0)),
+    st.floats(-3.2, 3.2),
+)
+def test_distances_are_those_of_the_nearest_points_of_boxes(
+    place: tuple[float, float], size: tuple[float, float], yaw: float
+) -> None:
+    boxes = Boxes3D(np.array([[*place, 0.0]]), np.array([[*size, 1.0]]), np.array([yaw]))
+    none = np.zeros(0, dtype=np.int64)
+    made = BoxDetections(boxes, np.ones(1), np.array(["car"]), (), none, np.zeros(1, dtype=np.int64))
+    outline = shapely.Polygon(boxes.corners()[0, :4, :2])
+    assert made.distance_m[0] == pytest.approx(outline.distance(shapely.Point(0.0, 0.0)), abs=1e-9)
+
+
+@pytest.mark.parametrize("config", [ClassicalConfig(), PlainConfig()], ids=["classical", "plain"])
+@pytest.mark.filterwarnings("error")
+def test_points_in_the_sensor_and_beyond_any_range_break_nothing(
+    config: ClassicalConfig | PlainConfig,
+) -> None:
+    cloud = seen(front("hdl64"), world_of("pedestrian", ADULT_M, 12.0, 1.0, 1.0), 1)
+    column = np.column_stack((np.zeros(50), np.zeros(50), np.linspace(-2.0, 2.0, 50)))
+    far = np.array([[1e30, -1e30, 1e30], [5.0, 5.0, -1e30]])
+    for xyz in (np.zeros((100, 3)), column, far, np.concatenate((cloud.xyz_m, column, far))):
+        found = detect(PointCloud(xyz), config)
+    assert "pedestrian" in found.category.tolist()
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 10])
 def test_few_points_make_no_boxes(count: int) -> None:
     xyz = np.random.default_rng(0).uniform(5.0, 5.2, (count, 3))
@@ -132,13 +200,19 @@ def test_few_points_make_no_boxes(count: int) -> None:
 
 
 def test_equal_clouds_give_equal_boxes_whatever_the_order_of_their_points() -> None:
-    frame = next(drawn_frames(MAPS, front("hdl64"), 1, 7))
-    first = detect(frame.cloud, ClassicalConfig())
-    again = detect(frame.cloud, ClassicalConfig())
-    assert np.array_equal(first.boxes.center_m, again.boxes.center_m)
-    order = np.random.default_rng(1).permutation(len(frame.cloud))
-    turned = detect(frame.cloud[order], ClassicalConfig())
-    assert sorted(turned.category.tolist()) == sorted(first.category.tolist())
+    """But for headings of vehicles, which come from 32 points of each, and gaps at the edges of cells."""
+    cloud = next(drawn_frames(MAPS, front("hdl64"), 1, 7)).cloud
+    order = np.random.default_rng(1).permutation(len(cloud))
+    found, again, turned = (
+        find_candidates(each, ClassicalConfig(), StageClock())[0] for each in (cloud, cloud, cloud[order])
+    )
+    assert np.array_equal(found.boxes.center_m, again.boxes.center_m)
+    for category, within_m in (("pedestrian", 1e-6), ("cyclist", 1e-6), ("car", 0.1)):
+        one, other = (made.boxes.center_m[made.category == category] for made in (found, turned))
+        apart = np.linalg.norm(one[:, None] - other, axis=2)
+        assert min(apart.shape) > 5
+        for axis in (0, 1):
+            assert np.mean(apart.min(axis=axis) <= within_m) >= (0.5 if category == "car" else 0.8)
 
 
 def test_scores_are_probabilities_on_streets_that_they_were_not_fitted_to() -> None:
