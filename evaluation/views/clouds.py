@@ -55,7 +55,7 @@ def write_stages(folder: Path, name: str, cloud: PointCloud, detections: BoxDete
 
 
 def cloud_picture(title: str, cloud: PointCloud, detections: BoxDetections) -> Figure:
-    """A cloud from above, x ahead upwards, with its boxes and their scores."""
+    """A cloud from above, x ahead upwards, with its boxes, their scores and distances."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 8.0), layout="constrained")
@@ -67,7 +67,7 @@ def cloud_picture(title: str, cloud: PointCloud, detections: BoxDetections) -> F
         if chosen.any():
             axes.plot(y[chosen], x[chosen], ".", markersize=1, color=color, label=fate_name, rasterized=True)
     axes.plot(y[fate >= 0], x[fate >= 0], ".", markersize=1.5, color=CLUSTER_COLOR, label="clusters")
-    outline = detections.boxes.on_ground
+    outline, distance_m = detections.boxes.on_ground, detections.distance_m
     named = set()
     for row, points in enumerate(corners(outline.center_m, outline.size_m, outline.yaw_rad)):
         category = str(detections.category[row])
@@ -76,7 +76,7 @@ def cloud_picture(title: str, cloud: PointCloud, detections: BoxDetections) -> F
         named.add(category)
         color = BOX_COLORS.get(category, CLUSTER_COLOR)
         axes.plot(ring[:, 1], ring[:, 0], "-", linewidth=1.2, color=color, label=label)
-        text = f"{detections.score[row]:.2f}"
+        text = f"{detections.score[row]:.2f}, {distance_m[row]:.1f} m"
         axes.annotate(text, (points[:, 1].min(), points[:, 0].max()), fontsize=6, color=color)
     shown = fate != OUT_OF_REACH
     if shown.any():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+import time
 from typing import Annotated
 
 import typer
@@ -32,7 +34,12 @@ def command(
 
     names = options.parse_names(method, tuple(METHODS), "--method")
     console = rich.console.Console()
-    read = list(clouds_of(clouds, topic))
+    read, spent_s = [], []
+    start_s = time.thread_time()
+    for named in clouds_of(clouds, topic):
+        spent_s.append(time.thread_time() - start_s)
+        read.append(named)
+        start_s = time.thread_time()
     points = sorted(len(named.cloud) for named in read)
     with counting("measuring", quiet) as done:
         tables = []
@@ -45,7 +52,8 @@ def command(
                 done(number * rounds + turn + 1, rounds * len(names))
             tables.append((name, stage_table(account)))
     console.print(
-        f"{len(read)} cloud{'s' * (len(read) > 1)}, {points[len(points) // 2]} points in the median",
+        f"{len(read)} cloud{'s' * (len(read) > 1)}, {points[len(points) // 2]} points in the median; "
+        f"reading one {1e3 * statistics.median(spent_s):.2f} ms",
         highlight=False,
     )
     for name, table in tables:

@@ -196,14 +196,19 @@ class DetectionWriter:
         text = self._kitti_text(detected.name, detections)
         write_bytes(self.folder / KITTI_FOLDER / f"{detected.name}.txt", text.encode())
         cloud = len(self.names) - 1
-        columns = (*_columns(detections.boxes), detections.score.tolist(), detections.category.tolist())
+        columns = (
+            *_columns(detections.boxes),
+            detections.score.tolist(),
+            detections.category.tolist(),
+            detections.distance_m.tolist(),
+        )
         self.rows += [(cloud, row) for row in zip(*columns, strict=True)]
 
     def finish(self) -> None:
         """Write the table of all clouds."""
         name, times = self.times()
         rows = ((times[cloud], *row) for cloud, row in self.rows)
-        header = (name, *_BOX_COLUMNS, "score", "category")
+        header = (name, *_BOX_COLUMNS, "score", "category", "distance_m")
         write_bytes(self.folder / DETECTIONS, csv_bytes(header, rows))
 
     def times(self) -> tuple[str, list[float] | list[int]]:
