@@ -13,6 +13,9 @@ from smartmot.tracking.scores import reference_scores
 from smartmot.tracking.settings import CODES
 from smartmot.types import CATEGORIES, FloatArray
 
+MOST_LATE_S = 60.0
+"""Nobody tracks with boxes of a minute ago: such times are of another clock or unit."""
+
 
 def detectors_of(
     data: Dataset, scale: str, profiles: Mapping[str, DetectorProfile]
@@ -25,7 +28,8 @@ def detectors_of(
         profiles: Those that the user gives.
 
     Raises:
-        DatasetError: A profile is of a detector that is not there, or only some boxes name their detector.
+        DatasetError: A profile is of a detector that is not there, only some boxes name their detector, or
+            some arrive later than anybody waits.
     """
     names = sorted({name for s in data.sequences for name in s.detections.detector.tolist()})
     for name in profiles:
@@ -36,6 +40,13 @@ def detectors_of(
         return {}
     if "" in names:
         raise DatasetError("column detector: some boxes have none; name the detector of every box")
+    for name in names:
+        late_s = _lateness_s(data, name)
+        if len(late_s) and late_s.max() > MOST_LATE_S:
+            raise DatasetError(
+                f"column received_s: boxes of {name} arrive up to {late_s.max():.3g} s late, over "
+                f"{MOST_LATE_S:g} s; is it in seconds, by the clock of stamp_s?"
+            )
     return {name: profiles.get(name) or _from_file(data, name, scale) for name in names}
 
 

@@ -110,7 +110,7 @@ def prepare(
         profiles: What is known of the detectors, by the names in the data; None: nothing.
 
     Raises:
-        ArgumentError: There is no map to keep it by.
+        ArgumentError: There is no map to keep it by, or profiles are given to a tracker of the user's own.
         DatasetError: A file is wrong, a sequence is missing, or the map does not cover the data.
     """
     data = labels_as_detections(chosen(read_dataset(folder, form, columns), names))
@@ -129,6 +129,8 @@ def prepare(
         for sequence in data.sequences:
             require_cover(network, sequence.detections.center_m, f"detections of sequence {sequence.name}")
     detectors: Mapping[str, DetectorProfile | None] = {}
+    if profiles and not isinstance(config, TrackerConfig):
+        raise ArgumentError("--detectors: a tracker of your own gets all boxes as they are; leave it out")
     if isinstance(config, TrackerConfig):
         detectors = detectors_of(data, scores, profiles or {})
         config = with_score_scale(config, data, scores)
@@ -179,6 +181,8 @@ def carry_out(
         DatasetError: The tracker refuses a frame.
     """
     data = study.data
+    if offline:
+        offline_config(study.config, data)  # what cannot be smoothed is refused at once
     progress.begin("tracking", data.frame_count)
     start_s = time.thread_time()  # without the thread that draws the bar
     tracked = track_dataset(data, study.config, progress.done, study.detectors)

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from evaluation.cli import main
+from evaluation.errors import ArgumentError
 from evaluation.studies.mot.detectors import detectors_of
 from evaluation.studies.mot.run import prepare, track_dataset
 from scenarios.errors import DatasetError
 from scenarios.recorded.csv_files import read_csv
 from smartmot import DetectorProfile, tracker_config
+from smartmot.plugins import Plugin
 
 HEADER = "stamp_s,x_m,y_m,length_m,width_m,yaw_rad,score,category,detector"
 CONFIG = tracker_config("default")
@@ -142,3 +144,16 @@ def test_existence_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     existence = pd.read_csv(tmp_path / "default" / "tracks.csv")["existence"]
     assert existence.iloc[0] == 0.5
     assert existence.iloc[-1] > 0.99
+
+
+def test_times_of_another_clock_are_refused(tmp_path: Path) -> None:
+    data = read_csv(_recording(tmp_path / "data", 1.7e9))
+    with pytest.raises(DatasetError, match="is it in seconds, by the clock of stamp_s"):
+        detectors_of(data, "file", {})
+
+
+def test_profiles_are_not_for_trackers_of_ones_own(tmp_path: Path) -> None:
+    folder = _recording(tmp_path / "data", None)
+    given = {"lidar": DetectorProfile("lidar", 10.0)}
+    with pytest.raises(ArgumentError, match="--detectors: a tracker of your own"):
+        prepare(folder, Plugin("somewhere:Tracker", ""), profiles=given)
