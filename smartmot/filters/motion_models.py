@@ -298,12 +298,13 @@ class DecayingAcceleration:
 
         The integrand is made of exponentials of at most dt_s / memory_s; eight nodes are exact to rounding.
         """
-        nodes, weights = np.polynomial.legendre.leggauss(8)
-        noise = np.zeros((*self.densities().shape, 3))
-        for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True):
-            f = self.transition(0.5 * dt_s * (node + 1.0))
-            noise += 0.5 * dt_s * weight * (f * self.densities()[..., None, :]) @ f.T
-        return noise
+        nodes, weights = _gauss()
+        f = np.stack([self.transition(0.5 * dt_s * (node + 1.0)) for node in nodes.tolist()])
+        # (K, K, K): what a unit of noise on derivative j adds to the covariance of derivatives k and l
+        share = np.einsum("n,nkj,nlj->jkl", 0.5 * dt_s * weights, f, f)
+        densities = _fading_densities(self)
+        noise: FloatArray = densities @ share.reshape(3, -1)
+        return noise.reshape(*densities.shape, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,6 +355,18 @@ def process_noise(densities: FloatArray, dt_s: float) -> FloatArray:
     power, divisor = _impulses(k)
     noise: FloatArray = densities @ (dt_s**power / divisor).reshape(k, -1)
     return noise.reshape(*densities.shape[:-1], k, k)
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> tuple[FloatArray, FloatArray]:
+    """Eight nodes and weights of Gauss and Legendre."""
+    return np.polynomial.legendre.leggauss(8)
+
+
+@lru_cache(maxsize=8)
+def _fading_densities(motion: DecayingAcceleration) -> FloatArray:
+    """(C, 5, 3) densities of a motion: measured times differ in every frame, the motion does not."""
+    return motion.densities()
 
 
 @lru_cache(maxsize=4)
