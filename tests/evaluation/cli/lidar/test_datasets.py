@@ -100,13 +100,13 @@ def test_every_label_holds_its_points_and_is_on_the_ground(kitti: Path, call: Ca
 
 @pytest.mark.parametrize("layout", ["nuscenes", "simbev"])
 def test_layouts_hold_the_same(layout: str, kitti: Path, tmp_path: Path, call: Call) -> None:
-    assert call(*MAKE, "--layout", layout, "--out", tmp_path)[0] == 0
+    assert call(*MAKE[:-2], 5, "-q", "--workers", 1, "--layout", layout, "--out", tmp_path)[0] == 0
     code, _, error = call("check", tmp_path)
     assert (code, error) == (0, "")
     made = sorted(read_frames(tmp_path), key=lambda frame: (frame.scene, frame.name))
-    ours = sorted(read_frames(kitti), key=lambda frame: frame.name)
+    ours = sorted(read_frames(kitti), key=lambda frame: frame.name)[:5]
     for frame, same in zip(made, ours, strict=True):
-        assert frame.split == same.split
+        assert frame.split == "train"  # two scenes are too few to hold one back
         assert frame.cloud.xyz_m.tobytes() == same.cloud.xyz_m.tobytes()
         assert frame.boxes.center_m == pytest.approx(same.boxes.center_m, abs=1e-6)
         assert np.cos(frame.boxes.yaw_rad - same.boxes.yaw_rad) == pytest.approx(1.0, abs=1e-9)
@@ -117,10 +117,10 @@ def test_layouts_hold_the_same(layout: str, kitti: Path, tmp_path: Path, call: C
 
 def test_crops_of_a_data_set_in_its_own_frames(kitti: Path, tmp_path: Path, call: Call) -> None:
     composed = ("--from", "crops", "--crops", kitti, "--background", kitti, "--flip", "--scale", 0.1)
-    assert call(*MAKE[:3], "--frames", 10, "-q", *composed, "--out", tmp_path)[0] == 0
+    assert call(*MAKE[:3], "--frames", 4, "-q", *composed, "--workers", 1, "--out", tmp_path)[0] == 0
     assert call("check", tmp_path)[0] == 0
-    background = sum(len(frame.labels) for frame in read_frames(kitti))
-    assert sum(len(frame.labels) for frame in read_frames(tmp_path)) > background
+    train = [len(frame.labels) for frame in read_frames(kitti) if frame.split == "train"]
+    assert sum(len(frame.labels) for frame in read_frames(tmp_path)) > 4 * min(train)
     assert json.loads((tmp_path / "dataset.json").read_text())["crops"] == "data"
 
 
