@@ -28,6 +28,7 @@ pythons:
 
 # What has to pass before a release: the slow checks too. `pythons` has all of `newest`.
 release-check: check oldest pythons
+	.ci/exports
 	$(VENV)/bin/smartmot-eval reports --check
 
 # Each prints ratios against peers measured in the same run; peers come from PyPI into an environment of their own.
