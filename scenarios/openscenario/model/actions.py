@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Reference
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model.entities import Controller, Environment
-from scenarios.openscenario.model.positions import Position, Route, Trajectory
+from scenarios.openscenario.model.positions import Position, Route, System, Trajectory
 
 SpeedShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal"]
 Dimension: TypeAlias = Literal["time", "rate", "distance"]
@@ -93,13 +93,13 @@ class LongitudinalDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     ahead: Annotated[
         bool | None,
-        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "trailingReferencedEntity",
             {"any": None, "leadingReferencedEntity": True, "trailingReferencedEntity": False},
         ),
     ]
+    system: Annotated[System, Attribute("coordinateSystem", "entity")] = "entity"
     constraints: Annotated[DynamicConstraints | None, Child("DynamicConstraints")] = None
 
 
@@ -175,7 +175,6 @@ class LateralDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     left: Annotated[
         bool | None,
-        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "any",

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
 from scenarios.openscenario.expressions import Value
-from scenarios.openscenario.model.positions import Position
+from scenarios.openscenario.model.positions import Position, System
 
 Direction: TypeAlias = Literal["longitudinal", "lateral", "vertical"]
 Distance: TypeAlias = Literal["longitudinal", "lateral", "euclidianDistance"]
@@ -35,9 +35,6 @@ DISTANCES = {
     "euclidianDistance": "euclidianDistance",
 }
 """How a distance is measured; 1.0 calls the straight line `cartesianDistance`."""
-
-System: TypeAlias = Literal["entity", "lane", "road"]
-"""In whose coordinates a distance is measured; those of a trajectory are refused."""
 
 SystemAttribute: TypeAlias = Annotated[System, Attribute("coordinateSystem", "entity")]
 AlongRoute: TypeAlias = Annotated[bool, Attribute("alongRoute", False)]
@@ -183,12 +180,24 @@ class TraveledDistanceCondition(Element):
 
 
 class AngleCondition(Element, attributes="angleType angle angleTolerance coordinateSystem"):
-    """Heading in the map frame, within a tolerance."""
+    """Heading in the map frame, or less the direction of road, lane or trajectory, within a tolerance."""
 
-    angle_rad: Annotated[
-        float, Only("angleType", "heading"), Only("coordinateSystem", "world", "world"), Attribute("angle")
-    ]
+    angle_rad: Annotated[float, Only("angleType", "heading"), Attribute("angle")]
     tolerance_rad: Annotated[float, Attribute("angleTolerance", sign="not negative")]
+    system: Annotated[
+        Literal["world", "road", "lane", "trajectory"], Attribute("coordinateSystem", "world")
+    ] = "world"
+
+
+class RelativeAngleCondition(Element, attributes="entityRef angleType angle angleTolerance coordinateSystem"):
+    """Heading less another entity's, within a tolerance; along roads less the change of their direction."""
+
+    entity: EntityName
+    angle_rad: Annotated[float, Only("angleType", "heading"), Attribute("angle")]
+    tolerance_rad: Annotated[float, Attribute("angleTolerance", sign="not negative")]
+    system: Annotated[
+        Literal["entity", "world", "road", "lane", "trajectory"], Attribute("coordinateSystem", "entity")
+    ] = "entity"
 
 
 class ReachPositionCondition(Element):
@@ -266,6 +275,7 @@ EntityConditionKind: TypeAlias = (
     | StandStillCondition
     | TraveledDistanceCondition
     | AngleCondition
+    | RelativeAngleCondition
     | ReachPositionCondition
     | DistanceCondition
     | EndOfRoadCondition

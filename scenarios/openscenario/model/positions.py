@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only
+
+System: TypeAlias = Literal["entity", "lane", "road", "trajectory"]
+"""In whose coordinates a distance is measured."""
 
 
 class Orientation(Element, attributes="h p r type"):

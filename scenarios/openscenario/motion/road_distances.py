@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from dataclasses import replace
 from typing import NamedTuple
 
 from scenarios.openscenario.motion.paths import ON_PATH_M, Path, Pose
@@ -20,6 +22,20 @@ class _Stretch(NamedTuple):
     along_s: int
     before_m: float
     length_m: float
+    lane: int
+
+
+class _Middle(NamedTuple):
+    """The middle line of a lane along s, and s at its points."""
+
+    path: Path
+    s_m: list[float]
+
+    def station_m(self, s_m: float) -> float:
+        """About where on it the road is at s."""
+        k = min(max(bisect_right(self.s_m, s_m) - 1, 0), len(self.s_m) - 2)
+        part = (s_m - self.s_m[k]) / (self.s_m[k + 1] - self.s_m[k])
+        return self.path.length_m * (k + part) / (len(self.s_m) - 1)
 
 
 class RoadDistances:
@@ -32,6 +48,7 @@ class RoadDistances:
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
         self._chains: dict[tuple[int, int], list[_Stretch]] = {}
+        self._middles: dict[int, _Middle] = {}
 
     def place(self, pose: Pose) -> LanePlace | None:
         """The lane below a pose; beside the road that of the nearest lane. None without roads."""
@@ -59,6 +76,66 @@ class RoadDistances:
                 key = self._roads.network.lanes.key[lane]
                 return LanePlace(lane, key.road_id, key.lane_id, s, math.nan, math.nan, along * facing)
         return self.place(pose)
+
+    def with_t(self, place: LanePlace, pose: Pose) -> LanePlace:
+        """A place with its t."""
+        if not math.isnan(place.t_m):
+            return place
+        middle = self._roads.lane_middle_m(place.lane, place.s_m)
+        at = self._roads.point(place.road_id, place.s_m, middle)
+        c, s = math.cos(at.yaw_rad), math.sin(at.yaw_rad)
+        left = c * (pose.y_m - at.y_m) - s * (pose.x_m - at.x_m)
+        return replace(place, t_m=middle + left, offset_m=left)
+
+    def direction(self, place: LanePlace) -> float:
+        """Heading along the road at a place, rad, the way that it faces."""
+        yaw = self._roads.point(place.road_id, place.s_m, 0.0).yaw_rad
+        return yaw if place.along_s > 0 else yaw + math.pi
+
+    def direction_at(self, path: Path, station_m: float, pose: Pose, lane: bool) -> float:
+        """Heading of the s axis of the road (of the middle of the lane) below an entity, rad; NaN without."""
+        place = self.place_on(path, station_m, pose)
+        if place is None:
+            return math.nan
+        if not lane:
+            return self._roads.point(place.road_id, place.s_m, 0.0).yaw_rad
+        _, _, yaw = self._foot(place.lane, place.s_m, 1, pose)
+        return yaw
+
+    def along_lane(
+        self, place: LanePlace, pose: Pose, other: LanePlace, other_pose: Pose
+    ) -> tuple[float, float, float, float] | None:
+        """How far another is ahead along the middle of a lane, and to the left of it; directions at both.
+
+        Where no lanes that follow lead there, its road goes on for the lane.
+        """
+        for way in (1, -1):
+            travelled = 0.0
+            chain = self._chain(place.lane, way * place.along_s)
+            begin, own_left, axis = self._foot(place.lane, place.s_m, chain[0].along_s, pose)
+            for stretch in chain:
+                gone = (other.s_m - stretch.enter_m) * stretch.along_s
+                if stretch.road_id == other.road_id and -1e-6 <= gone <= stretch.length_m + 1e-6:
+                    end, left, other_axis = self._foot(stretch.lane, other.s_m, stretch.along_s, other_pose)
+                    turned = 0.0 if way > 0 else math.pi
+                    ahead = way * (travelled + end - begin)
+                    return ahead, way * (left - own_left), axis + turned, other_axis + turned
+                travelled += self._middle(stretch.lane).path.length_m
+        hit = self.relate(self.with_t(place, pose), self.with_t(other, other_pose))
+        return None if hit is None else (hit[0], hit[1], self.direction(place), self.direction(other))
+
+    def _foot(self, lane: int, s_m: float, along_s: int, pose: Pose) -> tuple[float, float, float]:
+        """Arc length of a lane's middle line up to beside a pose, offset to its left, and its direction."""
+        middle = self._middle(lane)
+        station, left = middle.path.project_from(pose.x_m, pose.y_m, middle.station_m(s_m))
+        yaw = middle.path.pose(station)[2]
+        return (station, left, yaw) if along_s > 0 else (middle.path.length_m - station, -left, yaw + math.pi)
+
+    def _middle(self, lane: int) -> _Middle:
+        """The middle line of a lane."""
+        if lane not in self._middles:
+            self._middles[lane] = _Middle(*self._roads.middle_line(lane))
+        return self._middles[lane]
 
     def relate(self, place: LanePlace, other: LanePlace) -> tuple[float, float, int] | None:
         """How far another place is ahead and to the left; -1 if s runs the other way there, else 1."""
@@ -93,7 +170,14 @@ class RoadDistances:
                 if chain:
                     before += chain[-1].length_m if len(chain) > 1 else 0.0
                 chain.append(
-                    _Stretch(lanes.key[leg.lane].road_id, leg.s_start_m, leg.along_s, before, leg.length_m)
+                    _Stretch(
+                        lanes.key[leg.lane].road_id,
+                        leg.s_start_m,
+                        leg.along_s,
+                        before,
+                        leg.length_m,
+                        leg.lane,
+                    )
                 )
             self._chains[lane, along_s] = chain
         return self._chains[lane, along_s]

@@ -385,6 +385,12 @@ class Roads(Immutable):
         )
         return path
 
+    def middle_line(self, lane: int) -> tuple[Path, list[float]]:
+        """The middle line of a lane along s, and s at its points."""
+        lanes = self.network.lanes
+        rows = self._leg_rows(Leg(lane, float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])), 0.0)
+        return Path(rows[:, 0], rows[:, 1], rows[:, 2]), rows[:, 3].tolist()
+
     def _leg_rows(self, leg: Leg, left_m: float) -> FloatArray:
         """(K, 4) x, y, yaw, s along a leg: its two ends if it is straight, dense points otherwise."""
         probes = max(3, math.ceil(leg.length_m) + 1)

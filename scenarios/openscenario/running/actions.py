@@ -11,7 +11,7 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
-from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
 
 LONGITUDINAL, LATERAL = "longitudinal", "lateral"
@@ -123,48 +123,6 @@ class Speed(RunningAction[model.SpeedAction]):
     def ended(self, instant: Instant) -> bool:
         """At the target speed."""
         return not self._for_ever and instant.time_s >= self._profile.end_s - 1e-9
-
-
-class LongitudinalDistance(RunningAction[model.LongitudinalDistanceAction]):
-    """LongitudinalDistanceAction without limits of dynamics: the distance is there at once."""
-
-    domains = frozenset({LONGITUDINAL})
-
-    def start(self, time_s: float) -> None:
-        """Take up the distance; keep it, or go on with the other's speed."""
-        action, actor, other = self.action, self.who, self.world.actors[self.action.entity]
-        own, seen = actor.state(time_s), other.state(time_s)
-        ahead = action.ahead
-        if ahead is None:
-            ahead = actor.path.project(seen.x_m, seen.y_m)[0] <= own.station_m
-        distance = action.distance_m
-        if distance is None:
-            distance = (action.time_gap_s or 0.0) * abs(own.speed_mps if not ahead else seen.speed_mps)
-        if action.freespace:
-            distance += overhangs_m(actor, other, own, seen, ahead)
-        actor.attach(time_s, other, distance if ahead else -distance)
-        if not action.continuous:
-            actor.detach(time_s)
-
-    def ended(self, instant: Instant) -> bool:
-        """At once, unless it is continuous."""
-        return not self.action.continuous
-
-    def needs(self) -> frozenset[str]:
-        """Whom it keeps the distance from."""
-        return frozenset({self.action.entity})
-
-    def leave(self, time_s: float) -> None:
-        """Go on with the present speed."""
-        self.who.detach(time_s)
-
-
-def overhangs_m(actor: Actor, other: Actor, own: State, seen: State, ahead: bool) -> float:
-    """From reference point to reference point where two touch, one ahead of or behind the other."""
-    # the overhangs of one that faces the other way swap
-    same_way = math.cos(actor.path.pose(own.station_m)[2] - seen.yaw_rad) > 0.0
-    front_m, rear_m = (other.front_m, other.rear_m) if same_way else (other.rear_m, other.front_m)
-    return actor.rear_m + front_m if ahead else actor.front_m + rear_m
 
 
 class Animation(RunningAction[model.AnimationAction]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from scenarios.openscenario.control import EgoController
 from scenarios.openscenario.errors import RunError
@@ -54,16 +54,30 @@ _state = partial(tuple.__new__, State)
 """A state from a tuple, in half the time of its constructor."""
 
 
+class Kept(Protocol):
+    """A place on a path that moves with another entity."""
+
+    def on(self, path: Path, own: State, seen: State) -> State | None:
+        """The state of an entity there, near a state of it; None if there is no such place."""
+        ...
+
+    def rates(self, path: Path, own: State, seen: State) -> tuple[float, float]:
+        """By how much what is left shrinks per metre of way, and the speed at which the place moves."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Tow:
     """Kept at a distance from another entity, on the own path.
 
     Args:
         leader: the other entity.
-        ahead_m: along the path from its reference point.
+        place: where on the path that is.
+        ahead_m: along the path from its reference point, where there is no such place.
     """
 
     leader: Actor
+    place: Kept
     ahead_m: float
 
 
@@ -126,8 +140,8 @@ class Actor:
         self.commanded = False
         self.standing_since_s: float | None = 0.0
         self.set_off_s: float | None = None
-        self._beside_path: Path | None = None
-        self._beside_m = 0.0
+        self._towed_path: Path | None = None
+        self._towed_m = 0.0
         self._steady_s = 0.0
         self._yaw_offset = 0.0
         self._reversed = False
@@ -170,11 +184,22 @@ class Actor:
 
     def _towed(self, time_s: float) -> State:
         assert self.tow is not None
-        leader = self.tow.leader.state(time_s)
-        station = self._beside(leader) + self.tow.ahead_m
-        x, y, yaw = self.path.pose(station)
+        tow, path = self.tow, self.path
+        leader = tow.leader.state(time_s)
+        if self._towed_path is not path:
+            self._towed_path = path
+            self._towed_m = path.project(leader.x_m, leader.y_m)[0] + tow.ahead_m
+        near = State(*path.pose(self._towed_m), 0.0, self._towed_m, 0.0)
+        there = tow.place.on(path, near, leader)
+        if there is None:
+            station = path.project(leader.x_m, leader.y_m)[0] + tow.ahead_m
+            x, y, yaw = path.pose(station)
+            along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
+        else:
+            x, y, yaw, _, station, _ = there
+            along = tow.place.rates(path, there, leader)[1]
+        self._towed_m = station
         gone = abs(station - self._anchor_station)
-        along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
         return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
 
     def _drawn(self, coupling: Coupling, time_s: float) -> State:
@@ -211,15 +236,6 @@ class Actor:
     def towed(self) -> list[Actor]:
         """It and the trailers behind it."""
         return [self] if self.trailer is None else [self, *self.trailer.towed()]
-
-    def _beside(self, other: State) -> float:
-        """Arc length of its path beside another entity, near where that was before."""
-        path = self.path
-        if self._beside_path is not path:
-            self._beside_path, self._beside_m = path, path.project(other.x_m, other.y_m)[0]
-        else:
-            self._beside_m = path.project_from(other.x_m, other.y_m, self._beside_m)[0]
-        return self._beside_m
 
     def pose(self, time_s: float) -> Pose:
         """Point and heading at a time, with the height of the ground where roads lie above one another."""
@@ -453,7 +469,7 @@ class Actor:
         if not self.commanded:
             self._note(time_s, profile.at(time_s)[1], time_s)
 
-    def attach(self, time_s: float, leader: Actor, ahead_m: float) -> None:
+    def attach(self, time_s: float, leader: Actor, place: Kept, ahead_m: float) -> None:
         """Keep a distance from another entity from a time on."""
         self.anchor(time_s)
         chain: Actor | None = leader
@@ -461,7 +477,8 @@ class Actor:
             if chain is self:
                 raise RunError(f"'{self.name}' keeps a distance from an entity that keeps one from it")
             chain = chain.tow.leader if chain.tow is not None else None
-        self.tow = Tow(leader, ahead_m)
+        self.tow = Tow(leader, place, ahead_m)
+        self._towed_path = None
         if self.commanded:
             return
         state = self._towed(time_s)

@@ -50,7 +50,7 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
         case model.TraveledDistanceCondition():
             return own.TraveledDistance(kind, actor)
         case model.AngleCondition():
-            return own.Angle(kind, actor)
+            return own.Angle(kind, actor, world)
         case model.ReachPositionCondition():
             return own.ReachPosition(kind, actor, world)
         case model.EndOfRoadCondition():
@@ -70,6 +70,8 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
     match kind:
         case model.CollisionCondition():
             return holding.Fixed(False) if other is actor else relative.Touching(actor, other)
+        case model.RelativeAngleCondition():
+            return own.Angle(kind, actor, world, other)
         case model.RelativeSpeedCondition():
             return relative.RelativeSpeed(kind, actor, other)
         case model.RelativeDistanceCondition():

@@ -9,30 +9,10 @@ from collections.abc import Sequence
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Pose
-from scenarios.openscenario.motion.road_distances import RoadDistances
 from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.driving.separation import Separation
 from scenarios.openscenario.running.holding import Holding, Mark
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
-
-
-def road_distance_m(
-    distances: RoadDistances, actor: Actor, other: Actor, a: State, b: State, lateral: bool, freespace: bool
-) -> float:
-    """Distance of two entities along the road, or across it; between outlines negative where they overlap."""
-    if lateral:
-        ahead, apart = 0.0, abs(distances.apart(actor.pose_in(a), other.pose_in(b))[1])
-    else:
-        place = distances.place_on(actor.path, a.station_m, actor.pose_in(a))
-        ahead = distances.ahead_m(place, distances.place_on(other.path, b.station_m, other.pose_in(b)))
-        apart = abs(ahead)
-    if not freespace or math.isnan(apart):
-        return apart
-    if lateral:
-        return apart - 0.5 * (actor.definition.width_m + other.definition.width_m)
-    same_way = math.cos(a.yaw_rad - b.yaw_rad) >= 0.0
-    if ahead >= 0.0:
-        return apart - actor.front_m - (other.rear_m if same_way else other.front_m)
-    return apart - actor.rear_m - (other.front_m if same_way else other.rear_m)
 
 
 class Lasting(Holding):
@@ -131,7 +111,8 @@ class Clearance(Holding):
         if math.isnan(ahead):
             return False
         if condition.freespace:
-            apart = road_distance_m(distances, self._actor, other, a, b, lateral=False, freespace=True)
+            separation = Separation(self._world, self._actor, other, "road")
+            apart = separation.between_m(a, b, lateral=False, freespace=True)
             ahead = math.copysign(max(apart, 0.0), ahead)
         if not -condition.backward_m <= ahead <= condition.forward_m:
             return False

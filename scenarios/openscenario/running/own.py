@@ -51,25 +51,65 @@ class TraveledDistance(Holding):
 
 
 class Angle(Compared):
-    """AngleCondition: the heading's difference from an angle."""
+    """AngleCondition, RelativeAngleCondition: how far a heading, or a difference of two, is from an angle."""
 
-    def __init__(self, condition: model.AngleCondition, actor: Actor) -> None:
+    def __init__(
+        self,
+        condition: model.AngleCondition | model.RelativeAngleCondition,
+        actor: Actor,
+        world: World,
+        other: Actor | None = None,
+    ) -> None:
         super().__init__("lessOrEqual", condition.tolerance_rad)
-        self._angle_rad, self._actor = condition.angle_rad, actor
+        self._angle_rad, self._system = condition.angle_rad, condition.system
+        self._actor, self._world = actor, world
+        self._actors = [actor] if other is None else [actor, other]
 
     def quantity(self, instant: Instant) -> float:
-        """The difference, not negative."""
-        yaw_rad = instant.state(self._actor.name).yaw_rad
-        return abs(math.remainder(yaw_rad - self._angle_rad, 2 * math.pi))
+        """The difference, not negative; not a number where there is no road (no trajectory) to count from."""
+        difference: float | None = instant.memo.get(self)
+        if difference is None:
+            headings = [instant.state(actor.name).yaw_rad for actor in self._actors]
+            directions = self._directions(instant)
+            turned = [yaw - direction for yaw, direction in zip(headings, directions, strict=True)]
+            angle = turned[0] - (turned[1] if len(turned) > 1 else 0.0) - self._angle_rad
+            difference = abs(math.remainder(angle, 2 * math.pi)) if math.isfinite(angle) else math.nan
+            instant.memo[self] = difference
+        return difference
+
+    def _directions(self, instant: Instant) -> list[float]:
+        """Directions from which headings count, at each of the entities."""
+        states = [instant.state(actor.name) for actor in self._actors]
+        if self._system in ("entity", "world"):
+            return [0.0] * len(states)
+        if self._system == "trajectory":
+            path = self._actor.path
+            if not self._actor.on_trajectory:
+                return [math.nan] * len(states)
+            return [path.pose(path.project(state.x_m, state.y_m)[0])[2] for state in states]
+        distances = self._world.road_distances
+        return [
+            distances.direction_at(actor.path, state.station_m, actor.pose_in(state), self._system == "lane")
+            for actor, state in zip(self._actors, states, strict=True)
+        ]
 
     def reach(self, a: Instant, b: Instant) -> float:
-        """How much the entity turns."""
-        name = self._actor.name
-        return self._actor.turn_rad(a.state(name), b.state(name))
+        """How much the entities, and the directions that count, turn."""
+        names = [actor.name for actor in self._actors]
+        turn = sum(
+            actor.turn_rad(a.state(name), b.state(name))
+            for actor, name in zip(self._actors, names, strict=True)
+        )
+        if self._system in ("entity", "world"):
+            return turn
+        pairs = zip(self._directions(a), self._directions(b), strict=True)
+        turns = [abs(math.remainder(y - x, 2 * math.pi)) for x, y in pairs if math.isfinite(x + y)]
+        return turn + sum(turns)
 
     def settled_s(self, now: Instant) -> float:
-        """As long as the entity rests."""
-        return math.inf if self._actor.rests(now.time_s) else now.time_s
+        """As long as the entities rest."""
+        resting = all(actor.rests(now.time_s) for actor in self._actors)
+        return math.inf if resting else now.time_s
 
 
 class Speed(Compared):

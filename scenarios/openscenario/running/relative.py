@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from scenarios.openscenario import model
 from scenarios.openscenario.running.actors import STANDING_MPS, Actor, State
+from scenarios.openscenario.running.driving.separation import Separation, moved
 from scenarios.openscenario.running.holding import (
     EQUAL,
     SLACK,
@@ -15,7 +16,7 @@ from scenarios.openscenario.running.holding import (
     Mark,
     settled_for_s,
 )
-from scenarios.openscenario.running.on_road import PlaceActor, road_distance_m
+from scenarios.openscenario.running.on_road import PlaceActor
 from scenarios.openscenario.running.own import MOMENT_S
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.geometry import signed_gap_scalar
@@ -156,15 +157,12 @@ class _Distance(Compared):
         system = condition.system
         if condition.along_route:  # the word of 1.0 for a distance along the road
             system, self._kind = "road", "longitudinal"
-        on_road = system != "entity" and self._kind != "euclidianDistance"
-        self._roads = world.road_distances if on_road else None
+        along = system != "entity" and self._kind != "euclidianDistance"
+        self._along = Separation(world, actor, other, system) if along else None
 
     def _between_m(self, state: State, other: State) -> float:
-        if self._roads is not None:
-            pair, lateral = self._pair, self._kind == "lateral"
-            return road_distance_m(
-                self._roads, pair.actor, pair.other, state, other, lateral, self._freespace
-            )
+        if self._along is not None:
+            return self._along.between_m(state, other, self._kind == "lateral", self._freespace)
         return signed_distance_m(
             self._pair.actor, self._pair.other, state, other, self._kind, self._freespace
         )
@@ -180,12 +178,14 @@ class _Distance(Compared):
         """How much the distance can have changed."""
         pair = self._pair
         reach_m, turn, other_turn = pair.passed(a, b)
-        if self._roads is not None:
+        if self._along is not None:
             # beside a bend the way along the road is longer or shorter, by no more than twice
             (state, other), (later, other_later) = pair.states(a), pair.states(b)
             way_m = abs(later.travelled_m - state.travelled_m) + abs(
                 other_later.travelled_m - other.travelled_m
             )
+            if self._freespace:
+                way_m += turn * pair.actor.radius_m + other_turn * pair.other.radius_m
             return 2.0 * way_m
         actor_m, other_m = pair.actor.radius_m, pair.other.radius_m
         if self._freespace:
@@ -202,7 +202,7 @@ class _Distance(Compared):
         apart_m, fastest_mps = pair.apart_m(now), pair.fastest_mps(now)
         if not math.isfinite(fastest_mps):
             return now.time_s
-        if self._roads is not None:
+        if self._along is not None:
             left_m = self._signed_m(now) - value_m - headway_s * fastest_mps
             until_s = settled_for_s(now, left_m if left_m > 0.0 or headway_s else -left_m, 2.0 * fastest_mps)
             # a fork ahead may change the distance at once
@@ -273,7 +273,7 @@ class TimeToCollision(_Distance):
         state, other = self._pair.states(instant)
 
         def apart_m(time_s: float) -> float:
-            return max(self._between_m(_moved(state, time_s), _moved(other, time_s)), 0.0)
+            return max(self._between_m(moved(state, time_s), moved(other, time_s)), 0.0)
 
         return apart_m(0.0), (apart_m(-BRIEFLY_S) - apart_m(BRIEFLY_S)) / (2.0 * BRIEFLY_S)
 
@@ -332,13 +332,6 @@ class TimeToCollision(_Distance):
         if self._upwards:  # it also begins to hold where they begin to approach each other, however far apart
             return now.time_s
         return self._settled_s(now, 0.0, max(self._value, 0.0))
-
-
-def _moved(state: State, time_s: float) -> State:
-    """Where an entity would be that goes straight on at its speed."""
-    way_m = state.speed_mps * time_s
-    x_m, y_m = state.x_m + way_m * math.cos(state.yaw_rad), state.y_m + way_m * math.sin(state.yaw_rad)
-    return state._replace(x_m=x_m, y_m=y_m, station_m=state.station_m + way_m)
 
 
 def signed_distance_m(

@@ -13,7 +13,6 @@ from scenarios.openscenario.reading.references import ends_with
 from scenarios.openscenario.running import following
 from scenarios.openscenario.running.actions import (
     Animation,
-    LongitudinalDistance,
     RunningAction,
     Speed,
     Switch,
@@ -48,7 +47,7 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
             case model.LongitudinalDistanceAction() if distances.limited(action.constraints):
                 return distances.Approach(world, actor, action)
             case model.LongitudinalDistanceAction():
-                return LongitudinalDistance(world, actor, action)
+                return distances.LongitudinalDistance(world, actor, action)
             case model.FollowTrajectoryAction():
                 return following.FollowTrajectory(world, actor, action)
             case model.AssignRouteAction():

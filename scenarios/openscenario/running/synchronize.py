@@ -3,7 +3,8 @@
 The approach has two parts: first the speed changes to the final one, then (the steady state) it is kept for
 the rest of the way. In the first part the entity changes its speed with accelerations of one size: to an
 extreme and back, or, where that would mean driving backwards, to a standstill, a wait, and on. Where the
-extreme would lie beyond the final speed, it reaches this one earlier and keeps it, if that covers the way.
+extreme would lie beyond the final speed, it reaches this one earlier and keeps it, if that covers the way
+with an acceleration that is possible.
 """
 
 from __future__ import annotations
@@ -18,6 +19,12 @@ from scenarios.openscenario.running.actors import STANDING_MPS, Actor
 from scenarios.openscenario.running.world import Instant, World
 
 _SMALL = 1e-9
+
+MOST_MPS2 = 9.81
+"""Who would have to change its speed harder to reach the final one without going beyond it goes beyond it.
+
+What feet and tyres hold at a friction of 1; going beyond is the plan with the least acceleration.
+"""
 
 
 def approach(
@@ -51,7 +58,7 @@ def approach(
         # It would go beyond the final speed and return. v0 -> v1 in x, then v1 for t - x cover
         # v1 t - (v1 - v0) x / 2; there is no such x if even v1 from now on does not cover the way.
         change = 2.0 * (v1 * t - d) / (v1 - v0)
-        if change > _SMALL:
+        if change > _SMALL and abs(v1 - v0) <= MOST_MPS2 * change:
             return (Piece(change, v0, v1), Piece(t - change, v1, v1))
     if extreme >= 0.0:
         away, back = abs(extreme - v0), abs(extreme - v1)

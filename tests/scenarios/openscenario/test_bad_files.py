@@ -19,7 +19,6 @@ from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     OTHER_AHEAD,
     act,
-    by_entity,
     by_value,
     condition,
     event,
@@ -106,7 +105,6 @@ def test_actions_that_are_not_carried_out_are_refused_by_name(write, action):
     [
         by_value('<TimeOfDayCondition dateTime="2026-01-01T00:00:00" rule="equalTo"/>'),
         by_value('<UserDefinedValueCondition name="x" value="1" rule="equalTo"/>'),
-        by_entity("<RelativeAngleCondition/>"),
     ],
 )
 def test_conditions_that_are_not_known_are_refused_by_name(write, kind):

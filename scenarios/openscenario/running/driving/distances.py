@@ -6,7 +6,9 @@ import math
 
 from scenarios.openscenario import model
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
-from scenarios.openscenario.running.actions import LONGITUDINAL, RunningAction, overhangs_m
+from scenarios.openscenario.running.actions import LONGITUDINAL, RunningAction
+from scenarios.openscenario.running.actors import State
+from scenarios.openscenario.running.driving.separation import Separation, Station, overhang_m
 from scenarios.openscenario.running.world import Instant
 
 CONTROL_S = 0.01
@@ -17,6 +19,9 @@ NEAR_PER_S, SPEED_PER_S = 0.5, 2.0
 
 BRAKING = 0.8
 """Share of the smaller limit that slowing down at the end is planned with; the rest is in reserve."""
+
+ACROSS = math.cos(math.pi / 4)
+"""Of headings that are further apart than 45 degrees one is across the other."""
 
 REACHED_M, REACHED_MPS = 0.1, 0.1
 """A distance that is not kept is reached within this; that of the distance is esmini's."""
@@ -29,46 +34,92 @@ def limited(constraints: model.DynamicConstraints | None) -> bool:
     )
 
 
-class Approach(RunningAction[model.LongitudinalDistanceAction]):
-    """LongitudinalDistanceAction with limits of acceleration: the distance is approached and kept."""
+class _Kept(RunningAction[model.LongitudinalDistanceAction]):
+    """What both ways to a distance share."""
 
     domains = frozenset({LONGITUDINAL})
 
-    def start(self, time_s: float) -> None:
-        """Find the side, and choose the first acceleration."""
+    def _find(self, time_s: float) -> None:
+        """Find the side, and the place that moves with the other."""
         action, actor = self.action, self.who
         self._other = self.world.actors[action.entity]
-        limits = action.constraints
+        own, seen = actor.state(time_s), self._other.state(time_s)
+        separation = Separation(self.world, actor, self._other, action.system)
+        leads = action.ahead
+        if leads is None:
+            leads = not separation.axes(own, seen, False, False)[0] > 0.0
+        self._place = Station(separation, self._distance_m(own, seen, leads), leads, action.freespace)
+        self._tell(own, seen)
+
+    def _distance_m(self, own: State, seen: State, leads: bool) -> float:
+        """The distance asked for; a gap in time is driven by who is behind."""
+        if self.action.distance_m is not None:
+            return self.action.distance_m
+        return (self.action.time_gap_s or 0.0) * abs(seen.speed_mps if leads else own.speed_mps)
+
+    def _tell(self, own: State, seen: State) -> None:
+        """Note where a distance along an entity's own axis is hardly one along its way."""
+        if self.action.system == "entity" and math.cos(own.yaw_rad - seen.yaw_rad) < ACROSS:
+            self.world.note(
+                f"the distance of '{self.who.name}' from '{self.action.entity}' is measured along its own x "
+                "axis also where the other one heads across it; coordinateSystem='lane' or 'road' follows "
+                "the way"
+            )
+
+    def needs(self) -> frozenset[str]:
+        """Whom it keeps the distance from."""
+        return frozenset({self.action.entity})
+
+
+class LongitudinalDistance(_Kept):
+    """LongitudinalDistanceAction without limits of dynamics: the distance is there at once."""
+
+    def start(self, time_s: float) -> None:
+        """Take up the distance; keep it, or go on with the other's speed."""
+        self._find(time_s)
+        place, actor = self._place, self.who
+        way_m = place.distance_m
+        if self.action.freespace:
+            own, seen = overhang_m(actor, 0.0, False), overhang_m(self._other, 0.0, False)
+            way_m += own[0] + seen[1] if place.leads else own[1] + seen[0]
+        actor.attach(time_s, self._other, place, way_m if place.leads else -way_m)
+        if not self.action.continuous:
+            actor.detach(time_s)
+
+    def ended(self, instant: Instant) -> bool:
+        """At once, unless it is continuous."""
+        return not self.action.continuous
+
+    def leave(self, time_s: float) -> None:
+        """Go on with the present speed."""
+        self.who.detach(time_s)
+
+
+class Approach(_Kept):
+    """LongitudinalDistanceAction with limits of acceleration: the distance is approached and kept."""
+
+    def start(self, time_s: float) -> None:
+        """Find the side, and choose the first acceleration."""
+        limits = self.action.constraints
         assert limits is not None
         self._up = math.inf if limits.max_acceleration_mps2 is None else limits.max_acceleration_mps2
         self._down = math.inf if limits.max_deceleration_mps2 is None else limits.max_deceleration_mps2
         self._fastest = math.inf if limits.max_speed_mps is None else limits.max_speed_mps
         self._rates = limits.max_acceleration_rate_mps3, limits.max_deceleration_rate_mps3
         self._accel = 0.0
-        ahead = action.ahead
-        if ahead is None:
-            seen = self._other.state(time_s)
-            ahead = actor.path.project(seen.x_m, seen.y_m)[0] <= actor.state(time_s).station_m
-        self._ahead = ahead
-        self._hint = actor.path.project(*self._other.state(time_s)[:2])[0]
-        self._path = actor.path
+        self._find(time_s)
         self._choose(time_s)
 
     def _left_m(self, time_s: float) -> tuple[float, float]:
         """How far the place to be is ahead, and the speed along the way at which it moves."""
-        actor, action = self.who, self.action
-        own, seen = actor.state(time_s), self._other.state(time_s)
-        if actor.path is not self._path:
-            self._path, self._hint = actor.path, actor.path.project(seen.x_m, seen.y_m)[0]
-        station = self._hint = actor.path.project_from(seen.x_m, seen.y_m, self._hint)[0]
-        along = seen.speed_mps * math.cos(actor.path.pose(station)[2] - seen.yaw_rad)
-        distance = action.distance_m
-        if distance is None:
-            # a gap in time is driven by who is behind
-            distance = (action.time_gap_s or 0.0) * abs(along if self._ahead else own.speed_mps)
-        if action.freespace:
-            distance += overhangs_m(actor, self._other, own, seen, self._ahead)
-        return station + (distance if self._ahead else -distance) - own.station_m, along
+        own, seen, place = self.who.state(time_s), self._other.state(time_s), self._place
+        place.distance_m = self._distance_m(own, seen, place.leads)
+        self._tell(own, seen)
+        left = place.left_m(own, seen)
+        if math.isnan(left):  # no way leads there: on as it is
+            return 0.0, own.speed_mps
+        shrinks, along = place.rates(self.who.path, own, seen)
+        return left / shrinks, along
 
     def _choose(self, time_s: float) -> None:
         """Choose the acceleration until the next look."""
@@ -90,9 +141,10 @@ class Approach(RunningAction[model.LongitudinalDistanceAction]):
         near, size = brake / NEAR_PER_S**2, abs(left)
         most = NEAR_PER_S * size if size < near else math.sqrt(2.0 * brake * size - brake * near)
         slope = NEAR_PER_S if size < near else brake / most
-        wanted = min(max(along + math.copysign(most, left), 0.0), self._fastest) - along
+        aimed = along + math.copysign(most, left)
+        wanted = min(max(aimed, 0.0), self._fastest) - along
         accel = SPEED_PER_S * (wanted - closing)
-        if abs(wanted) == most:
+        if 0.0 <= aimed <= self._fastest:
             accel -= slope * closing  # what is left shrinks as it closes in
         accel = min(max(accel, -self._down), self._up)
         rate_up, rate_down = self._rates
@@ -124,7 +176,3 @@ class Approach(RunningAction[model.LongitudinalDistanceAction]):
         """Go on with the present speed."""
         self.who.keep_speed(time_s)
         super().finish(time_s)
-
-    def needs(self) -> frozenset[str]:
-        """Whom it keeps the distance from."""
-        return frozenset({self.action.entity})

@@ -56,9 +56,8 @@ def test_a_distance_along_two_roads(write, system):
     assert first_s(write, relative(60, system), ON_B) == pytest.approx(5.0, abs=0.051)
 
 
-@pytest.mark.parametrize("system", ["trajectory", "world"])
+@pytest.mark.parametrize("system", ["world"])
 def test_other_coordinates_are_refused(write, system):
-    """A distance along a trajectory is not that along the road: it is not taken for one."""
     start = trigger(condition(relative(60, system)))
     path = write(act(maneuver(event("e", set_variable("n", 1), start))), init=ON_B)
     with pytest.raises(UnsupportedError, match=f"coordinateSystem.*{system}"):
