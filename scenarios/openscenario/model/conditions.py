@@ -82,9 +82,10 @@ class StoryboardElementStateCondition(Element, attributes="storyboardElementType
 
 
 class CollisionCondition(Element):
-    """Overlap with an entity."""
+    """Overlap with an entity, or with any other one of a type of object."""
 
-    entity: EntityName
+    entity: Annotated[str | None, Reference()]
+    object_type: str | None = None
 
 
 class SpeedCondition(Element, attributes="value rule direction"):

@@ -39,6 +39,7 @@ class EntityDefinition(Element):
         hitch_m: of the hitch from the reference point, forward; None: there is none.
         coupler_m: of a trailer's coupler, the same.
         trailer: name of the trailer that is coupled at the start; None: none is.
+        object_type: vehicle, pedestrian or miscellaneous.
     """
 
     name: str
@@ -55,6 +56,7 @@ class EntityDefinition(Element):
     hitch_m: float | None = None
     coupler_m: float | None = None
     trailer: str | None = None
+    object_type: str = "vehicle"
 
 
 class SignalPhase(Element):

@@ -141,7 +141,12 @@ def entity_references(node: Node, context: Context) -> tuple[str, ...]:
 
 @reads(CollisionCondition)
 def _collision(node: Node, context: Context) -> CollisionCondition:
-    return CollisionCondition(_target(node, context))
+    target = node.one_of("EntityRef ByType")
+    if target.tag == "EntityRef":
+        target.allow("entityRef")
+        return CollisionCondition(context.entity(target))
+    target.allow("type")
+    return CollisionCondition(None, target.choice("type", "vehicle pedestrian miscellaneous"))
 
 
 @reads(TimeToCollisionCondition)
@@ -175,10 +180,3 @@ def _clearance(node: Node, context: Context) -> RelativeClearanceCondition:
         node.boolean("freeSpace"),
         node.boolean("oppositeLanes"),
     )
-
-
-def _target(node: Node, context: Context) -> str:
-    """The entity that an element holds a reference to."""
-    child = node.one_of("EntityRef")
-    child.allow("entityRef")
-    return context.entity(child)

@@ -130,6 +130,7 @@ def _object(
         flat=node.tag == "MiscObject" and node.text("miscObjectCategory", "") in _FLAT,
         hitch_m=_forward(node.get("TrailerHitch")),
         coupler_m=_forward(node.get("TrailerCoupler")),
+        object_type={"Vehicle": "vehicle", "Pedestrian": "pedestrian"}.get(node.tag, "miscellaneous"),
     )
 
 

@@ -65,6 +65,10 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
         case model.TimeToCollisionCondition(position=position) if position is not None:
             place = on_road.PlaceActor(position, world, bool(referred(position)))
             return relative.TimeToCollision(kind, actor, place, world)
+        case model.CollisionCondition(object_type=object_type) if object_type is not None:
+            others = [other for other in world.actors.values() if other is not actor]
+            alike = [other for other in others if other.definition.object_type == object_type]
+            return relative.TouchingAny([(other, relative.Touching(actor, other)) for other in alike])
     assert kind.entity is not None
     other = world.actors[kind.entity]
     match kind:

@@ -203,7 +203,7 @@ class Engine:
                 kind = condition.kind
                 if not isinstance(kind, model.EntityCondition) or self.ego.name not in kind.entities:
                     continue
-                if isinstance(kind.kind, model.CollisionCondition):
+                if isinstance(kind.kind, model.CollisionCondition) and kind.kind.entity is not None:
                     names.insert(0, kind.kind.entity)
             for action in event.actions:
                 if isinstance(action.action, model.SynchronizeAction):

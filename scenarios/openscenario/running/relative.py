@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from scenarios.openscenario import model
@@ -10,6 +11,7 @@ from scenarios.openscenario.running.actors import STANDING_MPS, Actor, State
 from scenarios.openscenario.running.driving.separation import Separation, moved
 from scenarios.openscenario.running.holding import (
     EQUAL,
+    HORIZON_S,
     SLACK,
     Compared,
     Holding,
@@ -109,6 +111,34 @@ class Touching(Holding):
     def settled_s(self, now: Instant) -> float:
         """Until circles around them can meet."""
         return settled_for_s(now, now.circle_gap_m(*self._names), self._pair.fastest_mps(now))
+
+
+class TouchingAny(Holding):
+    """CollisionCondition by type: whether the outline of one of several touches.
+
+    Args:
+        parts: each of the others that there may be, with its outline's touching.
+    """
+
+    def __init__(self, parts: Sequence[tuple[Actor, Touching]]) -> None:
+        self._parts = parts
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether one that exists touches."""
+        return any(other.exists and part.holds(instant) for other, part in self._parts)
+
+    def mark(self, instant: Instant) -> Mark:
+        """Which of them touch."""
+        return tuple(other.exists and part.holds(instant) for other, part in self._parts)
+
+    def flips(self, a: Instant, b: Instant) -> bool:
+        """Whether one of them can have met and parted, or parted and met."""
+        return any(other.exists and part.flips(a, b) for other, part in self._parts)
+
+    def settled_s(self, now: Instant) -> float:
+        """As long as none of them can meet."""
+        times = [part.settled_s(now) for other, part in self._parts if other.exists]
+        return min(times, default=now.time_s + HORIZON_S)
 
 
 class RelativeSpeed(Compared):

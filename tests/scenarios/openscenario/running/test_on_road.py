@@ -284,3 +284,15 @@ def test_criteria_judge_and_do_not_stop(write):
     assert "criterion CollisionTest: not met" in engine.notes  # the ego drives into the other one
     alone = f"<StopTrigger><ConditionGroup>{criterion}</ConditionGroup></StopTrigger>"
     assert not Engine(load(write(stop=alone))).run(5.0).stopped
+
+
+@pytest.mark.parametrize(
+    ("kind", "time_s"), [("vehicle", 4.6), ("pedestrian", None), ("miscellaneous", None)]
+)
+def test_a_collision_by_type_is_one_with_anybody_of_it(write, kind, time_s):
+    """Front 3.5 m ahead of the ego at 10 m, rear 0.5 m behind the car at 60 m: 46 m at 10 m/s."""
+    inner = by_entity(f'<CollisionCondition><ByType type="{kind}"/></CollisionCondition>')
+    init = EGO_AT_START + private("Other", teleport(lane_position(60)))
+    stop = trigger(condition(at_time(6)), kind="StopTrigger")
+    got = first_s(write, inner, init, stop=stop)
+    assert got == (None if time_s is None else pytest.approx(time_s, abs=0.051))
