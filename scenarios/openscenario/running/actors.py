@@ -1,4 +1,7 @@
-"""Entities of a run: where each is at any time of the present step, in closed form."""
+"""Entities of a run: where each is at any time of the present step, in closed form.
+
+Long because all that changes how one entity moves shares one anchor: path, speed, tow, trailer, controller.
+"""
 
 from __future__ import annotations
 
