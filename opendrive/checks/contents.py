@@ -16,6 +16,7 @@ def content_warnings(model: MapModel) -> Iterator[MapWarning]:
     for road in model.roads.values():
         yield from _centre_lanes(road)
         yield from _beyond_road(road)
+        yield from _validity(road)
     yield from _references(model)
 
 
@@ -67,6 +68,20 @@ def _beyond_road(road: Road) -> Iterator[MapWarning]:
                 f"{element} {item_id!r:.40} is {excess_m:.3g} m beyond the road, 0 to {road.length_m:.6g} m"
             )
             yield MapWarning(road.id, element, message, WarningKind.BEYOND_ROAD, s_m, None, excess_m, "m")
+
+
+def _validity(road: Road) -> Iterator[MapWarning]:
+    """Yield signals that apply to lanes of which the road has none where they stand."""
+    for item in (*road.signals, *road.signal_references):
+        section = next((s for s in reversed(road.sections) if s.s_m <= item.s_m), None)
+        ids = [] if section is None else [lane.id for lane in section.lanes]
+        for lanes in item.validity:
+            low, high = sorted((lanes.from_lane, lanes.to_lane))
+            if ids and not any(low <= lane_id <= high for lane_id in ids):
+                message = (
+                    f"applies to lanes {low} to {high}, of which the road has none at s = {item.s_m:.6g} m"
+                )
+                yield MapWarning(road.id, "validity", message, WarningKind.REFERENCE, item.s_m, low)
 
 
 def _references(model: MapModel) -> Iterator[MapWarning]:

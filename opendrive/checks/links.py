@@ -34,6 +34,7 @@ def link_warnings(geometry: NetworkGeometry, junctions: Mapping[str, Junction]) 
     yield from _reference_lines_apart(geometry, joints)
     yield from _one_sided_roads(geometry, junctions)
     yield from _one_sided_lanes(geometry)
+    yield from _without_lane_links(geometry, joints)
     yield from _junction_members(geometry, junctions)
 
 
@@ -88,11 +89,8 @@ def _apart(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
 
 def _reference_lines_apart(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
     """Yield roads that link to each other directly, but by no lanes, and whose reference lines are apart."""
-    roads, lanes = geometry.roads, geometry.lanes
-    together = set()
-    for a, b in ((joints.first, joints.second), (joints.second, joints.first)):
-        columns = (lanes.road[a.lane], a.at_end, lanes.road[b.lane], b.at_end)
-        together |= set(zip(*(column.tolist() for column in columns), strict=True))
+    roads = geometry.roads
+    together = _joined_ends(geometry, joints)
     road_of = {road_id: r for r, road_id in enumerate(roads.id)}
     for road, end, link in _road_links(geometry):
         other = road_of.get(link.element_id, -1)
@@ -121,6 +119,16 @@ def _reference_lines_apart(geometry: NetworkGeometry, joints: Joints) -> Iterato
                 "m",
                 CONTACT_RULE,
             )
+
+
+def _joined_ends(geometry: NetworkGeometry, joints: Joints) -> set[tuple[int, int, int, int]]:
+    """Return the ends of roads that lanes join, both ways round: road, 1 for its end, and the same again."""
+    road = geometry.lanes.road
+    together = set[tuple[int, int, int, int]]()
+    for a, b in ((joints.first, joints.second), (joints.second, joints.first)):
+        columns = (road[a.lane], a.at_end.astype(np.int64), road[b.lane], b.at_end.astype(np.int64))
+        together |= set(zip(*(column.tolist() for column in columns), strict=True))
+    return together
 
 
 def _road_links(geometry: NetworkGeometry) -> Iterator[tuple[int, ContactPoint, RoadLink]]:
@@ -251,6 +259,52 @@ def _unanswered(
         message = f"lane {key.lane_id} links to {name}, which links back to {ids}"
     s_m = float((lanes.s_end_m if end == "end" else lanes.s_start_m)[lane])
     return MapWarning(key.road_id, "lane/link", message, kind, s_m, key.lane_id, rule=ACROSS_RULE)
+
+
+def _without_lane_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
+    """Yield lane sections and linked roads that follow each other by no lane, though both have traffic."""
+    roads, lanes = geometry.roads, geometry.lanes
+    of_section: dict[tuple[int, int], list[int]] = {}
+    for lane, road in enumerate(lanes.road.tolist()):
+        of_section.setdefault((road, lanes.key[lane].section), []).append(lane)
+    last_section = dict(sorted(of_section))
+    road_of = {road_id: r for r, road_id in enumerate(roads.id)}
+
+    def is_open(section: tuple[int, int], at: ContactPoint) -> bool:
+        """Whether a section has traffic, and none of its lanes a link at an end."""
+        members = of_section.get(section, [])
+        links = lanes.successors if at == "end" else lanes.predecessors
+        return any(lanes.lane_type[lane] == "driving" for lane in members) and not any(
+            links[lane] for lane in members
+        )
+
+    def unlinked(road: int, s_m: float, what: str) -> MapWarning:
+        message = f"no lane is linked to {what}; no traffic passes there"
+        return MapWarning(
+            roads.id[road], "lane/link", message, WarningKind.ONE_SIDED_LINK, s_m, rule=ACROSS_RULE
+        )
+
+    for road, section in sorted(of_section):
+        if is_open((road, section), "end") and is_open((road, section + 1), "start"):
+            s_m = float(lanes.s_end_m[of_section[road, section][0]])
+            yield unlinked(road, s_m, f"the lane section that begins at s = {s_m:.6g} m")
+    together = _joined_ends(geometry, joints)
+    seen = set[tuple[int, str, int, str]]()
+    for road, end, link in _road_links(geometry):
+        other = road_of.get(link.element_id, -1)
+        if link.element_type != "road" or link.contact_point is None or other < 0:
+            continue
+        pair = (road, end, other, link.contact_point)
+        if pair in seen or road not in last_section or other not in last_section:
+            continue
+        seen.add((other, link.contact_point, road, end))
+        own, beyond = (
+            (r, last_section[r] if at == "end" else 0) for r, at in ((road, end), (other, link.contact_point))
+        )
+        ends = (road, int(end == "end"), other, int(link.contact_point == "end"))
+        if ends not in together and is_open(own, end) and is_open(beyond, link.contact_point):
+            s_m = float(roads.length_m[road]) if end == "end" else 0.0
+            yield unlinked(road, s_m, f"road {link.element_id!r:.40}, which the {end} links to")
 
 
 def _junction_members(geometry: NetworkGeometry, junctions: Mapping[str, Junction]) -> Iterator[MapWarning]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, run_starts
 from opendrive.checks.curves import NEGATIVE_WIDTH_M, least_value
 from opendrive.errors import MapWarning, WarningKind
 from opendrive.geometry.cubic import value_of
@@ -47,6 +47,7 @@ def profile_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
         yield from finder.steps(limit, unit, excused)
         yield from finder.late(limit, unit)
         yield from finder.beyond()
+    yield from _bare_starts(geometry)
     lane_id = np.array([key.lane_id for key in lanes.key], dtype=np.int64)
     finder = _Finder(
         geometry, lanes.profiles, "lane/width", lanes.road, lane_id, lanes.s_start_m, lanes.s_end_m
@@ -54,6 +55,21 @@ def profile_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     yield from finder.steps(STEP_M, "m", set())
     yield from finder.beyond()
     yield from crossed_borders(geometry, NEGATIVE_WIDTH_M, np.inf, WarningKind.NEGATIVE_WIDTH)
+
+
+def _bare_starts(geometry: NetworkGeometry) -> Iterator[MapWarning]:
+    """Yield roads without length, and roads whose first lane section starts late: no lane is before it."""
+    roads, sections = geometry.roads, geometry.lanes.sections
+    for road in np.flatnonzero(roads.length_m <= 0.0).tolist():
+        yield MapWarning(roads.id[road], "road", "the road has no length", WarningKind.ROAD_LENGTH, 0.0)
+    first = run_starts(sections.road)
+    for row in first[sections.start_m[first] > LATE_M].tolist():
+        start_m = float(sections.start_m[row])
+        message = f"the first lane section starts at s = {start_m:.6g} m; no lane is before it"
+        road_id = roads.id[int(sections.road[row])]
+        yield MapWarning(
+            road_id, "laneSection", message, WarningKind.LATE_RECORD, start_m, None, start_m, "m"
+        )
 
 
 def crossed_borders(

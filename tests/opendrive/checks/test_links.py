@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from opendrive import WarningKind
+from opendrive import WarningKind, load_map
 
 
 def kinds(network):
@@ -176,3 +176,69 @@ def test_two_lanes_may_become_one(load, text):
     network = load(text.road(sections=two + one))
     assert of_kind(network, WarningKind.CONTRADICTING_LINK) == []
     assert of_kind(network, WarningKind.ONE_SIDED_LINK) == []
+
+
+LANE = '<lane id="{}" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+
+
+def section(s_m: float, link: str = "") -> str:
+    centre = '<center><lane id="0" type="none"/></center>'
+    return f'<laneSection s="{s_m}">{centre}<right>{LANE.format(-1, link)}</right></laneSection>'
+
+
+def chained(tmp_path, first: str, second: str, extra: str = "", length_m: float = 50.0):
+    """Two straight roads that link to each other and meet, with lane sections and what else is in them."""
+    line = '<planView><geometry s="0" x="{}" y="0" hdg="0" length="{}"><line/></geometry></planView>'
+    road = '<road id="{}" length="{}" junction="-1"><link>{}</link>{}<lanes>{}</lanes>{}</road>'
+    link = '<{} elementType="road" elementId="{}" contactPoint="{}"/>'
+    roads = (
+        road.format(
+            "1", length_m, link.format("successor", "2", "start"), line.format(0, length_m), first, extra
+        ),
+        road.format("2", 50, link.format("predecessor", "1", "end"), line.format(length_m, 50), second, ""),
+    )
+    path = tmp_path / "chained.xodr"
+    path.write_text(f'<OpenDRIVE><header revMajor="1" revMinor="6"/>{"".join(roads)}</OpenDRIVE>')
+    return load_map(path)
+
+
+NEXT, BEFORE = '<successor id="-1"/>', '<predecessor id="-1"/>'
+
+
+def test_linked_roads_without_lane_links(tmp_path):
+    assert chained(tmp_path, section(0, NEXT), section(0, BEFORE)).findings == ()
+    (finding,) = chained(tmp_path, section(0), section(0)).findings
+    assert finding.kind is WarningKind.ONE_SIDED_LINK
+    assert (finding.road_id, finding.lane_id, finding.s_m) == ("1", None, 50.0)
+    assert "road '2'" in finding.message
+    assert finding.rule
+
+
+def test_lane_sections_without_lane_links(tmp_path):
+    first = section(0, "") + section(20, NEXT)
+    (finding,) = chained(tmp_path, first, section(0, BEFORE)).findings
+    assert (finding.kind, finding.road_id, finding.s_m) == (WarningKind.ONE_SIDED_LINK, "1", 20.0)
+
+
+def test_a_first_lane_section_that_starts_late(tmp_path):
+    (finding,) = chained(tmp_path, section(5, NEXT), section(0, BEFORE)).findings
+    assert (finding.kind, finding.road_id, finding.s_m, finding.amount, finding.unit) == (
+        WarningKind.LATE_RECORD, "1", 5.0, 5.0, "m",
+    )  # fmt: skip
+
+
+def test_a_road_without_length(tmp_path):
+    network = chained(tmp_path, section(0, NEXT), section(0, BEFORE), length_m=0.0)
+    assert WarningKind.ROAD_LENGTH in kinds(network)
+
+
+@pytest.mark.parametrize(("low", "high", "count"), [(-1, -1, 0), (-4, -2, 1), (-4, 0, 0), (1, 2, 1)])
+def test_signals_for_lanes_that_are_not_there(tmp_path, low, high, count):
+    signal = (
+        '<signals><signal id="7" s="10" t="-4" name="" dynamic="no" orientation="+" zOffset="0" type="274" '
+        f'subtype="50" value="50"><validity fromLane="{low}" toLane="{high}"/></signal></signals>'
+    )
+    network = chained(tmp_path, section(0, NEXT), section(0, BEFORE), signal)
+    assert [(w.kind, w.road_id, w.s_m) for w in network.findings] == [
+        (WarningKind.REFERENCE, "1", 10.0)
+    ] * count
