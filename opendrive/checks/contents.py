@@ -72,16 +72,16 @@ def _beyond_road(road: Road) -> Iterator[MapWarning]:
 
 def _validity(road: Road) -> Iterator[MapWarning]:
     """Yield signals that apply to lanes of which the road has none where they stand."""
-    for item in (*road.signals, *road.signal_references):
-        section = next((s for s in reversed(road.sections) if s.s_m <= item.s_m), None)
+    applied = [(signal.s_m, signal.validity) for signal in road.signals]
+    applied += [(reference.s_m, reference.validity) for reference in road.signal_references]
+    for s_m, validity in applied:
+        section = next((s for s in reversed(road.sections) if s.s_m <= s_m), None)
         ids = [] if section is None else [lane.id for lane in section.lanes]
-        for lanes in item.validity:
+        for lanes in validity:
             low, high = sorted((lanes.from_lane, lanes.to_lane))
             if ids and not any(low <= lane_id <= high for lane_id in ids):
-                message = (
-                    f"applies to lanes {low} to {high}, of which the road has none at s = {item.s_m:.6g} m"
-                )
-                yield MapWarning(road.id, "validity", message, WarningKind.REFERENCE, item.s_m, low)
+                message = f"applies to lanes {low} to {high}, of which the road has none at s = {s_m:.6g} m"
+                yield MapWarning(road.id, "validity", message, WarningKind.REFERENCE, s_m, low)
 
 
 def _references(model: MapModel) -> Iterator[MapWarning]:
