@@ -79,17 +79,18 @@ def test_package_declares_its_types(package: str) -> None:
     assert (files(package) / "py.typed").is_file()
 
 
-@pytest.mark.parametrize("name", ["run.txt", "dev.txt"])
+@pytest.mark.parametrize("name", ["run.txt", "dev.txt", "train.txt"])
 def test_requirements_are_exact_pins_and_nothing_else(name: str) -> None:
     for line in (ROOT / "requirements" / name).read_text().splitlines():
-        assert re.fullmatch(r"#.*|-r run\.txt|[A-Za-z0-9_.-]+==[0-9][0-9A-Za-z.]*", line), line
+        assert re.fullmatch(r"#.*|-r (run|dev)\.txt|[A-Za-z0-9_.-]+==[0-9][0-9A-Za-z.]*", line), line
 
 
 def test_pins_satisfy_the_declared_dependencies(project: dict[str, Any]) -> None:
     run, extras = pins("run.txt"), project["optional-dependencies"]
     # netconvert has 530 MB: only .ci/exports installs it.
     optional = [requirement for name, extra in extras.items() if name != "sumo" for requirement in extra]
-    for declared, pinned in ((project["dependencies"], run), (optional, run | pins("dev.txt"))):
+    others = run | pins("dev.txt") | pins("train.txt")
+    for declared, pinned in ((project["dependencies"], run), (optional, others)):
         for requirement in (r for r in map(Requirement, declared) if r.name != project["name"]):
             assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.lidar.detect import Clouds, Topic, parse_method
+from evaluation.cli.lidar.detect import NETWORK_ENDING, Clouds, Topic, parse_method
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar bench training/velodyne`",
@@ -19,7 +19,9 @@ EXAMPLES = options.examples(
 
 def command(
     clouds: Clouds,
-    method: Annotated[str, typer.Option(help="classical, plain; comma-separated.")] = "classical",
+    method: Annotated[
+        str, typer.Option(help="classical, plain, or FILE.onnx; comma-separated.")
+    ] = "classical",
     rounds: Annotated[int, typer.Option(help="How often each cloud is taken.", min=1)] = 10,
     topic: Topic = None,
     quiet: options.Quiet = False,
@@ -32,7 +34,11 @@ def command(
     from evaluation.studies.lidar.detect import Account, clouds_of, detected_cloud, stage_table
     from smartmot.lidar import METHODS
 
-    names = options.parse_names(method, tuple(METHODS), "--method")
+    words = [word.strip() for word in method.split(",")]
+    networks = [word for word in words if word.endswith(NETWORK_ENDING)]
+    others = ",".join(word for word in words if word not in networks)
+    known = options.parse_names(others, tuple(METHODS), "--method") if others or not networks else ()
+    names = sorted({*known, *networks}, key=words.index)
     console = rich.console.Console()
     read, spent_s = [], []
     start_s = time.thread_time()

@@ -15,15 +15,18 @@ if TYPE_CHECKING:
     import rich.console
 
     from evaluation.studies.lidar.detect import Account
-    from smartmot.lidar import ClassicalConfig, PlainConfig
+    from smartmot.lidar import DetectorConfig
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar detect training/velodyne --calib training/calib --out results/lidar`",
     "`smartmot-eval lidar detect drive.mcap --topic /velodyne_points --method plain`",
     "`smartmot-eval lidar detect 000001.bin --stages`",
+    "`smartmot-eval lidar detect velodyne --method network.onnx --score-min 0.1`",
     "`smartmot-eval lidar detect velodyne --calib calib.txt --track --labels label_02/0000.txt`",
     "Stages, parameters, files written: docs/lidar.md.",
 )
+
+NETWORK_ENDING = ".onnx"
 
 Clouds = Annotated[
     list[Path],
@@ -31,7 +34,7 @@ Clouds = Annotated[
         help="Clouds (.bin, .pcd.bin, .pcd, .npz), folder of them, or bag.", metavar="FILE|DIR|BAG ..."
     ),
 ]
-Method = Annotated[str, typer.Option(help="classical, or plain: the thesis' chain.")]
+Method = Annotated[str, typer.Option(help="classical, plain: the thesis' chain, or a network, FILE.onnx.")]
 Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]
 
 
@@ -65,7 +68,7 @@ def command(
     topic: Topic = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Detect cars, pedestrians and cyclists in point clouds, without training data."""
+    """Detect cars, pedestrians and cyclists in point clouds."""
     import rich.console
 
     from evaluation.results.tables import rich_table
@@ -116,14 +119,18 @@ def command(
         console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
 
 
-def parse_method(method: str, score_min: float | None) -> ClassicalConfig | PlainConfig:
-    """The parameters of a detector by its name.
+def parse_method(method: str, score_min: float | None) -> DetectorConfig:
+    """The parameters of a detector by its name, or the network of a file.
 
     Raises:
         ArgumentError: there is no such detector, or it has no scores to leave boxes out by.
     """
-    from smartmot.lidar import METHODS, ClassicalConfig
+    from smartmot.lidar import METHODS, ClassicalConfig, LearnedConfig
 
+    if method.endswith(NETWORK_ENDING):
+        network = LearnedConfig(Path(method), least_score=0.3 if score_min is None else score_min)
+        _ = network.network  # loaded now: what is wrong with it is said before any cloud is read
+        return network
     kind = METHODS[options.parse_name(method, tuple(METHODS), "--method")]
     if score_min is None:
         return kind()

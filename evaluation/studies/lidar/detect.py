@@ -32,7 +32,7 @@ from scenarios.recorded.kitti_objects.calibration import Calibration, read_calib
 from scenarios.recorded.kitti_objects.labels import object_text
 from scenarios.recorded.textfile import read_table
 from scenarios.ros.bags.bag import is_bag
-from smartmot.lidar import BoxDetections, ClassicalConfig, PlainConfig, detect
+from smartmot.lidar import BoxDetections, DetectorConfig, detect
 from smartmot.lidar.detections import Stage
 from smartmot.pointcloud import Boxes3D, PointCloud
 
@@ -118,7 +118,7 @@ def cloud_count(paths: Iterable[Path]) -> int | None:
 
 
 def detected_clouds(
-    paths: Sequence[Path], topic: str | None, config: ClassicalConfig | PlainConfig, account: Account
+    paths: Sequence[Path], topic: str | None, config: DetectorConfig, account: Account
 ) -> Iterator[DetectedCloud]:
     """Detections of files, folders and bags, one cloud at a time.
 
@@ -142,7 +142,7 @@ def detected_clouds(
         yield detected
 
 
-def detected_cloud(named: NamedCloud, config: ClassicalConfig | PlainConfig) -> DetectedCloud:
+def detected_cloud(named: NamedCloud, config: DetectorConfig) -> DetectedCloud:
     """The detections of one cloud."""
     start_s = time.thread_time()
     detections = detect(named.cloud, config)

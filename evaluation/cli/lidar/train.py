@@ -1,0 +1,133 @@
+"""`smartmot-eval lidar train` and `lidar export`: learned detectors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.cli.output import counting, one_line
+from evaluation.errors import ArgumentError
+
+EXAMPLES = options.examples(
+    "`smartmot-eval lidar train data --minutes 20 --out results/network`",
+    "`smartmot-eval lidar train data --steps 2000 --seed 7 --out results/network`",
+    "Stopped, the same command goes on where the last validation was. Data sets: `lidar dataset make`. "
+    "What is learned, and how well: docs/learned.md.",
+)
+
+EXPORT_EXAMPLES = options.examples(
+    "`smartmot-eval lidar export results/network --int8 --data data --calibrate 300 --out network_int8.onnx`",
+    "`smartmot-eval lidar detect clouds --method network_int8.onnx`",
+)
+
+Data = Annotated[
+    Path, typer.Argument(help="Data set with clouds in KITTI's, nuScenes' or SimBEV's layout.", metavar="DIR")
+]
+
+
+def command(
+    data: Data,
+    minutes: Annotated[float, typer.Option(help="Wall time of the training.", min=0.01)] = 20.0,
+    steps: Annotated[
+        int | None,
+        typer.Option(help="Steps instead of minutes: then the network is the same each time.", min=1),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Greatest rate of learning.")] = 3e-3,
+    seed: Annotated[int, typer.Option(help="Of weights, order and changes of the frames.", min=0)] = 1,
+    out: Annotated[Path, typer.Option(help="Folder for checkpoint, curves, network and card.")] = Path(
+        "results/network"
+    ),
+    quiet: options.Quiet = False,
+) -> None:
+    """Train a pillar network on this machine's processor."""
+    require_torch()
+    import rich.console
+
+    from evaluation.results.tables import rich_table
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.training.fit import Progress, TrainingOptions
+    from evaluation.studies.training.study import CLASSES, NETWORK, quality_table, read_labelled, train
+    from evaluation.views.pictures import save_picture
+    from evaluation.views.plots.training import training_figure
+    from smartmot.lidar.learned import Decoder, PillarGrid
+
+    asked = TrainingOptions(steps=steps, minutes=minutes, rate=rate, seed=seed)
+    console = rich.console.Console(quiet=quiet)
+    out = writable_folder(out)
+    with locked(out):
+        with counting("reading", quiet) as done:
+            frames = read_labelled(data, Decoder(PillarGrid(), CLASSES), done)
+        for note in frames.notes:
+            console.print(one_line(note), highlight=False, soft_wrap=True, markup=False)
+        with counting("training", quiet) as done:
+
+            def report(progress: Progress, share: float) -> None:
+                done(round(1000 * share), 1000)
+                row = progress.rows[-1]
+                if "loss_held_out" in row:
+                    scores = ", ".join(f"{name} {row[f'f1_{name}']:.2f}" for name in CLASSES)
+                    console.print(
+                        f"step {progress.step}: loss {row['loss_scores'] + row['loss_boxes']:.2f}, held out "
+                        f"{row['loss_held_out']:.2f}; F1 {scores}",
+                        highlight=False,
+                        soft_wrap=True,
+                    )
+
+            training, boxes = train(out, frames, asked, report)
+        save_picture(training_figure(training.progress.rows, CLASSES), out / "training.png", "training")
+        console.print(rich_table(quality_table(boxes), texts=1), "")
+        console.print(
+            f"written to {out}: {NETWORK} and others", highlight=False, soft_wrap=True, markup=False
+        )
+
+
+def export_command(
+    network: Annotated[Path, typer.Argument(help="Folder of a training.", metavar="DIR")],
+    out: Annotated[Path, typer.Option(help="The file.", metavar="FILE.onnx")],
+    int8: Annotated[bool, typer.Option("--int8", help="Convolutions on integers of 8 bits.")] = False,
+    data: Annotated[
+        Path | None,
+        typer.Option(help="Data set whose frames show the ranges of values, for --int8.", metavar="DIR"),
+    ] = None,
+    calibrate: Annotated[int, typer.Option(help="Clouds of it that are looked at.", min=1)] = 300,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write a trained network as an ONNX file."""
+    require_torch()
+    from evaluation.results.files import write_bytes
+    from evaluation.studies.training.study import CLASSES, NETWORK, export, read_labelled
+    from smartmot.lidar.learned import Decoder, PillarGrid
+
+    if int8 != (data is not None):
+        raise ArgumentError("--int8 needs --data, and --data is for --int8")
+    if data is None:
+        source = network / NETWORK
+        if not source.is_file():
+            raise ArgumentError(f"{source}: no network; finish the training first (lidar train)")
+        write_bytes(out, source.read_bytes())
+    else:
+        with counting("reading", quiet) as done:
+            frames = read_labelled(data, Decoder(PillarGrid(), CLASSES), done)
+        export(network, frames.train[:calibrate], out)
+    if not quiet:
+        typer.echo(f"written to {out}")
+
+
+def require_torch() -> None:
+    """Say in one line what is missing.
+
+    Raises:
+        ArgumentError: PyTorch or what writes networks is not installed.
+    """
+    import importlib.util
+
+    missing = [
+        name
+        for name in ("torch", "onnx", "onnxscript", "onnxruntime")
+        if importlib.util.find_spec(name) is None
+    ]
+    if missing:
+        raise ArgumentError(f"training needs {', '.join(missing)}: pip install 'smartmot[train]'")

@@ -1,0 +1,1 @@
+"""Training of learned detectors, and the files that come of it."""

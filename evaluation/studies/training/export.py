@@ -1,0 +1,134 @@
+"""Networks as ONNX files for `smartmot.lidar.learned`, in float32 or with integers of 8 bits."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from evaluation.errors import ArgumentError
+from evaluation.results.files import write_bytes
+from evaluation.studies.training.network import PillarNetwork
+from evaluation.studies.training.samples import LabelledFrame
+from smartmot.lidar.learned import Decoder
+from smartmot.lidar.learned.network_file import INPUTS, METADATA, OUTPUT, metadata
+from smartmot.lidar.learned.pillars import Pillars, pillars_of
+
+OPSET = 18
+
+EXAMPLE_PILLARS = 64
+"""Of the cloud with which the network is recorded; clouds may have any number."""
+
+
+def onnx_bytes(
+    network: PillarNetwork,
+    decoder: Decoder,
+    scale: Sequence[float],
+    offset: Sequence[float],
+    origin: dict[str, Any],
+) -> bytes:
+    """A network as the bytes of an ONNX file.
+
+    Args:
+        network: with its weights.
+        decoder: its grid and classes.
+        scale: factor of the logits of each class's scores.
+        offset: added to them.
+        origin: how it was made, for the file's metadata.
+    """
+    import onnx
+
+    network.eval()
+    features = torch.zeros(EXAMPLE_PILLARS, decoder.grid.most_points, network.of_points[0].in_features)
+    cell = torch.arange(EXAMPLE_PILLARS)
+    number = torch.export.Dim("pillars_of", min=2)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the exporter's own
+        path = Path(folder) / "network.onnx"
+        torch.onnx.export(
+            network, (features, cell), path, input_names=list(INPUTS), output_names=[OUTPUT],
+            opset_version=OPSET, dynamo=True, dynamic_shapes={"features": {0: number}, "cell": {0: number}},
+            external_data=False, verbose=False, optimize=True,
+        )  # fmt: skip
+        model = onnx.load(path)
+    del model.metadata_props[:]
+    onnx.helper.set_model_props(model, {METADATA: metadata(decoder, list(scale), list(offset), origin)})
+    content: bytes = model.SerializeToString(deterministic=True)
+    return content
+
+
+def quantised(content: bytes, frames: Sequence[LabelledFrame], decoder: Decoder) -> bytes:
+    """The network with convolutions on integers of 8 bits.
+
+    Args:
+        content: of an ONNX file.
+        frames: clouds by which the ranges of values are found.
+        decoder: its grid.
+
+    Raises:
+        ArgumentError: there is no frame.
+    """
+    import onnx
+    from onnxruntime import quantization
+
+    if not frames:
+        raise ArgumentError("--int8: no clouds to find the ranges of values by; name a data set with frames")
+
+    class Reader(quantization.CalibrationDataReader):  # type: ignore[misc]
+        """Pillars of the frames, one after another."""
+
+        def __init__(self) -> None:
+            self.seen = _seen(frames, decoder)
+
+        def get_next(self) -> dict[str, Any] | None:
+            """The inputs of the next frame."""
+            seen = next(self.seen, None)
+            return None if seen is None else dict(zip(INPUTS, (seen.features, seen.cell), strict=True))
+
+    with tempfile.TemporaryDirectory() as folder:
+        source, made = Path(folder) / "float.onnx", Path(folder) / "int8.onnx"
+        source.write_bytes(content)
+        quantization.quantize_static(
+            source, made, Reader(), quant_format=quantization.QuantFormat.QDQ, per_channel=True,
+            activation_type=quantization.QuantType.QUInt8, weight_type=quantization.QuantType.QInt8,
+            op_types_to_quantize=["Conv"], calibrate_method=quantization.CalibrationMethod.MinMax,
+        )  # fmt: skip
+        model = onnx.load(made)
+    held = {entry.key: entry.value for entry in onnx.load_from_string(content).metadata_props}
+    onnx.helper.set_model_props(model, held)
+    result: bytes = model.SerializeToString(deterministic=True)
+    return result
+
+
+def write_network(path: Path, content: bytes) -> str:
+    """Write a network's file; the SHA-256 of it in hexadecimal digits."""
+    write_bytes(path, content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def greatest_difference(
+    network: PillarNetwork, path: Path, frames: Sequence[LabelledFrame], decoder: Decoder
+) -> float:
+    """Greatest difference of any output of the file and of the network it was made from, over some frames."""
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    network.eval()
+    greatest = 0.0
+    for seen in _seen(frames, decoder):
+        with torch.no_grad():
+            ours = network(torch.from_numpy(seen.features), torch.from_numpy(seen.cell)).numpy()
+        theirs = session.run([OUTPUT], dict(zip(INPUTS, (seen.features, seen.cell), strict=True)))[0]
+        greatest = max(greatest, float(np.abs(ours - theirs).max()))
+    return greatest
+
+
+def _seen(frames: Sequence[LabelledFrame], decoder: Decoder) -> Iterator[Pillars]:
+    for frame in frames:
+        yield pillars_of(frame.points[:, :2], frame.points[:, 2], decoder.grid)

@@ -1,0 +1,295 @@
+"""Training of the pillar network on the processor, for so many steps or minutes; it can be taken up again."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from evaluation.errors import ArgumentError
+from evaluation.results.files import write_bytes
+from evaluation.studies.training.network import PillarNetwork, loss_of
+from evaluation.studies.training.quality import ClassBoxes, joined, match_frame
+from evaluation.studies.training.samples import NO_CHANGES, Changes, LabelledFrame, batch, changed
+from smartmot.lidar.learned import Decoder
+from smartmot.lidar.learned.pillars import pillars_of
+
+CHECKPOINT, CURVES = "checkpoint.pt", "training.csv"
+
+WARM_UP = 0.1
+"""Share of the training in which the rate of learning rises; then it falls as a cosine (Smith, 2018)."""
+
+LEAST_RATE = 0.01
+"""Share of the greatest rate at the end."""
+
+GREATEST_GRADIENT = 10.0
+"""Norm to which larger gradients are cut."""
+
+VALIDATIONS = 10
+"""Times in a training that the held-out frames are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingOptions:
+    """How a network is trained.
+
+    Args:
+        steps: of so many frames each; None: as many as fit into the minutes.
+        minutes: of wall time, where steps are not given.
+        frames_per_step: in a batch.
+        rate: greatest rate of learning.
+        seed: of weights, order and changes.
+        least_points: labels with fewer points are neither learned nor scored.
+    """
+
+    steps: int | None = None
+    minutes: float = 20.0
+    frames_per_step: int = 4
+    rate: float = 3e-3
+    seed: int = 1
+    least_points: int = 5
+
+    def __post_init__(self) -> None:
+        if (self.steps is not None and self.steps < 1) or not 0.0 < self.minutes < math.inf:
+            raise ArgumentError("--steps and --minutes must be positive")
+        if not 0.0 < self.rate < 1.0:
+            raise ArgumentError(f"--rate must lie in (0, 1), got {self.rate:g}")
+
+
+@dataclass(slots=True)
+class Progress:
+    """What a training has behind it.
+
+    Args:
+        step: taken.
+        elapsed_s: wall time of them.
+        rows: of the curves: step, elapsed seconds, rate, losses, and at validations F1 by class.
+    """
+
+    step: int = 0
+    elapsed_s: float = 0.0
+    rows: list[dict[str, float]] = field(default_factory=list)
+
+
+class Training:
+    """A training that can be taken up again.
+
+    Args:
+        folder: of checkpoint and curves.
+        decoder: grid and classes.
+        options: how it is trained.
+        train: frames learned from.
+        held_out: frames that only score it.
+
+    Raises:
+        ArgumentError: there is no frame to learn from, or the folder holds a training of other frames or
+            with other options.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        decoder: Decoder,
+        options: TrainingOptions,
+        train: Sequence[LabelledFrame],
+        held_out: Sequence[LabelledFrame],
+    ) -> None:
+        if not train:
+            raise ArgumentError("nothing to learn from: the split 'train' has no frame")
+        self.folder, self.decoder, self.options = folder, decoder, options
+        self.train, self.held_out = train, held_out
+        torch.manual_seed(options.seed)
+        self.network = PillarNetwork(decoder)
+        self.optimizer = torch.optim.AdamW(self.network.parameters(), options.rate, weight_decay=0.01)
+        self.progress = Progress()
+        self.key = self._key()
+        self._take_up()
+
+    @property
+    def share(self) -> float:
+        """How much of the training is done, in [0, 1]."""
+        if self.options.steps is not None:
+            return min(self.progress.step / self.options.steps, 1.0)
+        return min(self.progress.elapsed_s / (60.0 * self.options.minutes), 1.0)
+
+    def run(self, report: Callable[[Progress, float], None]) -> None:
+        """Train to the end; the checkpoint is written at each validation.
+
+        Args:
+            report: called after each step.
+
+        Raises:
+            TrainingError: a loss is not finite; the last checkpoint stays as it is.
+        """
+        validated = math.floor(self.share * VALIDATIONS)
+        while self.share < 1.0:
+            start_s = time.perf_counter()
+            row = self._step()
+            self.progress.step += 1
+            self.progress.elapsed_s += time.perf_counter() - start_s
+            row = {"step": self.progress.step, "elapsed_s": round(self.progress.elapsed_s, 3), **row}
+            if math.floor(self.share * VALIDATIONS) > validated or self.share >= 1.0:
+                validated = math.floor(self.share * VALIDATIONS)
+                row |= self._validation()
+                self.progress.rows.append(row)
+                self._save()
+            else:
+                self.progress.rows.append(row)
+            report(self.progress, self.share)
+
+    def boxes(self, frames: Sequence[LabelledFrame], least_score: float = 0.05) -> dict[str, ClassBoxes]:
+        """By class, the boxes of frames against their labels."""
+        parts: dict[str, list[Any]] = {name: [] for name in self.decoder.classes}
+        self.network.eval()
+        with torch.no_grad():
+            for frame in frames:
+                seen = pillars_of(frame.points[:, :2], frame.points[:, 2], self.decoder.grid)
+                output = self.network(torch.from_numpy(seen.features), torch.from_numpy(seen.cell))[0].numpy()
+                boxes, score, category = self.decoder.decode(output, least_score)
+                for name, part in parts.items():
+                    part.append(
+                        match_frame(
+                            name,
+                            boxes,
+                            score,
+                            category,
+                            frame.boxes,
+                            frame.category,
+                            frame.counts,
+                            self.options.least_points,
+                        )
+                    )
+        self.network.train()
+        return {name: joined(part) for name, part in parts.items()}
+
+    def _step(self) -> dict[str, float]:
+        options = self.options
+        # of the step alone, so that a training that is taken up again goes on as it would have
+        rng = np.random.default_rng((options.seed, self.progress.step))
+        chosen = [self.train[k] for k in rng.integers(0, len(self.train), options.frames_per_step).tolist()]
+        made = batch([changed(frame, Changes(), rng) for frame in chosen], self.decoder, options.least_points)
+        rate = _rate(self.share, options.rate)
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        self.network.train()
+        output = self.network(
+            torch.from_numpy(made.seen.features), torch.from_numpy(made.seen.cell), len(made.names)
+        )
+        of_scores, of_boxes = loss_of(output, made.targets, len(self.decoder.classes))
+        loss = of_scores + of_boxes
+        if not bool(torch.isfinite(loss)):
+            raise TrainingError(
+                f"step {self.progress.step + 1}: the loss is not finite; frames {', '.join(made.names)}. "
+                f"Look at them (lidar dataset show), or learn more slowly: --rate {0.3 * options.rate:g}. "
+                f"{CHECKPOINT} holds the state of the last validation"
+            )
+        self.optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GREATEST_GRADIENT)
+        self.optimizer.step()
+        return {
+            "rate": rate,
+            "loss_scores": float(of_scores.detach()),
+            "loss_boxes": float(of_boxes.detach()),
+        }
+
+    def _validation(self) -> dict[str, float]:
+        if not self.held_out:
+            return {}
+        losses = []
+        self.network.eval()
+        with torch.no_grad():
+            for start in range(0, len(self.held_out), self.options.frames_per_step):
+                frames = self.held_out[start : start + self.options.frames_per_step]
+                unchanged = [changed(frame, NO_CHANGES, np.random.default_rng(0)) for frame in frames]
+                made = batch(unchanged, self.decoder, self.options.least_points)
+                output = self.network(
+                    torch.from_numpy(made.seen.features), torch.from_numpy(made.seen.cell), len(frames)
+                )
+                losses.append(sum(map(float, loss_of(output, made.targets, len(self.decoder.classes)))))
+        self.network.train()
+        by_class = self.boxes(self.held_out)
+        return {"loss_held_out": float(np.mean(losses))} | {
+            f"f1_{name}": max(boxes.f1(least) for least in np.arange(0.1, 0.8, 0.05))
+            for name, boxes in by_class.items()
+        }
+
+    def _key(self) -> str:
+        """Hash of all that the result depends on."""
+        options = asdict(self.options) | {"minutes": None if self.options.steps else self.options.minutes}
+        hashed = hashlib.sha256(repr((options, self.decoder)).encode())
+        for frame in (*self.train, *self.held_out):
+            hashed.update(frame.name.encode() + frame.points.tobytes() + frame.boxes.center_m.tobytes())
+        return hashed.hexdigest()
+
+    def _save(self) -> None:
+        state = {
+            "key": self.key,
+            "network": self.network.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "step": self.progress.step,
+            "elapsed_s": self.progress.elapsed_s,
+            "rows": self.progress.rows,
+        }
+        path = self.folder / CHECKPOINT
+        unfinished = path.with_suffix(".part")
+        torch.save(state, unfinished)
+        unfinished.replace(path)
+        columns = ["step", "elapsed_s", "rate", "loss_scores", "loss_boxes", "loss_held_out"]
+        columns += [f"f1_{name}" for name in self.decoder.classes]
+        lines = [",".join(columns)]
+        lines += [
+            ",".join(f"{row[name]:.6g}" if name in row else "" for name in columns)
+            for row in self.progress.rows
+        ]
+        write_bytes(self.folder / CURVES, ("\n".join(lines) + "\n").encode())
+
+    def _take_up(self) -> None:
+        path = self.folder / CHECKPOINT
+        if not path.exists():
+            return
+        state = read_checkpoint(path)
+        if state["key"] != self.key:
+            raise ArgumentError(
+                f"{self.folder}: holds a training of other frames or with other options; "
+                "name another folder, or delete it"
+            )
+        self.network.load_state_dict(state["network"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.progress = Progress(state["step"], state["elapsed_s"], state["rows"])
+
+
+class TrainingError(ArgumentError):
+    """A training cannot go on."""
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """The state of a training; nothing but tensors and plain values is loaded.
+
+    Raises:
+        ArgumentError: the file is damaged, or holds something else.
+    """
+    try:
+        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        missing = {"key", "network", "optimizer", "step", "elapsed_s", "rows"} - set(state)
+    except Exception as error:  # torch raises whatever its readers do
+        line = (str(error).splitlines() or [""])[0][:160]
+        raise ArgumentError(f"{path}: is no checkpoint of a training, or damaged: {line}") from None
+    if missing:
+        raise ArgumentError(f"{path}: is no checkpoint of a training: {', '.join(sorted(missing))} missing")
+    return state
+
+
+def _rate(share: float, greatest: float) -> float:
+    """The rate of learning at a share of the training."""
+    if share < WARM_UP:
+        return greatest * max(share / WARM_UP, 0.05)
+    fall = 0.5 * (1.0 + math.cos(math.pi * (share - WARM_UP) / (1.0 - WARM_UP)))
+    return greatest * (LEAST_RATE + (1.0 - LEAST_RATE) * fall)

@@ -1,0 +1,200 @@
+"""Labelled clouds as a network learns from them: changed at random, as pillars, with what it should say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmot.arrays import FloatArray, IntArray, StrArray
+from smartmot.geometry import wrap_angle
+from smartmot.lidar.ground import ground_under
+from smartmot.lidar.learned.decoding import CHANNELS, STRIDE, Decoder
+from smartmot.lidar.learned.pillars import Pillars, pillars_of
+from smartmot.pointcloud import Boxes3D, PointCloud
+
+SPREAD = {"car": 2.0, "cyclist": 1.0, "pedestrian": 0.8}
+"""Standard deviation of a centre's peak in cells of the output, 0.4 m: about a quarter of a body's length, so
+that a centre that is off by it still overlaps the body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """How much a sample is changed at random.
+
+    Args:
+        turn_rad: greatest turn around the sensor.
+        scale: greatest change of all lengths, as a share.
+        height_m: standard deviation of an error of the ground.
+        jitter_m: standard deviation of each coordinate.
+        dropped: greatest share of points that are left out.
+        lines_dropped: greatest share of lines of the sensor that are left out.
+        mirrored: whether left and right are exchanged in half of them.
+    """
+
+    turn_rad: float = math.radians(12.0)
+    scale: float = 0.05
+    height_m: float = 0.03
+    jitter_m: float = 0.01
+    dropped: float = 0.3
+    lines_dropped: float = 0.5
+    mirrored: bool = True
+
+
+NO_CHANGES = Changes(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, mirrored=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelledFrame:
+    """Points and boxes with heights over the ground.
+
+    Args:
+        name: of the frame, for messages.
+        points: (P, 3) float32: ahead, left, height over the ground, metres.
+        line: (P,) of the sensor.
+        boxes: T boxes; heights of their centres are over the ground.
+        category: (T,) classes.
+        counts: (T,) points in each box.
+    """
+
+    name: str
+    points: NDArray[np.float32]
+    line: IntArray
+    boxes: Boxes3D
+    category: StrArray
+    counts: IntArray
+
+
+def labelled_frame(
+    name: str, cloud: PointCloud, boxes: Boxes3D, category: StrArray, reach_m: float
+) -> LabelledFrame:
+    """A frame from a cloud and its labels, sensor's frame."""
+    xyz = cloud.xyz_m.astype(np.float64)
+    distance = np.hypot(xyz[:, 0], xyz[:, 1])
+    near = np.flatnonzero((distance <= reach_m) & (xyz[:, 0] >= 0.0))
+    xyz = xyz[near]
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
+    ground, height = ground_under(xyz, azimuth, distance[near], reach_m)
+    center = boxes.center_m.copy()
+    center[:, 2] -= ground.level_m(center[:, :2])
+    points = np.column_stack((xyz[:, :2], height)).astype(np.float32)
+    line = np.zeros(len(near), dtype=np.int64) if cloud.ring is None else cloud.ring[near]
+    counts = boxes.point_counts(cloud.xyz_m, 0.05)
+    return LabelledFrame(name, points, line, replace(boxes, center_m=center), category, counts)
+
+
+def changed(frame: LabelledFrame, changes: Changes, rng: np.random.Generator) -> LabelledFrame:
+    """A frame as another sensor might have seen another street."""
+    points, line = frame.points.astype(np.float64), frame.line
+    kept = rng.random(len(points)) >= rng.uniform(0.0, changes.dropped)
+    lines = np.unique(line)
+    if len(lines) > 1 and changes.lines_dropped > 0.0 and rng.random() < 0.5:
+        gone = lines[rng.random(len(lines)) < rng.uniform(0.0, changes.lines_dropped)]
+        kept &= ~np.isin(line, gone)
+    points, line = points[kept], line[kept]
+    turn = rng.uniform(-1.0, 1.0) * changes.turn_rad
+    scale = 1.0 + rng.uniform(-1.0, 1.0) * changes.scale
+    c, s = scale * math.cos(turn), scale * math.sin(turn)
+    mirror = -1.0 if changes.mirrored and rng.random() < 0.5 else 1.0
+
+    def moved(place: FloatArray) -> FloatArray:
+        x, y = place[:, 0], mirror * place[:, 1]
+        return np.column_stack((c * x - s * y, s * x + c * y, scale * place[:, 2]))
+
+    points = moved(points) + rng.normal(0.0, 1.0, points.shape) * changes.jitter_m
+    points[:, 2] += rng.normal() * changes.height_m
+    boxes = Boxes3D(
+        moved(frame.boxes.center_m),
+        scale * frame.boxes.size_m,
+        wrap_angle(mirror * frame.boxes.yaw_rad + turn),
+    )
+    counts = boxes.point_counts(points, 0.05)
+    return LabelledFrame(frame.name, points.astype(np.float32), line, boxes, frame.category, counts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Targets:
+    """What a network should say of a frame.
+
+    Args:
+        heat: (C, R, L) 1 at a centre and falling around it.
+        ignored: (C, R, L) where nothing is learned: bodies of which too few points are seen.
+        cell: (K,) number of the output's cell of each centre.
+        values: (K, V) `CHANNELS` there.
+    """
+
+    heat: NDArray[np.float32]
+    ignored: NDArray[np.bool_]
+    cell: IntArray
+    values: NDArray[np.float32]
+
+
+def targets(frame: LabelledFrame, decoder: Decoder, least_points: int) -> Targets:
+    """The maps of a frame; bodies with fewer points are ignored."""
+    _, rows, columns = decoder.shape
+    heat = np.zeros((len(decoder.classes), rows, columns), dtype=np.float32)
+    ignored = np.zeros(heat.shape, dtype=np.bool_)
+    edge = STRIDE * decoder.grid.cell_m
+    place = (frame.boxes.center_m[:, :2] - (decoder.grid.ahead_m[0], decoder.grid.left_m[0])) / edge
+    cell, values = [], []
+    for row in range(len(frame.boxes)):
+        name = str(frame.category[row])
+        if name not in decoder.classes:
+            continue
+        x, y = (float(v) for v in place[row])
+        if not (0.0 <= x < rows and 0.0 <= y < columns):
+            continue
+        i, j, which = int(x), int(y), decoder.classes.index(name)
+        spread = SPREAD[name]
+        reach = math.ceil(3.0 * spread)
+        a, b = slice(max(i - reach, 0), i + reach + 1), slice(max(j - reach, 0), j + reach + 1)
+        di = np.arange(rows)[a][:, None] - i
+        dj = np.arange(columns)[b] - j
+        peak = np.exp(-0.5 * (di**2 + dj**2) / spread**2).astype(np.float32)
+        if frame.counts[row] < least_points:
+            ignored[:, a, b] |= peak > 0.1
+            continue
+        np.maximum(heat[which, a, b], peak, out=heat[which, a, b])
+        size, yaw = frame.boxes.size_m[row], float(frame.boxes.yaw_rad[row])
+        cell.append(i * columns + j)
+        values.append(
+            (x - i - 0.5, y - j - 0.5, float(frame.boxes.center_m[row, 2]), *np.log(size),
+             math.sin(2.0 * yaw), math.cos(2.0 * yaw), math.sin(yaw), math.cos(yaw))
+        )  # fmt: skip
+    ignored &= heat < 1.0
+    table = np.array(values, dtype=np.float32).reshape(-1, len(CHANNELS))
+    return Targets(heat, ignored, np.array(cell, dtype=np.int64), table)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Several frames put together; pillars and centres have the cells of the frames one after another."""
+
+    names: tuple[str, ...]
+    seen: Pillars
+    targets: Targets
+
+
+def batch(frames: Sequence[LabelledFrame], decoder: Decoder, least_points: int) -> Batch:
+    """Pillars and targets of frames as one."""
+    grid_cells = math.prod(decoder.grid.shape)
+    _, rows, columns = decoder.shape
+    seen = [pillars_of(frame.points[:, :2], frame.points[:, 2], decoder.grid) for frame in frames]
+    wanted = [targets(frame, decoder, least_points) for frame in frames]
+    return Batch(
+        tuple(frame.name for frame in frames),
+        Pillars(
+            np.concatenate([each.features for each in seen]),
+            np.concatenate([each.cell + k * grid_cells for k, each in enumerate(seen)]),
+            np.zeros(0, dtype=np.int64),
+        ),
+        Targets(
+            np.stack([each.heat for each in wanted]),
+            np.stack([each.ignored for each in wanted]),
+            np.concatenate([each.cell + k * rows * columns for k, each in enumerate(wanted)]),
+            np.concatenate([each.values for each in wanted]),
+        ),
+    )

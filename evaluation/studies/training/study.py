@@ -1,0 +1,171 @@
+"""A training of a data set in a folder: frames in, a checkpoint, curves and a network's file out."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evaluation.errors import ArgumentError
+from evaluation.results.tables import Table, fixed
+from evaluation.studies.datasets.reading import read_frames
+from evaluation.studies.training.export import greatest_difference, onnx_bytes, quantised, write_network
+from evaluation.studies.training.fit import CHECKPOINT, Progress, Training, TrainingOptions
+from evaluation.studies.training.quality import LEAST_OVERLAP, ClassBoxes, calibrated
+from evaluation.studies.training.samples import LabelledFrame, labelled_frame
+from smartmot.lidar.learned import Decoder, PillarGrid
+
+NETWORK, CARD = "network.onnx", "card.json"
+
+CLASSES = ("car", "pedestrian", "cyclist")
+
+CALIBRATION_FRAMES = 300
+"""Clouds by which the ranges of integers are found, unless others are asked for."""
+
+TOLERANCE = 1e-4
+"""Greatest difference between a network and its file."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """The frames of a data set by what they are for.
+
+    Args:
+        train: learned from.
+        held_out: frames of the validation split.
+        notes: what the reader has to know.
+    """
+
+    train: list[LabelledFrame]
+    held_out: list[LabelledFrame]
+    notes: tuple[str, ...]
+
+
+def read_labelled(folder: Path, decoder: Decoder, done: Callable[[int, int | None], None]) -> Frames:
+    """Frames of the splits "train" and "val"; those of "test" are never looked at.
+
+    Raises:
+        DatasetError: the data set is in no known layout, or damaged.
+        ArgumentError: a split has no frame.
+    """
+    reach = math.hypot(decoder.grid.ahead_m[1], max(map(abs, decoder.grid.left_m)))
+    frames: dict[str, list[LabelledFrame]] = {"train": [], "val": []}
+    others = 0
+    for number, frame in enumerate(read_frames(folder), 1):
+        if frame.split in frames:
+            frames[frame.split].append(
+                labelled_frame(frame.name, frame.cloud, frame.boxes, frame.labels.category, reach)
+            )
+        else:
+            others += 1
+        done(number, None)
+    for split, members in frames.items():
+        if not members:
+            raise ArgumentError(f"{folder}: the split {split!r} has no frame")
+    notes = [f"{len(frames['train'])} frames to learn from, {len(frames['val'])} held out"]
+    if others:
+        notes.append(f"{others} frames of other splits not looked at")
+    unknown = sum(
+        int((~np.isin(f.category, decoder.classes)).sum()) for part in frames.values() for f in part
+    )
+    if unknown:
+        notes.append(f"{unknown} labels of other classes than {', '.join(decoder.classes)} are background")
+    return Frames(frames["train"], frames["val"], tuple(notes))
+
+
+def train(
+    folder: Path, frames: Frames, options: TrainingOptions, report: Callable[[Progress, float], None]
+) -> tuple[Training, dict[str, ClassBoxes]]:
+    """Train to the end, or go on where a training of the same frames and options stopped; write the network.
+
+    Returns:
+        The training, and by class the boxes of the held-out frames.
+    """
+    decoder = Decoder(PillarGrid(), CLASSES)
+    training = Training(folder, decoder, options, frames.train, frames.held_out)
+    training.run(report)
+    boxes = training.boxes(frames.held_out)
+    write_card(folder, training, boxes)
+    return training, boxes
+
+
+def write_card(folder: Path, training: Training, boxes: dict[str, ClassBoxes]) -> None:
+    """Write the network as ONNX, with scores calibrated on the held-out frames, and what is known of it."""
+    pairs = [
+        calibrated(each.score[~each.is_ignored], each.is_right[~each.is_ignored]) for each in boxes.values()
+    ]
+    scale, offset = [a for a, _ in pairs], [b for _, b in pairs]
+    origin = {
+        "training": training.key,
+        "steps": training.progress.step,
+        "frames": len(training.train),
+        "seed": training.options.seed,
+    }
+    content = onnx_bytes(training.network, training.decoder, scale, offset, origin)
+    digest = write_network(folder / NETWORK, content)
+    difference = greatest_difference(
+        training.network, folder / NETWORK, training.held_out[:10], training.decoder
+    )
+    if difference > TOLERANCE:
+        raise ArgumentError(
+            f"{folder / NETWORK}: differs from the trained network by {difference:.2g}; "
+            f"at most {TOLERANCE:g} is rounding"
+        )
+    card: dict[str, Any] = {
+        "sha256": digest,
+        "bytes": len(content),
+        "classes": list(training.decoder.classes),
+        **origin,
+        "score_scale": scale,
+        "score_offset": offset,
+        "greatest_difference": difference,
+        "held_out": {name: _best(each) for name, each in boxes.items()},
+    }
+    (folder / CARD).write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+
+
+def export(folder: Path, frames: Iterable[LabelledFrame], out: Path) -> str:
+    """Write a trained network with integers of 8 bits; its SHA-256.
+
+    Raises:
+        ArgumentError: the folder holds no network.
+    """
+    source = folder / NETWORK
+    if not source.is_file():
+        raise ArgumentError(f"{source}: no network; finish the training first (lidar train)")
+    decoder = Decoder(PillarGrid(), CLASSES)
+    return write_network(out, quantised(source.read_bytes(), list(frames), decoder))
+
+
+def _best(boxes: ClassBoxes) -> dict[str, float]:
+    """The greatest F1 over least scores, and at which score."""
+    scores = np.arange(0.05, 0.95, 0.05)
+    values = [boxes.f1(float(least)) for least in scores]
+    at = int(np.argmax(values))
+    return {"labels": boxes.labels, "f1": round(values[at], 4), "least_score": round(float(scores[at]), 2)}
+
+
+def quality_table(boxes: dict[str, ClassBoxes]) -> Table:
+    """F1 of each class at the least score that is best for it."""
+    rows = []
+    for name, each in boxes.items():
+        best = _best(each)
+        rows.append(
+            (
+                name,
+                f"{LEAST_OVERLAP[name]:g}",
+                str(each.labels),
+                fixed(best["f1"], 3),
+                fixed(best["least_score"], 2),
+            )
+        )
+    caption = "Held-out frames, to 40 m, overlap from above; the least score is chosen on the same frames."
+    return Table(("class", "IoU", "labels", "F1", "least score"), tuple(rows), (), caption)
+
+
+__all__ = ["CHECKPOINT", "Frames", "export", "quality_table", "read_labelled", "train"]

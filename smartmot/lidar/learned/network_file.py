@@ -1,0 +1,183 @@
+"""Networks as ONNX files that say themselves how clouds go in and what comes out.
+
+The metadata `smartmot` of a file is a JSON object: `version`, `grid` (`PillarGrid`), `classes`, `overlap`,
+`score_scale` and `score_offset` (of the logits, by class), and what it was made from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smartmot.errors import ConfigError
+from smartmot.lidar.learned.decoding import Decoder
+from smartmot.lidar.learned.pillars import PillarGrid, Pillars
+from smartmot.types import CATEGORIES
+
+METADATA = "smartmot"
+"""Key of a file's metadata."""
+
+VERSION = 1
+"""Of the metadata and of what goes in and comes out."""
+
+INPUTS, OUTPUT = ("features", "cell"), "output"
+
+LARGEST_BYTES = 200_000_000
+"""Of a file; networks for a processor have some megabytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedConfig:
+    """A network and how sure its boxes have to be.
+
+    Args:
+        path: the ONNX file.
+        digest: SHA-256 of the file, in hexadecimal digits; empty: taken from the file.
+        least_score: boxes with a lower score are left out.
+
+    Raises:
+        ConfigError: the file is missing, is no network of this form, or not the one with that digest.
+    """
+
+    path: Path
+    digest: str = ""
+    least_score: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.least_score <= 1.0:
+            raise ConfigError(f"least_score: must lie in [0, 1], got {self.least_score:g}")
+        digest = hashlib.sha256(_content(self.path)).hexdigest()
+        if self.digest not in ("", digest):
+            raise ConfigError(f"{self.path}: is not the network with SHA-256 {self.digest}, but {digest}")
+        object.__setattr__(self, "digest", digest)
+
+    @property
+    def network(self) -> Network:
+        """The network, loaded once in a process."""
+        return _network(self.path, self.digest)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Network:
+    """A loaded network.
+
+    Args:
+        session: of onnxruntime.
+        decoder: makes boxes of its output.
+        score_scale: (C,) factor of the logits of each class's scores, by which they are calibrated.
+        score_offset: (C,) added to them.
+        origin: what the file says of how it was made.
+    """
+
+    session: Any
+    decoder: Decoder
+    score_scale: NDArray[np.float32]
+    score_offset: NDArray[np.float32]
+    origin: dict[str, Any]
+
+    @property
+    def grid(self) -> PillarGrid:
+        """Cells that clouds are put into."""
+        return self.decoder.grid
+
+    def run(self, seen: Pillars) -> NDArray[np.float32]:
+        """(C, R, L) output for one cloud's pillars, with calibrated scores; see `Decoder`."""
+        output: NDArray[np.float32] = self.session.run(
+            [OUTPUT], dict(zip(INPUTS, (seen.features, seen.cell), strict=True))
+        )[0]
+        output = output.reshape(output.shape[-3:])
+        classes = len(self.score_scale)
+        if len(output) >= classes:
+            output[:classes] *= self.score_scale[:, None, None]
+            output[:classes] += self.score_offset[:, None, None]
+        return output
+
+
+def metadata(
+    decoder: Decoder, score_scale: list[float], score_offset: list[float], origin: dict[str, Any]
+) -> str:
+    """The text that a file carries about itself."""
+    content = {
+        "version": VERSION,
+        "grid": asdict(decoder.grid),
+        "classes": list(decoder.classes),
+        "overlap": decoder.overlap,
+        "score_scale": score_scale,
+        "score_offset": score_offset,
+        "origin": origin,
+    }
+    return json.dumps(content, sort_keys=True)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_BYTES:
+            raise ConfigError(f"{path}: {size} bytes; networks have at most {LARGEST_BYTES}")
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+@lru_cache(maxsize=4)
+def _network(path: Path, digest: str) -> Network:
+    try:
+        import onnxruntime
+    except ImportError:
+        raise ConfigError("learned detectors need onnxruntime: pip install 'smartmot[onnx]'") from None
+    content = _content(path)
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise ConfigError(f"{path}: has changed while it was used")
+    options = onnxruntime.SessionOptions()
+    # one run is one thread: several runs share the processor, and results do not depend on it
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors have no common base
+        raise ConfigError(f"{path}: is no network that onnxruntime can run: {_first_line(error)}") from None
+    described = session.get_modelmeta().custom_metadata_map.get(METADATA)
+    names = tuple(entry.name for entry in session.get_inputs())
+    if described is None or names != INPUTS or OUTPUT not in {entry.name for entry in session.get_outputs()}:
+        raise ConfigError(
+            f"{path}: says nothing of grid and classes; another detector's network needs an adapter, "
+            "see docs/learned.md"
+        )
+    return _described(path, session, described)
+
+
+def _described(path: Path, session: Any, text: str) -> Network:
+    try:
+        content = json.loads(text)
+        if content["version"] != VERSION:
+            raise ConfigError(f"{path}: is of version {content['version']}, this program reads {VERSION}")
+        pairs = content["grid"].items()
+        fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in pairs}
+        grid = PillarGrid(**fields)
+        classes = tuple(content["classes"])
+        scale, offset = (
+            np.array(content[name], dtype=np.float32) for name in ("score_scale", "score_offset")
+        )
+        decoder = Decoder(grid, classes, overlap=float(content["overlap"]))
+        origin = dict(content["origin"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(f"{path}: its metadata is damaged: {_first_line(error)}") from None
+    if not classes or not set(classes) <= set(CATEGORIES) or {scale.shape, offset.shape} != {(len(classes),)}:
+        raise ConfigError(
+            f"{path}: its classes must be some of {', '.join(CATEGORIES)}, each with a scale and an offset; "
+            f"got {classes}"
+        )
+    return Network(session, decoder, scale, offset, origin)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -1,0 +1,155 @@
+"""Samples that a network learns from: changes keep points and boxes together, targets are boxes again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evaluation.studies.training.samples import (
+    NO_CHANGES,
+    Changes,
+    LabelledFrame,
+    batch,
+    changed,
+    labelled_frame,
+    targets,
+)
+from smartmot.geometry import wrap_angle
+from smartmot.lidar.learned import Decoder, PillarGrid
+from smartmot.pointcloud import Boxes3D, PointCloud
+
+DECODER = Decoder(PillarGrid(), ("car", "pedestrian", "cyclist"))
+CAR, PERSON = (4.2, 1.8, 1.5), (0.6, 0.6, 1.8)
+
+
+def filled(box: Boxes3D, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Points inside each box."""
+    points = []
+    for center, size, yaw in zip(box.center_m, box.size_m, box.yaw_rad, strict=True):
+        local = rng.uniform(-0.45, 0.45, (count, 3)) * size
+        c, s = math.cos(yaw), math.sin(yaw)
+        points.append(center + local @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+    return np.concatenate(points)
+
+
+def frame(seed: int = 0) -> LabelledFrame:
+    """Three bodies, heights over the ground."""
+    rng = np.random.default_rng(seed)
+    boxes = Boxes3D(
+        np.array([[12.0, 3.0, 0.75], [8.0, -4.0, 0.9], [25.0, 10.0, 0.75]]),
+        np.array([CAR, PERSON, CAR]),
+        np.array([0.3, -2.0, 3.0]),
+    )
+    points = filled(boxes, 60, rng).astype(np.float32)
+    return LabelledFrame(
+        "made", points, np.arange(180) % 16, boxes, np.array(["car", "pedestrian", "car"]), np.full(3, 60)
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000), at=st.integers(0, 2))
+def test_targets_are_boxes_again(seed: int, at: int) -> None:
+    """What a perfect network says is decoded to the labels."""
+    made = changed(frame(), Changes(dropped=0.0, lines_dropped=0.0), np.random.default_rng(seed))
+    wanted = targets(made, DECODER, 5)
+    classes, rows, columns = DECODER.shape
+    output = np.zeros((classes, rows * columns), dtype=np.float32)
+    output[:3] = np.where(wanted.heat == 1.0, 8.0, -8.0).reshape(3, -1)
+    output[3:, wanted.cell] = wanted.values.T
+    boxes, _, category = DECODER.decode(output.reshape(DECODER.shape), 0.5)
+    assert sorted(category.tolist()) == sorted(made.category.tolist())
+    nearest = int(np.hypot(*(boxes.center_m[:, :2] - made.boxes.center_m[at, :2]).T).argmin())
+    np.testing.assert_allclose(boxes.center_m[nearest], made.boxes.center_m[at], atol=1e-4)
+    np.testing.assert_allclose(boxes.size_m[nearest], made.boxes.size_m[at], rtol=1e-5)
+    assert wrap_angle(boxes.yaw_rad[nearest : nearest + 1] - made.boxes.yaw_rad[at]) == pytest.approx(
+        [0], abs=1e-5
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000))
+def test_changes_move_points_with_their_boxes(seed: int) -> None:
+    made = changed(
+        frame(),
+        Changes(jitter_m=0.0, height_m=0.0, dropped=0.0, lines_dropped=0.0),
+        np.random.default_rng(seed),
+    )
+    assert made.counts.tolist() == [60, 60, 60]
+    assert len(made.points) == 180
+    ratio = made.boxes.size_m / frame().boxes.size_m
+    np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-9)
+    assert abs(ratio[0, 0] - 1.0) <= 0.05 + 1e-9
+
+
+def test_without_changes_a_frame_stays() -> None:
+    made = changed(frame(), NO_CHANGES, np.random.default_rng(3))
+    np.testing.assert_allclose(made.points, frame().points, atol=1e-6)
+    np.testing.assert_allclose(made.boxes.center_m, frame().boxes.center_m, atol=1e-12)
+
+
+def test_points_and_lines_are_left_out_as_often_as_asked_for() -> None:
+    rng = np.random.default_rng(1)
+    shares = [len(changed(frame(), Changes(lines_dropped=0.0), rng).points) / 180 for _ in range(300)]
+    assert np.mean(shares) == pytest.approx(0.85, abs=0.02)
+    assert min(shares) > 0.55
+    lines = [len(np.unique(changed(frame(), Changes(dropped=0.0), rng).line)) for _ in range(300)]
+    assert max(lines) == 16
+    assert 11.0 < np.mean(lines) < 15.0
+
+
+def test_bodies_with_few_points_are_neither_wanted_nor_background() -> None:
+    few = frame()
+    wanted = targets(
+        LabelledFrame("few", few.points, few.line, few.boxes, few.category, np.array([4, 60, 60])), DECODER, 5
+    )
+    assert len(wanted.cell) == 2
+    edge = 0.4
+    row, column = int(12.0 / edge), int((3.0 + 28.8) / edge)
+    assert wanted.ignored[:, row, column].all()
+    assert wanted.heat[0].max() == 1.0
+    assert wanted.heat[0, row, column] < 1.0
+    person = int(8.0 / edge), int((-4.0 + 28.8) / edge)
+    assert wanted.heat[1][person] == 1.0
+    assert not wanted.ignored[1][person]
+
+
+def test_bodies_outside_the_grid_or_of_other_classes_are_left_out() -> None:
+    boxes = Boxes3D(np.array([[60.0, 0.0, 0.7], [10.0, 0.0, 0.7]]), np.array([CAR, CAR]), np.zeros(2))
+    made = LabelledFrame(
+        "far",
+        np.zeros((0, 3), dtype=np.float32),
+        np.zeros(0, dtype=np.int64),
+        boxes,
+        np.array(["car", "unknown"]),
+        np.full(2, 9),
+    )
+    assert len(targets(made, DECODER, 5).cell) == 0
+
+
+def test_batches_put_frames_one_after_another() -> None:
+    one, two = frame(), changed(frame(), Changes(), np.random.default_rng(5))
+    both = batch([one, two], DECODER, 5)
+    cells = int(np.prod(DECODER.grid.shape))
+    first, second = batch([one], DECODER, 5), batch([two], DECODER, 5)
+    np.testing.assert_array_equal(both.seen.cell, np.concatenate((first.seen.cell, second.seen.cell + cells)))
+    np.testing.assert_array_equal(both.targets.heat[1], second.targets.heat[0])
+    assert (
+        both.targets.cell[len(first.targets.cell) :] - second.targets.cell == np.prod(DECODER.shape[1:])
+    ).all()
+
+
+def test_heights_of_a_frame_are_over_the_ground_of_its_cloud() -> None:
+    """Whatever the height of the mount."""
+    x, y = (column.ravel() for column in np.meshgrid(np.arange(2.0, 40.0, 0.5), np.arange(-15.0, 15.0, 0.5)))
+    for height in (1.2, 2.4):
+        boxes = Boxes3D(np.array([[10.0, 2.0, 0.97 - height]]), np.array([PERSON]), np.zeros(1))
+        body = filled(boxes, 40, np.random.default_rng(0))
+        cloud = PointCloud(np.concatenate((np.column_stack((x, y, np.full(len(x), -height))), body)))
+        made = labelled_frame("one", cloud, boxes, np.array(["pedestrian"]), 50.0)
+        assert made.boxes.center_m[0, 2] == pytest.approx(0.97, abs=0.01)
+        assert made.points[: len(x), 2] == pytest.approx(np.zeros(len(x)), abs=0.01)
+        assert made.counts.tolist() == [40]
