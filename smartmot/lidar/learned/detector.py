@@ -24,7 +24,8 @@ def detect_learned(
     Args:
         cloud: P points.
         config: the network.
-        monitored: points that the network may see, as for `smartmot.lidar.detect`; None: all. The ground is found by all of them.
+        monitored: points that the network may see, as for `smartmot.lidar.detect`; None: all. The ground is
+            found by all of them.
         sensor_height_m: as the mount says it; the cloud has the last word.
 
     Raises:
