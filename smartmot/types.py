@@ -243,6 +243,11 @@ class Detections:
                     "pose_covariance: expected symmetric, positive definite (3, 3) matrices of x, y and yaw, "
                     "or NaN where nothing is stated"
                 )
+            half = np.isnan(covariance[:, :2, :2]).any(axis=(1, 2))
+            if half.any():  # a position of which a part is stated is not stated
+                covariance = covariance.copy()
+                covariance[half, :2, :2] = np.nan
+                covariance.flags.writeable = False
             _set(self, "pose_covariance", covariance)
 
     def __len__(self) -> int:

@@ -130,8 +130,9 @@ class Existence:
             if len(self._survival) == _STEPS:
                 self._survival.clear()
             survival = self._survival[dt_s] = np.exp(-dt_s * self._rate_ps)
-        prior = survival.take(code)
-        prior *= existence
+        # of tracks that a state without existence holds nothing is known yet
+        prior = np.where(np.isnan(existence), self._initial.take(code), existence)
+        prior *= survival.take(code)
         likely = ratio * prior
         # prior < 1 after any time: a miss lowers every probability
         odds = 1.0 - prior

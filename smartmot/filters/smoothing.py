@@ -90,7 +90,8 @@ class Smoother:
         for k in range(len(at_s) - 2, -1, -1):
             change, noise = self.step(float(at_s[k + 1] - at_s[k]))
             predicted = change @ spreads[k] @ change.T + noise
-            gain = np.linalg.solve(predicted, change @ spreads[k]).T
+            # by its pseudo-inverse, since a filter may know an entry exactly: a rate of 0 at first sight
+            gain = spreads[k] @ change.T @ np.linalg.pinv(predicted, hermitian=True)
             beyond = means[k + 1] - change @ means[k]
             # detectors confuse front and rear: the last heading has seen most evidence
             turn = heading_innovation(means[k + 1, YAW : YAW + 1], (change @ means[k])[YAW : YAW + 1])[0]

@@ -157,7 +157,8 @@ class LaneForecaster:
         ways = self.ways(tracks.boxes.center_m, motion, code, float(moved[-1]))
         center, heading = self.along(ways, motion, free[ways.row], np.tile(moved, (len(ways.row), 1)))
         on_lane = np.array([route is not None for route in ways.routes], dtype=np.bool_)
-        yaw = tracks.boxes.yaw_rad[ways.row, None] + (course - course[:, :1])[ways.row]
+        now = np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])
+        yaw = tracks.boxes.yaw_rad[ways.row, None] + (course - now[:, None])[ways.row]
         yaw[on_lane] = heading[on_lane]
         covariance = forecast_covariance(tracks.covariance, code, moved)[ways.row]
         covariance[on_lane] = _beside_lane(covariance[on_lane], heading[on_lane])

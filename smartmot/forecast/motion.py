@@ -104,9 +104,11 @@ def class_motion(
             of_bend = (
                 direction[:, 1] ** 2 * covariance[:, 9, 9] + direction[:, 0] ** 2 * covariance[:, 10, 10]
             ) / slow**2
-            share = variance / (variance + of_bend + 1e-12)
+            # a filter without turn rate says 0 with variance 0: there the bend alone is known
+            unknown = variance == 0.0
+            share = np.where(unknown, 1.0, variance / (variance + of_bend + 1e-12))
             rate = rate + share * (across / slow - rate)
-            variance = (1.0 - share) * variance
+            variance = np.where(unknown, of_bend, (1.0 - share) * variance)
         rate = _sure(rate, variance)
     elif entries == _TURNING:
         rate = _sure(rate, covariance[:, 4, 4])
@@ -194,16 +196,20 @@ def forecast_covariance(covariance: FloatArray, code: IntArray, time_s: FloatArr
     variance = np.zeros((*time.shape, 2, 2))
     unknown = SPREAD_M2PS3.take(code)[:, None] * time**3 / 3.0
     ones = np.ones_like(time)
+    if entries >= _LINEAR:  # linear: value, rate and, where there is one, acceleration of each axis
+        orders, steps = [0, 5], [ones, time]
+        if entries == _ACCELERATED:
+            fade = ACCELERATION_MEMORY_S
+            orders, steps = [*orders, 9], [*steps, fade * (time + fade * np.expm1(-time / fade))]
+        row = np.stack(steps, axis=-1)
+        for a, b in ((0, 0), (0, 1), (1, 1)):
+            of_a, of_b = ([order + axis for order in orders] for axis in (a, b))
+            part = covariance[:, of_a][:, :, of_b]
+            variance[..., a, b] = variance[..., b, a] = np.einsum("mti,mij,mtj->mt", row, part, row)
+    elif entries == _TURNING:  # CTRV: the variance of the speed, in every direction
+        variance += covariance[:, None, :2, :2]
+        for axis in (0, 1):
+            variance[..., axis, axis] += time**2 * covariance[:, None, 3, 3]
     for axis in (0, 1):
-        if entries >= _LINEAR:  # linear: value, rate and, where there is one, acceleration of each axis
-            which, steps = [axis, 5 + axis], [ones, time]
-            if entries == _ACCELERATED:
-                fade = ACCELERATION_MEMORY_S
-                which, steps = [*which, 9 + axis], [*steps, fade * (time + fade * np.expm1(-time / fade))]
-            row = np.stack(steps, axis=-1)
-            part = covariance[np.ix_(range(m), which, which)] if m else np.zeros((0, len(which), len(which)))
-            variance[..., axis, axis] = np.einsum("mti,mij,mtj->mt", row, part, row)
-        elif entries == _TURNING:  # CTRV: the variance of the speed, in every direction
-            variance[..., axis, axis] = covariance[:, None, axis, axis] + time**2 * covariance[:, None, 3, 3]
         variance[..., axis, axis] += unknown
     return variance

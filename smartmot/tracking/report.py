@@ -26,7 +26,7 @@ class Reporter:
     def __init__(self, config: TrackerConfig, box_filter: BoxFilter) -> None:
         self._config, self._filter = config, box_filter
         self._yaw_entry = box_filter.names.index("yaw_rad")
-        self._nothing = _no_tracks(len(box_filter.names))
+        self._nothing = _no_tracks(len(box_filter.names), config.existence is not None)
         self._outlier = table(config.outlier_speed_mps)
         self._dynamic = table(config.dynamic_speed_mps)
         coasted = config.report.coasted_s
@@ -110,9 +110,23 @@ class Reporter:
         return None if np.count_nonzero(shown) == len(rows) else shown.nonzero()[0]
 
 
-def _no_tracks(entries: int) -> tuple[object, ...]:
+def _no_tracks(entries: int, existence: bool) -> tuple[object, ...]:
     """Values of `Tracks` after the stamp, without any track, for D entries of the filter's mean."""
     none, ids, flags = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_)
     mean, covariance = np.zeros((0, entries)), np.zeros((0, entries, entries))
     velocity, names = np.zeros((0, 2)), _NAMES[:0]
-    return (ids, Boxes.empty(), names, none, mean, covariance, velocity, none, none, none, flags, flags, None)
+    return (
+        ids,
+        Boxes.empty(),
+        names,
+        none,
+        mean,
+        covariance,
+        velocity,
+        none,
+        none,
+        none,
+        flags,
+        flags,
+        none if existence else None,
+    )

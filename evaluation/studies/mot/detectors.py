@@ -47,6 +47,11 @@ def detectors_of(
                 f"column received_s: boxes of {name} arrive up to {late_s.max():.3g} s late, over "
                 f"{MOST_LATE_S:g} s; is it in seconds, by the clock of stamp_s?"
             )
+        if len(late_s) and late_s.min() < -MOST_LATE_S:
+            raise DatasetError(
+                f"column received_s: boxes of {name} arrive {-late_s.min():.3g} s before they are measured; "
+                "is it in seconds, by the clock of stamp_s?"
+            )
     return {name: profiles.get(name) or _from_file(data, name, scale) for name in names}
 
 

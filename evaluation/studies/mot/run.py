@@ -226,6 +226,8 @@ def _with_offline(
     assert isinstance(study.config, TrackerConfig)
     shown = replace(config, report=study.config.report)
     tracked = [with_hindsight(each, shown, bool(study.detectors)) for each in matched]
+    if study.data.log_odds:
+        tracked = [_in_log_odds(each) for each in tracked]
     written = write_tracks(out, study.data, tracked, forms, use_map=study.filtered)
     scores: list[MotScore] = []
     if online.scores:
@@ -262,10 +264,14 @@ def track_dataset(
         else:
             tracker = FusedTracker(config, detectors) if detectors else Tracker(config)
         each = track_sequence(sequence, tracker, done, hindsight)
-        if data.log_odds:
-            each = replace(each, tracks=replace(each.tracks, score=log_odds(each.tracks.score)))
-        tracked.append(each)
+        # smoothing compares scores with thresholds: they become log odds after it
+        tracked.append(_in_log_odds(each) if data.log_odds and not hindsight else each)
     return tracked
+
+
+def _in_log_odds(tracked: TrackedSequence) -> TrackedSequence:
+    """The tracks with scores as log odds, which the detector gave."""
+    return replace(tracked, tracks=replace(tracked.tracks, score=log_odds(tracked.tracks.score)))
 
 
 def labelled_categories(tracked: Sequence[TrackedSequence]) -> list[str]:

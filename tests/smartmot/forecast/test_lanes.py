@@ -87,6 +87,16 @@ def test_who_turns_is_seen_to_turn(fork: LaneForecaster) -> None:
     assert turning.probability[0] > 0.8
 
 
+def test_headings_begin_after_the_delay() -> None:
+    """Far from lanes: half a second of 0.2 rad/s is in the heading now, as without a map."""
+    nowhere = LaneForecaster(PolylineMap([Lane([(900.0, 900.0), (999.0, 900.0)])]))
+    track = _track(0.0, 0.0, 8.0, rate=0.2)
+    alone = forecast_tracks(track, TIMES, CONFIG, 0.5)
+    beside = nowhere.forecast(track, TIMES, CONFIG, 0.5).forecast
+    np.testing.assert_allclose(beside.yaw_rad[0], alone.yaw_rad[0], atol=1e-9)
+    assert beside.yaw_rad[0, 0] > 0.05
+
+
 def test_nobody_turns_at_speed(fork: LaneForecaster) -> None:
     """At 20 m/s the turn would take 33 m/s2: the ways are straight on and the motion alone."""
     told = fork.forecast(_track(42.0, 0.0, 20.0), TIMES, CONFIG)

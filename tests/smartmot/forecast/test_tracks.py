@@ -315,6 +315,31 @@ def test_the_region_of_a_forecast_by_hand() -> None:
     assert (region[..., 0, 1] == 0.0).all()
 
 
+def test_what_x_and_y_share_stays_in_the_region() -> None:
+    """A covariance turned by 45 degrees: carried on, it is that of the turned motion."""
+    code, time = np.array([CATEGORIES.index("car")]), np.array([0.0, 1.5])
+    straight = np.zeros((1, 9, 9))
+    straight[0, range(7), range(7)] = 0.04, 0.25, 0.0, 0.0, 0.0, 0.09, 0.01
+    straight[0, 0, 5] = straight[0, 5, 0] = 0.03
+    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    whole = np.eye(9)
+    whole[:2, :2] = whole[5:7, 5:7] = turn
+    turned = whole @ straight @ whole.T
+    unknown = (SPREAD_M2PS3[code[0]] * time**3 / 3.0)[:, None, None] * np.eye(2)
+    along = forecast_covariance(straight, code, time)[0] - unknown
+    np.testing.assert_allclose(
+        forecast_covariance(turned, code, time)[0] - unknown, turn @ along @ turn.T, atol=1e-12
+    )
+
+
+def test_a_filter_without_turn_rate_turns_as_its_acceleration_says() -> None:
+    """10 m/s and 3 m/s2 to the left are 0.3 rad/s; the rate of 0 that such a filter gives is no estimate."""
+    covariance = np.zeros((11, 11))
+    covariance[9, 9] = covariance[10, 10] = 1e-4
+    motion = _motion(covariance, [10.0, 0.0], 0.0, [0.0, 3.0])
+    assert motion.yaw_rate_radps[0] == pytest.approx(0.3, rel=1e-3)
+
+
 def test_the_region_holds_the_truth_as_often_as_it_says() -> None:
     """Objects that white noise of that density disturbs, from an exact start: 95 % after 3 s."""
     rng, steps, dt_s = np.random.default_rng(0), 300, 0.01

@@ -169,3 +169,19 @@ def test_the_vehicle_turns_noise_with_the_boxes() -> None:
     subset = detections[np.array([True])].pose_covariance
     assert subset is not None
     assert subset.shape == (1, 3, 3)
+
+
+@pytest.mark.parametrize("entry", [(0, 0), (1, 1)])
+def test_a_position_of_which_a_part_is_stated_is_not_stated(entry: tuple[int, int]) -> None:
+    noise = np.diag([0.04, 0.04, 0.01])[None].copy()
+    noise[0, entry[0], entry[1]] = np.nan
+    box = Boxes(np.array([[10.0, 0.0]]), np.array([[4.0, 1.8]]), np.zeros(1))
+    frame = Detections(0.0, box, np.ones(1), np.array(["car"]), pose_covariance=noise)
+    assert frame.pose_covariance is not None
+    assert np.isnan(frame.pose_covariance[0, :2, :2]).all()
+    assert frame.pose_covariance[0, 2, 2] == 0.01
+    tracker = Tracker(tracker_config("default"))
+    for k in range(5):
+        tracks = tracker.update(replace(frame, stamp_s=0.1 * k))
+    assert tracks.track_id.tolist() == [1]
+    assert np.isfinite(tracks.mean).all()

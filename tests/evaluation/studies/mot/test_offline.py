@@ -95,3 +95,56 @@ def test_nothing_detected_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mon
     out = tmp_path / "out"
     assert _call(monkeypatch, tmp_path, "--offline", "--out", out) == 0
     assert len((out / "offline" / "tracks.csv").read_text().splitlines()) <= 2
+
+
+def test_log_odds_are_smoothed_as_the_probabilities_that_they_are(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the detector of the KITTI files gives them; at -1 a sum of scores is negative."""
+    boxes = pd.read_csv(folder / "detections.csv")
+    boxes["score"] = np.where(boxes["score"] > 0.5, 0.27, 0.05)
+    shown = {}
+    for name, score in (
+        ("probability", boxes["score"]),
+        ("logit", np.log(boxes["score"] / (1.0 - boxes["score"]))),
+    ):
+        data, out = tmp_path / name, tmp_path / f"out_{name}"
+        data.mkdir()
+        boxes.assign(score=score).to_csv(data / "detections.csv", index=False)
+        (data / "labels.csv").write_bytes((folder / "labels.csv").read_bytes())
+        assert _call(monkeypatch, data, "--offline", "--no-forecast", "--out", out) == 0
+        shown[name] = pd.read_csv(out / "offline" / "tracks.csv")
+    one, two = shown["probability"], shown["logit"]
+    assert len(one) == 60
+    assert two["category"].tolist() == one["category"].tolist()
+    np.testing.assert_allclose(two[["x_m", "y_m"]], one[["x_m", "y_m"]], atol=1e-6)
+    np.testing.assert_allclose(two["score"], np.log(one["score"] / (1.0 - one["score"])), atol=1e-3)
+
+
+@pytest.mark.parametrize("config", ["ab3dmot", "centerpoint"])
+def test_rates_that_are_known_exactly_can_be_smoothed(
+    config: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    assert _call(monkeypatch, folder, "--offline", "--no-forecast", "--config", config, "--out", out) == 0
+    tracks = pd.read_csv(out / "offline" / "tracks.csv")
+    assert len(tracks) > 30
+    assert np.isfinite(tracks[["x_m", "y_m", "yaw_rad"]]).all(axis=None)
+
+
+@pytest.mark.parametrize("config", ["default", "imm", "ab3dmot"])
+def test_frames_without_any_track_are_no_end(
+    config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing in the first second, nothing for four seconds in between; frames are those of the labels."""
+    stamps = [0.1 * k for k in range(80)]
+    seen = [t for t in stamps if 1.0 <= t < 2.5 or t > 6.5]
+    boxes = [f"{t:.1f},{3.0 * t:.3f},0,4,1.8,0,0.9,car" for t in seen]
+    labels = [f"{t:.1f},{3.0 * t:.3f},0,4,1.8,0,1,car,1" for t in stamps]
+    (tmp_path / "detections.csv").write_text("\n".join([HEADER, *boxes]) + "\n")
+    (tmp_path / "labels.csv").write_text("\n".join([f"{HEADER},track_id", *labels]) + "\n")
+    out = tmp_path / "out"
+    assert _call(monkeypatch, tmp_path, "--no-forecast", "--config", config, "--out", out) == 0
+    tracks = pd.read_csv(out / "tracks.csv")
+    assert len(tracks) > 10
+    assert ("existence" in tracks) == (config != "ab3dmot")
