@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,7 +13,7 @@ import numpy as np
 from opendrive import model
 from opendrive.arrays import FloatArray
 from opendrive.building.reference_line import Curve, Piece, Pose, reference_line, to_15_digits, total_length_m
-from opendrive.errors import PositionError
+from opendrive.errors import OpenDriveError, PositionError
 
 ROAD_MARK_WIDTH_M = 0.12
 
@@ -152,7 +153,15 @@ def road(
         speed_mps: speed limit; None for none.
         rule: ``RHT`` or ``LHT``: traffic keeps right or left.
         details: signals, objects and the like.
+
+    Raises:
+        PositionError: there are no pieces.
+        OpenDriveError: there are no lane sections.
     """
+    if not pieces:
+        raise PositionError(f"road {road_id!r}: its reference line has no pieces")
+    if not sections:
+        raise OpenDriveError(f"road {road_id!r}: it has no lane sections")
     return model.Road(
         road_id,
         name,
@@ -243,7 +252,15 @@ def road_map(
         junctions: its junctions.
         geo_reference: PROJ text of the projection.
         extent_m: least and greatest x and y, as ``xmin, ymin, xmax, ymax``; None for none in the header.
+
+    Raises:
+        OpenDriveError: two roads, or two junctions, have the same id.
     """
+    roads, junctions = tuple(roads), tuple(junctions)
+    for kind, items in (("road", roads), ("junction", junctions)):
+        for item_id, count in Counter(item.id for item in items).items():
+            if count > 1:
+                raise OpenDriveError(f"{kind} {item_id!r}: {count} have this id; give each its own")
     west_m, south_m, east_m, north_m = (None,) * 4 if extent_m is None else map(to_15_digits, extent_m)
     header = model.Header(
         rev_major=1,

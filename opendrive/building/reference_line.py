@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from math import cos, sin
+from math import cos, inf, isfinite, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,11 +33,24 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A piece of reference line whose curvature runs linearly from start to end."""
+    """A piece of reference line whose curvature runs linearly from start to end.
+
+    Raises:
+        PositionError: the length is not positive, or a number is not finite.
+    """
 
     length_m: float
     curvature_start: float = 0.0
     curvature_end: float = 0.0
+
+    def __post_init__(self) -> None:
+        """See that it is a piece."""
+        if not 0.0 < self.length_m < inf:
+            raise PositionError(f"length_m: a piece must be longer than 0 and finite, got {self.length_m}")
+        if not (isfinite(self.curvature_start) and isfinite(self.curvature_end)):
+            raise PositionError(
+                f"curvature: must be finite, got {self.curvature_start} to {self.curvature_end}"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +74,13 @@ def line(length_m: float) -> Piece:
 
 
 def arc(length_m: float, radius_m: float) -> Piece:
-    """Return an arc; a positive radius bends left."""
+    """Return an arc; a positive radius bends left.
+
+    Raises:
+        PositionError: the radius is 0.
+    """
+    if radius_m == 0.0:
+        raise PositionError("radius_m: must not be 0; a straight piece is `line`")
     return Piece(length_m, 1.0 / radius_m, 1.0 / radius_m)
 
 

@@ -3,6 +3,7 @@
 https://commonroad.in.tum.de and the documentation of commonroad-io say what the elements mean.
 """
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 from os import PathLike
@@ -196,7 +197,7 @@ class _File:
         key = lanes.key[lanelet.lane]
         name = f"{key.road_id}/{key.section}/{key.lane_id}"
         # No comment may hold two hyphens, or characters that XML cannot hold.
-        element.append(etree.Comment(f" OpenDRIVE {name.replace('--', '- -')} "))
+        element.append(etree.Comment(f" OpenDRIVE {re.sub('-(?=-)', '- ', name)} "))
         for tag, border, xyz_m in zip(
             ("leftBound", "rightBound"), (lanelet.left, lanelet.right), pieces.bounds(lanelet), strict=True
         ):

@@ -257,7 +257,13 @@ def _nuscenes_splits(path: Path) -> dict[str, str]:
     content = read_json(path)
     if not isinstance(content, dict) or not all(isinstance(names, list) for names in content.values()):
         raise DatasetError(f"{path}: expected an object with lists of scenes")
-    return {str(name): split.removeprefix("smartmot_") for split, names in content.items() for name in names}
+    splits: dict[str, str] = {}
+    for split, names in content.items():
+        for name in map(str, names):
+            own = split.removeprefix("smartmot_")
+            if splits.setdefault(name, own) != own:
+                raise DatasetError(f"{path}: scene {name} is in the splits {splits[name]} and {own}")
+    return splits
 
 
 def _nuscenes_labels(

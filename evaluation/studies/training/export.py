@@ -113,12 +113,12 @@ def write_network(path: Path, content: bytes) -> str:
 
 
 def greatest_difference(
-    network: PillarNetwork, path: Path, frames: Sequence[LabelledFrame], decoder: Decoder
+    network: PillarNetwork, content: bytes, frames: Sequence[LabelledFrame], decoder: Decoder
 ) -> float:
-    """Greatest difference of any output of the file and of the network it was made from, over some frames."""
+    """Greatest difference of any output of an ONNX file's bytes and of its network, over some frames."""
     import onnxruntime
 
-    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     network.eval()
     greatest = 0.0
     for seen in _seen(frames, decoder):

@@ -164,6 +164,7 @@ class Training:
                             frame.category,
                             frame.counts,
                             self.options.least_points,
+                            self.decoder.grid,
                         )
                     )
         self.network.train()
@@ -225,8 +226,12 @@ class Training:
         """Hash of all that the result depends on."""
         options = asdict(self.options) | {"minutes": None if self.options.steps else self.options.minutes}
         hashed = hashlib.sha256(repr((options, self.decoder)).encode())
-        for frame in (*self.train, *self.held_out):
-            hashed.update(frame.name.encode() + frame.points.tobytes() + frame.boxes.center_m.tobytes())
+        for split, frames in (("train", self.train), ("val", self.held_out)):
+            for frame in frames:
+                boxes = frame.boxes
+                hashed.update(repr((split, frame.name, frame.category.tolist(), frame.points.shape)).encode())
+                hashed.update(frame.points.tobytes() + frame.line.tobytes() + frame.counts.tobytes())
+                hashed.update(boxes.center_m.tobytes() + boxes.size_m.tobytes() + boxes.yaw_rad.tobytes())
         return hashed.hexdigest()
 
     def _save(self) -> None:

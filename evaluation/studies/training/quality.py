@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
+from smartmot.lidar.learned import PillarGrid
 from smartmot.overlap import bev_iou
 from smartmot.pointcloud import Boxes3D
 
@@ -16,7 +17,7 @@ LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
 """IoU from above of a right box."""
 
 FARTHEST_M = 40.0
-"""Of labels and boxes that count."""
+"""Of labels and boxes that count, which lie in the cells of the network, too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,13 +52,17 @@ def match_frame(
     kinds: StrArray,
     counts: IntArray,
     least_points: int,
+    grid: PillarGrid,
 ) -> tuple[FloatArray, BoolArray, BoolArray, int]:
-    """One class of one frame; see `ClassBoxes`. Boxes beyond `FARTHEST_M` are left out."""
-    own = np.flatnonzero((category == name) & (np.hypot(*boxes.center_m[:, :2].T) <= FARTHEST_M))
+    """One class of one frame; see `ClassBoxes`.
+
+    Boxes beyond `FARTHEST_M` or off the grid are left out, and labels there do not count: a network sees
+    nothing there.
+    """
+    own = np.flatnonzero((category == name) & _counts_at(boxes.center_m, grid))
     own = own[np.argsort(-score[own], kind="stable")]
     those = np.flatnonzero(kinds == name)
-    near = np.hypot(*labels.center_m[those, :2].T) <= FARTHEST_M
-    counting = near & (counts[those] >= least_points)
+    counting = _counts_at(labels.center_m[those], grid) & (counts[those] >= least_points)
     right, ignored = np.zeros(len(own), dtype=np.bool_), np.zeros(len(own), dtype=np.bool_)
     if len(own) and len(those):
         iou = bev_iou(boxes[own].on_ground, labels[those].on_ground)
@@ -68,6 +73,15 @@ def match_frame(
                 right[row], free[best] = True, False
         ignored = ~right & (iou[:, ~counting].max(axis=1, initial=0.0) > LEAST_OVERLAP[name])
     return score[own], right, ignored, int(counting.sum())
+
+
+def _counts_at(center_m: FloatArray, grid: PillarGrid) -> BoolArray:
+    """(N,) whether centres are near enough and in the cells of the grid."""
+    x, y = center_m[:, :2].T
+    counts: BoolArray = np.hypot(x, y) <= FARTHEST_M
+    for value, (low, high) in ((x, grid.ahead_m), (y, grid.left_m)):
+        counts &= (value >= low) & (value < high)
+    return counts
 
 
 def joined(parts: Sequence[tuple[FloatArray, BoolArray, BoolArray, int]]) -> ClassBoxes:

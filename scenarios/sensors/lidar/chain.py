@@ -139,8 +139,9 @@ class RunLidar:
         columns = (world.boxes.center_m, world.boxes.size_m, world.boxes.yaw_rad, world.speed_mps)
         columns_there = (world.height_m, world.exists, world.seen, world.category)
         state = b"".join(column.tobytes() for column in (*columns, *columns_there))
+        state += b"" if world.ground_m is None else b"ground" + world.ground_m.tobytes()
         carried = (self.config, self.seed, self.backwards, self.sensor.street.digest)
-        return (*carried, ground, world.time_s, ego, state)
+        return (*carried, ground, world.time_s, ego, world.ego_ground_m, state)
 
 
 class CloudDetector:

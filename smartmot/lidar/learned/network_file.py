@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from smartmot.errors import ConfigError
 from smartmot.lidar.learned.decoding import Decoder
-from smartmot.lidar.learned.pillars import PillarGrid, Pillars
+from smartmot.lidar.learned.pillars import FEATURES, PillarGrid, Pillars
 from smartmot.types import CATEGORIES
 
 METADATA = "smartmot"
@@ -28,6 +28,12 @@ VERSION = 1
 """Of the metadata and of what goes in and comes out."""
 
 INPUTS, OUTPUT = ("features", "cell"), "output"
+
+INPUT_TYPES = ("tensor(float)", "tensor(int64)")
+
+EXTERNAL = b"\n\x08location"
+"""Of every tensor whose values are in another file: the key that names it, as ONNX writes it (onnx.proto3,
+`TensorProto.external_data`)."""
 
 LARGEST_BYTES = 200_000_000
 """Of a file; networks for a processor have some megabytes."""
@@ -88,15 +94,24 @@ class Network:
         return self.decoder.grid
 
     def run(self, seen: Pillars) -> NDArray[np.float32]:
-        """(C, R, L) output for one cloud's pillars, with calibrated scores; see `Decoder`."""
-        output: NDArray[np.float32] = self.session.run(
-            [OUTPUT], dict(zip(INPUTS, (seen.features, seen.cell), strict=True))
-        )[0]
-        output = output.reshape(output.shape[-3:])
+        """(C, R, L) output for one cloud's pillars, with calibrated scores; see `Decoder`.
+
+        Raises:
+            ConfigError: the network does not run on the pillars, or says something of another shape.
+        """
+        given = dict(zip(INPUTS, (seen.features, seen.cell), strict=True))
+        try:
+            output: NDArray[np.float32] = np.asarray(self.session.run([OUTPUT], given)[0])
+        except Exception as error:  # onnxruntime's errors have no common base
+            raise ConfigError(f"network: cannot run: {_first_line(error)}") from None
+        if output.shape != (1, *self.decoder.shape):
+            raise ConfigError(
+                f"network: expected an output of shape {(1, *self.decoder.shape)}, got {output.shape}"
+            )
+        output = output[0]
         classes = len(self.score_scale)
-        if len(output) >= classes:
-            output[:classes] *= self.score_scale[:, None, None]
-            output[:classes] += self.score_offset[:, None, None]
+        output[:classes] *= self.score_scale[:, None, None]
+        output[:classes] += self.score_offset[:, None, None]
         return output
 
 
@@ -135,6 +150,11 @@ def _network(path: Path, digest: str) -> Network:
     content = _content(path)
     if hashlib.sha256(content).hexdigest() != digest:
         raise ConfigError(f"{path}: has changed while it was used")
+    if EXTERNAL in content:
+        raise ConfigError(
+            f"{path}: has its weights in another file, which its SHA-256 does not cover; write them into one "
+            "(onnx.save, save_as_external_data=False)"
+        )
     options = onnxruntime.SessionOptions()
     # one run is one thread: several runs share the processor, and results do not depend on it
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -165,18 +185,49 @@ def _described(path: Path, session: Any, text: str) -> Network:
         scale, offset = (
             np.array(content[name], dtype=np.float32) for name in ("score_scale", "score_offset")
         )
-        decoder = Decoder(grid, classes, overlap=float(content["overlap"]))
+        overlap = float(content["overlap"])
         origin = dict(content["origin"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        is_known = bool(classes) and set(classes) <= set(CATEGORIES) and len(set(classes)) == len(classes)
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         if isinstance(error, ConfigError):
             raise
         raise ConfigError(f"{path}: its metadata is damaged: {_first_line(error)}") from None
-    if not classes or not set(classes) <= set(CATEGORIES) or {scale.shape, offset.shape} != {(len(classes),)}:
+    if type(grid.most_points) is not int or not 0.0 <= overlap <= 1.0:
         raise ConfigError(
-            f"{path}: its classes must be some of {', '.join(CATEGORIES)}, each with a scale and an offset; "
-            f"got {classes}"
+            f"{path}: its metadata is damaged: most_points must be a whole number and overlap lie in [0, 1]; "
+            f"got {grid.most_points!r} and {overlap:g}"
         )
+    finite = np.isfinite(scale).all() and np.isfinite(offset).all()
+    if not is_known or {scale.shape, offset.shape} != {(len(classes),)} or not finite:
+        raise ConfigError(
+            f"{path}: its classes must be some of {', '.join(CATEGORIES)}, each once and with a finite scale "
+            f"and offset; got {classes}"
+        )
+    decoder = Decoder(grid, classes, overlap=overlap)
+    _require_shapes(path, session, decoder)
     return Network(session, decoder, scale, offset, origin)
+
+
+def _require_shapes(path: Path, session: Any, decoder: Decoder) -> None:
+    """See that a network takes pillars of its grid and has an output of its cells; names stand for any size.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    (output,) = (entry for entry in session.get_outputs() if entry.name == OUTPUT)
+    shapes = ((None, decoder.grid.most_points, len(FEATURES)), (None,), (1, *decoder.shape))
+    entries = zip((*session.get_inputs(), output), shapes, (*INPUT_TYPES, INPUT_TYPES[0]), strict=True)
+    for entry, shape, kind in entries:
+        same = len(entry.shape) == len(shape) and all(
+            not isinstance(got, int) if wanted is None else got == wanted or not isinstance(got, int)
+            for got, wanted in zip(entry.shape, shape, strict=True)
+        )
+        if not same or entry.type != kind:
+            expected = ", ".join("N" if wanted is None else str(wanted) for wanted in shape)
+            raise ConfigError(
+                f"{path}: {entry.name}: expected {kind} of shape ({expected}) by its metadata, "
+                f"got {entry.type} of {entry.shape}"
+            )
 
 
 def _first_line(error: Exception) -> str:

@@ -20,6 +20,7 @@ from opendrive import (
     RoadNotFoundError,
     building,
     load_map,
+    write_commonroad,
     write_map,
 )
 from opendrive.building.reference_line import bridge, end_of
@@ -254,3 +255,43 @@ def test_what_is_built_is_read_again_the_same(town, tmp_path):
     network = load_map(town)
     write_map(network, tmp_path / "again.xodr")
     assert (tmp_path / "again.xodr").read_bytes() == town.read_bytes()
+
+
+# ------------------------------------------------------------------------------------ what is no map
+
+
+@pytest.mark.parametrize(
+    ("length_m", "curvature"),
+    [(0.0, 0.0), (-1.0, 0.0), (math.nan, 0.0), (math.inf, 0.0), (1.0, math.nan), (1.0, math.inf)],
+)
+def test_pieces_have_a_length_and_finite_curvature(length_m, curvature):
+    with pytest.raises(PositionError):
+        building.spiral(length_m, 0.0, curvature)
+
+
+def test_arcs_and_roads_of_nothing_are_refused():
+    section = building.section(STREET, STREET)
+    with pytest.raises(PositionError, match="radius_m"):
+        building.arc(10.0, 0.0)
+    with pytest.raises(PositionError, match="road 'a': its reference line has no pieces"):
+        building.road("a", building.Pose(0.0, 0.0, 0.0), [], [section])
+    with pytest.raises(OpenDriveError, match="no lane sections"):
+        building.road("a", building.Pose(0.0, 0.0, 0.0), [building.line(5.0)], [])
+
+
+def test_two_roads_of_one_id_are_refused():
+    road = building.road(
+        "a", building.Pose(0.0, 0.0, 0.0), [building.line(5.0)], [building.section(STREET, STREET)]
+    )
+    with pytest.raises(OpenDriveError, match="road 'a': 2 have this id"):
+        building.road_map("m", iter([road, road]))
+
+
+def test_a_road_with_hyphens_in_its_id_is_written_as_commonroad(tmp_path):
+    """No comment of XML may hold two hyphens in a row."""
+    road = building.road(
+        "a---b-", building.Pose(0.0, 0.0, 0.0), [building.line(50.0)], [building.section(STREET, STREET)]
+    )
+    network = RoadNetwork(building.road_map("m", [road]))
+    write_commonroad(network, tmp_path / "m.xml")
+    assert "OpenDRIVE a- - -b-/0/" in (tmp_path / "m.xml").read_text(encoding="utf-8")

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from evaluation.studies.training.quality import ClassBoxes, calibrated, joined, match_frame
+from smartmot.lidar.learned import PillarGrid
 from smartmot.pointcloud import Boxes3D
+
+GRID = PillarGrid()
 
 SIZE = (0.6, 0.6, 1.8)
 
@@ -22,7 +25,11 @@ def people(*places: tuple[float, float]) -> Boxes3D:
 def matched(found: Boxes3D, score: list[float], labels: Boxes3D, counts: list[int]) -> ClassBoxes:
     names = np.full(len(found), "pedestrian"), np.full(len(labels), "pedestrian")
     return joined(
-        [match_frame("pedestrian", found, np.array(score), names[0], labels, names[1], np.array(counts), 5)]
+        [
+            match_frame(
+                "pedestrian", found, np.array(score), names[0], labels, names[1], np.array(counts), 5, GRID
+            )
+        ]
     )
 
 
@@ -42,6 +49,15 @@ def test_labels_with_few_points_or_too_far_away_count_neither_way() -> None:
     each = matched(found, [0.9, 0.9, 0.9], people((10.0, 0.0), (20.0, 0.0), (45.0, 0.0)), [4, 50, 50])
     assert each.labels == 1
     assert each.is_ignored.tolist() == [True, False]
+    assert each.f1(0.5) == 1.0
+
+
+def test_labels_and_boxes_off_the_grid_count_neither_way() -> None:
+    """The network sees nothing behind the sensor, nor beyond 28.8 m to a side."""
+    labels = people((10.0, 0.0), (-5.0, 0.0), (5.0, 30.0), (5.0, -28.9))
+    each = matched(people((10.0, 0.0), (5.0, -28.9)), [0.9, 0.9], labels, [50] * 4)
+    assert each.labels == 1
+    assert each.is_right.tolist() == [True]
     assert each.f1(0.5) == 1.0
 
 

@@ -17,7 +17,7 @@ else:
     pytest.importorskip("onnxscript", reason="onnxscript is not installed: `.ci/train` runs these tests")
 
 from evaluation.errors import ArgumentError
-from evaluation.studies.training import fit
+from evaluation.studies.training import fit, study
 from evaluation.studies.training.export import greatest_difference, onnx_bytes, quantised, write_network
 from evaluation.studies.training.fit import CHECKPOINT, Training, TrainingError, TrainingOptions
 from evaluation.studies.training.samples import LabelledFrame
@@ -103,6 +103,30 @@ def test_a_folder_of_another_training_is_refused(tmp_path: Path) -> None:
         training(tmp_path / "run", replace(OPTIONS, steps=1))
 
 
+def test_labels_sizes_lines_and_splits_are_part_of_a_training(tmp_path: Path) -> None:
+    one = FRAMES[0]
+    others = (
+        replace(one, category=np.array(["car"])),
+        replace(one, boxes=replace(one.boxes, size_m=2.0 * one.boxes.size_m)),
+        replace(one, boxes=replace(one.boxes, yaw_rad=one.boxes.yaw_rad + 1.0)),
+        replace(one, counts=one.counts + 1),
+        replace(one, line=one.line + 1),
+    )
+    sets = [(FRAMES[:8], FRAMES[8:]), (FRAMES[:7], FRAMES[7:])]
+    sets += [([other, *FRAMES[1:8]], FRAMES[8:]) for other in others]
+    keys = {Training(tmp_path, DECODER, OPTIONS, learned, held_out).key for learned, held_out in sets}
+    assert len(keys) == len(sets)
+
+
+def test_a_network_that_its_file_does_not_match_is_not_written(
+    tmp_path: Path, trained: Training, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study, "greatest_difference", lambda *given: float("nan"))
+    with pytest.raises(ArgumentError, match="not written"):
+        write_card(tmp_path, trained, {})
+    assert not list(tmp_path.iterdir())
+
+
 def test_code_in_a_checkpoint_is_not_run(tmp_path: Path) -> None:
     class Bad:
         def __reduce__(self) -> tuple[object, ...]:
@@ -131,7 +155,7 @@ def test_the_file_says_what_the_network_says(trained: Training) -> None:
     card = json.loads((trained.folder / CARD).read_text())
     path = trained.folder / NETWORK
     assert card["greatest_difference"] <= 1e-4
-    assert greatest_difference(trained.network, path, FRAMES, DECODER) <= 1e-4
+    assert greatest_difference(trained.network, path.read_bytes(), FRAMES, DECODER) <= 1e-4
     config = LearnedConfig(path, card["sha256"])
     cloud = PointCloud(FRAMES[0].points - np.array([0.0, 0.0, 1.7], dtype=np.float32))
     found = detect(cloud, config)
@@ -146,7 +170,7 @@ def test_the_same_network_gives_the_same_bytes(trained: Training, tmp_path: Path
     small = quantised(made[0], FRAMES, DECODER)
     assert len(small) < 0.5 * len(made[0])
     write_network(tmp_path / "int8.onnx", small)
-    assert greatest_difference(trained.network, tmp_path / "int8.onnx", FRAMES, DECODER) < 2.0
+    assert greatest_difference(trained.network, made[0], FRAMES, DECODER) < 2.0
     with pytest.raises(ArgumentError, match="no clouds to find the ranges"):
         quantised(made[0], [], DECODER)
 

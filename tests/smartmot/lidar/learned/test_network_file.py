@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,15 @@ from smartmot.pointcloud import PointCloud
 DECODER = Decoder(PillarGrid((0.0, 16.0), (-8.0, 8.0), 0.5, 4), ("car", "pedestrian", "cyclist"))
 
 
-def network(described: str | None, inputs: tuple[str, ...] = INPUTS, row: int = 7) -> bytes:
+def network(
+    described: str | None,
+    inputs: tuple[str, ...] = INPUTS,
+    row: int = 7,
+    points: int | str = 4,
+    frames: int = 1,
+) -> bytes:
     """A network that says the same of every cloud: a pedestrian of score 0.8 at (7.5, -4.5)."""
-    value = np.full((1, *DECODER.shape), -12.0, dtype=np.float32)
+    value = np.full((frames, *DECODER.shape), -12.0, dtype=np.float32)
     value[0, 1, row, 3] = np.log(4.0)
     value[0, 3:, row, 3] = (0.0, 0.0, 0.9, *np.log((0.6, 0.5, 1.8)), 0.0, 1.0, 0.0, 1.0)
     nodes = [
@@ -34,7 +40,7 @@ def network(described: str | None, inputs: tuple[str, ...] = INPUTS, row: int = 
         helper.make_node("Add", ["nothing", "value"], [OUTPUT]),
     ]
     kept = [numpy_helper.from_array(value, "value"), numpy_helper.from_array(np.float32(0.0), "zero")]
-    features = helper.make_tensor_value_info(inputs[0], TensorProto.FLOAT, ["n", 4, len(FEATURES)])
+    features = helper.make_tensor_value_info(inputs[0], TensorProto.FLOAT, ["n", points, len(FEATURES)])
     cell = helper.make_tensor_value_info(inputs[1], TensorProto.INT64, ["n"])
     result = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, value.shape)
     graph = helper.make_graph(nodes, "constant", [features, cell], [result], kept)
@@ -121,6 +127,13 @@ def test_a_file_is_known_by_its_hash(path: Path) -> None:
         (network(described(classes=["car"])), "its classes must be some of"),
         (network(described(grid={"cell_m": 0.3})), "its metadata is damaged|is no whole number"),
         (network(described(score_scale="much")), "its metadata is damaged"),
+        (network(described(score_scale=[1.0, float("nan"), 1.0])), "with a finite scale"),
+        (network(described(overlap=float("nan"))), "overlap lie in"),
+        (network(described(classes=["car", "car", "cyclist"])), "each once"),
+        (network(described(classes=[["car"], "pedestrian", "cyclist"])), "its metadata is damaged"),
+        (network(described(grid=asdict(replace(DECODER.grid, most_points=4.5)))), "a whole number"),  # type: ignore[arg-type]
+        (network(described(), points=8), r"features: expected tensor\(float\) of shape \(N, 4, 8\)"),
+        (network(described(), frames=2), r"output: expected tensor\(float\) of shape \(1, 13, 16, 16\)"),
         (network("[1]"), "its metadata is damaged"),
         (network("{"), "its metadata is damaged"),
     ],
@@ -130,6 +143,28 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, content: bytes, mes
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=message) as refused:
         _ = LearnedConfig(file).network
+    assert "\n" not in str(refused.value)
+
+
+def test_weights_in_another_file_are_refused_wherever_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = onnx.load_from_string(network(described()))
+    file = tmp_path / "split.onnx"
+    onnx.save(model, file, save_as_external_data=True, location="weights.bin", size_threshold=0)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match="has its weights in another file"):
+        _ = LearnedConfig(file).network
+
+
+def test_a_network_that_cannot_run_says_so_in_one_line(tmp_path: Path) -> None:
+    model = onnx.load_from_string(network(described()))
+    model.graph.node[0].CopyFrom(helper.make_node("Reshape", [INPUTS[0], "to"], ["most"]))
+    model.graph.initializer.append(numpy_helper.from_array(np.array([7, 1, 11, 13]), "to"))
+    file = tmp_path / "broken.onnx"
+    file.write_bytes(model.SerializeToString())
+    with pytest.raises(ConfigError, match=r"network: cannot run|is no network") as refused:
+        detect(street(), LearnedConfig(file))
     assert "\n" not in str(refused.value)
 
 
