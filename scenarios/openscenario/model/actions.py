@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Reference
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model.entities import Controller, Environment
 from scenarios.openscenario.model.positions import Position, Route, System, Trajectory
@@ -175,6 +175,7 @@ class LateralDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     left: Annotated[
         bool | None,
+        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "any",

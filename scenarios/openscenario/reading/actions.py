@@ -198,6 +198,10 @@ def _distance(node: Node, context: Context) -> LongitudinalDistanceAction:
     allow(LongitudinalDistanceAction, node)
     if node.has("distance") == node.has("timeGap"):
         raise ContentError(f"{node.where} needs either 'distance' or 'timeGap'")
+    limits = node.get("DynamicConstraints")
+    for name in ("maxAcceleration", "maxDeceleration"):
+        if limits is not None and limits.has(name):
+            limits.positive(name, zero=False)  # who can not speed up or slow down can not take up a distance
     return declared(LongitudinalDistanceAction, node, context)
 
 

@@ -55,13 +55,22 @@ def scenario_objects(nodes: Sequence[Node], context: Context) -> tuple[EntityDef
     return tuple(entities)
 
 
-def _entity(node: Node, context: Context, taken: Sequence[str]) -> list[EntityDefinition]:
+def _entity(
+    node: Node, context: Context, taken: Sequence[str], within: Sequence[tuple[str, str]] = ()
+) -> list[EntityDefinition]:
+    """An entity and the trailers in its description, which is `within` entries of catalogs."""
     name = node.text("name")
     kinds = KINDS
     node.allow("name", f"CatalogReference {kinds} ObjectController")
     child = node.without("ObjectController").one_of(f"CatalogReference {kinds}")
     controllers = tuple(controller(held, context) for held in node.all("ObjectController") if any(held))
-    entry = context.catalogs.entry(child, kinds) if child.tag == "CatalogReference" else scoped(child)
+    if child.tag == "CatalogReference":
+        key = child.text("catalogName"), child.text("entryName")
+        if key in within:
+            raise ContentError(f"{child.where} the trailer of '{key[1]}' is that entry itself, without end")
+        within, entry = (*within, key), context.catalogs.entry(child, kinds)
+    else:
+        entry = scoped(child)
     entity = _object(name, entry, context, controllers)
     trailer = entry.get("Trailer")
     inner = None
@@ -76,7 +85,7 @@ def _entity(node: Node, context: Context, taken: Sequence[str]) -> list[EntityDe
         context.note(hitch, f"of '{name}' is not used: no trailer is coupled")
     if inner is None:
         return [entity]
-    towed = _entity(_named(inner, name, taken), context, (*taken, name))
+    towed = _entity(_named(inner, name, taken), context, (*taken, name), within)
     return [replace(entity, trailer=towed[0].name), *towed]
 
 

@@ -144,7 +144,7 @@ class Actor:
         self.standing_since_s: float | None = 0.0
         self.set_off_s: float | None = None
         self._towed_path: Path | None = None
-        self._towed_m = 0.0
+        self._towed_s = self._towed_m = self._towed_mps = 0.0
         self._steady_s = 0.0
         self._yaw_offset = 0.0
         self._reversed = False
@@ -189,19 +189,20 @@ class Actor:
         assert self.tow is not None
         tow, path = self.tow, self.path
         leader = tow.leader.state(time_s)
+        near_m = self._towed_m
         if self._towed_path is not path:
             self._towed_path = path
-            self._towed_m = path.project(leader.x_m, leader.y_m)[0] + tow.ahead_m
-        near = State(*path.pose(self._towed_m), 0.0, self._towed_m, 0.0)
-        there = tow.place.on(path, near, leader)
-        if there is None:
-            station = path.project(leader.x_m, leader.y_m)[0] + tow.ahead_m
+            self._towed_s, self._towed_m, self._towed_mps = time_s, self._anchor_station, self._noted_mps
+            near_m = path.project(leader.x_m, leader.y_m)[0] + tow.ahead_m
+        there = tow.place.on(path, State(*path.pose(near_m), 0.0, near_m, 0.0), leader)
+        if there is None:  # on as it is
+            station, along = self._towed_m + self._towed_mps * (time_s - self._towed_s), self._towed_mps
             x, y, yaw = path.pose(station)
-            along = leader.speed_mps * math.cos(leader.yaw_rad - yaw)
         else:
             x, y, yaw, _, station, _ = there
             along = tow.place.rates(path, there, leader)[1]
-        self._towed_m = station
+            along = self._towed_mps if math.isnan(along) else along
+            self._towed_s, self._towed_m, self._towed_mps = time_s, station, along
         gone = abs(station - self._anchor_station)
         return State(x, y, yaw + self._yaw_offset, along, station, self._anchor_travelled + gone)
 
@@ -235,6 +236,14 @@ class Actor:
     def train(self) -> Actor:
         """The vehicle at the head of those that it is coupled with: itself, if it is towed by none."""
         return self if self.coupling is None else self.coupling.tower.train()
+
+    def depends_on(self, other: Actor) -> bool:
+        """Whether it is another one, or its place follows from that one's."""
+        chain: Actor | None = self
+        while chain is not None and chain is not other:
+            follows = chain.coupling.tower if chain.coupling is not None else None
+            chain = chain.tow.leader if chain.tow is not None else follows
+        return chain is not None
 
     def towed(self) -> list[Actor]:
         """It and the trailers behind it."""
@@ -426,6 +435,10 @@ class Actor:
 
     def couple(self, time_s: float, coupling: Coupling, pose: Pose) -> None:
         """Be towed from a time on, from a pose at which the coupler is on the hitch."""
+        if coupling.tower.depends_on(self):
+            raise RunError(
+                f"'{self.name}' cannot be coupled to '{coupling.tower.name}', which keeps a distance from it"
+            )
         if self.placed:
             self.anchor(time_s)
         self.coupling, self.tow, self.placed = coupling, None, True
@@ -475,11 +488,11 @@ class Actor:
     def attach(self, time_s: float, leader: Actor, place: Kept, ahead_m: float) -> None:
         """Keep a distance from another entity from a time on."""
         self.anchor(time_s)
-        chain: Actor | None = leader
-        while chain is not None:
-            if chain is self:
-                raise RunError(f"'{self.name}' keeps a distance from an entity that keeps one from it")
-            chain = chain.tow.leader if chain.tow is not None else None
+        if leader.depends_on(self):
+            raise RunError(
+                f"'{self.name}' keeps a distance from '{leader.name}', which keeps one from it"
+                " or is towed by it"
+            )
         self.tow = Tow(leader, place, ahead_m)
         self._towed_path = None
         if self.commanded:

@@ -68,12 +68,14 @@ def _on_entity(kind: model.EntityConditionKind, actor: Actor, world: World) -> H
         case model.CollisionCondition(object_type=object_type) if object_type is not None:
             others = [other for other in world.actors.values() if other is not actor]
             alike = [other for other in others if other.definition.object_type == object_type]
+            alike = [other for other in alike if not relative.is_driven_over(actor, other)]
             return relative.TouchingAny([(other, relative.Touching(actor, other)) for other in alike])
     assert kind.entity is not None
     other = world.actors[kind.entity]
     match kind:
         case model.CollisionCondition():
-            return holding.Fixed(False) if other is actor else relative.Touching(actor, other)
+            never = other is actor or relative.is_driven_over(actor, other)
+            return holding.Fixed(False) if never else relative.Touching(actor, other)
         case model.RelativeAngleCondition():
             return own.Angle(kind, actor, world, other)
         case model.RelativeSpeedCondition():

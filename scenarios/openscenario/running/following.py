@@ -54,10 +54,13 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
                 f"its length of {self._path.length_m:.6g} m"
             )
         own_station: float | None = None
+        joined: tuple[float, float, float] | None = None
         pose = self.who.pose(time_s)
         if action.steers and self.who.placed and not self._is_at(station, pose):
-            own_station = station = self._steer(time_s, pose)
+            joined = self._steer(time_s, pose)
+            own_station = station = joined[0]
         if action.timing is None:
+            self._join(joined)
             self.who.follow(time_s, self._path, station, trajectory=True)
             return
         table = self._timetable(trajectory)
@@ -65,6 +68,7 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
             self._path, count = laps(trajectory)
             round_s, round_m = table[-1][0] - table[0][0], trajectory.length_m
             table = [(t + k * round_s, s + k * round_m) for k in range(count) for t, s in table[k > 0 :]]
+        self._join(joined)
         profile = timed_profile(action, table, time_s, own_station)
         if own_station is None:
             station = profile.at(time_s)[0]
@@ -98,8 +102,8 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
         x, y, _ = self._path.pose(station_m)
         return math.hypot(x - pose.x_m, y - pose.y_m) <= ON_TRAJECTORY_M
 
-    def _steer(self, time_s: float, pose: Pose) -> float:
-        """Join the trajectory from a place beside it; where on it that is."""
+    def _steer(self, time_s: float, pose: Pose) -> tuple[float, float, float]:
+        """Where the trajectory is joined from a place beside it: station, offset, and within which way."""
         name = self.action.trajectory.name
         station, left = self._path.project(pose.x_m, pose.y_m)
         speed = abs(self.who.state(time_s).speed_mps)
@@ -113,9 +117,12 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
                 f"in the {max(self._path.length_m - station, 0.0):.3g} m that are left; use "
                 "followingMode='position'"
             )
-        if abs(left) > ON_TRAJECTORY_M:
-            self._path = self._path.joined_from(station, left, within)
-        return station
+        return station, left, within
+
+    def _join(self, joined: tuple[float, float, float] | None) -> None:
+        """Let the way begin beside the trajectory."""
+        if joined is not None and abs(joined[1]) > ON_TRAJECTORY_M:
+            self._path = self._path.joined_from(*joined)
 
     def ended(self, instant: Instant) -> bool:
         """At its end; a closed one has none."""

@@ -84,6 +84,11 @@ def change_mps(state: State, later: State, turn_rad: float) -> float:
     return abs(later.speed_mps - state.speed_mps) + turn_rad * faster_mps
 
 
+def is_driven_over(actor: Actor, other: Actor) -> bool:
+    """Whether one of two lies in the road's surface: no contact."""
+    return actor.definition.flat or other.definition.flat
+
+
 class Touching(Holding):
     """Whether two outlines touch or overlap: CollisionCondition, and the ego's contacts."""
 

@@ -361,7 +361,8 @@ class Storyboard:
         started: list[Running] = []
         for actor in actors or [None]:
             if actor is not None and not actor.placed and brings(action):
-                actor.exists = True
+                for part_of_train in actor.towed():
+                    part_of_train.exists = True
             if actor is not None and not actor.exists:
                 continue
             part = running(self._world, actor, action)

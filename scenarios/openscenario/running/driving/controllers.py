@@ -7,7 +7,9 @@ only follows speeds and ways is the default controller, and any other that is to
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from collections.abc import Iterator
 from functools import cached_property
 
@@ -23,7 +25,7 @@ from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import FloatArray
 
 DRIVERS = ("acc", "alks", "idm", "naturaldriver", "followroute")
-"""Words in the names of controllers that keep a distance from who is ahead, such as esmini's."""
+"""Whole words in the names of controllers that keep a distance from who is ahead, such as esmini's."""
 
 DEFAULTS = (
     "npc_vehicle_control",
@@ -54,11 +56,18 @@ BESIDE_M = 0.2
 
 def kind_of(controller: model.Controller) -> str:
     """What a controller is: `driver`, `default` or `unknown`."""
-    properties = {name.lower(): value.lower() for name, value in controller.properties}
-    words = [controller.name.lower(), *(properties[name] for name in NAMING if name in properties)]
-    if any(word in DEFAULTS for word in words):
+    properties = {name.lower(): value for name, value in controller.properties}
+    names = [controller.name, *(properties[name] for name in NAMING if name in properties)]
+    if any(name.lower() in DEFAULTS for name in names):
         return "default"
-    return "driver" if any(part in word.replace("_", "") for word in words for part in DRIVERS) else "unknown"
+    return "driver" if any(word in DRIVERS for name in names for word in _words(name)) else "unknown"
+
+
+def _words(name: str) -> list[str]:
+    """Words of a name such as `ControllerALKS_R157SM`, in lower case, and each with the one after it."""
+    apart = re.sub("controller", " ", name, flags=re.IGNORECASE)
+    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", apart)]
+    return [*words, *(a + b for a, b in itertools.pairwise(words))]
 
 
 def check(definition: model.ScenarioDefinition, ego: str) -> None:
@@ -132,6 +141,8 @@ class Control(RunningAction["model.ControllerAction | model.ActivateControllerAc
         if not activated.longitudinal or chosen is None:
             return
         if kind_of(chosen) == "default":
+            if isinstance(who.controller, Driver):
+                who.controller.commands_from_s = math.inf
             self.world.note(
                 f"controller '{chosen.name}' of '{who.name}' is the default one: it does as asked"
             )
@@ -299,9 +310,12 @@ def _number(text: str | None, controller: model.Controller) -> float | None:
     if text is None:
         return None
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        raise RunError(f"controller '{controller.name}' has a property that is no number: '{text}'") from None
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0.0):
+        raise RunError(f"controller '{controller.name}' has a property that is no number from 0 on: '{text}'")
+    return number
 
 
 def decide(actors: Iterator[Actor], world: World, instant: Instant) -> bool:

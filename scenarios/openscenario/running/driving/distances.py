@@ -21,7 +21,7 @@ BRAKING = 0.8
 """Share of the smaller limit that slowing down at the end is planned with; the rest is in reserve."""
 
 ACROSS = math.cos(math.pi / 4)
-"""Of headings that are further apart than 45 degrees one is across the other."""
+"""Of lines that are further apart than 45 degrees one is across the other, whichever way they are driven."""
 
 REACHED_M, REACHED_MPS = 0.1, 0.1
 """A distance that is not kept is reached within this; that of the distance is esmini's."""
@@ -59,12 +59,19 @@ class _Kept(RunningAction[model.LongitudinalDistanceAction]):
 
     def _tell(self, own: State, seen: State) -> None:
         """Note where a distance along an entity's own axis is hardly one along its way."""
-        if self.action.system == "entity" and math.cos(own.yaw_rad - seen.yaw_rad) < ACROSS:
+        if self.action.system == "entity" and abs(math.cos(own.yaw_rad - seen.yaw_rad)) < ACROSS:
             self.world.note(
                 f"the distance of '{self.who.name}' from '{self.action.entity}' is measured along its own x "
                 "axis also where the other one heads across it; coordinateSystem='lane' or 'road' follows "
                 "the way"
             )
+
+    def _nowhere(self) -> None:
+        """Note that there is no place to be at."""
+        self.world.note(
+            f"no way leads from '{self.who.name}' to '{self.action.entity}', from which it is to keep a "
+            "distance: it goes on as it is there"
+        )
 
     def needs(self) -> frozenset[str]:
         """Whom it keeps the distance from."""
@@ -78,6 +85,8 @@ class LongitudinalDistance(_Kept):
         """Take up the distance; keep it, or go on with the other's speed."""
         self._find(time_s)
         place, actor = self._place, self.who
+        if math.isnan(place.left_m(actor.state(time_s), self._other.state(time_s))):
+            self._nowhere()
         way_m = place.distance_m
         if self.action.freespace:
             own, seen = overhang_m(actor, 0.0, False), overhang_m(self._other, 0.0, False)
@@ -85,6 +94,14 @@ class LongitudinalDistance(_Kept):
         actor.attach(time_s, self._other, place, way_m if place.leads else -way_m)
         if not self.action.continuous:
             actor.detach(time_s)
+
+    def update(self, instant: Instant) -> bool:
+        """Note where there is no such place."""
+        if self.action.system != "entity":
+            own, seen = instant.state(self.who.name), instant.state(self._other.name)
+            if math.isnan(self._place.left_m(own, seen)):
+                self._nowhere()
+        return False
 
     def ended(self, instant: Instant) -> bool:
         """At once, unless it is continuous."""
@@ -111,20 +128,23 @@ class Approach(_Kept):
         self._choose(time_s)
 
     def _left_m(self, time_s: float) -> tuple[float, float]:
-        """How far the place to be is ahead, and the speed along the way at which it moves."""
+        """How far the place to be is ahead, NaN if no way leads there, and the speed at which it moves."""
         own, seen, place = self.who.state(time_s), self._other.state(time_s), self._place
         place.distance_m = self._distance_m(own, seen, place.leads)
         self._tell(own, seen)
         left = place.left_m(own, seen)
-        if math.isnan(left):  # no way leads there: on as it is
-            return 0.0, own.speed_mps
+        if math.isnan(left):
+            return left, own.speed_mps
         shrinks, along = place.rates(self.who.path, own, seen)
-        return left / shrinks, along
+        return left / shrinks, own.speed_mps if math.isnan(along) else along
 
     def _choose(self, time_s: float) -> None:
         """Choose the acceleration until the next look."""
         actor = self.who
         left, along = self._left_m(time_s)
+        if math.isnan(left):  # on as it is
+            self._nowhere()
+            left = 0.0
         speed = actor.state(time_s).speed_mps
         brake = BRAKING * min(self._up, self._down)
         jerk = min((rate for rate in self._rates if rate), default=math.inf)

@@ -72,6 +72,8 @@ class Separation:
 
         On roads the way to the left and the directions cost another look at the map: only if they are wanted.
         """
+        if not (math.isfinite(a.x_m) and math.isfinite(b.x_m)):  # a place that is nowhere
+            return NOWHERE
         if self._system == "entity":
             c, s = math.cos(a.yaw_rad), math.sin(a.yaw_rad)
             dx, dy = b.x_m - a.x_m, b.y_m - a.y_m
@@ -151,30 +153,41 @@ class Station:
         return -over if self.leads else over
 
     def rates(self, path: Path, own: State, seen: State) -> tuple[float, float]:
-        """By how much what is left shrinks per metre of way, and the speed at which the place moves."""
-        further = _at(path, own, own.station_m + LITTLE_M)
-        before = _at(path, own, own.station_m - LITTLE_M)
-        shrinks = (self.left_m(before, seen) - self.left_m(further, seen)) / (2 * LITTLE_M)
-        later, earlier = moved(seen, LITTLE_S), moved(seen, -LITTLE_S)
-        grows = (self.left_m(own, later) - self.left_m(own, earlier)) / (2 * LITTLE_S)
-        shrinks = max(shrinks, SLOWEST)
-        return shrinks, grows / shrinks
+        """By how much what is left shrinks per metre of way, and the speed at which the place moves.
+
+        From one side where no way leads to the other one; the speed is NaN where none leads to either.
+        """
+        left_m = self.left_m(own, seen)
+        before = self.left_m(_at(path, own, own.station_m - LITTLE_M), seen)
+        further = self.left_m(_at(path, own, own.station_m + LITTLE_M), seen)
+        shrinks = -_slope(before, left_m, further, LITTLE_M)
+        earlier = self.left_m(own, moved(seen, -LITTLE_S))
+        later = self.left_m(own, moved(seen, LITTLE_S))
+        shrinks = max(SLOWEST, shrinks)
+        return shrinks, _slope(earlier, left_m, later, LITTLE_S) / shrinks
 
     def on(self, path: Path, own: State, seen: State) -> State | None:
         """The state of an entity at the place on a path, near where it is; None if there is no such place."""
         state, slope = own, 1.0
         left = self.left_m(state, seen)
         for _ in range(MOST_STEPS):
+            if math.isnan(left):
+                return None
             if abs(left) <= SOLVED_M:
                 return state
             after = _at(path, state, state.station_m + left / slope)
             left_after = self.left_m(after, seen)
-            if math.isnan(left_after):
-                return None
             gone = after.station_m - state.station_m
             slope = max((left - left_after) / gone, SLOWEST) if gone else slope
             state, left = after, left_after
         return None
+
+
+def _slope(before: float, middle: float, after: float, step: float) -> float:
+    """How a quantity grows, from its values a step apart; NaN if it has one only in the middle."""
+    if math.isnan(before):
+        return (after - middle) / step
+    return (middle - before) / step if math.isnan(after) else (after - before) / (2 * step)
 
 
 def _at(path: Path, state: State, station_m: float) -> State:

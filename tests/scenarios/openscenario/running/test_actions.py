@@ -121,7 +121,7 @@ def test_two_that_keep_a_distance_from_each_other_are_refused(play):
     one = act(maneuver(event("e", distance(12, continuous="true"))))
     mutual = distance(12, continuous="true").replace('entityRef="Ego"', 'entityRef="Other"')
     two = act(maneuver(event("e", mutual), name="back"), actors="Ego", name="second")
-    with pytest.raises(RunError, match="keeps a distance from an entity that keeps one from it"):
+    with pytest.raises(RunError, match="keeps a distance from 'Other', which keeps one from it"):
         play(one, two)
 
 
