@@ -83,6 +83,17 @@ class Composer:
         """See `FRAMES_PER_SCENE`."""
         return FRAMES_PER_SCENE
 
+    def require(self, split: str) -> None:
+        """See that the split has crops, and frames to paste them into.
+
+        Raises:
+            DatasetError: it has not.
+        """
+        if self.crops is not None:
+            crops_of(self.crops, split)
+        if self.background is not None:
+            _backgrounds(self.background, split)
+
     def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
         """The frames of a scene; its crops are those of its split, and no other split has them."""
         if self.crops is None:
@@ -107,7 +118,7 @@ class Composer:
         )  # fmt: skip
         sensor = LidarSensor(self.config, self.seed)
         cloud = sensor.measure(world, EgoState(time_s, 0.0, 0.0, 0.0, 0.0)).cloud
-        return LabelledFrame(cloud, Boxes3D.empty(), np.zeros(0, dtype=np.str_), (0.0, 0.0, 0.0, 0.0))
+        return LabelledFrame(cloud, Boxes3D.empty(), np.zeros(0, dtype=np.str_), (0.0, 0.0, 0.0, 0.0), number)
 
     def _composed(
         self, library: tuple[Crop, ...], ground: LabelledFrame, rng: np.random.Generator

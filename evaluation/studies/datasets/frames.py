@@ -24,6 +24,10 @@ BODY_M = 0.1
 """Points higher over a box's underside are taken to be its road user's, not the ground's: range noise is a
 fifth of it."""
 
+AROUND_M = 0.1
+"""So far outside the sides and the top of its box a point is taken to be a road user's: range noise puts a
+quarter of the points of a flat side outside."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelledFrame:
@@ -34,12 +38,14 @@ class LabelledFrame:
         boxes: K boxes in that frame.
         category: (K,) names out of `smartmot.types.CATEGORIES`.
         pose: x, y and z of the ground under the vehicle's middle, and its heading, world frame.
+        scan: number of the cloud, on which the rays of a rosette depend.
     """
 
     cloud: PointCloud
     boxes: Boxes3D
     category: StrArray
     pose: tuple[float, float, float, float]
+    scan: int = 0
 
 
 def empty_scene(name: str, frame_count: int) -> Sequence:
@@ -108,10 +114,11 @@ def _labels(k: int, frame: LabelledFrame, world_SE3_lidar: FloatArray, yaw_rad: 
 
 
 def _seen_share(frame: LabelledFrame, config: LidarConfig, rows: IntArray) -> FloatArray:
-    """(K,) points on road users over those that they would have alone."""
+    """(K,) points on road users over those that they would have alone, without the lowest `BODY_M`."""
     boxes = frame.boxes[rows]
-    raised = boxes.center_m + np.array([0.0, 0.0, 0.5 * BODY_M])
-    body = Boxes3D(raised, boxes.size_m - np.array([0.0, 0.0, BODY_M]), boxes.yaw_rad)
-    alone = unhidden_points(config, boxes, frame.category[rows])
+    raised = boxes.center_m + np.array([0.0, 0.0, 0.5 * (BODY_M + AROUND_M)])
+    size = boxes.size_m + np.array([2.0 * AROUND_M, 2.0 * AROUND_M, AROUND_M - BODY_M])
+    body = Boxes3D(raised, size, boxes.yaw_rad)
+    alone = unhidden_points(config, boxes, frame.category[rows], frame.scan, BODY_M)
     share: FloatArray = np.minimum(body.point_counts(frame.cloud.xyz_m) / np.maximum(alone, 1), 1.0)
     return share

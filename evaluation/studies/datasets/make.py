@@ -38,6 +38,9 @@ class FrameMaker(Protocol):
     def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
         """The first frames of a scene."""
 
+    def require(self, split: str) -> None:
+        """See that there is something to make a split of; raises what `frames` would."""
+
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
@@ -98,6 +101,9 @@ def make_dataset(
     full_scenes, last_frames = divmod(recipe.frame_count, per_scene)
     places = scene_places(full_scenes * [per_scene] + ([last_frames] if last_frames else []), recipe.seed)
     counts = [min(per_scene, recipe.frame_count - place.first_frame) for place in places]
+    # before anything is written
+    for split in sorted({place.split for place in places}):
+        recipe.maker.require(split)
     job = partial(_write_scene, recipe, out)
     sequences, hidden, labels = [], 0, Counter[str]()
     for sequence, left_out in execute_all(job, list(zip(places, counts, strict=True)), workers):

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pandas as pd
 
+from evaluation.errors import ArgumentError
 from evaluation.runs.execution import execute
 from evaluation.runs.recordings import RunRecording, recording_of_log
 from evaluation.runs.specs import Conditions, scenario_specs
@@ -16,7 +17,7 @@ from evaluation.studies.datasets.frames import LabelledFrame
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.motion.roads import load_roads
 from scenarios.recorded.layouts.kitti import boxes_in_lidar
-from scenarios.recorded.layouts.scenes import ScenePlace
+from scenarios.recorded.layouts.scenes import ScenePlace, split_of_scenes
 from scenarios.recorded.poses import heading
 from scenarios.sensors.lidar import BARE, LidarConfig
 from scenarios.sensors.lidar.recording import RecordedSweeps
@@ -48,6 +49,8 @@ def unbraked_runs(names: tuple[str, ...]) -> tuple[RunSpec, ...]:
 class ScenarioFrames:
     """Instants of unbraked runs on furnished streets; each scene is a run, with a street of its own.
 
+    Runs are dealt out to the splits, so that none is in two.
+
     Args:
         runs: taken by turns.
         config: the LiDAR on its mount.
@@ -66,7 +69,8 @@ class ScenarioFrames:
     def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
         """The frames of a scene, in the order of their times."""
         rng = np.random.default_rng((self.seed, place.number))
-        spec = self.runs[place.number % len(self.runs)]
+        runs = self._runs(place.split)
+        spec = runs[place.number_in_split % len(runs)]
         recording, definition = _recorded(spec)
         roads = load_roads(definition.map_path)
         street: Street = BARE
@@ -88,7 +92,26 @@ class ScenarioFrames:
             boxes = boxes_in_lidar(labels[rows[k]], poses[k] @ sweeps.ego_SE3_lidar)
             x, y, z = poses[k, :3, 3].tolist()
             pose = (x, y, z, float(heading(poses[k][None])[0]))
-            yield LabelledFrame(sweeps.cloud(k), boxes, labels.category[rows[k]], pose)
+            yield LabelledFrame(sweeps.cloud(k), boxes, labels.category[rows[k]], pose, sweeps.scan(k))
+
+    def require(self, split: str) -> None:
+        """See that the split has runs.
+
+        Raises:
+            ArgumentError: there are too few to hold some back.
+        """
+        self._runs(split)
+
+    def _runs(self, split: str) -> list[RunSpec]:
+        """The runs of a split, which no other split has."""
+        splits = split_of_scenes(len(self.runs), self.seed)
+        own = [run for run, dealt in zip(self.runs, splits, strict=True) if dealt == split]
+        if not own:
+            raise ArgumentError(
+                f"--scenario: {len(self.runs)} runs are too few for the split {split}: each run is in one "
+                "split only; name more scenarios, or make fewer frames"
+            )
+        return own
 
 
 @lru_cache(maxsize=64)

@@ -31,12 +31,17 @@ class Streets:
         """The same street is seen from so many places, with other road users."""
         return FRAMES_PER_STREET
 
+    def require(self, split: str) -> None:
+        """Streets are drawn for any split."""
+
     def frames(self, place: ScenePlace, count: int) -> Iterator[LabelledFrame]:
         """The first frames of a scene."""
         first = FRAMES_PER_STREET * place.number
-        drawn = drawn_frames(self.maps, self.config, count, self.seed, first=first, mount=self.config.mount)
-        for frame in drawn:
+        drawn = drawn_frames(
+            self.maps, self.config, count, self.seed, first=first, mount=self.config.mount, in_turn=True
+        )
+        for scan, frame in enumerate(drawn, first):
             ego = frame.ego
             yield LabelledFrame(
-                frame.cloud, frame.boxes, frame.category, (ego.x_m, ego.y_m, 0.0, ego.yaw_rad)
+                frame.cloud, frame.boxes, frame.category, (ego.x_m, ego.y_m, 0.0, ego.yaw_rad), scan
             )

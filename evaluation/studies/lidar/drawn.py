@@ -67,6 +67,7 @@ def drawn_frames(
     in_the_way: float = 0.0,
     first: int = 0,
     mount: Mount | None = None,
+    in_turn: bool = False,
 ) -> Iterator[DrawnFrame]:
     """Frames on maps by turns.
 
@@ -79,6 +80,8 @@ def drawn_frames(
         in_the_way: share of people, or groups, who are no farther aside than a vehicle is wide, as a rule.
         first: number of the first frame, a multiple of `FRAMES_PER_STREET`.
         mount: of the LiDAR; None: it is drawn for every frame, 1.4 to 2.1 m high, pitched up to 1.5 degrees.
+        in_turn: whether each frame is a scan of its own number; else all are scan 0, whose rays a rosette
+            repeats.
     """
     for number in range(first, first + count):
         rng = np.random.default_rng((seed, number))
@@ -92,6 +95,8 @@ def drawn_frames(
         sensor_config = replace(config, mount=drawn_mount)
         ego = _ego(network, rng)
         world = _world(network, surface, street, ego, in_the_way, rng)
+        if in_turn:
+            world = replace(world, time_s=number / config.pattern.rate_hz)
         own_street = street
         if clutter:
             extra = _clutter(network, surface, street, ego, world, rng)

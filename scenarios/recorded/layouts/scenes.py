@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
@@ -33,11 +34,13 @@ class ScenePlace:
         number: of the scene.
         first_frame: how many frames are before it.
         split: out of `SPLITS`.
+        number_in_split: of the scene among those of its split.
     """
 
     number: int
     first_frame: int
     split: str
+    number_in_split: int = 0
 
 
 def scene_places(frame_counts: Iterable[int], seed: int) -> list[ScenePlace]:
@@ -45,7 +48,11 @@ def scene_places(frame_counts: Iterable[int], seed: int) -> list[ScenePlace]:
     counts = list(frame_counts)
     splits = split_of_scenes(len(counts), seed)
     first = accumulate(counts, initial=0)
-    return [ScenePlace(number, *place) for number, place in enumerate(zip(first, splits, strict=False))]
+    places, so_far = [], Counter[str]()
+    for number, (frame, split) in enumerate(zip(first, splits, strict=False)):
+        places.append(ScenePlace(number, frame, split, so_far[split]))
+        so_far[split] += 1
+    return places
 
 
 def truth_of(sequence: Sequence) -> tuple[Objects, FloatArray]:

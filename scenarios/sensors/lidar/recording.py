@@ -73,6 +73,10 @@ class RecordedSweeps:
         rows = slice(*np.searchsorted(labels.frame, [frame, frame + 1]).tolist())
         return self._sensor.measure(_world(labels[rows], ego.stamp_s, self._surface), ego).cloud
 
+    def scan(self, frame: int) -> int:
+        """Number of the cloud of a frame."""
+        return self._sensor.timing.number_at(self._egos[frame].stamp_s)
+
     @property
     def ego_SE3_lidar(self) -> FloatArray:  # noqa: N802 - dst_SE3_src is the field's notation
         """(4, 4) pose of the sensor in the vehicle's frame."""

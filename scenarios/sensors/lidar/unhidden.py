@@ -12,7 +12,9 @@ from smartmot.arrays import IntArray, StrArray
 from smartmot.pointcloud import Boxes3D
 
 
-def unhidden_points(config: LidarConfig, boxes: Boxes3D, category: StrArray, number: int = 0) -> IntArray:
+def unhidden_points(
+    config: LidarConfig, boxes: Boxes3D, category: StrArray, number: int = 0, above_m: float = 0.0
+) -> IntArray:
     """(N,) rays of a cloud that meet each road user within range if it is alone, and nobody moves.
 
     Args:
@@ -20,6 +22,7 @@ def unhidden_points(config: LidarConfig, boxes: Boxes3D, category: StrArray, num
         boxes: of N road users, level frame of the sensor.
         category: (N,) names out of `smartmot.types.CATEGORIES`.
         number: of the cloud.
+        above_m: rays that meet it lower over its underside are left out; 0: none.
     """
     table, _ = ray_table(config.pattern.rays(number), 0.0)
     bottom = np.column_stack((boxes.center_m[:, :2], boxes.bottom_m))
@@ -31,5 +34,9 @@ def unhidden_points(config: LidarConfig, boxes: Boxes3D, category: StrArray, num
         rows = np.concatenate([np.arange(first[k], last[k]) for k in (1, 0)])
         part = RayTable(table.direction[rows], table.time_s[rows])
         hits = cast(part, still, bodies.take(np.array([body])), None)
-        counts[body] = ((hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m)).sum()
+        met = (hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m)
+        if above_m > 0.0:
+            height_m = np.where(met, hits.range_m, 0.0) * part.direction[:, 2]
+            met &= height_m >= boxes.bottom_m[body] + above_m
+        counts[body] = met.sum()
     return counts

@@ -125,17 +125,19 @@ def test_crops_of_a_data_set_in_its_own_frames(kitti: Path, tmp_path: Path, call
 
 
 def test_frames_of_scenarios(tmp_path: Path, call: Call) -> None:
-    """Two runs of one shipped scenario and one of another, each on a street of its own."""
-    words = ("--scenario", "cbla,cpna", "--frames", 9, "--layout", "simbev", "--min-points", 0)
+    """Three runs of one shipped scenario and one of another, each on a street of its own."""
+    words = ("--scenario", "cbla,cpna", "--frames", 13, "--layout", "simbev", "--min-points", 0)
     assert call(*MAKE[:3], "-q", "--workers", 1, *words, "--out", tmp_path)[0] == 0
     frames = list(read_frames(tmp_path))
-    assert len(frames) == 9
+    assert len(frames) == 13
     assert call("check", tmp_path, "--min-points", 0)[0] == 0
     by_scene = {frame.scene: set(frame.labels.category.tolist()) for frame in frames}
     assert "cyclist" in by_scene["scene_0000"]
-    assert "pedestrian" in by_scene["scene_0001"]
+    assert "pedestrian" in by_scene["scene_0003"]
     ego = [tuple(frame.world_SE3_lidar[:2, 3]) for frame in frames]
-    assert len(set(ego)) == 9
+    assert len(set(ego)) == 13
+    split_of = {frame.scene: frame.split for frame in frames}
+    assert sorted(split_of.values()) == ["test", "train", "train", "val"]
 
 
 def test_clouds_are_shown(kitti: Path, tmp_path: Path, call: Call) -> None:

@@ -1,9 +1,11 @@
 """Points of road users if nothing else were there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from scenarios.sensors.lidar import HDL32, MID70, LidarConfig, LidarSensor
+from scenarios.sensors.lidar import HDL32, HDL64, MID70, LidarConfig, LidarSensor
 from scenarios.sensors.lidar.unhidden import unhidden_points
 from scenarios.sensors.world import World
 from smartmot.pointcloud import Boxes3D
@@ -34,3 +36,20 @@ def test_they_are_what_the_sensor_has_of_one_alone(config: LidarConfig) -> None:
     assert (counts[1] > 0) == (config is HDL32)  # the rosette looks ahead
     _, together = sensor.label(world(center, size, yaw, category), ego)
     assert (together == 2).sum() < 0.5 * counts[2]
+
+
+def test_the_lowest_points_can_be_left_out() -> None:
+    """They are those of the sensor's own hits from a height on."""
+    size, middle = np.array([[0.5, 0.5, 1.8]]), np.array([[8.0, 0.0, 0.9 - HDL64.mount.height_m]])
+    boxes, names = Boxes3D(middle, size, np.zeros(1)), np.array(["pedestrian"])
+    everyone = np.ones(1, dtype=np.bool_)
+    alone = World(
+        0.0, Boxes(middle[:, :2], size[:, :2], np.zeros(1)), np.zeros(1), size[:, 2], np.arange(1), names,
+        everyone, everyone,
+    )  # fmt: skip
+    exact = replace(HDL64, range_sigma_m=0.0, dropout=0.0)
+    made, label = LidarSensor(exact).label(alone, EgoState(0.0, 0.0, 0.0, 0.0, 0.0))
+    height = made.cloud.xyz_m[label == 0, 2] + HDL64.mount.height_m
+    (count,) = unhidden_points(HDL64, boxes, names, above_m=0.5)
+    assert count == pytest.approx((height >= 0.5).sum(), abs=2)
+    assert 50 < count < 0.95 * len(height)
