@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.openscenario.errors import ConstraintError, ContentError, FileReadError, UnsupportedError
+from scenarios.openscenario.errors import (
+    ConstraintError,
+    ContentError,
+    FileReadError,
+    ParameterError,
+    UnsupportedError,
+)
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.catalogs import assignments
 from scenarios.openscenario.reading.document import Node, as_text, parse
-from scenarios.openscenario.reading.parameters import Declarations
+from scenarios.openscenario.reading.parameters import TYPES, Declarations, typed
 from smartmot.types import FloatArray
 
 MAX_VARIATIONS = 100_000
@@ -63,9 +69,11 @@ def expand(path: str | PathLike[str]) -> list[Variation]:
     scenario = _scenario_file(node.need("ScenarioFile"))
     drawn = node.get("Stochastic")
     if drawn is not None:
+        rows = _drawn(drawn)
+        _check_types(drawn, scenario, rows)
         return [
             Variation(f"{file.stem}_{number:02d}", scenario, values, file)
-            for number, values in enumerate(_drawn(drawn))
+            for number, values in enumerate(rows)
         ]
     kinds = "DeterministicSingleParameterDistribution DeterministicMultiParameterDistribution"
     axes = [_axis(child) for child in node.need("Deterministic").some(kinds, "distribution")]
@@ -118,6 +126,18 @@ def _declared(path: Path, values: Mapping[str, Value]) -> None:
     declarations = Node(parse(path), path, {}).get("ParameterDeclarations")
     if declarations is not None and declarations.element.find(".//ConstraintGroup") is not None:
         Declarations(declarations, values, {}, {}).scope()
+
+
+def _check_types(node: Node, scenario: Path, rows: Sequence[Mapping[str, Value]]) -> None:
+    """Refuse what is drawn for a parameter of another type, such as numbers with decimals for whole ones."""
+    declarations = Node(parse(scenario), scenario, {}).get("ParameterDeclarations")
+    for child in declarations or ():
+        name = str(child.element.get("name", "")).strip().removeprefix("$")
+        for value in dict.fromkeys(row[name] for row in rows if name in row):
+            try:
+                typed(value, child.choice("parameterType", TYPES))
+            except ParameterError as error:
+                raise ContentError(f"{node.where} draws values for parameter '{name}': {error}") from None
 
 
 def _scenario_file(node: Node) -> Path:
@@ -286,7 +306,11 @@ def _truncated(node: Node, parts: FloatArray) -> FloatArray:
         if node.tag == "NormalDistribution":
             held = stats.norm(mean, math.sqrt(variance))
         else:
-            spread = math.log1p(variance / mean**2)  # variance of the logarithm
+            spread = math.log1p(variance / mean / mean)  # variance of the logarithm
+            if not math.isfinite(spread):
+                raise ContentError(
+                    f"{node.where} variance {variance:g} is too large for expectedValue {mean:g}"
+                )
             held = stats.lognorm(math.sqrt(spread), scale=mean * math.exp(-0.5 * spread))
     # in the upper tail shares are counted from above, where they keep their digits
     if normal and low >= held.median():

@@ -138,6 +138,7 @@ class Actor:
         self.tow: Tow | None = None
         self.coupling: Coupling | None = None
         self.trailer: Actor | None = None
+        self.unparted: list[Actor] = []  # with whom there is no contact until outlines have been apart once
         self.route: list[Leg] | None = None
         self.controller: EgoController | None = None
         self.commanded = False
@@ -453,6 +454,7 @@ class Actor:
             return
         state = self.anchor(time_s)
         self.coupling.tower.trailer = None
+        self.unparted.append(self.coupling.tower)
         self.coupling = None
         self.on_trajectory, self._yaw_offset = False, 0.0
         self._put(straight(state.pose), 0.0)

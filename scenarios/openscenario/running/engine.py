@@ -127,6 +127,11 @@ class Engine:
     def _begin(self, controller: EgoController | None) -> None:
         instant = Instant(0.0, self._actors)
         couple_all(self.world)
+        for event in self.definition.events():
+            for named in event.actions:
+                if isinstance(named.action, model.ConnectTrailerAction):
+                    towers = [self._actors[name] for name in named.entities]
+                    self._actors[named.action.trailer].unparted += towers
         for entity, action in in_order(self.definition.init):
             if not isinstance(action, model.SpeedAction):
                 for name in sorted(referred(action)):
@@ -305,6 +310,8 @@ class Engine:
         self.time_s, self._now = instant.time_s, instant
         for actor in self._actors.values():
             actor.pass_on(instant.time_s, instant.state(actor.name))
+            if actor.unparted:
+                actor.unparted = [o for o in actor.unparted if instant.gap_m(actor.name, o.name) <= 0.0]
 
     def _process(self) -> None:
         """Carry out what follows from a change, and note what to watch from now on."""

@@ -11,6 +11,10 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.holding import SLACK, Compared, Holding, settled_for_s
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
+from smartmot.maps.lane_map import LEVEL_M
+
+STEEPEST = 0.3
+"""Grade that no road exceeds: the steepest streets have 35 %, those on bridges and ramps at most 10 %."""
 
 MOMENT_S = 1e-3
 """Over which velocities change for an acceleration, and how often is looked where it follows a curvature."""
@@ -172,7 +176,10 @@ def acceleration_mps2(actor: Actor, instant: Instant, direction: model.Direction
 
 
 class ReachPosition(Compared):
-    """ReachPositionCondition: the distance from a place, which may move with other entities."""
+    """ReachPositionCondition: the distance in plan from a place, which may move with other entities.
+
+    Where roads lie above one another, a place on another level is infinitely far away.
+    """
 
     def __init__(self, condition: model.ReachPositionCondition, actor: Actor, world: World) -> None:
         super().__init__("lessOrEqual", condition.tolerance_m)
@@ -200,7 +207,10 @@ class ReachPosition(Compared):
         state = instant.state(self._actor.name)
         apart_m = math.hypot(pose.x_m - state.x_m, pose.y_m - state.y_m)
         ground_m = self._actor.ground_m(state)
-        return apart_m if ground_m is None or pose.z_m is None else math.hypot(apart_m, pose.z_m - ground_m)
+        if ground_m is None or pose.z_m is None:
+            return apart_m
+        level_m = locator.roads.level_m(pose.x_m, pose.y_m, pose.z_m)
+        return math.inf if abs(level_m - ground_m) > LEVEL_M + STEEPEST * apart_m else apart_m
 
     def reach(self, a: Instant, b: Instant) -> float:
         """The way of the entity, and that of the place."""
@@ -214,7 +224,7 @@ class ReachPosition(Compared):
 
     def settled_s(self, now: Instant) -> float:
         """Until a place that is fixed can be reached or left."""
-        if self._leaders:
+        if self._leaders or math.isinf(self.quantity(now)):
             return now.time_s
         left_m = abs(self.quantity(now) - self._value)
         return settled_for_s(now, left_m, self._actor.fastest_mps(now.time_s))

@@ -96,9 +96,14 @@ class Touching(Holding):
         self._pair, self._names = Pair(actor, other), (actor.name, other.name)
 
     def holds(self, instant: Instant) -> bool:
-        """Whether no gap is left, in plan and in height; a trailer and who tows it do not collide."""
+        """Whether no gap is left, in plan and in height; a trailer and who tows it do not collide.
+
+        Before they are connected and after they are let go of they can, once they have been apart.
+        """
         actor, other = self._pair.actor, self._pair.other
         if (actor.coupling or other.coupling) is not None and actor.train() is other.train():
+            return False
+        if other in actor.unparted or actor in other.unparted:
             return False
         if instant.circle_gap_m(*self._names) > 0.0 or instant.gap_m(*self._names) > 0.0:
             return False

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from scenarios.openscenario import ContentError, Engine, RunError, UnsupportedError, load, model
+from scenarios.openscenario import ContentError, Engine, RunError, UnsupportedError, expand, load, model
 from scenarios.openscenario.running.driving.controllers import kind_of
 from tests.scenarios.openscenario.conftest import (
     CAR,
@@ -242,3 +242,103 @@ def test_who_steers_to_a_closed_trajectory_does_not_jump(play):
     assert at(run, "Other", 0.0)[:2] == pytest.approx((61.0, 11.0), abs=1e-6)
     assert 10.2 < at(run, "Other", 1.0)[1] < 11.0
     assert at(run, "Other", 9.0)[1] == pytest.approx(10.0, abs=1e-3)
+
+
+def test_a_trailer_that_overlaps_its_tower_touches_it_only_after_they_were_apart(write):
+    """The trailer reaches 0.25 m over the rear; let go of, it is left behind by 9 m, and hits the ego."""
+    tower = TOWER.replace('TrailerHitch dx="-1.2"', 'TrailerHitch dx="-0.5"').format(inline())
+    let_go = "<PrivateAction><TrailerAction><DisconnectTrailerAction/></TrailerAction></PrivateAction>"
+    steps = ((1, let_go), (2, speed(8)), (5, speed(0)))
+    events = (event(f"e{t}", action, trigger(condition(at_time(t)))) for t, action in steps)
+    init = private("Ego", teleport(lane_position(20)), speed(5)) + private(
+        "Other", teleport(lane_position(250))
+    )
+    path = write(act(maneuver(*events), actors="Ego"), init=init)
+    path.write_text(path.read_text("utf-8").replace(CAR, tower, 1), encoding="utf-8")
+    engine = Engine(load(path))
+    engine.run()
+    assert engine.contact is not None
+    assert engine.contact.entity == "box"
+    assert engine.contact.time_s == pytest.approx(5 + (9 - 0.25) / 5, abs=1e-5)
+
+
+def test_a_trailer_that_overlaps_before_it_is_connected_does_not_collide(write):
+    connect = '<TrailerAction><ConnectTrailerAction trailerRef="Other"/></TrailerAction>'
+    later = event("e", f"<PrivateAction>{connect}</PrivateAction>", trigger(condition(at_time(1))))
+    init = private("Ego", teleport(lane_position(20))) + private("Other", teleport(lane_position(20 - 3.75)))
+    path = write(act(maneuver(later), actors="Ego"), init=init, other=TRAILER.format(""))
+    tower = TOWER.replace('TrailerHitch dx="-1.2"', 'TrailerHitch dx="-0.5"').format("")
+    path.write_text(path.read_text("utf-8").replace(CAR, tower, 1), encoding="utf-8")
+    engine = Engine(load(path))
+    engine.run(3)
+    assert engine.world.actors["Other"].coupling is not None
+    assert engine.contact is None
+
+
+BRIDGE_M = 6.0
+BRIDGE = MAP.replace(
+    "</OpenDRIVE>",
+    road("C", 150, -150, math.pi / 2, 300, "", "").replace(
+        "</planView>",
+        f'</planView><elevationProfile><elevation s="0" a="{BRIDGE_M}" b="0" c="0" d="0"/>'
+        "</elevationProfile>",
+    )
+    + "</OpenDRIVE>",
+)
+"""Road C crosses above road A at x = 150 m."""
+
+
+@pytest.fixture
+def on_levels(write):
+    def make(*acts, **parts):
+        path = write(*acts, **parts)
+        (path.parent / "two_roads.xodr").write_text(BRIDGE, encoding="utf-8")
+        return Engine(load(path))
+
+    return make
+
+
+@pytest.mark.parametrize(("z_m", "reached"), [(0.0, True), (1.0, True), (5.5, False), (BRIDGE_M, False)])
+def test_a_place_is_reached_on_its_level_in_plan(on_levels, z_m, reached):
+    place = f'<Position><WorldPosition x="150" y="-1.75" z="{z_m}"/></Position>'
+    inner = f'<ReachPositionCondition tolerance="2">{place}</ReachPositionCondition>'
+    start = trigger(condition(by_entity(inner)))
+    init = private("Ego", teleport(lane_position(100)), speed(10)) + private(
+        "Other", teleport(lane_position(20))
+    )
+    stop = trigger(condition(at_time(8)), kind="StopTrigger")
+    engine = on_levels(act(maneuver(event("e", set_variable("n", 1), start))), init=init, stop=stop)
+    while not engine.over and engine.world.variables["n"] == 0.0:
+        engine.advance()
+    assert (engine.world.variables["n"] == 1.0) == reached
+    assert engine.time_s == pytest.approx(4.8 if reached else 8.0, abs=0.011)  # 48 m at 10 m/s
+
+
+@pytest.mark.parametrize("z_m", [0.0, BRIDGE_M])
+def test_a_driver_brakes_for_who_is_on_its_level(on_levels, z_m):
+    walks = teleport(f'<Position><WorldPosition x="150" y="-1.75" z="{z_m}" h="1.5707963"/></Position>')
+    init = private("Ego", walks) + private("Other", teleport(lane_position(100)), speed(10), control("ACC"))
+    engine = on_levels(init=init)
+    run = engine.run(3)
+    x_m, _, _, speed_mps = at(run, "Other", 2.9)
+    assert (speed_mps > 9.9 and x_m > 128.0) == (z_m > 0.0)
+
+
+def test_drawn_values_that_no_load_takes(write, tmp_path):
+    declared = '<ParameterDeclaration name="k" parameterType="integer" value="1"/>'
+    write(parameters=declared)
+    text = (
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2026-01-01T00:00:00" author="t" '
+        'description="v"/><ParameterValueDistribution><ScenarioFile filepath="small.xosc"/>'
+        '<Stochastic numberOfTestRuns="3" randomSeed="1"><StochasticDistribution parameterName="k">{}'
+        "</StochasticDistribution></Stochastic></ParameterValueDistribution></OpenSCENARIO>"
+    )
+    uniform = '<UniformDistribution><Range lowerLimit="0" upperLimit="9"/></UniformDistribution>'
+    narrow = '<LogNormalDistribution expectedValue="1e-200" variance="1"/>'
+    path = tmp_path / "variation.xosc"
+    for inner, said in ((uniform, "parameter 'k': expected a value of type integer"), (narrow, "too large")):
+        path.write_text(text.format(inner), encoding="utf-8")
+        with pytest.raises(ContentError, match=said):
+            expand(path)
+    path.write_text(text.format('<PoissonDistribution expectedValue="3"/>'), encoding="utf-8")
+    assert len([load(each.path, each.parameters) for each in expand(path)]) == 3

@@ -22,6 +22,7 @@ from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.running.actions import RunningAction
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.world import Instant, World
+from smartmot.maps.lane_map import LEVEL_M
 from smartmot.types import FloatArray
 
 DRIVERS = ("acc", "alks", "idm", "naturaldriver", "followroute")
@@ -274,6 +275,12 @@ class Driver:
         reach = 0.5 * (other.definition.width_m + actor.definition.width_m) + BESIDE_M
         if station <= own.station_m or abs(left) > reach:
             return None
+        if actor.levels is not None:
+            x_m, y_m, _ = actor.path.pose(station)
+            way_m = actor.levels.lane_height_m(actor.path, station, x_m, y_m)
+            own_m, ground_m = actor.ground_m(own) if way_m is None else way_m, other.ground_m(state)
+            if own_m is not None and ground_m is not None and abs(ground_m - own_m) > LEVEL_M:
+                return None  # above or below the way
         along = state.speed_mps * math.cos(state.yaw_rad - actor.path.pose(station)[2])
         return station - own.station_m - other.rear_m - actor.front_m, along
 
