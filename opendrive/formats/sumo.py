@@ -54,7 +54,10 @@ def write_sumo(network: RoadNetwork, path: str | PathLike[str]) -> Export:
         arguments.append(f"--output-file={made}")
         if plain.is_left_hand:
             arguments.append("--lefthand")
-        done = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S)
+        try:
+            done = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            raise OpenDriveError(f"netconvert: not ready after {_TIMEOUT_S:g} s; write fewer roads") from None
         if done.returncode or not made.is_file():
             lines = [line for line in done.stderr.splitlines() if line.startswith("Error")]
             raise OpenDriveError(f"netconvert: {lines[0] if lines else 'ended without a network'}")

@@ -109,7 +109,8 @@ class Composer:
         if self.background is not None:
             frames = _backgrounds(self.background, place.split)
             frame = frames[int(rng.integers(len(frames)))]
-            return LabelledFrame(frame.cloud, frame.boxes, frame.labels.category, (0.0, 0.0, 0.0, 0.0))
+            cloud = replace(frame.cloud, intensity=frame.intensity)
+            return LabelledFrame(cloud, frame.boxes, frame.labels.category, (0.0, 0.0, 0.0, 0.0))
         time_s = number / self.config.pattern.rate_hz
         nobody = np.zeros(0, dtype=np.bool_)
         world = World(

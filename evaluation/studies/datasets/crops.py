@@ -102,10 +102,7 @@ def crops_of(folder: Path, split: str) -> tuple[Crop, ...]:
     for frame in read_frames(folder):
         if frame.split != split:
             continue
-        boxes, cloud = frame.boxes, frame.cloud
-        scale = 255.0 if cloud.intensity is not None and cloud.intensity.max(initial=0.0) > 1.0 else 1.0
-        given = np.zeros(len(cloud)) if cloud.intensity is None else cloud.intensity
-        intensity = given.astype(np.float64) / scale
+        boxes, cloud, intensity = frame.boxes, frame.cloud, frame.intensity
         for row, count in enumerate(boxes.point_counts(cloud.xyz_m).tolist()):
             category = str(frame.labels.category[row])
             if count < LEAST_CROP_POINTS or category not in CLASSES:

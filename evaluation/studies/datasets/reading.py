@@ -64,6 +64,14 @@ class DatasetFrame:
     written_count: IntArray | None
 
     @property
+    def intensity(self) -> FloatArray:
+        """(P,) strengths of the echoes, 0 to 1: nuScenes' are 0 to 255; 0 where the cloud has none."""
+        given = self.cloud.intensity
+        if given is None:
+            return np.zeros(len(self.cloud))
+        return given.astype(np.float64) / (255.0 if given.max(initial=0.0) > 1.0 else 1.0)
+
+    @property
     def boxes(self) -> Boxes3D:
         """The K boxes in the sensor's frame."""
         return boxes_in_lidar(self.labels, self.world_SE3_lidar)

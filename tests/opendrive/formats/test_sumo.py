@@ -14,6 +14,7 @@ from lxml import etree
 from opendrive import OpenDriveError, RoadNetwork, load_map
 from opendrive.formats import sumo
 from opendrive.formats.sumo_plain import PlainNetwork, plain_network
+from scenarios.catalogue.maps import shipped_map
 from tests.opendrive.formats.conftest import PEERS
 
 PEER = Path(__file__).parent / "peers" / "sumo_peer.py"
@@ -204,3 +205,14 @@ def test_netconvert_and_sumolib_make_the_same_of_it(map_file, peer, monkeypatch,
     assert_connections(network, read)
     header = network.model.header
     assert (read["projection"] != "!") == bool(header.geo_reference.strip())
+
+
+def test_a_netconvert_that_does_not_end_is_one_line(tmp_path, monkeypatch):
+    def never(arguments, **options):
+        raise subprocess.TimeoutExpired(arguments, options["timeout"])
+
+    monkeypatch.setattr(sumo, "find_netconvert", lambda: Path("netconvert"))
+    monkeypatch.setattr(sumo.subprocess, "run", never)
+    network = load_map(shipped_map("urban_street"))
+    with pytest.raises(OpenDriveError, match="netconvert: not ready after 600 s"):
+        sumo.write_sumo(network, tmp_path / "m.net.xml")

@@ -140,6 +140,8 @@ def command(
     values |= {"from": source, "sensor": sensor}
     if scenario is not None:
         values["scenario"] = [Path(name).name for name in scenario.split(",")]
+    if maps:
+        values["map"] = [path.name for path in maps]
     recipe = Recipe(maker, layout, frames, seed, min_points, values)
     with counting("making", quiet) as done:
         made = make_dataset(recipe, out, workers or available_cores(), done)

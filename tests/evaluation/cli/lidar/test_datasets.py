@@ -78,6 +78,7 @@ def test_kitti_s_tree_is_split_by_scene(kitti: Path) -> None:
     said = json.loads((kitti / "dataset.json").read_text())
     assert said["frames"] == {split: len(frames) for split, frames in names.items()}
     assert said["sensor_height_m"] == 1.73
+    assert said["map"] == ["urban_street.xodr"]
 
 
 def test_every_label_holds_its_points_and_is_on_the_ground(kitti: Path, call: Call) -> None:

@@ -3,10 +3,16 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from evaluation.studies.datasets.reading import _nuscenes_splits
+from evaluation.studies.datasets.compose import Composer
+from evaluation.studies.datasets.reading import DatasetFrame, _nuscenes_splits
 from scenarios.errors import DatasetError
+from scenarios.recorded.dataset import Objects
+from scenarios.recorded.layouts.scenes import ScenePlace
+from scenarios.sensors.lidar import HDL64
+from smartmot.pointcloud import PointCloud
 
 
 def test_a_scene_in_two_splits_is_refused(tmp_path: Path) -> None:
@@ -16,3 +22,20 @@ def test_a_scene_in_two_splits_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps({"smartmot_train": ["a", "b"], "smartmot_test": ["b"]}))
     with pytest.raises(DatasetError, match="scene b is in the splits train and test"):
         _nuscenes_splits(path)
+
+
+def test_echoes_of_backgrounds_have_the_unit_of_those_that_are_pasted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """nuScenes' strengths are 0 to 255, ours 0 to 1."""
+    xyz = np.array([[10.0, 0.0, -1.7], [-20.0, 0.0, -1.7]], dtype=np.float32)
+    frames = [
+        DatasetFrame("f", "s", "train", PointCloud(xyz, np.array(given)), Objects.empty(), np.eye(4), None)
+        for given in ([51.0, 255.0], [0.2, 1.0])
+    ]
+    assert [frame.intensity.tolist() for frame in frames] == [[0.2, 1.0]] * 2
+    monkeypatch.setattr("evaluation.studies.datasets.compose._backgrounds", lambda folder, split: frames[:1])
+    composer, place = Composer(HDL64, 1, background=Path("data")), ScenePlace(0, 0, "train")
+    ground = composer._ground(place, 0, np.random.default_rng(1))
+    assert ground.cloud.intensity is not None
+    assert ground.cloud.intensity.tolist() == pytest.approx([0.2, 1.0])
