@@ -3,12 +3,12 @@
 - ADE: mean distance between forecast and label over the label's frames up to the horizon.
 - FDE: distance at the horizon.
 - miss rate: share of forecasts whose distance at the horizon exceeds 2 m.
-- minADE_6, minFDE_6: those of the best of the six most likely hypotheses, where a forecast has several; ADE,
-FDE and miss rate are those of the most likely one.
+- minADE_6, minFDE_6: each of that of the six most likely hypotheses which is best by it, as in nuScenes'
+prediction challenge, where a forecast has several; ADE, FDE and miss rate are those of the most likely one.
 - inside: share of forecasts whose 95 % region, by their own covariance, holds the true place: 95 % if it is
 right.
 
-Source of the first four: Chang et al., Argoverse, CVPR 2019 (miss: endpoint error over 2 m). Distances are
+Source of the first three: Chang et al., Argoverse, CVPR 2019 (miss: endpoint error over 2 m). Distances are
 between centres on the ground of the world frame, and contain the track's own error of position. `moving`
 takes the objects that really move, 0.5 m/s on average up to the horizon, `standing` the others, and
 `followed` the moving ones whose track is a second old: as much as data sets of forecasts show of an object

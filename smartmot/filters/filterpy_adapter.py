@@ -99,6 +99,11 @@ class FilterpyFilter:
         self._n = len(motion.names)
         self._filters = [self._made(category) for category in CATEGORIES]
         self._models = len(_models_of(self._filters[0]))
+        counts = [len(_models_of(made)) for made in self._filters]
+        if set(counts) != {self._models}:
+            raise ConfigError(
+                f"TrackerConfig.motion: filters of all categories need as many models, got {counts}"
+            )
         self._polar = "speed_mps" in self._entry
         self._measured = [self._entry[name] for name in ("x_m", "y_m", "yaw_rad") if name in self._entry]
         self._noise = config.measurement_variance()
@@ -115,7 +120,17 @@ class FilterpyFilter:
     def _made(self, category: str) -> Any:
         """The filter of a category, checked."""
         made = self._called(partial(self._motion.make, category, self._config))
+        kind = type(made).__name__
+        if hasattr(made, "filters") and not hasattr(made, "mu"):
+            raise ConfigError(
+                f"TrackerConfig.motion: {kind} for {category} has filters, but no probabilities mu"
+            )
         for model in _models_of(made):
+            if hasattr(model, "sigmas") or not _holds_moments(model):
+                raise ConfigError(
+                    f"TrackerConfig.motion: {type(model).__name__} for {category} does not keep its state in "
+                    "x and P; use a Kalman, extended, unscented or cubature filter, or interacting models of them"
+                )
             mean, covariance = np.asarray(getattr(model, "x", ())), np.asarray(getattr(model, "P", ()))
             if mean.size != self._n or covariance.shape != (self._n, self._n):
                 raise ConfigError(
@@ -409,6 +424,15 @@ def _update(tracked: Any, measurement: FloatArray) -> None:
 def _models_of(tracked: Any) -> Sequence[Any]:
     """The filters of an estimator of several models, or the one filter."""
     return tuple(getattr(tracked, "filters", (tracked,)))
+
+
+def _holds_moments(model: Any) -> bool:
+    """Whether x and P of a filter can be set."""
+    try:
+        model.x, model.P = model.x, model.P
+    except AttributeError:
+        return False
+    return True
 
 
 def _redraw(model: Any) -> None:

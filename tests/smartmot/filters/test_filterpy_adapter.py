@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from filterpy.kalman import (
     CubatureKalmanFilter,
+    EnsembleKalmanFilter,
     ExtendedKalmanFilter,
     IMMEstimator,
+    InformationFilter,
     KalmanFilter,
+    MMAEFilterBank,
     UnscentedKalmanFilter,
 )
 from hypothesis import given
@@ -312,3 +315,29 @@ def test_noise_that_a_detection_states_is_taken(motion: Any) -> None:
     for mine, theirs in zip(adapted.moments(a), reference.moments(b), strict=True):
         places = (0, linear) if mine.ndim == 2 else (0, *np.ix_(linear, linear))
         np.testing.assert_allclose(mine[places], theirs[places], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: EnsembleKalmanFilter(np.zeros(4), np.eye(4), 2, 0.1, 20, _nothing, _nothing),
+            "does not keep its state",
+        ),
+        (lambda: InformationFilter(4, 2), "does not keep its state"),
+        (lambda: MMAEFilterBank([Steady().make("car", BevFilterConfig())], [1.0], 4), "no probabilities mu"),
+    ],
+)
+def test_filters_of_another_kind_are_refused(make: Any, words: str) -> None:
+    """Their state is in samples, in an inverse, or in probabilities of another name."""
+
+    class Other(Steady):
+        def make(self, category: str, config: BevFilterConfig) -> Any:
+            return make()
+
+    with pytest.raises(ConfigError, match=words):
+        Tracker(TrackerConfig(motion=Other()))
+
+
+def _nothing(*arguments: Any) -> Any:
+    return arguments[0]
