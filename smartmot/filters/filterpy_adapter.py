@@ -129,7 +129,7 @@ class FilterpyFilter:
             if hasattr(model, "sigmas") or not _holds_moments(model):
                 raise ConfigError(
                     f"TrackerConfig.motion: {type(model).__name__} for {category} does not keep its state in "
-                    "x and P; use a Kalman, extended, unscented or cubature filter, or interacting models of them"
+                    "x and P; use a Kalman, extended, unscented or cubature filter, or several of them (IMM)"
                 )
             mean, covariance = np.asarray(getattr(model, "x", ())), np.asarray(getattr(model, "P", ()))
             if mean.size != self._n or covariance.shape != (self._n, self._n):
