@@ -33,7 +33,10 @@ def command(
     minutes: Annotated[float, typer.Option(help="Wall time of the training.", min=0.01)] = 20.0,
     steps: Annotated[
         int | None,
-        typer.Option(help="Steps instead of minutes: then the network is the same each time.", min=1),
+        typer.Option(
+            help="Steps instead of minutes: then the network is the same each time with as many threads.",
+            min=1,
+        ),
     ] = None,
     rate: Annotated[float, typer.Option(help="Greatest rate of learning.")] = 3e-3,
     seed: Annotated[int, typer.Option(help="Of weights, order and changes of the frames.", min=0)] = 1,

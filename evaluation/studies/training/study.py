@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from evaluation.errors import ArgumentError
 from evaluation.results.tables import Table, fixed
@@ -119,6 +120,7 @@ def write_card(folder: Path, training: Training, boxes: dict[str, ClassBoxes]) -
         "bytes": len(content),
         "classes": list(training.decoder.classes),
         **origin,
+        "threads": torch.get_num_threads(),
         "score_scale": scale,
         "score_offset": offset,
         "greatest_difference": difference,

@@ -155,6 +155,7 @@ def test_the_file_says_what_the_network_says(trained: Training) -> None:
     card = json.loads((trained.folder / CARD).read_text())
     path = trained.folder / NETWORK
     assert card["greatest_difference"] <= 1e-4
+    assert card["threads"] == torch.get_num_threads()
     assert greatest_difference(trained.network, path.read_bytes(), FRAMES, DECODER) <= 1e-4
     config = LearnedConfig(path, card["sha256"])
     cloud = PointCloud(FRAMES[0].points - np.array([0.0, 0.0, 1.7], dtype=np.float32))
