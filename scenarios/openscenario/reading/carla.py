@@ -12,13 +12,18 @@ from typing import Any
 
 from scenarios.openscenario.elements import Element
 from scenarios.openscenario.model import (
+    AngleCondition,
+    ClothoidSegment,
     LanePosition,
     Orientation,
+    RelativeAngleCondition,
     RelativeLanePosition,
     RelativeObjectPosition,
     RelativeRoadPosition,
     RelativeWorldPosition,
     RoadPosition,
+    RoutePosition,
+    TrajectoryPosition,
     WorldPosition,
 )
 
@@ -33,6 +38,11 @@ _SIDEWAYS: dict[type[Element], tuple[str, ...]] = {
     RelativeRoadPosition: ("dt_m",),
     RelativeWorldPosition: ("dy_m",),
     RelativeObjectPosition: ("dy_m",),
+    RoutePosition: ("offset_m",),
+    TrajectoryPosition: ("t_m",),
+    ClothoidSegment: ("curvature_start_per_m", "curvature_end_per_m", "heading_offset_rad"),
+    AngleCondition: ("angle_rad",),
+    RelativeAngleCondition: ("angle_rad",),
 }
 """Fields that have the other sign."""
 

@@ -19,6 +19,7 @@ from scenarios.openscenario.model import (
     Vertex,
     Waypoint,
 )
+from scenarios.openscenario.reading.carla import right_handed
 from scenarios.openscenario.reading.document import Node
 from scenarios.openscenario.reading.elements import Context, allow, declared, one_of, read, reads
 from scenarios.openscenario.reading.parameters import Declarations
@@ -128,7 +129,9 @@ def _clothoid(node: Node, context: Context) -> ClothoidSpline:
     length, curvature = node.positive("length", zero=False), node.number("curvature")
     start = position(node.need("Position"), context)
     piece = ClothoidSegment(length, curvature, curvature + rate * length, start, 0.0, begin_s)
-    return ClothoidSpline((piece,), end_s)
+    return ClothoidSpline(
+        (cast(ClothoidSegment, right_handed(piece)) if context.left_handed else piece,), end_s
+    )
 
 
 @reads(Nurbs)

@@ -30,6 +30,9 @@ JUMP_M = 0.05
 KAPPA_M = 0.05
 """Distance on both sides over which the curvature of a path is taken: that of its points."""
 
+MOMENT_S = 1e-4
+"""Over which a place that depends on a leader's speed moves, for the speed of who is there."""
+
 COMMAND_EPSILON_S = 1e-9
 """A controller that commands from an instant this near on commands now."""
 
@@ -58,7 +61,9 @@ _state = partial(tuple.__new__, State)
 
 
 class Kept(Protocol):
-    """A place on a path that moves with another entity."""
+    """A place on a path that moves with another entity; `gap_s`: at a time at its speed."""
+
+    gap_s: float | None
 
     def on(self, path: Path, own: State, seen: State) -> State | None:
         """The state of an entity there, near a state of it; None if there is no such place."""
@@ -202,6 +207,11 @@ class Actor:
         else:
             x, y, yaw, _, station, _ = there
             along = tow.place.rates(path, there, leader)[1]
+            if tow.place.gap_s is not None:  # the gap changes with the leader's speed
+                later = tow.leader.state(time_s + MOMENT_S)
+                smooth = abs(later.speed_mps - leader.speed_mps) <= MAX_ACCELERATION_MPS2 * MOMENT_S
+                ahead = tow.place.on(path, there, later) if smooth else None
+                along = along if ahead is None else (ahead.station_m - station) / MOMENT_S
             along = self._towed_mps if math.isnan(along) else along
             self._towed_s, self._towed_m, self._towed_mps = time_s, station, along
         gone = abs(station - self._anchor_station)

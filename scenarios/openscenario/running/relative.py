@@ -310,10 +310,10 @@ class TimeToCollision(_Distance):
 
     def _closing(self, instant: Instant) -> tuple[float, float]:
         """The distance, and the speed at which it shrinks."""
-        state, other = self._pair.states(instant)
+        (state, other), actor, seen = self._pair.states(instant), self._pair.actor, self._pair.other
 
         def apart_m(time_s: float) -> float:
-            return max(self._between_m(moved(state, time_s), moved(other, time_s)), 0.0)
+            return max(self._between_m(moved(actor, state, time_s), moved(seen, other, time_s)), 0.0)
 
         return apart_m(0.0), (apart_m(-BRIEFLY_S) - apart_m(BRIEFLY_S)) / (2.0 * BRIEFLY_S)
 

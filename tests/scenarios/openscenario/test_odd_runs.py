@@ -24,6 +24,7 @@ from tests.scenarios.openscenario.conftest import (
     teleport,
     trigger,
 )
+from tests.scenarios.openscenario.motion.test_trajectories import follow, polyline
 from tests.scenarios.openscenario.running.driving.test_trailers import (
     TOWER,
     TRAILER,
@@ -192,9 +193,10 @@ def control(name, properties=""):
 
 
 @pytest.mark.parametrize(("name", "value"), [("setSpeed", "nan"), ("timeGap", "inf"), ("timeGap", "-1")])
-def test_properties_of_drivers_are_numbers(play, name, value):
+def test_properties_of_drivers_are_numbers(write, name, value):
+    """Before anything runs."""
     with pytest.raises(RunError, match=value):
-        play(once(control("ACC", f'<Property name="{name}" value="{value}"/>')))
+        Engine(load(write(once(control("ACC", f'<Property name="{name}" value="{value}"/>')))))
 
 
 def test_a_default_controller_takes_over_from_a_driver(play):
@@ -342,3 +344,33 @@ def test_drawn_values_that_no_load_takes(write, tmp_path):
             expand(path)
     path.write_text(text.format('<PoissonDistribution expectedValue="3"/>'), encoding="utf-8")
     assert len([load(each.path, each.parameters) for each in expand(path)]) == 3
+
+
+def test_a_time_gap_that_is_kept_at_once_is_time_at_the_speed_of_both(play):
+    """1.5 s behind an ego that brakes by 2 m/s2 the place moves 3 m/s faster than the ego."""
+    gap = keep("Ego", system="entity").replace('distance="20"', 'timeGap="1.5"')
+    slow = event("slow", speed(4, "linear", "time", 3), trigger(condition(at_time(2))))
+    init = private("Ego", teleport(lane_position(60)), speed(10)) + private(
+        "Other", teleport(lane_position(10))
+    )
+    brakes = act(maneuver(slow), actors="Ego", name="brakes")
+    _, run = play(once(gap), brakes, init=init)
+    assert at(run, "Other", 1.5) == pytest.approx((60, -1.75, 0, 10), abs=1e-4)
+    assert at(run, "Other", 3.0) == pytest.approx((60 + 29 - 12, -1.75, 0, 11), abs=1e-3)
+    assert at(run, "Other", 6.0) == pytest.approx((60 + 20 + 21 + 4 - 6, -1.75, 0, 4), abs=1e-4)
+
+
+@pytest.mark.parametrize("v_mps", [10, -10])
+def test_a_time_to_collision_along_a_trajectory_also_in_reverse(play, v_mps):
+    """Other stands 70 m along the trajectory: 3 s are left after 4 s."""
+    line = follow(polyline((10, -1.75), (200, -1.75)))
+    inner = (
+        '<TimeToCollisionCondition value="3" rule="lessThan" freespace="false" coordinateSystem="trajectory" '
+        'relativeDistanceType="longitudinal"><TimeToCollisionConditionTarget><EntityRef entityRef="Other"/>'
+        "</TimeToCollisionConditionTarget></TimeToCollisionCondition>"
+    )
+    init = private("Ego", teleport(lane_position(10)), line, speed(v_mps))
+    init += private("Other", teleport(lane_position(80)))
+    stop = trigger(condition(by_entity(inner)), kind="StopTrigger")
+    engine, _ = play(init=init, stop=stop)
+    assert engine.time_s == pytest.approx(4.0, abs=0.011)

@@ -76,6 +76,7 @@ def check(definition: model.ScenarioDefinition, ego: str) -> None:
 
     Raises:
         UnsupportedError: there is one.
+        RunError: a driver has a property that is no number.
     """
     held = {entity.name: list(entity.controllers) for entity in definition.entities}
     for name, action in _by_entity(definition):
@@ -96,6 +97,8 @@ def check(definition: model.ScenarioDefinition, ego: str) -> None:
             continue
         for controller in held[name]:
             wanted = activated.controller in (None, controller.name)
+            if wanted and kind_of(controller) == "driver":
+                _settings(controller)
             if wanted and kind_of(controller) == "unknown":
                 raise UnsupportedError(
                     f"{activated.where} controller '{controller.name}' of '{name}' is not known; "
@@ -184,9 +187,7 @@ class Driver:
         self._world, self._actor = world, actor
         self.commands_from_s = time_s
         self._speed_mps = self._accel_mps2 = 0.0
-        properties = {name.lower(): value for name, value in controller.properties}
-        self._desired_mps = _number(properties.get("setspeed"), controller)
-        headway_s = _number(properties.get("timegap"), controller)
+        self._desired_mps, headway_s = _settings(controller)
         self._headway_s = HEADWAY_S if headway_s is None else headway_s
         self._leader: Actor | None = None
         self._leader_m = 0.0
@@ -311,6 +312,12 @@ class Traffic:
     def half_width_m(self) -> FloatArray:
         """(N,) half widths."""
         return np.array([0.5 * actor.definition.width_m for actor in self.actors])
+
+
+def _settings(controller: model.Controller) -> tuple[float | None, float | None]:
+    """Speed and time gap that a controller names."""
+    properties = {name.lower(): value for name, value in controller.properties}
+    return _number(properties.get("setspeed"), controller), _number(properties.get("timegap"), controller)
 
 
 def _number(text: str | None, controller: model.Controller) -> float | None:

@@ -87,6 +87,9 @@ class LongitudinalDistance(_Kept):
         place, actor = self._place, self.who
         if math.isnan(place.left_m(actor.state(time_s), self._other.state(time_s))):
             self._nowhere()
+        if self.action.time_gap_s is not None:  # once there it is as fast as the other, whoever is behind
+            place.distance_m = self.action.time_gap_s * abs(self._other.state(time_s).speed_mps)
+            place.gap_s = self.action.time_gap_s if self.action.continuous else None
         way_m = place.distance_m
         if self.action.freespace:
             own, seen = overhang_m(actor, 0.0, False), overhang_m(self._other, 0.0, False)

@@ -43,7 +43,7 @@ class Separation:
     """
 
     def __init__(self, world: World, actor: Actor, other: Actor, system: model.System) -> None:
-        self._world, self._actor, self._other, self._system = world, actor, other, system
+        self._world, self._actor, self.other, self._system = world, actor, other, system
 
     def between_m(self, a: State, b: State, lateral: bool, freespace: bool) -> float:
         """Distance along the axis, or across it; between outlines negative by how far these overlap."""
@@ -64,7 +64,7 @@ class Separation:
 
     def _overhangs_m(self, turn: float, other_turn: float, side: float, lateral: bool) -> float:
         """From reference points to where the outlines meet, the other being on the positive side or not."""
-        own, seen = overhang_m(self._actor, turn, lateral), overhang_m(self._other, other_turn, lateral)
+        own, seen = overhang_m(self._actor, turn, lateral), overhang_m(self.other, other_turn, lateral)
         return own[1] + seen[0] if side >= 0.0 else own[0] + seen[1]
 
     def axes(self, a: State, b: State, lateral: bool, directions: bool) -> Axes:
@@ -80,7 +80,7 @@ class Separation:
             return c * dx + s * dy, c * dy - s * dx, a.yaw_rad, a.yaw_rad
         if self._system == "trajectory":
             return self._on_trajectory(a, b)
-        distances, actor, other = self._world.road_distances, self._actor, self._other
+        distances, actor, other = self._world.road_distances, self._actor, self.other
         pose, other_pose = actor.pose_in(a), other.pose_in(b)
         place = distances.place_on(actor.path, a.station_m, pose)
         beside = distances.place_on(other.path, b.station_m, other_pose)
@@ -138,7 +138,7 @@ class Station:
 
     Args:
         separation: of the two.
-        distance_m: the gap, or seconds at a speed if `time_gap`.
+        distance_m: the gap.
         leads: whether the entity is ahead of the other.
         freespace: whether it is between outlines.
     """
@@ -146,10 +146,13 @@ class Station:
     def __init__(self, separation: Separation, distance_m: float, leads: bool, freespace: bool) -> None:
         self._separation, self.distance_m, self.leads = separation, distance_m, leads
         self._freespace = freespace
+        self.gap_s: float | None = None
+        """The gap in place of the distance, as time at the other's speed."""
 
     def left_m(self, own: State, seen: State) -> float:
         """How far the place is ahead, along the axis; NaN if there is none."""
-        over = self._separation.gap_m(own, seen, self.leads, self._freespace) - self.distance_m
+        distance_m = self.distance_m if self.gap_s is None else self.gap_s * abs(seen.speed_mps)
+        over = self._separation.gap_m(own, seen, self.leads, self._freespace) - distance_m
         return -over if self.leads else over
 
     def rates(self, path: Path, own: State, seen: State) -> tuple[float, float]:
@@ -161,8 +164,9 @@ class Station:
         before = self.left_m(_at(path, own, own.station_m - LITTLE_M), seen)
         further = self.left_m(_at(path, own, own.station_m + LITTLE_M), seen)
         shrinks = -_slope(before, left_m, further, LITTLE_M)
-        earlier = self.left_m(own, moved(seen, -LITTLE_S))
-        later = self.left_m(own, moved(seen, LITTLE_S))
+        other = self._separation.other
+        earlier = self.left_m(own, moved(other, seen, -LITTLE_S))
+        later = self.left_m(own, moved(other, seen, LITTLE_S))
         shrinks = max(SLOWEST, shrinks)
         return shrinks, _slope(earlier, left_m, later, LITTLE_S) / shrinks
 
@@ -195,8 +199,8 @@ def _at(path: Path, state: State, station_m: float) -> State:
     return state._replace(x_m=x, y_m=y, yaw_rad=yaw, station_m=station_m)
 
 
-def moved(state: State, time_s: float) -> State:
+def moved(actor: Actor, state: State, time_s: float) -> State:
     """Where an entity would be that goes straight on at its speed."""
     way_m = state.speed_mps * time_s
     x_m, y_m = state.x_m + way_m * math.cos(state.yaw_rad), state.y_m + way_m * math.sin(state.yaw_rad)
-    return state._replace(x_m=x_m, y_m=y_m, station_m=state.station_m + way_m)
+    return state._replace(x_m=x_m, y_m=y_m, station_m=state.station_m + actor.progress_mps(state) * time_s)

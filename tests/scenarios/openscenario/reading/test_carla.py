@@ -6,6 +6,14 @@ from pathlib import Path
 import pytest
 
 from scenarios.openscenario import Engine, load
+from scenarios.openscenario.model import (
+    AngleCondition,
+    Orientation,
+    RelativeAngleCondition,
+    Route,
+    RoutePosition,
+)
+from scenarios.openscenario.reading.carla import right_handed
 from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport
 
 SHARED = Path(__file__).parents[4].parent / "shared"
@@ -101,3 +109,41 @@ def test_vehicles_of_carlas_examples_stand_on_roads_and_head_along_them():
     # one file changes the offset in its lane at once, with up to 45 degrees
     assert len(turns) > 25
     assert sum(turn < math.radians(1) for turn in turns) >= len(turns) - 2
+
+
+@pytest.mark.parametrize(("description", "side"), [("small", 1.0), ("CARLA:Test", -1.0)])
+@pytest.mark.parametrize("spline", [False, True])
+def test_curvatures_turn_to_the_right(write, description, side, spline):
+    """A quarter of a circle of 20 m radius from (20, 0) on."""
+    place = '<Position{0}><WorldPosition x="20" y="0" h="0"/></Position{0}>'
+    length = 10 * math.pi
+    shape = (
+        f'<ClothoidSpline><ClothoidSplineSegment curvatureStart="0.05" curvatureEnd="0.05" length="{length}">'
+        f"{place.format('Start')}</ClothoidSplineSegment></ClothoidSpline>"
+        if spline
+        else f'<Clothoid curvature="0.05" curvatureDot="0" length="{length}">{place.format("")}</Clothoid>'
+    )
+    action = (
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
+        f'<Trajectory name="t" closed="false"><Shape>{shape}</Shape></Trajectory></TrajectoryRef>'
+        "<TimeReference><None/></TimeReference>"
+        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>'
+        "</PrivateAction>"
+    )
+    ego = private("Ego", teleport(lane_position(10)), action, speed(math.pi))
+    path = write(init=ego + private("Other", teleport(lane_position(200))))
+    path.write_text(path.read_text("utf-8").replace('"small"', f'"{description}"'), encoding="utf-8")
+    x, y, yaw, _ = at(Engine(load(path)).run(6.0), "Ego", 5.0)  # half of it
+    half = math.sqrt(0.5)
+    assert (x, y, yaw) == pytest.approx(
+        (20 + 20 * half, side * 20 * (1 - half), side * math.pi / 4), abs=1e-3
+    )
+
+
+def test_angles_and_places_beside_ways_are_mirrored():
+    for record, name in (
+        (AngleCondition(0.2, 0.1), "angle_rad"),
+        (RelativeAngleCondition("Ego", 0.2, 0.1), "angle_rad"),
+        (RoutePosition(Route("r", ()), 1.0, None, 0.2, Orientation()), "offset_m"),
+    ):
+        assert getattr(right_handed(record), name) == -0.2
