@@ -98,7 +98,10 @@ def check(definition: model.ScenarioDefinition, ego: str) -> None:
         for controller in held[name]:
             wanted = activated.controller in (None, controller.name)
             if wanted and kind_of(controller) == "driver":
-                _settings(controller)
+                try:
+                    _settings(controller)
+                except RunError as error:
+                    raise RunError(f"{activated.where} '{name}': {error}") from None
             if wanted and kind_of(controller) == "unknown":
                 raise UnsupportedError(
                     f"{activated.where} controller '{controller.name}' of '{name}' is not known; "
