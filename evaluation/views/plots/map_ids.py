@@ -55,6 +55,8 @@ def draw_ids(axes: Axes, network: RoadNetwork, view: Rectangle) -> int:
     assert figure is not None
     width_in = axes.get_position().width * figure.get_size_inches()[0]
     m_per_in = (view[2] - view[0]) / width_in
+    # ids side by side are as far apart as a digit is wide, or they read as one
+    gap = m_per_in * text_size_in(figure, "0", ID_PT)[0]
     taken: list[Rectangle] = []
     for name in (*_road_ids(network), *_lane_ids(network)):
         wide, high = (m_per_in * size for size in text_size_in(figure, name.text, ID_PT))
@@ -63,7 +65,8 @@ def draw_ids(axes: Axes, network: RoadNetwork, view: Rectangle) -> int:
         for x, y in name.places_m.tolist():
             box = (x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
             inside = box[0] >= view[0] and box[1] >= view[1] and box[2] <= view[2] and box[3] <= view[3]
-            if inside and not any(_meet(box, other) for other in taken):
+            around = (box[0] - gap, box[1], box[2] + gap, box[3])
+            if inside and not any(_meet(around, other) for other in taken):
                 taken.append(box)
                 axes.text(
                     x, y, name.text, color=name.colour, fontsize=ID_PT, ha="center", va="center", zorder=6.0,
