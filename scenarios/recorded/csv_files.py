@@ -248,8 +248,15 @@ def _objects(table: TextTable, frame: IntArray, world_SE3_ego: FloatArray | None
 
 
 def _stated_noise(table: TextTable) -> FloatArray | None:
-    """(K, 3, 3) noise of x, y and yaw that the rows state, in their own axes; None: the table has none."""
+    """(K, 3, 3) noise of x, y and yaw that the rows state, in their own axes; None: the table has none.
+
+    Raises:
+        DatasetError: a column of the position's noise lacks another.
+    """
     position = all(name in table for name in _POSITION_NOISE)
+    given = [name for name in (*_POSITION_NOISE, "xy_cov_m2") if name in table]
+    if given and not position:
+        raise DatasetError(f"{table.path}:1: {', '.join(given)} without both of {', '.join(_POSITION_NOISE)}")
     if not (position or "yaw_var_rad2" in table):
         return None
     covariance = np.zeros((len(table), 3, 3))

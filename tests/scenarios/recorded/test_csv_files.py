@@ -335,3 +335,11 @@ def test_noise_in_the_vehicles_axes_turns_with_it(tmp_path: Path) -> None:
 def test_a_table_without_noise_has_none(tmp_path: Path) -> None:
     [sequence] = read_csv(write(tmp_path, HEADER + row("a", 0.0, 1.0))).sequences
     assert [frame.pose_covariance for frame in sequence.frames()] == [None]
+
+
+@pytest.mark.parametrize("column", ["x_var_m2", "y_var_m2", "xy_cov_m2"])
+def test_noise_of_which_a_part_is_missing_is_refused(tmp_path: Path, column: str) -> None:
+    header = f"stamp_s,x_m,y_m,length_m,width_m,yaw_rad,score,category,{column}"
+    (tmp_path / "detections.csv").write_text(f"{header}\n0.0,0,0,4,2,0,0.9,car,0.1\n")
+    with pytest.raises(DatasetError, match=f"detections.csv:1: {column} without both of x_var_m2, y_var_m2"):
+        read_csv(tmp_path)
