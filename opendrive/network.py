@@ -197,6 +197,10 @@ class RoadNetwork(NetworkTopology):
     def _signals(self) -> Mapping[str, Signal]:
         return {signal.id: signal for road in self._model.roads.values() for signal in road.signals}
 
+    @cached_property
+    def _road_of_signal(self) -> Mapping[str, str]:
+        return {signal.id: road.id for road in self._model.roads.values() for signal in road.signals}
+
     def signals_of(self, road_id: str) -> tuple[RoadSignal, ...]:
         """Return the signals placed on a road and those referenced from it, by s.
 
@@ -204,3 +208,22 @@ class RoadNetwork(NetworkTopology):
             RoadNotFoundError: no such road.
         """
         return signals_on(self._road(road_id).record, self._signals)
+
+    def place_of_signal(self, signal_id: str) -> tuple[float, float, float] | None:
+        """Return x, y, z where a signal stands, map frame; None if there is no signal of that id."""
+        signal = self._signals.get(signal_id)
+        if signal is None:
+            return None
+        road_id, (s_m, t_m, up_m) = (
+            self._road_of_signal[signal_id],
+            (signal.s_m, signal.t_m, signal.z_offset_m),
+        )
+        if signal.position is not None:
+            road_id, (s_m, t_m, up_m) = signal.position.road_id, signal.position.position_m
+            if not road_id:
+                return s_m, t_m, up_m
+        road = self.roads.get(road_id)
+        if road is None:
+            return None
+        point = road.point(min(max(s_m, 0.0), road.length_m), t_m)
+        return float(point.x_m), float(point.y_m), float(point.z_m) + up_m

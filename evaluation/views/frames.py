@@ -41,6 +41,7 @@ class LogFrames:
             as `frame`.
         starts: (F + 1,) per kind, where each frame begins in these rows.
         events: rows of kind `event`.
+        signals: rows of kind `signal` by time, with the frame from which on they hold as `frame`.
         strategy: what makes the monitored area; None where it is not known.
     """
 
@@ -49,6 +50,7 @@ class LogFrames:
     objects: Mapping[str, pd.DataFrame]
     starts: Mapping[str, np.ndarray[tuple[int], np.dtype[np.int64]]]
     events: pd.DataFrame
+    signals: pd.DataFrame
     strategy: MonitoredAreaStrategy | None
 
     def __len__(self) -> int:
@@ -67,6 +69,10 @@ class LogFrames:
         """Rows of one kind in one frame."""
         first, last = self.starts[kind][frame : frame + 2]
         return self.objects[kind].iloc[int(first) : int(last)]
+
+    def signals_at(self, frame: int) -> pd.DataFrame:
+        """The last row of every traffic signal that holds in a frame."""
+        return self.signals[self.signals["frame"] <= frame].drop_duplicates("category", keep="last")
 
     def ego_state(self, frame: int) -> EgoState:
         """Odometry in one frame, as the area asks for it."""
@@ -123,8 +129,16 @@ def frames_of(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None = None) 
         objects,
         starts,
         of_kind(log, "event").reset_index(drop=True),
+        _signals_of(log, time),
         strategy,
     )
+
+
+def _signals_of(log: pd.DataFrame, time_s: FloatArray) -> pd.DataFrame:
+    """Rows of traffic signals that have a place, by time, with the frame from which on each holds."""
+    rows = of_kind(log, "signal").dropna(subset=["x_m", "y_m"]).sort_values("time_s", kind="stable")
+    frame = np.searchsorted(time_s, rows["time_s"].to_numpy(np.float64) - 1e-6)
+    return rows.assign(frame=frame)[frame < len(time_s)].reset_index(drop=True)
 
 
 def _held(rows: pd.DataFrame, frame: int) -> pd.DataFrame:

@@ -33,20 +33,26 @@ class RunLog:
         self._category, self._label = category, label
         self._truth: list[tuple[int, EgoState, Boxes, FloatArray, IntArray]] = []
         self._frames: list[tuple[int, EgoState, FrameResult]] = []
+        self._signals: list[tuple[int, float, str, str, tuple[float, float]]] = []
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RunLog:
         """A log that goes on for itself; the entries so far never change and are shared."""
         copied = RunLog(self._category, self._label)
         copied._truth, copied._frames = list(self._truth), list(self._frames)
+        copied._signals = list(self._signals)
         return copied
 
     def _number(self) -> int:
         """Position of the next entry; rows are in this order."""
-        return len(self._truth) + len(self._frames)
+        return len(self._truth) + len(self._frames) + len(self._signals)
 
     def frame(self, ego: EgoState, boxes: Boxes, speed_mps: FloatArray, index: IntArray) -> None:
         """Ground truth at one time: boxes and speeds of the actors with these numbers."""
         self._truth.append((self._number(), ego, boxes, speed_mps, index))
+
+    def signal(self, time_s: float, signal: str, state: str, place_m: tuple[float, float]) -> None:
+        """What a traffic signal shows from a time on, and where it stands (NaN: not known)."""
+        self._signals.append((self._number(), time_s, signal, state, place_m))
 
     def perception(self, ego: EgoState, result: FrameResult) -> None:
         """What perception and decision made of one frame."""
@@ -54,11 +60,19 @@ class RunLog:
 
     def table(self) -> dict[str, NDArray[Any]]:
         """Columns of equal length: text columns as str ('' where empty), the others as float64 (NaN)."""
-        blocks = [b for b in (*self._truth_blocks(), *self._perception_blocks()) if len(b["order"])]
+        blocks = [
+            b
+            for b in (*self._truth_blocks(), *self._signal_blocks(), *self._perception_blocks())
+            if len(b["order"])
+        ]
         ends = np.cumsum([len(b["order"]) for b in blocks])
         total = int(ends[-1]) if blocks else 0
+        longest = max(
+            (len(text) for *_, signal, state, _ in self._signals for text in (signal, state)), default=0
+        )
+        text_type = f"<U{max(longest, 24)}"
         table: dict[str, NDArray[Any]] = {
-            name: np.full(total, "", dtype="<U24") if name in TEXT_COLUMNS else np.full(total, np.nan)
+            name: np.full(total, "", dtype=text_type) if name in TEXT_COLUMNS else np.full(total, np.nan)
             for name in COLUMNS
         }
         order = np.zeros(total, dtype=np.int64)
@@ -95,6 +109,23 @@ class RunLog:
         }
         columns = dict(zip(("time_s", *fields[1:]), ego, strict=True))
         return [{"order": order, "kind": "ego", **columns}, actors]
+
+    def _signal_blocks(self) -> list[dict[str, Any]]:
+        if not self._signals:
+            return []
+        number, time, signal, state, place = zip(*self._signals, strict=True)
+        x_m, y_m = np.array(place).T
+        return [
+            {
+                "order": np.array(number),
+                "kind": "signal",
+                "time_s": np.array(time),
+                "category": np.array(signal, dtype=np.str_),
+                "label": np.array(state, dtype=np.str_),
+                "x_m": x_m,
+                "y_m": y_m,
+            }
+        ]
 
     def _perception_blocks(self) -> list[dict[str, Any]]:
         if not self._frames:

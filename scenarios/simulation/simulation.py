@@ -429,6 +429,8 @@ class Simulation:
             rows = actors[existing]
             boxes = entities.boxes[rows]
         self._log.frame(truth.odometry(time_s), boxes, entities.speed_mps[rows], existing)
+        for signal, state, place_m in truth.changed_signals(time_s):
+            self._log.signal(time_s, signal, state, place_m)
 
 
 def _require(given: object, kind: type, call: str) -> None:

@@ -56,6 +56,7 @@ class Truth:
         self._levels = RoadLevels(roads.network) if roads.has_levels else None
         self._odometry: EgoState | None = None
         self._events: dict[str, list[EventElement]] = {}
+        self._shown_states: dict[str, str] = {}
 
     @property
     def entities(self) -> Entities:
@@ -105,6 +106,26 @@ class Truth:
             ground_m,
             own_ground_m,
         )
+
+    def changed_signals(self, time_s: float) -> list[tuple[str, str, tuple[float, float]]]:
+        """Traffic signals that show something else than at the last call: id, state, and place on the map.
+
+        One that the scenario's map does not have is at NaN, and a note names it.
+        """
+        world = self.engine.world
+        states = world.signals.states(time_s)
+        changed = [(name, state) for name, state in states.items() if self._shown_states.get(name) != state]
+        self._shown_states = states
+        rows = []
+        for name, state in changed:
+            place = world.locator.roads.network.place_of_signal(name)
+            if place is None:
+                world.note(
+                    f"the map has no signal '{name}': its states have no place in the replay",
+                    (name, "signal"),
+                )
+            rows.append((name, state, (math.nan, math.nan) if place is None else place[:2]))
+        return rows
 
     def _ground_m(self) -> FloatArray:
         """Height of the ground below everybody, where roads lie above one another."""

@@ -27,7 +27,14 @@ from evaluation.views.plots.ground import (
     lane_outlines,
 )
 from evaluation.views.plots.log_rows import boxes_of
-from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.views.plots.objects import (
+    DETECTION_COLOURS,
+    EGO_COLOUR,
+    HOUSING_COLOUR,
+    SIGNAL_COLOURS,
+    TRACK_COLOURS,
+    signal_lamp,
+)
 from evaluation.views.plots.polygons import draw_polygons
 from evaluation.views.plots.style import BLACK, GREY, SMALL_PT, plain_figure
 from scenarios.recorded.maps.drive_map import DriveMap
@@ -129,6 +136,7 @@ class RunDrawing:
     _areas: dict[str, PathCollection] = field(init=False, default_factory=dict)
     _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
     _texts: dict[str, Any] = field(init=False, default_factory=dict)
+    _lamps: dict[str, tuple[Any, Any]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         from matplotlib.transforms import Affine2D
@@ -193,9 +201,27 @@ class RunDrawing:
         self._layer("ego forecast", face="none", edge=(EGO_COLOUR, 0.45), width=0.7, zorder=3.0)
         self._layer("ground truth", face="none", edge=BLACK, line=":", width=0.8, zorder=5.5)
         self._layer("ego", face=EGO_COLOUR, edge=BLACK, zorder=6.0)
+        self._add_signals()
         (self._texts["ring"],) = self._axes.plot([], [], "o", markersize=17, markerfacecolor="none",
             markeredgewidth=2, color=TRACK_COLOURS["threat"], zorder=5.6,
             transform=self._map_frame)  # fmt: skip
+
+    def _add_signals(self) -> None:
+        """A lamp and a word where each traffic signal stands."""
+        from matplotlib.transforms import ScaledTranslation
+
+        rows = self.frames.signals.drop_duplicates("category")
+        places: dict[tuple[float, float], int] = {}
+        for signal, x_m, y_m in rows[["category", "x_m", "y_m"]].itertuples(index=False):
+            # one below the other where several stand on one pole
+            above = places[x_m, y_m] = places.get((x_m, y_m), -1) + 1
+            size = self._figure.dpi_scale_trans
+            at, beside = (ScaledTranslation(right_pt / 72, -above * 11 / 72, size) for right_pt in (0, 7))
+            (lamp,) = self._axes.plot([x_m], [y_m], "o", markersize=8, markeredgewidth=2, zorder=6.5,
+                markeredgecolor=HOUSING_COLOUR, transform=self._map_frame + at)  # fmt: skip
+            word = self._axes.text(x_m, y_m, "", fontsize=SMALL_PT, va="center", zorder=6.5, clip_on=True,
+                transform=self._map_frame + beside)  # fmt: skip
+            self._lamps[str(signal)] = lamp, word
 
     def _layer(self, name: str, **style: Any) -> None:
         draw_polygons(self._axes, [], name, **style)
@@ -261,6 +287,13 @@ class RunDrawing:
             self._show(f"track {state}", own)
             self._show(f"forecast {state}", forecasts[forecasts["id"].isin(own["id"])])
         self._show("ego forecast", frames.rows("ego_forecast", frame))
+        now = frames.signals_at(frame)
+        lit = dict(zip(now["category"], map(signal_lamp, now["label"]), strict=True))
+        for signal, (lamp, word) in self._lamps.items():
+            state = lit.get(signal, "")
+            lamp.set_visible(bool(state))
+            lamp.set_markerfacecolor(SIGNAL_COLOURS.get(state, SIGNAL_COLOURS["off"]))
+            word.set_text(f"{signal}: {state}" if state else "")
         self._show("ground truth", frames.rows("actor", frame))
         self._show("ego", frames.ego.iloc[[frame]])
         threats = tracks[tracks["label"] == "threat"]
@@ -332,6 +365,7 @@ def _palette(key_frames: Sequence[Image]) -> Pillow.Image:
     from PIL import Image as Pillow
 
     named = {*AREA_COLOURS.values(), *TRACK_COLOURS.values(), *LANE_COLOURS.values(), EGO_COLOUR, "white"}
+    named |= {*SIGNAL_COLOURS.values(), HOUSING_COLOUR}
     colours = [np.array(to_rgb(name)) for name in sorted(named)]
     # forecasts are half transparent, mostly on the road
     colours += [(np.array(to_rgb(c)) + to_rgb(LANE_COLOURS["driving"])) / 2 for c in TRACK_COLOURS.values()]

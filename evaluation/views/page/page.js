@@ -7,7 +7,7 @@
   const AHEAD_M = 42, BEHIND_M = 9, ZOOM_STEP = 1.25, NARROW_PX = 600;
   const LAYERS = [
     ["areas", "monitored area"], ["path", "way of the ego"], ["forecasts", "forecasts"],
-    ["truth", "ground truth"], ["detections", "detections"], ["tracks", "tracks"],
+    ["truth", "ground truth"], ["detections", "detections"], ["tracks", "tracks"], ["signals", "traffic signals"],
   ];
   const shown = Object.fromEntries(LAYERS.map(([key]) => [key, true]));
   const loaded = new Map();
@@ -84,7 +84,7 @@
       index, timeS, ego: table(packed.ego), objects: Object.fromEntries(kinds),
       areas: packed.areas.map((rings) => rings.map((steps) => [packed.roles[steps[0]], outline(steps, 1)])),
       first: packed.first, roles: packed.roles, stories: packed.stories, story: restored(packed.story, 1), status: packed.status,
-      events: packed.events, diagram: packed.diagram, ground: await loadGround(DATA.maps[index]),
+      events: packed.events, signals: packed.signals, diagram: packed.diagram, ground: await loadGround(DATA.maps[index]),
     };
     loaded.set(index, found);
     return found;
@@ -141,6 +141,7 @@
       drawBox(pen, row, null, trackColour(row), (row.label === "threat" ? 3 : 2) * px);
     drawEgo(pen, px);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (shown.signals) drawSignals(pen, seen);
     if (shown.tracks) drawTrackMarks(pen, seen);
     drawScale(pen, seen);
   }
@@ -241,6 +242,32 @@
     };
     bar(0.2, 0.5, "#cfd8dd");
     if (run.ego.b && run.ego.b[frame] < -0.5) bar(-0.47, 0.35, "#ff5a1f");
+  }
+
+  // What each traffic signal shows now: the last of its changes up to this frame.
+  function drawSignals(pen, seen) {
+    const now = new Map(run.signals.filter(([from]) => from <= frame).map((change) => [change[1], change]));
+    pen.font = "12px system-ui, sans-serif";
+    pen.textBaseline = "middle";
+    const drawn = [];
+    for (const [, signal, lamp, atX, atY] of now.values()) {
+      let [x, y] = toScreen(seen.m, atX / 100, atY / 100);
+      while (drawn.some(([otherX, otherY]) => Math.abs(x - otherX) < 16 && Math.abs(y - otherY) < 16)) y += 17;
+      drawn.push([x, y]);
+      if (x < -20 || y < -20 || x > seen.width + 20 || y > seen.height + 20) continue;
+      pen.beginPath();
+      pen.arc(x, y, 6.5, 0, 2 * Math.PI);
+      pen.fillStyle = PALETTE.signals[lamp] || PALETTE.signals.off;
+      pen.fill();
+      pen.strokeStyle = PALETTE.housing;
+      pen.lineWidth = 3;
+      pen.stroke();
+      pen.lineWidth = 3.5;
+      pen.strokeStyle = "#fff";
+      pen.strokeText(`${signal}: ${lamp}`, x + 11, y);
+      pen.fillStyle = "#1d2328";
+      pen.fillText(`${signal}: ${lamp}`, x + 11, y);
+    }
   }
 
   function drawTrackMarks(pen, seen) {
@@ -438,7 +465,7 @@
   }
 
   function listLegend() {
-    const boxes = LAYERS.map(([key, text]) => {
+    const boxes = LAYERS.filter(([key]) => key !== "signals" || run.signals.length).map(([key, text]) => {
       const label = document.createElement("label"), box = document.createElement("input");
       box.type = "checkbox";
       box.checked = shown[key];

@@ -24,7 +24,13 @@ from evaluation.views.page.payload import pack_map, pack_run
 from evaluation.views.page.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
 from evaluation.views.pictures import told_of_writing
 from evaluation.views.plots.ground import AREA_COLOURS, LANE_COLOURS, OTHER_LANE_COLOUR
-from evaluation.views.plots.objects import DETECTION_COLOURS, EGO_COLOUR, TRACK_COLOURS
+from evaluation.views.plots.objects import (
+    DETECTION_COLOURS,
+    EGO_COLOUR,
+    HOUSING_COLOUR,
+    SIGNAL_COLOURS,
+    TRACK_COLOURS,
+)
 from evaluation.views.plots.speed import speed_style
 from evaluation.views.plots.strategies import strategy_looks
 from opendrive import RoadNetwork
@@ -42,7 +48,7 @@ _FEW = 3
 
 PALETTE = {
     "lanes": LANE_COLOURS, "other": OTHER_LANE_COLOUR, "areas": AREA_COLOURS, "tracks": TRACK_COLOURS,
-    "detections": DETECTION_COLOURS, "ego": EGO_COLOUR,
+    "detections": DETECTION_COLOURS, "ego": EGO_COLOUR, "signals": SIGNAL_COLOURS, "housing": HOUSING_COLOUR,
 }  # fmt: skip
 """Colours that the page's script draws with."""
 

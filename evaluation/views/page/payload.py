@@ -23,6 +23,7 @@ from evaluation.views.page.codec import (
 )
 from evaluation.views.plots.ground import lane_outlines
 from evaluation.views.plots.log_rows import events_of
+from evaluation.views.plots.objects import signal_lamp
 from evaluation.views.plots.temporal import event_text
 from scenarios.recorded.maps.drive_map import DriveMap
 from smartmot.types import FloatArray
@@ -93,9 +94,21 @@ def pack_run(frames: LogFrames, account: Account, origin_m: FloatArray, diagram:
                 [frames.frame_at(time), round(time, 3), layer, event_text(name)]
                 for time, layer, name in events_of(frames.events)
             ],
+            "signals": _signals(frames, origin_m),
             "diagram": diagram,
         }
     )
+
+
+def _signals(frames: LogFrames, origin_m: FloatArray) -> list[list[Any]]:
+    """Changes of traffic signals in the order of time: frame, id, what is lit, and where it stands."""
+    rows = frames.signals
+    at = np.rint((rows[["x_m", "y_m"]].to_numpy(np.float64) - origin_m) * PER_METRE).astype(int)
+    named = zip(rows["frame"].tolist(), rows["category"], map(signal_lamp, rows["label"]), strict=True)
+    return [
+        [frame, str(signal), lamp, *place]
+        for (frame, signal, lamp), place in zip(named, at.tolist(), strict=True)
+    ]
 
 
 def _objects(rows: pd.DataFrame, origin_m: FloatArray) -> dict[str, Any]:
@@ -129,7 +142,8 @@ def read_run(packed: str, origin_m: FloatArray) -> dict[str, Any]:
 
     Returns:
         `time_s` (F,); `ego` and, in `objects`, each kind as columns of the log, map frame, in the order in
-        which they are stored; `areas` per frame as role and (P, 2) ring.
+        which they are stored; `areas` per frame as role and (P, 2) ring; `signals`, each change as frame, id,
+        lamp and (2,) place.
     """
     content = unpack(packed)
 
@@ -152,5 +166,9 @@ def read_run(packed: str, origin_m: FloatArray) -> dict[str, Any]:
         "areas": [
             [(content["roles"][role], restored_ring(steps, origin_m)) for role, *steps in frame]
             for frame in content["areas"]
+        ],
+        "signals": [
+            (frame, signal, lamp, np.array(place) / PER_METRE + origin_m)
+            for frame, signal, lamp, *place in content["signals"]
         ],
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,35 @@ DETECTION_COLOURS = {"kept": ("#ffffff", BLACK), "dropped": ("#c9c9c9", GREY)}
 """Fill and edge of detections by what the monitored area did with them."""
 TRACK_COLOURS = {"static": BLUE, "dynamic": GREEN, "threat": VERMILLION}
 """Colours of tracks by state."""
+SIGNAL_COLOURS = {"red": "#e0342b", "yellow": "#f5c400", "green": "#1fb35b", "off": "#8c8c8c"}
+"""Colours of the lamps of traffic signals, the strictest first."""
+HOUSING_COLOUR = "#1d2328"
+"""Around the lamp of a traffic signal."""
+_LAMPS = {2: ("red", "green"), 3: ("red", "yellow", "green")}
+"""Lamps of signals whose state is a list of what each shows, from above."""
+_LAMP_WORDS = {
+    "red": ("red", "stop"),
+    "yellow": ("yellow", "amber"),
+    "green": ("green", "go"),
+    "off": ("off",),
+}
+"""Words of states that name a lamp."""
+
+
+def signal_lamp(state: str) -> str:
+    """The strictest lamp that is lit in a state of a traffic signal, one of `SIGNAL_COLOURS`; else the state.
+
+    The standard leaves the words of states open. Known are those that name a lamp (`red`, `TrafficLightRed`,
+    `STOP`), and lists of what every lamp shows (`off;off;on`), as esmini has them.
+    """
+    parts = [part.strip().lower() for part in state.split(";")]
+    if len(parts) in _LAMPS and {"on", "off", "flashing"}.issuperset(parts):
+        lit = [lamp for lamp, part in zip(_LAMPS[len(parts)], parts, strict=True) if part != "off"]
+        return lit[0] if lit else "off"
+    if len(parts) > 1:
+        return state
+    words = [word.lower() for word in re.findall("[A-Z]?[a-z]+|[A-Z]+", state)]
+    return next((lamp for lamp, known in _LAMP_WORDS.items() if any(word in known for word in words)), state)
 
 
 def draw_objects(axes: Axes, frame: pd.DataFrame, pose: Pose) -> list[Patch]:

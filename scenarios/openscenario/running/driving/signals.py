@@ -93,6 +93,17 @@ class Signals:
                 state = dict(now[0].states).get(signal, state)
         return state
 
+    def states(self, time_s: float) -> dict[str, str]:
+        """What every signal shows that something has been said of, by its id."""
+        named = {
+            signal
+            for cycle in self._cycles.values()
+            for p in cycle.controller.phases
+            for signal, _ in p.states
+        }
+        shown = {signal: self.state(signal, time_s) for signal in sorted(named.union(self._set))}
+        return {signal: state for signal, state in shown.items() if state is not None}
+
     def phase(self, name: str, time_s: float) -> str | None:
         """The phase of a controller; None if there is none."""
         cycle = self._cycles.get(name)
