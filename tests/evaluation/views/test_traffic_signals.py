@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import to_rgb
+from PIL import Image
 
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_log
@@ -204,8 +207,9 @@ def test_the_page_draws_them_where_they_stand(folder: Path, tmp_path: Path) -> N
             ego, scale = frames.ego_state(frame), wide / 51
             x = wide * 9 / 51 + (RED_LIGHT[0] - ego.x_m) * scale
             y = high / 2 - (RED_LIGHT[1] - ego.y_m) * scale
-            data = f"{canvas}.getContext('2d').getImageData({round(x)}, {round(y)}, 1, 1).data"
-            return list(page.evaluate(f"[...{data}]"))[:3]
+            picture = page.evaluate(browser.PICTURE).partition(",")[2]
+            image = Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB")
+            return list(np.asarray(image)[round(y), round(x)])
 
         assert pixel(5) == rgb(SIGNAL_COLOURS["green"])
         assert pixel(50) == rgb(SIGNAL_COLOURS["red"])
