@@ -49,6 +49,9 @@ LEAST_SCORE = 0.3
 LOWEST_SCORE = 0.02
 """Boxes under it are not asked for: average precision needs the unsure ones, too."""
 
+DETECTORS_JSON = "detectors.json"
+"""What a comparison was made with."""
+
 RANGES_M = (0.0, 15.0, 25.0, FARTHEST_M)
 POINTS = (LEAST_POINTS, 30, 100, math.inf)
 """Edges of the groups of labels."""
@@ -269,7 +272,7 @@ class DetectorComparison(Study[DetectorItem, DetectorScores]):
         contents = {
             "runs.csv": csv_bytes([entry.name for entry in fields(DetectorScores)], map(astuple, runs)),
             "times.csv": csv_bytes(("clouds", "method", "frames", "median_ms", "p95_ms"), times),
-            "detectors.json": configuration_json(settings),
+            DETECTORS_JSON: configuration_json(settings),
             "table.md": markdown_table(score_table(runs)).encode(),
             "groups.md": markdown_table(group_table(runs)).encode(),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from evaluation.runs.cpna import CpnaSuite
@@ -15,6 +16,8 @@ from evaluation.studies.answers.study import Question, Sample
 from evaluation.studies.answers.trigger import FAMILIES, Trigger
 from evaluation.studies.answers.tune import Tuning
 from evaluation.studies.compare.study import SceneStudy
+from evaluation.studies.detectors.clouds import ComposedClouds, DrawnClouds, KittiDrive, KittiObjects
+from evaluation.studies.detectors.comparison import DetectorComparison
 from evaluation.studies.growth import GrowthStudy
 from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.reference.mechanisms import MechanismStudy
@@ -23,6 +26,7 @@ from evaluation.studies.study import Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
 from scenarios.strategies import STRATEGIES
+from smartmot.lidar import METHODS
 
 BOTH = ("rectangular", "map")
 THREE = (*BOTH, "all")
@@ -66,10 +70,33 @@ DRIVES: tuple[DrivesPart, ...] = (
 TOWNS = TownsPart(GAIN.sample, _PNG, presets=GAIN.presets)
 """The first question once more, on maps of others."""
 
+_VAN_ROOF_M = 2.3
+"""Height of a sensor on a van, higher than any that detectors were fitted with (2.1 m)."""
+
+_METHODS = tuple(METHODS)
+
+DETECTORS: tuple[DetectorComparison, ...] = (
+    DetectorComparison(
+        "detectors/simulated",
+        (
+            DrawnClouds("hdl64", _VAN_ROOF_M, 60, 71), ComposedClouds("hdl64", _VAN_ROOF_M, 60, 72),
+            DrawnClouds("hdl32", _VAN_ROOF_M, 60, 73),
+        ),
+        _METHODS,
+    ),
+    DetectorComparison(
+        "detectors/kitti",
+        (KittiObjects(Path("lidar/kitti_object")), KittiDrive(Path("lidar/kitti_sequence_0000"))),
+        _METHODS,
+    ),
+)  # fmt: skip
+"""Detectors on clouds that none of them has seen; those of KITTI are not in the project."""
+
 PARTS: tuple[Study[Any, Any], ...] = (
     *QUESTIONS,
     TOWNS,
     *DRIVES,
+    *DETECTORS,
     _cpna("paper", TEN_TO[80], "paper"),
     _cpna("static", URBAN, "paper", adversaries="static", beside="paper"),
     MechanismStudy("mechanisms", 5),

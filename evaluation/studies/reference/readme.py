@@ -14,13 +14,24 @@ from evaluation.results.rows import RunRow, read_runs
 from evaluation.results.tables import Table, markdown_table
 from evaluation.runs.execution import FrameTime
 from evaluation.studies.compare.measures import RunMeasures
+from evaluation.studies.detectors.comparison import DETECTORS_JSON
 from evaluation.studies.drive.side_by_side.comparison import COMPARE_JSON
 from evaluation.studies.growth import GrowthRun, growth_table
-from evaluation.studies.reference.findings import answers, clouds, cpna, crowds, drives, scenes, seeds
+from evaluation.studies.reference.findings import (
+    answers,
+    clouds,
+    cpna,
+    crowds,
+    detectors,
+    drives,
+    scenes,
+    seeds,
+)
 from evaluation.studies.reference.kept import read_json, read_records
 from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
 from evaluation.studies.reference.parts import (
     BREAK_EVEN,
+    DETECTORS,
     DRIVES,
     GAIN,
     LIDAR,
@@ -46,6 +57,7 @@ VERSIONED = (
 def _versioned(reports: Path) -> list[str]:
     """Those of all parts that are there: some need data of others."""
     outside = (f"{TOWNS.name}/study.json", *(f"{part.name}/{COMPARE_JSON}" for part in DRIVES))
+    outside += tuple(f"{part.name}/{DETECTORS_JSON}" for part in DETECTORS)
     return [*VERSIONED, *(path for path in outside if (reports / path).is_file())]
 
 
@@ -86,6 +98,7 @@ def _values(reports: Path) -> dict[str, Any]:
     gain = answers.read(GAIN, reports)
     towns = answers.read(TOWNS, reports) if (reports / TOWNS.name / TOWNS.table).is_file() else None
     kept_drives = drives.read(DRIVES, reports)
+    kept_detectors = detectors.read(DETECTORS, reports)
     growth = read_records(reports / "growth" / "growth.csv", GrowthRun)
     spent = read_records(reports / "growth" / "growth_times.csv", FrameTime)
     return {
@@ -97,6 +110,8 @@ def _values(reports: Path) -> dict[str, Any]:
         "lidar": answers.read(LIDAR, reports),
         "drives": drives,
         "kept_drives": kept_drives,
+        "detectors": detectors,
+        "kept_detectors": kept_detectors,
         "break_even": answers.read(BREAK_EVEN, reports),
         "sensor": answers.read(SENSOR, reports),
         "trigger": answers.read(TRIGGER, reports),

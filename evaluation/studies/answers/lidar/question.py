@@ -76,8 +76,6 @@ NOTES = (
     "scores 1: the detector's boxes, of which the tracker drops none for its score.",
     "Everything, as published: its ego is forecast by its turn rate; along the planned path it would be the "
     "path's area again.",
-    "The kept runs with the classical chain are of the detector before it looked into gaps between rays and "
-    "before its last fit: figures of today's detector stand in docs/lidar.md.",
     f"This is {UPPER_BOUND}.",
 )
 

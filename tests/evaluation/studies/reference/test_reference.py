@@ -38,16 +38,7 @@ TINY = CpnaStudy("tiny", CpnaSuite((20.0, 30.0), Conditions(("map",), "paper", (
 OUTSIDE = Path(__file__).parents[5] / "shared"
 
 
-OLDER = pytest.mark.xfail(
-    reason="the kept runs with the classical LiDAR chain are of the detector before its last fit"
-)
-
-
-@pytest.mark.parametrize(
-    "part",
-    [pytest.param(part, marks=OLDER if part.name == "lidar" else ()) for part in PARTS],
-    ids=lambda part: part.name,
-)
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
 def test_kept_results_do_not_drift(part: Study[Any, Any]) -> None:
     if part.needs and not (REPORTS / part.name).is_dir():
         pytest.skip(f"{part.name} is made with data of others, and is not kept here yet")
