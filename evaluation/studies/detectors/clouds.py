@@ -138,7 +138,7 @@ class ComposedClouds:
     @property
     def title(self) -> str:
         """What they are."""
-        return f"{self.count} composed clouds of a {self.sensor} at {self.height_m:g} m"
+        return f"cut-out road users on an empty floor, {self.sensor} at {self.height_m:g} m"
 
     @property
     def digest(self) -> str:
@@ -163,12 +163,8 @@ class KittiObjects:
 
     folder: Path
     name: str = field(default="KITTI, frames", init=False)
+    title: str = field(default="single frames of KITTI's object data", init=False)
     is_real: bool = field(default=True, init=False)
-
-    @property
-    def title(self) -> str:
-        """What they are."""
-        return f"{_count(self.folder / 'training' / 'velodyne')} single frames of KITTI"
 
     @property
     def digest(self) -> str:
@@ -192,12 +188,8 @@ class KittiDrive:
 
     folder: Path
     name: str = field(default="KITTI, drive", init=False)
+    title: str = field(default="consecutive frames of a drive of KITTI's tracking data", init=False)
     is_real: bool = field(default=True, init=False)
-
-    @property
-    def title(self) -> str:
-        """What they are."""
-        return f"{_count(self.folder / 'velodyne')} consecutive frames of a drive of KITTI"
 
     @property
     def digest(self) -> str:
@@ -226,10 +218,6 @@ def all_clouds(clouds: CloudSet) -> tuple[LabelledCloud, ...]:
 
 def _of_scored_kinds(cloud: PointCloud, boxes: Boxes3D, category: StrArray) -> LabelledCloud:
     return LabelledCloud(cloud, boxes, category, np.zeros(len(boxes), dtype=np.bool_))
-
-
-def _count(folder: Path) -> int:
-    return len(cloud_files(folder))
 
 
 def _only(folder: Path, pattern: str) -> Path:

@@ -59,15 +59,16 @@ def sentences(kept: Sequence[KeptDetectors]) -> list[str]:
 
 
 def _sentence(name: str, title: str, is_real: bool, kept: KeptDetectors) -> str:
-    parts = []
+    parts, frames = [], 0
     for category in LEAST_OVERLAP:
         runs = [run for run in kept.runs if (run.clouds, run.category) == (name, category)]
         if not runs or not runs[0].labels:
             continue
+        frames = runs[0].frames
         values = ", ".join(f"{run.method} {run.f1:.2f}" for run in runs)
         parts.append(f"{category} ({runs[0].labels} labels): {values}")
     kind = "real" if is_real else "simulated, an upper bound"
-    return f"{title}, {kind}. F1 at a score of {LEAST_SCORE:g}: {'; '.join(parts)}."
+    return f"{frames} clouds, {title} ({kind}). F1 at a score of {LEAST_SCORE:g}: {'; '.join(parts)}."
 
 
 def told_in_short(kept: Sequence[KeptDetectors]) -> str:
