@@ -18,7 +18,13 @@ _CORNER_SIGNS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 """Half lengths and half widths from the centre to the corners: front left, then counter-clockwise."""
 
 _DENSE_PAIRS = 20_000
-"""Up to this many pairs a table of all distances is faster than a tree."""
+"""Up to this many pairs a table of all distances is faster than a search."""
+
+_ROUNDING_M = 1e-6
+"""Searches reach so much farther than the pairs: coordinates of 1e8 m carry 1.5e-8 m of rounding."""
+
+_MOST_STRIPS = 1_000_000
+"""Strips are no thinner than this share of the points' extent, so that their numbers stay exact."""
 
 _FEW_CELLS = 1000
 """Tables up to this size are searched for pairs as they are."""
@@ -127,7 +133,7 @@ def near_pairs(
 ) -> tuple[IntArray, IntArray]:
     """Pairs of points no farther apart than the sum of their reaches.
 
-    Few points are compared with each other; many go through a k-d tree, so that the time grows with the
+    Few points are compared with each other; many are sorted into strips, so that the time grows with the
     number of pairs found.
 
     Args:
@@ -157,25 +163,61 @@ def near_pairs(
         else:  # searched as one row, which takes a fifth of the time
             i, j = np.divmod(inside.reshape(-1).nonzero()[0], m)
         return i, j
-    from scipy.spatial import KDTree
+    return _swept_pairs(
+        a_center_m, b_center_m, a_reach_m, b_reach_m, np.zeros(n) if least_m is None else least_m
+    )
 
-    # The widest reach would make every search wide: each power of two is searched on its own.
-    least_m = np.zeros(n) if least_m is None else least_m
-    widest_b = float(b_reach_m.max())
-    farthest = np.maximum(a_reach_m + widest_b, least_m)
-    octave = np.frexp(farthest)[1]
-    tree = KDTree(b_center_m)
-    pairs: list[tuple[IntArray, IntArray]] = []
-    for power in np.unique(octave).tolist():
-        rows = np.flatnonzero(octave == power)
-        widest = float(farthest[rows].max())
-        near = KDTree(a_center_m[rows]).sparse_distance_matrix(tree, widest, output_type="ndarray")
-        i, j, distance = rows[near["i"]], near["j"].astype(np.int64), near["v"]
-        inside = distance <= np.maximum(a_reach_m[i] + b_reach_m[j], least_m[i])
-        pairs.append((i[inside], j[inside]))
-    i, j = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    order = np.argsort(i * m + j)
-    return i[order], j[order]
+
+def _swept_pairs(
+    a_center_m: FloatArray,
+    b_center_m: FloatArray,
+    a_reach_m: FloatArray,
+    b_reach_m: FloatArray,
+    least_m: FloatArray,
+) -> tuple[IntArray, IntArray]:
+    """`near_pairs` by strips along x: in each strip that a point of a reaches, b is a range of sorted x."""
+    m = len(b_center_m)
+    limit = a_reach_m + b_reach_m.max()
+    np.maximum(limit, least_m, out=limit)
+    far = limit + _ROUNDING_M
+    (a_x, a_y), (b_x, b_y) = a_center_m.T.copy(), b_center_m.T.copy()
+    low = float(b_y.min())
+    height = max(float(far.mean()), (float(b_y.max()) - low) / _MOST_STRIPS)
+    strip = ((b_y - low) / height).astype(np.int64)
+    # b by strip and, within it, by x; the key counts both, so that one search finds x in a strip
+    by_x = b_x.argsort()
+    strip = strip.take(by_x)
+    order = strip.argsort(kind="stable")
+    key = strip.take(order) * (m + 1) + order
+    order = by_x.take(order)
+    sorted_x = b_x.take(by_x)
+    left, right = sorted_x.searchsorted(a_x - far), sorted_x.searchsorted(a_x + far, side="right")
+    # strips that a reaches, and for each the range of b
+    first = np.maximum(np.floor((a_y - low - far) / height), 0.0)
+    last = np.minimum(np.floor((a_y - low + far) / height), float(strip.max()))
+    strips = np.maximum(last - first + 1.0, 0.0).astype(np.int64)
+    row = np.arange(len(a_x)).repeat(strips)
+    strip = _ranges(np.minimum(first, m * _MOST_STRIPS).astype(np.int64), strips) * (m + 1)
+    start = key.searchsorted(strip + left.take(row))
+    count = key.searchsorted(strip + right.take(row)) - start
+    i, j = row.repeat(count), order.take(_ranges(start, count))
+    squared, dy = a_x.take(i) - b_x.take(j), a_y.take(i) - b_y.take(j)
+    limit = np.maximum(a_reach_m.take(i) + b_reach_m.take(j), least_m.take(i))
+    squared *= squared
+    dy *= dy
+    squared += dy
+    limit *= limit
+    pair: IntArray = (i * m + j)[squared <= limit]
+    pair.sort()
+    return np.divmod(pair, m)
+
+
+def _ranges(start: IntArray, count: IntArray) -> IntArray:
+    """start, start + 1, ... for each of the starts, `count` numbers each, one after the other."""
+    end = count.cumsum()
+    ranges: IntArray = np.arange(end[-1] if len(end) else 0)
+    ranges -= (end - count - start).repeat(count)
+    return ranges
 
 
 def signed_gap(

@@ -13,7 +13,11 @@ from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
 from smartmot.geometry import circles_touch, corners, near_pairs
-from smartmot.types import Boxes, ComplexArray, FloatArray, IntArray
+from smartmot.types import Boxes, ComplexArray, FloatArray
+
+# Constants are arrays of no dimension: NumPy would make them of numbers anew in every call.
+_ZERO, _ONE, _MINUS_ONE, _EIGHTH = np.array(0.0), np.array(1.0), np.array(-1.0), np.array(0.125)
+_HALF, _TWO, _LEFT = np.array(0.5), np.array(2.0), np.array(1j)
 
 _LEAST_AREA_M2 = 1e-300
 """Stands for a union of 0 in a division."""
@@ -22,15 +26,17 @@ _CHUNK = 1024
 """Most pairs treated at once: their intermediate arrays stay in the cache, and none is so large (128 KiB)
 that the allocator maps it anew each time."""
 
-_LEAST_SIZE_M = 1e-100
+_LEAST_SIZE_M = np.array(1e-100)
 """Stands for a size of 0 in a division."""
 
-_LEAST_RUN = 1e-100
+_LEAST_RUN = np.array(1e-100)
 """Stands for a run of 0 in a division."""
 
 _LEAST_RISE = 1e-12
 """An edge that rises less than this, in half widths of the other rectangle, counts as rising so much: what
 this could add to the area is far under the rounding error of map coordinates (1e-9 m at 1,000 km)."""
+
+_RISE = np.array(_LEAST_RISE)
 
 
 def intersection_area(
@@ -47,28 +53,28 @@ def intersection_area(
         (...) areas in square metres, shape of the broadcast inputs.
     """
     # Around b's centre: far from the map's origin the products would lose digits.
-    subject = _subject(a_center_m - b_center_m, a_size_m, a_yaw_rad)
-    share = _common_share(subject, *_clip(b_size_m, b_yaw_rad))
+    offset = a_center_m - b_center_m
+    subject = _subject(offset[..., 0], offset[..., 1], 0.5 * a_size_m, _heading(a_yaw_rad))
+    share = _common_share(subject, _heading(-b_yaw_rad), _stretch(b_size_m))
     share *= b_size_m[..., 0] * b_size_m[..., 1]
     return share
 
 
-def _subject(center_m: FloatArray, size_m: FloatArray, yaw_rad: FloatArray) -> ComplexArray:
+def _subject(x_m: FloatArray, y_m: FloatArray, half_m: FloatArray, heading: ComplexArray) -> ComplexArray:
     """(4, ...) centres, half axes along and across the heading, and the first reversed, as x + iy."""
-    heading = _heading(yaw_rad)
-    half = 0.5 * size_m
-    x, y = center_m[..., 0], center_m[..., 1]
-    subject = np.empty((4, *np.broadcast(x, half[..., 0], heading).shape), dtype=np.complex128)
-    subject.real[0], subject.imag[0] = x, y
-    subject[1] = heading * half[..., 0]
-    subject[2] = heading * (1j * half[..., 1])
-    subject[3] = -subject[1]
+    length = half_m[..., 0]
+    subject = np.empty((4, *np.broadcast(x_m, length, heading).shape), dtype=np.complex128)
+    subject.real[0], subject.imag[0] = x_m, y_m
+    subject[1] = heading * length
+    subject[2] = heading * (_LEFT * half_m[..., 1])
+    np.negative(subject[1], out=subject[3])
     return subject
 
 
-def _clip(size_m: FloatArray, yaw_rad: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """(...) what turns a vector x + iy into a rectangle's frame, (..., 2) what makes it 2 long and 2 wide."""
-    return _heading(-yaw_rad), 2.0 / np.maximum(size_m, _LEAST_SIZE_M)
+def _stretch(size_m: FloatArray) -> FloatArray:
+    """(..., 2) what makes rectangles 2 long and 2 wide."""
+    stretch: FloatArray = _TWO / np.maximum(size_m, _LEAST_SIZE_M)
+    return stretch
 
 
 def _heading(yaw_rad: FloatArray) -> ComplexArray:
@@ -90,8 +96,8 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
 
     Args:
         subject: (4, ...) see `_subject`.
-        axis: (...) see `_clip`.
-        stretch: (..., 2) see `_clip`.
+        axis: (...) what turns a vector x + iy into b's frame.
+        stretch: (..., 2) see `_stretch`.
 
     Returns:
         (...) values in [0, 1].
@@ -105,12 +111,12 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     np.add(y[0], to_left, out=ring[:2])
     np.subtract(y[0], to_left, out=ring[2:4])
     ring[4] = ring[0]
-    np.minimum(ring, 1.0, out=ring)
-    np.maximum(ring, -1.0, out=ring)
+    np.minimum(ring, _ONE, out=ring)
+    np.maximum(ring, _MINUS_ONE, out=ring)
     # The lines that carry the edges, x = base + slope * y: two directions, each on two sides.
     along_y = y[1:3]
     rise = np.abs(along_y)
-    np.maximum(rise, _LEAST_RISE, out=rise)
+    np.maximum(rise, _RISE, out=rise)
     np.copysign(rise, along_y, out=rise)
     slope = x[1:3] / rise
     middle, beside = x[0] - y[0] * slope, x[2:] - y[2:] * slope
@@ -124,8 +130,8 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     end += base
     # The mean of clamp(x) over an edge is the mean of x less that of the excess over the border. The excess
     # grows linearly from 0 at the border: its mean is half its sum, times the share of the edge outside.
-    excess = np.minimum(end, 1.0)
-    np.maximum(excess, -1.0, out=excess)
+    excess = np.minimum(end, _ONE)
+    np.maximum(excess, _MINUS_ONE, out=excess)
     np.subtract(end, excess, out=excess)
     run = end[1] - end[0]
     np.abs(run, out=run)
@@ -135,13 +141,13 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     np.abs(excess, out=excess)
     share = excess[0] + excess[1]
     share /= run
-    np.minimum(share, 1.0, out=share)
+    np.minimum(share, _ONE, out=share)
     outside *= share
     twice_mean -= outside
     twice_mean *= (ring[1:] - ring[:4]).reshape(2, 2, *shape)
     # Half of it is the area, a quarter of b's is 1.
-    common: FloatArray = 0.125 * np.add.reduce(twice_mean.reshape(4, *shape), axis=0)
-    return np.maximum(common, 0.0)
+    common: FloatArray = _EIGHTH * np.add.reduce(twice_mean.reshape(4, *shape), axis=0)
+    return np.maximum(common, _ZERO)
 
 
 def iou_pairs(
@@ -196,7 +202,7 @@ def iou_exact(
 def _iou(common_m2: FloatArray, a_area_m2: FloatArray, b_area_m2: FloatArray) -> FloatArray:
     """(...) intersection over union, from areas."""
     union_m2 = np.maximum(a_area_m2 + b_area_m2 - common_m2, _LEAST_AREA_M2)
-    return np.minimum(common_m2 / union_m2, 1.0)
+    return np.minimum(common_m2 / union_m2, _ONE)
 
 
 def iou_scalar(
@@ -270,24 +276,33 @@ def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
         ShapeError: Rows have another length, or a value is not finite or a size negative.
     """
     (a_center, a_size, a_yaw), (b_center, b_size, b_yaw) = _rectangles(a), _rectangles(b)
-    iou = np.zeros((len(a_yaw), len(b_yaw)))
-    i, j = _near_pairs(a_center, a_size, b_center, b_size)
+    n, m = len(a_yaw), len(b_yaw)
+    iou = np.zeros((n, m))
+    # Everything that belongs to one box is computed once, not once for each of its pairs, and of all boxes
+    # in one call.
+    size = np.concatenate((a_size, b_size))
+    half = _HALF * size
+    radius = np.hypot(half[:, 0], half[:, 1])
+    i, j = near_pairs(a_center, b_center, radius[:n], radius[n:])
     if len(i) == 0:
         return iou
-    # Everything that belongs to one box is computed once, not once for each of its pairs.
-    subject, (axis, stretch) = _subject(a_center, a_size, a_yaw), _clip(b_size, b_yaw)
-    b_place = b_center[:, 0] + 1j * b_center[:, 1]
-    a_area, b_area = a_size[:, 0] * a_size[:, 1], b_size[:, 0] * b_size[:, 1]
+    heading = _heading(np.concatenate((a_yaw, b_yaw)))
+    subject = _subject(a_center[:, 0], a_center[:, 1], half[:n], heading[:n])
+    axis, stretch = heading[n:].conj(), _stretch(b_size)
+    b_place = np.ascontiguousarray(b_center).view(np.complex128)[:, 0]
+    area = size[:, 0] * size[:, 1]
+    a_area, b_area = area[:n], area[n:]
     cells = iou.reshape(-1)
     # pieces of one size: a small rest would cost nearly as much as a whole one
     step = math.ceil(len(i) / math.ceil(len(i) / _CHUNK))
     for start in range(0, len(i), step):
-        k, m = i[start : start + step], j[start : start + step]
+        k, of = i[start : start + step], j[start : start + step]
         near = subject.take(k, axis=1)
-        near[0] -= b_place.take(m)
-        size_b = b_area.take(m)
-        common = _common_share(near, axis.take(m), stretch.take(m, axis=0)) * size_b
-        cells[k * len(b_yaw) + m] = _iou(common, a_area.take(k), size_b)
+        near[0] -= b_place.take(of)
+        size_b = b_area.take(of)
+        common = _common_share(near, axis.take(of), stretch.take(of, axis=0))
+        common *= size_b
+        cells[k * m + of] = _iou(common, a_area.take(k), size_b)
     return iou
 
 
@@ -303,16 +318,6 @@ def _rectangles(boxes: Boxes | ArrayLike) -> tuple[FloatArray, FloatArray, Float
     if not np.isfinite(rows).all() or (rows[:, 2:4] < 0.0).any():
         raise ShapeError("boxes: every value must be finite and no size negative; drop such rows first")
     return rows[:, :2], rows[:, 2:4], rows[:, 4]
-
-
-def _near_pairs(
-    a_center_m: FloatArray, a_size_m: FloatArray, b_center_m: FloatArray, b_size_m: FloatArray
-) -> tuple[IntArray, IntArray]:
-    """Index pairs (P,), (P,) of the boxes whose circumscribed circles meet."""
-    radius_a = 0.5 * np.hypot(a_size_m[:, 0], a_size_m[:, 1])
-    radius_b = 0.5 * np.hypot(b_size_m[:, 0], b_size_m[:, 1])
-    i, j = near_pairs(a_center_m, b_center_m, radius_a, radius_b)
-    return i, j
 
 
 def bev_giou(a: Boxes, b: Boxes) -> FloatArray:

@@ -33,8 +33,7 @@ def contested(row: IntArray, column: IntArray) -> BoolArray | None:
 
 def prepare() -> None:
     """Import what frames may need of SciPy: start-up stays light, and no frame waits for an import."""
-    import scipy.sparse.csgraph
-    import scipy.spatial  # noqa: F401 - for `smartmot.geometry.near_pairs`
+    import scipy.sparse.csgraph  # noqa: F401 - for `_components`
 
     _hungarian()
 

@@ -67,16 +67,29 @@ def test_penetration_is_the_shift_that_separates() -> None:
         assert signed_gap(a[0][i], a[1][i], a[2][i], shifted, b[1][i], b[2][i]).max() < 0.0
 
 
-def test_the_tree_finds_the_pairs_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strips_find_the_pairs_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(9)
     a, b = rng.uniform(0, 40, (70, 2)), rng.uniform(0, 40, (90, 2))
     # From a crowd's short reaches to a long one, and none at all.
     reach_a, reach_b = rng.choice([0.0, 0.3, 2.0, 15.0], 70), rng.uniform(0, 1, 90)
     table = near_pairs(a, b, reach_a, reach_b)
     monkeypatch.setattr(geometry, "_DENSE_PAIRS", 0)
-    tree = near_pairs(a, b, reach_a, reach_b)
+    swept = near_pairs(a, b, reach_a, reach_b)
     assert len(table[0]) > 300
-    np.testing.assert_array_equal(tree, table)
+    np.testing.assert_array_equal(swept, table)
+
+
+@pytest.mark.parametrize("offset_m", [0.0, 1e6, -1e8])
+def test_strips_keep_neighbours_at_the_very_reach(monkeypatch: pytest.MonkeyPatch, offset_m: float) -> None:
+    # whole metres are exact: each point of a grid has itself and four neighbours at exactly 1 m
+    monkeypatch.setattr(geometry, "_DENSE_PAIRS", 0)
+    side = 20
+    grid = offset_m + np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    alone = np.array([[offset_m + 0.5, -offset_m + 3e4]])
+    i, j = near_pairs(np.vstack((grid, alone)), grid, np.full(side**2 + 1, 0.25), np.full(side**2, 0.75))
+    assert len(i) == side**2 + 4 * side * (side - 1)
+    assert i.max() < side**2
+    np.testing.assert_allclose(np.hypot(*(grid[i] - grid[j]).T), np.where(i == j, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("dense", [10**9, 0])
