@@ -17,6 +17,9 @@ from smartmot.types import BoolArray, FloatArray, IntArray
 _CORNER_SIGNS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 """Half lengths and half widths from the centre to the corners: front left, then counter-clockwise."""
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_HALF_TURN, _TURN = np.array(np.pi), np.array(2.0 * np.pi)
+
 _DENSE_PAIRS = 20_000
 """Up to this many pairs a table of all distances is faster than a search."""
 
@@ -39,7 +42,10 @@ def wrap_angle(angle_rad: FloatArray) -> FloatArray:
     Returns:
         (...) angles in radians.
     """
-    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
+    wrapped: FloatArray = angle_rad + _HALF_TURN
+    wrapped %= _TURN
+    wrapped -= _HALF_TURN
+    return wrapped
 
 
 def to_frame(points_m: FloatArray, x_m: float, y_m: float, yaw_rad: float) -> FloatArray:

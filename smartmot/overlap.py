@@ -67,7 +67,7 @@ def _subject(x_m: FloatArray, y_m: FloatArray, half_m: FloatArray, heading: Comp
     subject.real[0], subject.imag[0] = x_m, y_m
     subject[1] = heading * length
     subject[2] = heading * (_LEFT * half_m[..., 1])
-    np.negative(subject[1], out=subject[3])
+    subject[3] = -subject[1]
     return subject
 
 
@@ -147,7 +147,8 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     twice_mean *= (ring[1:] - ring[:4]).reshape(2, 2, *shape)
     # Half of it is the area, a quarter of b's is 1.
     common: FloatArray = _EIGHTH * np.add.reduce(twice_mean.reshape(4, *shape), axis=0)
-    return np.maximum(common, _ZERO)
+    np.maximum(common, _ZERO, out=common)
+    return common
 
 
 def iou_pairs(
@@ -202,7 +203,8 @@ def iou_exact(
 def _iou(common_m2: FloatArray, a_area_m2: FloatArray, b_area_m2: FloatArray) -> FloatArray:
     """(...) intersection over union, from areas."""
     union_m2 = np.maximum(a_area_m2 + b_area_m2 - common_m2, _LEAST_AREA_M2)
-    return np.minimum(common_m2 / union_m2, _ONE)
+    iou: FloatArray = np.minimum(common_m2 / union_m2, _ONE)
+    return iou
 
 
 def iou_scalar(

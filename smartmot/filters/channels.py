@@ -60,6 +60,7 @@ class ChannelFilter:
         self._densities = motion.densities()
         k = self._k = motion.order
         self._upper = np.triu_indices(k)
+        self._cross = k + self._upper[1]
         self._parts = k + len(self._upper[0])
         self._width = len(CHANNELS) * self._parts
         # Out of all K * K entries of a covariance the upper triangle, and the reverse.
@@ -201,7 +202,7 @@ class ChannelFilter:
 
     def _corrected(self, state: FloatArray, measurement: FloatArray, noise: FloatArray) -> FloatArray:
         """(N, W) states after measurements whose noise (N, 5) is independent."""
-        k, (i, j) = self._k, self._upper
+        k, i = self._k, self._upper[0]
         corrected = state.copy()
         channels = self._channels(corrected)
         # One row for each channel of each track: arrays of two dimensions take less time than of three.
@@ -209,13 +210,13 @@ class ChannelFilter:
         innovation = measurement - channels[..., 0]
         innovation[:, YAW] = heading_innovation(measurement[:, YAW], channels[:, YAW, 0])
         # The first row of the covariance, from the value's variance on.
-        cross = rows[:, k : 2 * k].copy()
-        gain = cross / (cross[:, :1] + noise.reshape(-1, 1))
-        change = np.empty_like(rows)
+        gain = rows[:, k : 2 * k] / (rows[:, k : k + 1] + noise.reshape(-1, 1))
         # one scalar is measured: the mean moves by K y, the upper triangle of P falls by K (H P), of rank one
-        np.multiply(gain, innovation.reshape(-1, 1), out=change[:, :k])
-        np.multiply(gain.take(i, axis=1), -cross.take(j, axis=1), out=change[:, k:])
-        rows += change
+        fall = gain.take(i, axis=1)
+        fall *= rows.take(self._cross, axis=1)
+        gain *= innovation.reshape(-1, 1)
+        rows[:, :k] += gain
+        rows[:, k:] -= fall
         return corrected
 
     def _corrected_together(

@@ -20,6 +20,9 @@ from smartmot.types import FloatArray, IntArray
 _CERTAIN = 1e-9
 """No setting is surer: from 0 or 1 no evidence leads back."""
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_ONE, _MINUS_HALF = np.array(1.0), np.array(-0.5)
+
 _STEPS = 32
 """Time steps whose survival is remembered, as in `smartmot.filters.channels`."""
 
@@ -109,7 +112,7 @@ class Existence:
             squared -= 2.0 * xy * dx * dy
         # half the normalised innovation squared, with the inverse of the 2 x 2 covariance written out
         squared /= determinant
-        squared *= -0.5
+        squared *= _MINUS_HALF
         ratio: FloatArray = np.exp(squared, out=squared)
         ratio /= np.sqrt(determinant)
         ratio *= density
@@ -130,12 +133,15 @@ class Existence:
             if len(self._survival) == _STEPS:
                 self._survival.clear()
             survival = self._survival[dt_s] = np.exp(-dt_s * self._rate_ps)
-        # of tracks that a state without existence holds nothing is known yet
-        prior = np.where(np.isnan(existence), self._initial.take(code), existence)
-        prior *= survival.take(code)
+        prior = survival.take(code)
+        prior *= existence
+        unknown = np.isnan(prior)
+        if np.count_nonzero(unknown):
+            # of tracks that a state without existence holds nothing is known yet
+            prior = np.where(unknown, self._initial.take(code) * survival.take(code), prior)
         likely = ratio * prior
         # prior < 1 after any time: a miss lowers every probability
-        odds = 1.0 - prior
+        odds = _ONE - prior
         odds += likely
         likely /= odds
         return likely

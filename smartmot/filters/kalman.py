@@ -33,6 +33,10 @@ MIN_AREA_M2 = 0.01
 MIN_RATIO = 0.05
 """Least length over width: a box twenty times wider than long, such as a trailer seen across."""
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_LEAST_AREA_M2, _LEAST_RATIO = np.array(MIN_AREA_M2), np.array(MIN_RATIO)
+_QUARTER_TURN, _HALF_TURN = np.array(0.5 * np.pi), np.array(np.pi)
+
 BACKWARDS_MPS = 2.0
 """A track that moves faster than this against its heading is turned round: people and parking cars go
 backwards more slowly, 7 km/h."""
@@ -337,9 +341,9 @@ def sizes(area_m2: FloatArray, ratio: FloatArray) -> FloatArray:
     Returns:
         (M, 2) length and width, metres.
     """
-    ratio = np.maximum(ratio, MIN_RATIO)
+    ratio = np.maximum(ratio, _LEAST_RATIO)
     size = np.empty((len(ratio), 2))
-    length = np.maximum(area_m2, MIN_AREA_M2)
+    length = np.maximum(area_m2, _LEAST_AREA_M2)
     length *= ratio
     np.sqrt(length, out=size[:, 0])
     np.divide(size[:, 0], ratio, out=size[:, 1])
@@ -356,5 +360,8 @@ def heading_innovation(measured_rad: FloatArray, predicted_rad: FloatArray) -> F
     Returns:
         (N,) radians.
     """
-    difference: FloatArray = (measured_rad - predicted_rad + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+    difference: FloatArray = measured_rad - predicted_rad
+    difference += _QUARTER_TURN
+    difference %= _HALF_TURN
+    difference -= _QUARTER_TURN
     return difference

@@ -166,6 +166,9 @@ class Pairs:
         )
 
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_ZERO, _HALF, _ONE = np.array(0.0), np.array(0.5), np.array(1.0)
+
 _ORIGIN = np.zeros(2)
 
 _FEW_PAIRS = 20
@@ -212,8 +215,9 @@ def generalised_overlap(pairs: Pairs, threshold: FloatArray) -> FloatArray:
 def distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     """1 at the predicted centre, 0 at the gate."""
     share: FloatArray = pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M)
-    np.subtract(1.0, share, out=share)
-    return np.maximum(share, 0.0, out=share)
+    np.subtract(_ONE, share, out=share)
+    np.maximum(share, _ZERO, out=share)
+    return share
 
 
 def mahalanobis(pairs: Pairs, threshold: FloatArray) -> FloatArray:
@@ -323,8 +327,12 @@ class Associator:
             return np.zeros(len(code))
         noise_m2, sudden_mps, widest_m = self._gates.take(code, axis=0).T
         noise_m2 = noise_m2 if own_noise_m2 is None else own_noise_m2
-        reach: FloatArray = np.sqrt(self._chi2 * (variance_m2 + noise_m2))
-        np.maximum(reach, 0.5 * longest_m + sudden_mps * dt_s, out=reach)
+        reach: FloatArray = variance_m2 + noise_m2
+        reach *= self._chi2
+        np.sqrt(reach, out=reach)
+        sudden_m = sudden_mps * dt_s
+        sudden_m += _HALF * longest_m
+        np.maximum(reach, sudden_m, out=reach)
         np.minimum(reach, widest_m, out=reach)
         return reach
 
@@ -394,7 +402,8 @@ class Associator:
         """
         size, center = tracks.size_m, detections.center_m
         longest_m = np.maximum(size[:, 0], size[:, 1])
-        variance, widest_m2 = 0.5 * (covariance[0] + covariance[1]), None
+        variance, widest_m2 = covariance[0] + covariance[1], None
+        variance *= _HALF
         elliptic = self._fixed is None and self._chi2 > 0.0
         if pose_covariance is not None and elliptic:
             # no ellipse is longer than the root of its trace: which pairs lie in theirs is seen below
@@ -405,8 +414,10 @@ class Associator:
         if overdue is not None:
             reach[overdue] = 0.0
         if self._overlaps:
-            radius = 0.5 * np.hypot(size[:, 0], size[:, 1])
-            other = 0.5 * np.hypot(detections.size_m[:, 0], detections.size_m[:, 1])
+            radius = np.hypot(size[:, 0], size[:, 1])
+            other = np.hypot(detections.size_m[:, 0], detections.size_m[:, 1])
+            radius *= _HALF
+            other *= _HALF
         else:
             radius, other = np.zeros(len(size)), np.zeros(len(center))
         i, j = near_pairs(tracks.center_m, center, radius, other, reach)

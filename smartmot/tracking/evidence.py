@@ -32,9 +32,12 @@ people step back at less than walking pace, and a bicycle is only pushed backwar
 _LEAST_M2PS2 = 0.25 * _FORWARDS_MPS * _FORWARDS_MPS
 """Slower than half of that, motion says nothing."""
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_ZERO, _FOUR = np.array(0.0), np.array(4.0)
+
 _UNKNOWN = CODES["unknown"]
 
-_UNIT = np.eye(len(CODES))
+UNIT = np.eye(len(CODES))
 """One sure detection of each category as evidence."""
 
 
@@ -101,7 +104,7 @@ def classified(
     Returns:
         (N,) categories; `code` itself if none changes.
     """
-    evidence += _UNIT.take(detected, axis=0) * score[:, None]
+    evidence += UNIT.take(detected, axis=0) * score[:, None]
     if np.count_nonzero(detected == code) == len(code):
         return code
     row = np.arange(len(code))
@@ -138,11 +141,17 @@ def backwards(
     Returns:
         (N,) flags.
     """
-    front += score * np.cos(measured_yaw_rad - yaw_rad)
+    said = measured_yaw_rad - yaw_rad
+    np.cos(said, out=said)
+    said *= score
+    front += said
     vx, vy = velocity_mps[:, 0], velocity_mps[:, 1]
     # within two standard deviations of the estimate, motion says nothing either
-    least = np.maximum(_LEAST_M2PS2.take(code), 4.0 * speed_variance_m2ps2)
-    if np.count_nonzero(vx * vx + vy * vy > least):
+    least = _FOUR * speed_variance_m2ps2
+    np.maximum(least, _LEAST_M2PS2.take(code), out=least)
+    squared = vx * vx
+    squared += vy * vy
+    if np.count_nonzero(squared > least):
         along = vx * np.cos(yaw_rad)
         along += vy * np.sin(yaw_rad)
         moving = along * along > least
@@ -151,7 +160,7 @@ def backwards(
         np.maximum(along, -_MOST_MOTION, out=along)
         along *= moving
         front += along
-    wrong: BoolArray = front < 0.0
+    wrong: BoolArray = front < _ZERO
     if np.count_nonzero(wrong):
         np.abs(front, out=front)
     return wrong

@@ -84,6 +84,9 @@ class Lifecycle:
         )
         self.knows_rest = rest_max_age is not None
         self.least_max_age_s = float(self._max_age_s.min())
+        self._least_of_any_s = self.least_max_age_s
+        if self._tentative_max_age_s is not None:
+            self._least_of_any_s = min(self.least_max_age_s, float(self._tentative_max_age_s.min()))
 
     def confirm(
         self, confirmed: BoolArray, age_s: FloatArray, coasted_s: FloatArray, code: IntArray
@@ -122,6 +125,16 @@ class Lifecycle:
         """
         late: BoolArray = coasted_s > self._max_age_s.take(code)
         return late
+
+    def all_young(self, coasted_s: FloatArray, confirmed: bool) -> bool:
+        """Whether no track is old enough to die, whatever its category.
+
+        Args:
+            coasted_s: (M,) time since the last match.
+            confirmed: Whether no track is tentative.
+        """
+        least_s = self.least_max_age_s if confirmed else self._least_of_any_s
+        return not np.count_nonzero(coasted_s > least_s)
 
     def survives(
         self,

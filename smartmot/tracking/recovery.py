@@ -28,6 +28,12 @@ CONFUSED = np.array([[{a, b} <= _RIDERS for b in CATEGORIES] for a in CATEGORIES
 
 _NONE = np.zeros(0, dtype=np.int64)
 
+# Arrays of no dimension: NumPy would make them of numbers anew in every call.
+_HALF, _MINUS_HALF = np.array(0.5), np.array(-0.5)
+
+NEW, TAKEN = 1, 2
+"""Of a detection: it may start a track, it has one."""
+
 _ROUNDING_S = 1e-6
 """Stamps in seconds since 1970 carry 2.4e-7 s of rounding."""
 
@@ -55,24 +61,28 @@ class Recovery:
         dt_s: float,
     ) -> tuple[IntArray, IntArray, IntArray]:
         """All matches (K,), (K,), and the tracks (L,) whose filter begins anew: far from what it expected."""
-        lost, free = np.ones(len(frame.rows), dtype=np.bool_), np.ones(len(measured.score), dtype=np.bool_)
-        lost[track] = free[detection] = False
+        free = np.ones(len(measured.score), dtype=np.bool_)
+        free[detection] = False
         if first is not None:
             free &= first
-        at, of = np.flatnonzero(lost), np.flatnonzero(free)
+        of = free.nonzero()[0]
         if len(of) == 0:
             return track, detection, _NONE
-        code, missing_s = frame.code[at], measured.stamp_s - frame.rows[at, MATCHED_S]
+        lost = np.ones(len(frame.rows), dtype=np.bool_)
+        lost[track] = False
+        at = lost.nonzero()[0]
+        code = frame.code.take(at)
+        missing_s = measured.stamp_s - frame.rows[:, MATCHED_S].take(at)
         i, j = recovered(
-            predicted.center_m[at],
-            predicted.velocity_mps[at],
-            predicted.size_m[at],
+            predicted.center_m.take(at, axis=0),
+            predicted.velocity_mps.take(at, axis=0),
+            predicted.size_m.take(at, axis=0),
             code,
             missing_s,
             missing_s > dt_s + _ROUNDING_S,
-            self._gate_m[code],
-            measured.boxes[of],
-            measured.code[of],
+            self._gate_m.take(code),
+            measured.boxes.center_m.take(of, axis=0),
+            measured.code.take(of),
         )
         if len(i) == 0:
             return track, detection, _NONE
@@ -99,7 +109,7 @@ def recovered(
     missing_s: FloatArray,
     hidden: BoolArray,
     gate_m: FloatArray,
-    detections: Boxes,
+    detected_m: FloatArray,
     detected: IntArray,
 ) -> tuple[IntArray, IntArray]:
     """Matches of M tracks and N detections that association left.
@@ -112,22 +122,24 @@ def recovered(
         missing_s: (M,) time since the last detection.
         hidden: (M,) tracks that had no detection in the frame before either.
         gate_m: (M,) distance from the segment within which a hidden object may be found again.
-        detections: N detections.
-        detected: (N,) positions in CATEGORIES.
+        detected_m: (N, 2) centres of the detections.
+        detected: (N,) their positions in CATEGORIES.
 
     Returns:
         (K,) tracks, ascending, and (K,) their detections.
     """
-    half_way = -0.5 * missing_s[:, None] * velocity_mps
+    half_way = (_MINUS_HALF * missing_s)[:, None] * velocity_mps
     middle, reach = center_m + half_way, np.hypot(half_way[:, 0], half_way[:, 1])
     # what turned out something else lies where it was expected, within its own length
-    own_m = 0.5 * size_m.max(axis=1)
-    i, j = near_pairs(middle, detections.center_m, reach + np.maximum(gate_m, own_m), np.zeros(len(detected)))
+    own_m = _HALF * np.maximum(size_m[:, 0], size_m[:, 1])
+    reach_m = np.maximum(gate_m, own_m)
+    reach_m += reach
+    i, j = near_pairs(middle, detected_m, reach_m, np.zeros(len(detected)))
     if len(i) == 0:
         return i, j
     same, other = COMPATIBLE[code[i], detected[j]], CONFUSED[code[i], detected[j]]
     limit = np.where(same, np.where(hidden[i], gate_m[i], 0.0), np.where(other, own_m[i], 0.0))
-    offset = detections.center_m[j] - middle[i]
+    offset = detected_m[j] - middle[i]
     # nearest point of the segment: its middle plus a share in [-1, 1] of the half way
     share = (offset * half_way[i]).sum(axis=1) / np.maximum(reach[i], 1e-9) ** 2
     share = np.clip(share, -1.0, 1.0)
@@ -137,27 +149,32 @@ def recovered(
     return i[pair], j[pair]
 
 
-def repeats(boxes: Boxes, code: IntArray, score: FloatArray, taken: BoolArray) -> BoolArray:
+def repeats(boxes: Boxes, code: IntArray, score: FloatArray, state: IntArray) -> BoolArray | None:
     """Which detections repeat another: two objects cannot have their centres in one box.
 
     Args:
         boxes: N detections.
         code: (N,) positions in CATEGORIES.
         score: (N,) scores.
-        taken: (N,) those that have a track; they repeat nothing.
+        state: (N,) NEW, TAKEN (these repeat nothing), or 0 (these have no part).
 
     Returns:
         (N,) flags: the centre of the one lies in the box of the other, which has a track or a higher score.
+        None: no two are near.
     """
-    repeated = np.zeros(len(score), dtype=np.bool_)
-    new = np.flatnonzero(~taken)
-    half_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
-    i, j = near_pairs(boxes.center_m[new], boxes.center_m, np.zeros(len(new)), half_m, half_m[new])
-    i = new[i]
-    close = (i != j) & COMPATIBLE[code[i], code[j]]
+    new = (state == NEW).nonzero()[0]
+    half_m = _HALF * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
+    i, j = near_pairs(
+        boxes.center_m.take(new, axis=0), boxes.center_m, np.zeros(len(new)), half_m, half_m.take(new)
+    )
+    if len(i) == len(new):  # each with itself
+        return None
+    i = new.take(i)
+    close = (i != j) & (state.take(j) > 0) & COMPATIBLE[code.take(i), code.take(j)]
     i, j = i[close], j[close]
     if len(i) == 0:
-        return repeated
+        return None
+    repeated, taken = np.zeros(len(score), dtype=np.bool_), state == TAKEN
     close = _holds(boxes, i, j) | _holds(boxes, j, i)
     better: dict[int, list[int]] = {}
     for a, b in zip(i[close].tolist(), j[close].tolist(), strict=True):

@@ -29,6 +29,7 @@ class Reporter:
         self._nothing = _no_tracks(len(box_filter.names), config.existence is not None)
         self._outlier = table(config.outlier_speed_mps)
         self._dynamic = table(config.dynamic_speed_mps)
+        self._sigmas = np.array(config.dynamic_sigmas)
         coasted = config.report.coasted_s
         least = table(config.report.existence)
         self._least_existence = least if least.any() else None
@@ -55,7 +56,7 @@ class Reporter:
         if config.dynamic_sigmas > 0.0:
             variance = frame.speed_variance
             sigma = np.sqrt(self._filter.speed_variance(filtered) if variance is None else variance)
-            sigma *= config.dynamic_sigmas
+            sigma *= self._sigmas
             np.maximum(threshold, sigma, out=threshold)
         dynamic = speed > threshold
         outlier = speed > self._outlier.take(code)

@@ -20,10 +20,23 @@ from smartmot.filters.motion_models import (
 )
 from smartmot.tracking.association import AssociationConfig
 from smartmot.tracking.lifecycle import LifecycleConfig
-from smartmot.types import CATEGORIES, Detections, FloatArray
+from smartmot.types import CATEGORIES, Detections, FloatArray, IntArray, StrArray
 
 CODES = {name: code for code, name in enumerate(CATEGORIES)}
 """Position of each name in CATEGORIES."""
+
+
+_SECOND_LETTERS = np.zeros(128, dtype=np.int64)
+_SECOND_LETTERS[[ord(name[1]) for name in CATEGORIES]] = np.arange(len(CATEGORIES))
+"""Categories differ in their second letter: so many names are looked up at once."""
+
+
+def codes(names: StrArray) -> IntArray:
+    """(N,) positions in CATEGORIES of names out of them."""
+    if len(names) == 0:
+        return np.zeros(0, dtype=np.int64)
+    letters = np.ascontiguousarray(names).view(np.uint32).reshape(len(names), -1)
+    return _SECOND_LETTERS.take(letters[:, 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +63,7 @@ class ScoreLimits:
             return 0, 0
         if min(score.tolist()) >= self.highest:
             return 0, len(score)
-        code = np.array([CODES[name] for name in detections.category.tolist()], dtype=np.int64)
+        code = codes(detections.category)
         dropped = np.count_nonzero(score < self.drop.take(code))
         return int(dropped), int(np.count_nonzero(score >= self.start.take(code)))
 

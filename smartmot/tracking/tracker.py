@@ -20,13 +20,13 @@ from smartmot.filters.kalman import measurements
 from smartmot.filters.motion_models import YAW, X, table
 from smartmot.geometry import wrap_angle
 from smartmot.tracking.association import Affinity, Associator
-from smartmot.tracking.evidence import Evidence
+from smartmot.tracking.evidence import UNIT, Evidence
 from smartmot.tracking.frame import COASTED, Frame, Measured, limits_of
 from smartmot.tracking.lifecycle import LONGEST_GAP_S, REST_MPS, REST_SEEN_S, Lifecycle
-from smartmot.tracking.recovery import Recovery, repeats
+from smartmot.tracking.recovery import NEW, TAKEN, Recovery, repeats
 from smartmot.tracking.report import Reporter
 from smartmot.tracking.scores import ScoreScale
-from smartmot.tracking.settings import CODES, ReportConfig, ScoreLimits, TrackerConfig
+from smartmot.tracking.settings import CODES, ReportConfig, ScoreLimits, TrackerConfig, codes
 from smartmot.tracking.state import (
     BIRTH_S,
     CODE,
@@ -254,7 +254,7 @@ class Tracker:
     def _measured(self, detections: Detections, scores: ScoreScale | None) -> Measured:
         """Detections over the score threshold, and the thresholds of the frame."""
         # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
-        code = np.array([CODES[name] for name in detections.category.tolist()], dtype=np.int64)
+        code = codes(detections.category)
         boxes, score, velocity = detections.boxes, detections.score, detections.velocity_mps
         noise = detections.pose_covariance
         limits = self._limits
@@ -305,7 +305,7 @@ class Tracker:
         if self._lifecycle.knows_rest:
             # what lives on only because it was at rest is found where it stood
             before_s = measured.stamp_s - dt_s
-            if before_s - frame.rows[:, MATCHED_S].min() > self._lifecycle.least_max_age_s:
+            if np.count_nonzero(frame.rows[:, MATCHED_S] < before_s - self._lifecycle.least_max_age_s):
                 overdue = self._lifecycle.overdue(before_s - frame.rows[:, MATCHED_S], frame.code)
                 overdue = overdue if np.count_nonzero(overdue) else None
         covariance = self._filter.position_covariance(frame.filtered)
@@ -373,21 +373,23 @@ class Tracker:
     def _start(self, frame: Frame, measured: Measured, new: IntArray) -> None:
         """Append a track for every unmatched detection, without identifier and never inside so far."""
         if measured.limits.birth is not None:
-            new = new[measured.score[new] >= measured.limits.birth[measured.code[new]]]
+            sure = measured.score.take(new) >= measured.limits.birth.take(measured.code.take(new))
+            new = new[sure] if np.count_nonzero(sure) < len(new) else new
         if self.config.merge_duplicates and len(new):
-            candidates = np.sort(np.concatenate((new, frame.source[frame.source != COASTED])))
-            taken = np.ones(len(candidates), dtype=np.bool_)
-            taken[np.searchsorted(candidates, new)] = False
-            repeated = repeats(
-                measured.boxes[candidates], measured.code[candidates], measured.score[candidates], taken
-            )
-            frame.merged = int(np.count_nonzero(repeated))
-            new = new if frame.merged == 0 else candidates[~taken & ~repeated]
+            # what neither has a track nor may start one repeats nothing and hides nothing
+            state = np.zeros(len(measured.score), dtype=np.int64)
+            state[frame.source[frame.source != COASTED]] = TAKEN
+            state[new] = NEW
+            repeated = repeats(measured.boxes, measured.code, measured.score, state)
+            if repeated is not None:
+                frame.merged = int(np.count_nonzero(repeated))
+                state[repeated] = 0
+                new = (state == NEW).nonzero()[0]
         n = frame.born = len(new)
         if n == 0:
             return
         rows = np.zeros((n, len(COLUMNS)))
-        code, score = measured.code[new], measured.score[new]
+        code, score = measured.code.take(new), measured.score.take(new)
         rows[:, CODE] = code
         rows[:, SCORE] = rows[:, SCORE_SUM] = score
         rows[:, HITS] = 1.0
@@ -395,8 +397,10 @@ class Tracker:
         rows[:, INSIDE_S] = -np.inf
         rows[:, FRONT] = score
         rows[:, EXISTENCE] = np.nan if self._existence is None else self._existence.initial(code)
-        known = np.flatnonzero(code != _UNKNOWN)
-        rows[known, EVIDENCE.start + code[known]] = score[known]
+        evidence = UNIT.take(code, axis=0)
+        evidence *= score[:, None]
+        evidence[:, _UNKNOWN] = 0.0
+        rows[:, EVIDENCE] = evidence
         frame.estimate = frame.speed_variance = None
         born = self._born(frame, measured, new, code)
         frame.rows = np.concatenate((frame.rows, rows))
@@ -407,7 +411,7 @@ class Tracker:
     def _born(self, frame: Frame, measured: Measured, detection: IntArray, code: IntArray) -> FloatArray:
         """(K, W) filter states from detections, as wide as the frame's."""
         velocity, noise = measured.own(detection)
-        born = self._filter.born(measured.measurement[detection], velocity, code, noise)
+        born = self._filter.born(measured.measurement.take(detection, axis=0), velocity, code, noise)
         return born if born.shape[1] == frame.filtered.shape[1] else self._filter.widened(born)
 
     def _live(self, frame: Frame, now_s: float, monitored: Monitored | None) -> None:
@@ -430,7 +434,7 @@ class Tracker:
             confirmed = self._lifecycle.confirm(confirmed, now_s - rows[:, BIRTH_S], coasted_s, code)
             rows[:, CONFIRMED] = confirmed
             frame.all_confirmed = np.count_nonzero(confirmed) == len(rows)
-        if not may_die:
+        if not may_die or (inside_all and self._lifecycle.all_young(coasted_s, frame.all_confirmed)):
             return
         outside_s = None if inside_all else now_s - rows[:, INSIDE_S]
         resting = None
