@@ -2,12 +2,12 @@
 
     python -m benchmarks.forecast_bound [--kitti DIR] [--argoverse2 DIR]
 
-No detector, no tracker: the state at a time is a parabola through the exact labels around it, so that velocity,
-acceleration and turn rate are those that the object has at that moment. `past` takes the labels of the second
-before, which is what a perfect detector shows; `known` takes those of half a second on both sides, half a
-second of the future among them, which no forecaster has. It is carried on over 3 s with constant velocity
-(cv), with an acceleration and a turn rate that fade over some time, with constant ones (ca, ctra), and with
-the best of all these for each forecast, chosen by the true place (`best`).
+No detector, no tracker: the state at a time is a parabola through the exact labels around it, so that
+velocity, acceleration and turn rate are those that the object has at that moment. `past` takes the labels of
+the second before, which is what a perfect detector shows; `known` takes those of half a second on both sides,
+half a second of the future among them, which no forecaster has. It is carried on over 3 s with constant
+velocity (cv), with an acceleration and a turn rate that fade over some time, with constant ones (ca, ctra),
+and with the best of all these for each forecast, chosen by the true place (`best`).
 
 Printed: mean distance at 3 s of objects that move 0.5 m/s or more on average, as `smartmot-eval mot` counts
 them, over all labels that are known 3 s later (`all`) and over those a second or more after their object's
@@ -46,8 +46,8 @@ _LEAST_MEMORY_S = 1e-9
 
 def states(
     stamp_s: FloatArray, center_m: FloatArray, window_s: tuple[float, float]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Rows of one object at which a state and its place 3 s later are known.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States of one object at the times of which its place 3 s later is known.
 
     Args:
         stamp_s: (L,) times, ascending.
@@ -55,32 +55,26 @@ def states(
         window_s: Labels that the state is taken from.
 
     Returns:
-        (R,) ages since the first label, (R, 2) places, (R, 3, 2) velocities, accelerations and true places
-        3 s later less the places, (R,) elapsed times.
+        (R,) ages since the first label, (R, 3, 2) velocities, accelerations and true ways over the 3 s, and
+        (R,) the time that these took.
     """
     tolerance_s = 0.5 * float(np.median(np.diff(stamp_s))) if len(stamp_s) > 1 else 0.0
-    age_s, place, motion, elapsed_s = [], [], [], []
+    age_s, motion, elapsed_s = [], [], []
     for k, now in enumerate(stamp_s.tolist()):
         then = int(np.argmin(np.abs(stamp_s - now - HORIZON_S)))
         near = (stamp_s >= now + window_s[0] - tolerance_s) & (stamp_s <= now + window_s[1] + tolerance_s)
-        if abs(stamp_s[then] - now - HORIZON_S) > tolerance_s or np.count_nonzero(near) < 2:
+        if abs(stamp_s[then] - now - HORIZON_S) > tolerance_s:
             continue
         time = stamp_s[near] - now
-        terms = time[:, None] ** np.arange(1, min(3, np.count_nonzero(near)))
-        # through the place itself: velocity and half the acceleration remain
-        fit = np.linalg.lstsq(terms, center_m[near] - center_m[k], rcond=None)[0]
-        half_acceleration = fit[1] if len(fit) > 1 else np.zeros(2)
+        # Through the place itself: velocity and half the acceleration remain. Two labels tell a velocity, one
+        # tells nothing, as the first detection of a track.
+        terms = time[:, None] ** np.arange(1, min(3, len(time)))
+        fit = np.zeros((2, 2))
+        fit[: terms.shape[1]] = np.linalg.lstsq(terms, center_m[near] - center_m[k], rcond=None)[0]
         age_s.append(now - stamp_s[0])
-        place.append(center_m[k])
-        motion.append((fit[0], 2.0 * half_acceleration, center_m[then] - center_m[k]))
+        motion.append((fit[0], 2.0 * fit[1], center_m[then] - center_m[k]))
         elapsed_s.append(stamp_s[then] - now)
-    shape = (len(age_s), 3, 2)
-    return (
-        np.array(age_s),
-        np.reshape(place, (-1, 2)),
-        np.reshape(motion, shape),
-        np.array(elapsed_s),
-    )
+    return np.array(age_s), np.reshape(motion, (-1, 3, 2)), np.array(elapsed_s)
 
 
 def errors_m(motion: FloatArray, elapsed_s: FloatArray, memories_s: tuple[float, float]) -> FloatArray:
@@ -126,17 +120,22 @@ def bounds(folder: Path) -> Iterator[str]:
                 for sequence in data.sequences
                 for stamp_s, center_m in objects(sequence, category)
             ]
-            age_s, _, motion, elapsed_s = (np.concatenate(column) for column in zip(*parts, strict=True))
+            age_s, motion, elapsed_s = (np.concatenate(column) for column in zip(*parts, strict=True))
+            # the nearest label to 3 s may be half a frame off, as in `evaluation.metrics.forecast_quality`
             moving = np.linalg.norm(motion[:, 2], axis=1) >= MOVING_MPS * elapsed_s
             followed = moving & (age_s >= FOLLOWED_S - 0.05)
             by_model = {name: errors_m(motion, elapsed_s, memories) for name, memories in MODELS.items()}
             choices = [(a, t) for a in (0.0, *MEMORIES_S) for t in (0.0, *MEMORIES_S)]
             by_model["best"] = np.min([errors_m(motion, elapsed_s, each) for each in choices], axis=0)
             for name, rows in (("all", moving), ("followed", followed)):
+                if not rows.any():
+                    continue
                 yield _line(category, window, name, rows, by_model)
 
 
-def _line(category: str, window: str, rows_name: str, rows: BoolArray, by_model: dict[str, FloatArray]) -> str:
+def _line(
+    category: str, window: str, rows_name: str, rows: BoolArray, by_model: dict[str, FloatArray]
+) -> str:
     values = "".join(f"{name:>9} {error[rows].mean():5.2f}" for name, error in by_model.items())
     return f"  {category:<11}{window:<6}{rows_name:<9}{np.count_nonzero(rows):>6}{values}"
 
