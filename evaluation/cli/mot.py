@@ -196,6 +196,11 @@ def _print(
         console.print(
             f"{too_late} measurements arrived later than the tracker waits: left out", highlight=False
         )
+    if too_early := sum(each.too_early for each in result.tracked):
+        console.print(
+            f"{too_early} measurements are stamped far ahead of all others, as by a wrong clock: left out",
+            highlight=False,
+        )
     for similarity in similarities if result.scores else ():
         console.print(score_table(result.scores, similarity), "")
         if result.offline_scores:

@@ -40,6 +40,7 @@ class TrackedSequence:
         mean: (K, D) of the filter's states; None: not known.
         confirmed: (K,) whether the row's track was confirmed by then; None: all were.
         too_late: Measurements of several detectors that arrived later than the tracker's buffer reaches.
+        too_early: Those whose stamps are far ahead of all others.
     """
 
     sequence: Sequence
@@ -53,6 +54,7 @@ class TrackedSequence:
     mean: FloatArray | None = None
     confirmed: BoolArray | None = None
     too_late: int = 0
+    too_early: int = 0
 
 
 def track_sequence(
@@ -127,6 +129,7 @@ def track_sequence(
         mean=column("mean")[kept],
         confirmed=confirmed[kept],
         too_late=tracker.too_late if isinstance(tracker, FusedTracker) else 0,
+        too_early=tracker.too_early + tracker.waiting if isinstance(tracker, FusedTracker) else 0,
     )
 
 
@@ -146,6 +149,7 @@ def _reported_by_several(
         arrivals.append((max(received_s, detections.stamp_s), k, detections))
     arrivals.sort(key=lambda each: each[:2])
     reported: dict[int, Tracks] = {}
+    waiting: dict[int, float] = {}  # frames whose measurement is far ahead of all others
     for _, k, detections in arrivals:
         try:
             tracks = tracker.update(detections)
@@ -154,7 +158,12 @@ def _reported_by_several(
         if hindsight or k not in reported:
             then = tracks if tracks.stamp_s == detections.stamp_s else tracker.at(detections.stamp_s)
             reported[k] = tracks[:0] if then is None else then
+            if then is None and tracker.waiting:
+                waiting[k] = detections.stamp_s
             done()
+        if waiting and not tracker.waiting:
+            reported |= {frame: tracker.at(stamp_s) or reported[frame] for frame, stamp_s in waiting.items()}
+            waiting.clear()
     return [reported[k] for k in range(len(sequence))]
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from smartmot.errors import ConfigError, ShapeError
 from smartmot.filters.motion_models import PerCategory, Setting, table
 from smartmot.tracking.fusion.weighing import Weighing
+from smartmot.tracking.lifecycle import LONGEST_GAP_S
 from smartmot.tracking.profile import DetectorProfile
 from smartmot.tracking.scores import ScoreScale
 from smartmot.tracking.state import TrackerState
@@ -30,6 +31,9 @@ from smartmot.types import Detections, Tracks
 
 LEAST_BUFFER_S = 1.0
 """Longer than networks, queues and detectors take together; at 30 Hz 30 frames to process again at worst."""
+
+LEAST_AHEAD_S = LONGEST_GAP_S
+"""After a pause so long tracks begin anew in any case: waiting for a second measurement then costs little."""
 
 MOST_MEASUREMENTS = 1000
 """Kept at most, whatever their stamps say: 10 s of three detectors at 30 Hz."""
@@ -82,6 +86,8 @@ class FusedTracker:
     Attributes:
         delays_s: Time from measurement to arrival, by detector, as the profiles say.
         too_late: Measurements that arrived later than the buffer reaches, and were left out.
+        too_early: Measurements so far ahead of all others that a wrong clock must have stamped them: those
+            that came next were of the time before. They were left out.
         repeated: Measurements that a detector had already reported for that time, and that were left out.
     """
 
@@ -111,7 +117,8 @@ class FusedTracker:
 
     def reset(self) -> None:
         """Forget everything; identifiers start at 1 again."""
-        self.too_late = self.repeated = 0
+        self.too_late = self.too_early = self.repeated = 0
+        self._ahead: list[tuple[Detections, Monitored | None]] = []
         self._before = FusedState(TrackerState.empty(), {})
         self._measurements: list[_Measurement] = []
 
@@ -122,6 +129,12 @@ class FusedTracker:
 
     def update(self, detections: Detections, monitored: Monitored | None = None) -> Tracks:
         """Take in a measurement.
+
+        One that is further ahead of the newest than the buffer reaches, and than `LEAST_AHEAD_S`, would make
+        all others too late. It waits until a second one, of another detector where there are several, is as
+        far ahead, or until its own detector has gone on for as long as the buffer reaches while the others
+        were silent; a measurement of the time before shows that it was stamped by a wrong clock. Meanwhile
+        the tracks are those of before.
 
         Identities that were given out after the time of a late measurement may change by it.
 
@@ -146,6 +159,38 @@ class FusedTracker:
                 f"FusedTracker: detections of {detections.detector!r}; the detectors are "
                 f"{', '.join(self._places)}"
             )
+        if self._measurements:
+            if detections.stamp_s - self._measurements[-1].stamp_s > max(self.buffer_s, LEAST_AHEAD_S):
+                return self._wait(detections, monitored)
+            self.too_early += len(self._ahead)
+            self._ahead.clear()
+        return self._taken(detections, place, monitored)
+
+    @property
+    def waiting(self) -> int:
+        """Measurements far ahead of all others that wait for another one to confirm their time."""
+        return len(self._ahead)
+
+    def _wait(self, detections: Detections, monitored: Monitored | None) -> Tracks:
+        """Keep a measurement that is far ahead, or take in all such if their time is confirmed."""
+        ahead, tracks = self._ahead, self._measurements[-1].tracks
+        ahead.append((detections, monitored))
+        near = [each for each, _ in ahead if abs(each.stamp_s - detections.stamp_s) <= self.buffer_s]
+        confirmed = len(near) > 1 and len({each.detector for each in near}) >= min(2, len(self._places))
+        alone_s = max(each.stamp_s for each, _ in ahead) - min(each.stamp_s for each, _ in ahead)
+        if not confirmed and not (len(near) > 1 and alone_s >= self.buffer_s):
+            if len(ahead) > MOST_MEASUREMENTS:
+                del ahead[0]
+                self.too_early += 1
+            return tracks
+        ahead.sort(key=lambda each: (each[0].stamp_s, self._places[each[0].detector]))
+        for each, area in ahead:
+            tracks = self._taken(each, self._places[each.detector], area)
+        ahead.clear()
+        return tracks
+
+    def _taken(self, detections: Detections, place: int, monitored: Monitored | None) -> Tracks:
+        """The tracks at the newest time, with one more measurement in its place."""
         key, kept = (detections.stamp_s, place), self._measurements
         at = bisect.bisect_left(kept, key, key=lambda each: each.key)
         base_s = self._before.tracker.stamp_s

@@ -110,6 +110,51 @@ def test_the_buffer_is_bounded_in_measurements_too(monkeypatch: pytest.MonkeyPat
     assert tracker.too_late == 1
 
 
+@pytest.mark.parametrize("wrong", ["lidar", "camera"])
+def test_a_stamp_of_a_wrong_clock_makes_no_other_too_late(wrong: str) -> None:
+    frames = _drive(3)
+    clean, disturbed = FusedTracker(CONFIG, BOTH), FusedTracker(CONFIG, BOTH)
+    for k, frame in enumerate(frames):
+        clean.update(frame)
+        if k in (5, 6, 12):  # twice one after the other, once alone; a minute and a day ahead
+            tracks = disturbed.update(
+                _frame(wrong, frame.stamp_s + (60.0 if k < 12 else 86400.0), [[0.0, 0.0]])
+            )
+            assert tracks.stamp_s <= frame.stamp_s
+        disturbed.update(frame)
+    assert (disturbed.too_early, disturbed.too_late, disturbed.waiting) == (3, 0, 0)
+    _same(disturbed, clean)
+
+
+def test_a_detector_whose_clock_is_always_ahead_stops_nobody() -> None:
+    lidar, tracker = [k * 0.1 for k in range(40)], FusedTracker(CONFIG, BOTH)
+    for stamp_s in lidar:
+        tracker.update(_frame("lidar", stamp_s, [[2.0, 3.0]]))
+        for early in (0.0, 0.03):
+            tracker.update(_frame("camera", stamp_s + early + 3600.0, [[2.0, 3.0]]))
+    assert tracker.too_late == 0
+    assert tracker.state.tracker.stamp_s == pytest.approx(3.9)
+    assert tracker.too_early == 2 * 39
+    assert tracker.waiting == 2
+
+
+def test_after_a_pause_the_second_detector_confirms_the_time_and_alone_a_second_of_measurements() -> None:
+    def after(later: list[tuple[str, float]]) -> FusedTracker:
+        tracker = FusedTracker(CONFIG, BOTH)
+        for name, stamp_s in [("lidar", 0.0), ("camera", 0.05), *later]:
+            tracker.update(_frame(name, stamp_s, [[2.0, 3.0]]))
+        return tracker
+
+    waiting = after([("lidar", 9.0)])
+    assert (waiting.waiting, waiting.state.tracker.stamp_s) == (1, 0.05)
+    both = after([("lidar", 9.0), ("camera", 9.02)])
+    assert (both.waiting, both.too_early, both.state.tracker.stamp_s) == (0, 0, 9.02)
+    _same(both, after([("camera", 9.02), ("lidar", 9.0)]))
+    alone = after([("lidar", 9.0 + 0.1 * k) for k in range(12)])
+    assert alone.state.tracker.stamp_s == pytest.approx(10.1)
+    assert (alone.waiting, alone.too_early) == (0, 0)
+
+
 def test_the_same_measurement_twice_counts_once() -> None:
     tracker = FusedTracker(CONFIG, BOTH)
     for _ in range(2):
