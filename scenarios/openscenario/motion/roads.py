@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -11,7 +13,8 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from opendrive import RoadNetwork, load_map
-from opendrive.errors import OpenDriveError
+from opendrive.errors import OpenDriveError, RouteNotFoundError
+from opendrive.lanes.graph import Side
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
@@ -25,6 +28,7 @@ from scenarios.openscenario.motion.paths import (
     joined,
     straight,
 )
+from scenarios.openscenario.motion.route_changes import RouteChange, length_of_change_m, with_room
 from smartmot.maps.lane_map import LEVEL_M
 from smartmot.types import FloatArray, IntArray
 
@@ -347,7 +351,9 @@ class Roads(Immutable):
         return LanePlace(leg.lane, key.road_id, key.lane_id, leg.s_start_m, 0.0, 0.0, leg.along_s)
 
     def route_legs(self, waypoints: list[LanePlace]) -> list[Leg]:
-        """Legs of a route through waypoints, along lanes.
+        """Legs of a route through waypoints, along lanes; with lane changes where nothing else leads there.
+
+        A change stands where the lane marks begin to allow it; `path` gives it a length.
 
         Raises:
             RunError: no way leads from one to the next.
@@ -357,6 +363,9 @@ class Roads(Immutable):
         for start, end in pairwise(waypoints):
             try:
                 chain = self.network.shortest_route(start.lane, end.lane)
+            except RouteNotFoundError:
+                legs += self._legs_with_changes(start, end)
+                continue
             except OpenDriveError as error:
                 raise RunError(f"route: {error}") from None
             for number, lane in enumerate(chain):
@@ -370,10 +379,100 @@ class Roads(Immutable):
                 legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
         return legs
 
-    def path(self, legs: list[Leg], left_m: float) -> Path:
-        """Path along the middle of legs, moved to the left as seen in the direction of travel."""
-        used = [leg for leg in legs if leg.length_m > 1e-6]
-        pieces = [self._leg_rows(leg, left_m) for leg in used]
+    def _legs_with_changes(self, start: LanePlace, end: LanePlace) -> list[Leg]:
+        """Legs between two places of which none leads to the other without lane changes.
+
+        Raises:
+            RunError: with them neither.
+        """
+        try:
+            route = self.network.route(start.lane, start.s_m, end.lane, end.s_m)
+        except OpenDriveError as error:
+            raise RunError(f"route: {error}") from None
+        columns = (
+            route.lane.tolist(),
+            route.s_from_m.tolist(),
+            route.s_to_m.tolist(),
+            route.is_change.tolist(),
+        )
+        legs: list[Leg] = []
+        for lane, enter, leave, is_change in zip(*columns, strict=True):
+            along = self.direction(lane)
+            if is_change:
+                before = legs.pop()
+                enter = self._first_crossing_m(before, lane, leave)
+                legs.append(Leg(before.lane, before.s_start_m, enter + along * 1e-9))
+            legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
+        return legs
+
+    def _first_crossing_m(self, leg: Leg, other: int, leave_m: float) -> float:
+        """Road s from which on a leg may be left for the lane beside it."""
+        along = self.direction(leg.lane)
+        key, beside = self.network.lanes.key[leg.lane], self.network.lanes.key[other]
+        side: Side = "left" if (beside.lane_id - key.lane_id) * along > 0 else "right"
+        ranges = self.network.lane_change_ranges(leg.lane, side).tolist()
+        starts = [(low, high) if along > 0 else (high, low) for low, high in ranges]
+        reached = [
+            max(leg.s_start_m, low) if along > 0 else min(leg.s_start_m, low)
+            for low, high in starts
+            if (high - leg.s_start_m) * along > 0.0 and (leave_m - low) * along > 0.0
+        ]
+        return (min if along > 0 else max)(reached, default=leg.s_end_m)
+
+    def _changes(self, legs: Sequence[Leg], speed_mps: float) -> tuple[list[Leg], list[RouteChange]]:
+        """Legs that change lanes where it suits a speed, and these changes by the way along the legs.
+
+        Changes of a lane section follow one another from where they are allowed, or share what is left of it.
+        """
+        placed, k = list(legs), 0
+        jumps: dict[int, float] = {}
+        start_m = 0.0
+        while k < len(placed):
+            last = k
+            while last + 1 < len(placed) and self._is_change(placed[last], placed[last + 1]):
+                last += 1
+            begun, end = placed[k].s_end_m, placed[last].s_end_m
+            along = self.direction(placed[k].lane)
+            for n in range(k, last):
+                middles = (self.lane_middle_m(leg.lane, begun) for leg in (placed[n], placed[n + 1]))
+                left_m = -along * float(np.subtract(*middles))
+                room_m = abs(end - begun) / (last - n)
+                length_m = length_of_change_m(left_m, speed_mps)
+                jumps[n + 1] = left_m
+                switch = begun + along * 0.5 * min(length_m, room_m)
+                placed[n] = Leg(placed[n].lane, placed[n].s_start_m if n == k else start_m, switch)
+                start_m, begun = switch, begun + along * min(length_m, room_m)
+            if last > k:
+                placed[last] = Leg(placed[last].lane, start_m, end)
+            k = last + 1
+        ends = np.cumsum([leg.length_m for leg in placed])
+        changes = [
+            RouteChange(float(ends[n - 1]), 0.5 * length_of_change_m(left_m, speed_mps), left_m)
+            for n, left_m in jumps.items()
+        ]
+        return placed, with_room(changes, float(ends[-1]))
+
+    def _is_change(self, leg: Leg, following: Leg) -> bool:
+        section = self.network.lanes.section
+        return (
+            leg.lane != following.lane
+            and bool(section[leg.lane] == section[following.lane])
+            and abs(leg.s_end_m - following.s_start_m) < 1e-6
+        )
+
+    def path(self, legs: list[Leg], left_m: float, speed_mps: float = 0.0) -> Path:
+        """Path along the middle of legs, moved to the left as seen in the direction of travel.
+
+        Args:
+            legs: the way.
+            left_m: how far to the left.
+            speed_mps: on which the length of lane changes depends.
+        """
+        if any(itertools.starmap(self._is_change, pairwise(legs))):
+            used, pieces = self._changing(*self._changes(legs, speed_mps), left_m)
+        else:
+            used = [leg for leg in legs if leg.length_m > 1e-6]
+            pieces = [self._leg_rows(leg, left_m) for leg in used]
         path, kept = joined(pieces)
         path.on_road = True
         path.track = Track(
@@ -384,6 +483,36 @@ class Roads(Immutable):
             [leg.along_s for leg in used],
         )
         return path
+
+    def _changing(
+        self, legs: list[Leg], changes: list[RouteChange], left_m: float
+    ) -> tuple[list[Leg], list[FloatArray]]:
+        """Legs with lane changes, cut where these begin and end, and their rows; see `_leg_rows`."""
+        used: list[Leg] = []
+        pieces: list[FloatArray] = []
+        bounds = sorted(c.at_m + side * c.half_m for c in changes for side in (-1.0, 1.0))
+        begun = 0.0
+        for leg in legs:
+            cuts = [b - begun for b in bounds if 1e-6 < b - begun < leg.length_m - 1e-6]
+            for low, high in pairwise([0.0, *cuts, leg.length_m]):
+                if high - low <= 1e-6:
+                    continue
+                part = Leg(leg.lane, leg.s_start_m + leg.along_s * low, leg.s_start_m + leg.along_s * high)
+                middle = begun + 0.5 * (low + high)
+                change = next((c for c in changes if abs(middle - c.at_m) < c.half_m), None)
+                if change is None:
+                    rows = self._leg_rows(part, left_m)
+                else:
+                    rows = self._rows(part, left_m, max(3, math.ceil(part.length_m / SPACING_M) + 1))
+                    way_m = begun + np.linspace(low, high, len(rows))
+                    shift_m, slope = change.shift(way_m, np.full(len(rows), middle > change.at_m))
+                    rows[:, 0] -= np.sin(rows[:, 2]) * shift_m
+                    rows[:, 1] += np.cos(rows[:, 2]) * shift_m
+                    rows[:, 2] += np.arctan(slope)
+                used.append(part)
+                pieces.append(rows)
+            begun += leg.length_m
+        return used, pieces
 
     def middle_line(self, lane: int) -> tuple[Path, list[float]]:
         """The middle line of a lane along s, and s at its points."""

@@ -13,6 +13,7 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
 from scenarios.openscenario.motion.roads import Leg, Roads
+from scenarios.openscenario.motion.route_changes import LATERAL_MPS2
 from scenarios.openscenario.motion.trajectories import laps, returns, schedule
 from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
 from scenarios.openscenario.running.actors import Actor
@@ -24,9 +25,6 @@ ON_TRAJECTORY_M = 0.01
 
 TICK_S = 0.05
 """A curve with times is followed at a constant speed for so long: at 10 m/s2 3 mm beside its time."""
-
-STEERING_MPS2 = 1.0
-"""Lateral acceleration of who steers to a trajectory: that of a lane change after UN R79, 5.6.4 (ACSF C)."""
 
 GENTLY = 3.0
 """Steering takes at least this many times the offset: the heading stays within 27 degrees of the line."""
@@ -107,9 +105,7 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
         name = self.action.trajectory.name
         station, left = self._path.project(pose.x_m, pose.y_m)
         speed = abs(self.who.state(time_s).speed_mps)
-        within = speed * math.sqrt(
-            6.0 * abs(left) / STEERING_MPS2
-        )  # 6 is the greatest curvature of the shape
+        within = speed * math.sqrt(6.0 * abs(left) / LATERAL_MPS2)  # 6 is the greatest curvature of the shape
         within = max(within, GENTLY * abs(left))
         if station + within > self._path.length_m:
             raise RunError(
@@ -151,19 +147,20 @@ ROUTE_REACH_M = 10.0
 def go_on(actor: Actor, world: World, time_s: float) -> None:
     """Leave a trajectory: on along the route of the entity or its lane, at its offset; else straight."""
     pose, roads = actor.pose(time_s), world.locator.roads
-    path = route_way(roads, actor.route, pose) if actor.route is not None else None
+    speed_mps = actor.state(time_s).speed_mps
+    path = route_way(roads, actor.route, pose, speed_mps) if actor.route is not None else None
     if path is None or math.cos(path.pose(path.project(pose.x_m, pose.y_m)[0])[2] - pose.yaw_rad) < SAME_WAY:
         path = roads.way(pose)
     actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
 
 
-def route_way(roads: Roads, legs: list[Leg], pose: Pose) -> Path | None:
+def route_way(roads: Roads, legs: list[Leg], pose: Pose, speed_mps: float) -> Path | None:
     """The way along a route at the offset of a pose; None if the pose is too far from it."""
-    middle = roads.path(legs, 0.0)
+    middle = roads.path(legs, 0.0, speed_mps)
     station, left = middle.project(pose.x_m, pose.y_m)
     if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:
         return None
-    return middle if abs(left) < 1e-9 else roads.path(legs, left)
+    return middle if abs(left) < 1e-9 else roads.path(legs, left, speed_mps)
 
 
 def timetable(trajectory: model.Trajectory, path: Path) -> list[tuple[float, float]]:
@@ -259,12 +256,13 @@ def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name:
         RunError: no way leads there, and the entity moves.
     """
     roads, pose = world.locator.roads, actor.pose(time_s)
-    path = route_way(roads, legs, pose)
+    speed_mps = actor.state(time_s).speed_mps
+    path = route_way(roads, legs, pose, speed_mps)
     if path is None:
         try:
-            legs, path = _led_to(roads, legs, pose)
+            legs, path = _led_to(roads, legs, pose, speed_mps)
         except RunError as error:
-            if actor.state(time_s).speed_mps != 0.0:
+            if speed_mps != 0.0:
                 raise RunError(f"'{actor.name}' is not on {name}, which it is assigned: {error}") from None
             actor.route = legs
             world.note(
@@ -276,13 +274,13 @@ def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name:
     actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
 
 
-def _led_to(roads: Roads, legs: list[Leg], pose: Pose) -> tuple[list[Leg], Path]:
+def _led_to(roads: Roads, legs: list[Leg], pose: Pose, speed_mps: float) -> tuple[list[Leg], Path]:
     """A route with the lanes that lead to its beginning from a pose, and the way along it."""
     place = roads.place(pose)
     if place is None:
         raise RunError("it is in no lane")
     legs = [*roads.route_legs([place, roads.start_of(legs[0])]), *legs]
-    path = route_way(roads, legs, pose)
+    path = route_way(roads, legs, pose, speed_mps)
     if path is None:
         raise RunError("it is too far beside it")
     return legs, path
