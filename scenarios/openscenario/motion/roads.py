@@ -434,8 +434,8 @@ class Roads(Immutable):
             begun, end = placed[k].s_end_m, placed[last].s_end_m
             along = self.direction(placed[k].lane)
             for n in range(k, last):
-                middles = (self.lane_middle_m(leg.lane, begun) for leg in (placed[n], placed[n + 1]))
-                left_m = -along * float(np.subtract(*middles))
+                own_m, other_m = (self.lane_middle_m(leg.lane, begun) for leg in placed[n : n + 2])
+                left_m = along * (other_m - own_m)
                 room_m = abs(end - begun) / (last - n)
                 length_m = length_of_change_m(left_m, speed_mps)
                 jumps[n + 1] = left_m
