@@ -12,6 +12,7 @@ from evaluation.protocols.paper import paper_score, paper_score_max
 from evaluation.results.rows import RunRow
 from opendrive import OpenDriveError
 from scenarios.errors import ScenarioError
+from scenarios.openscenario.running.driving.criteria import Criterion
 from scenarios.simulation.ends import CUT_OFF, EndReason
 from scenarios.simulation.outcome import Outcome
 from scenarios.spec import RunSpec, simulation_of
@@ -54,7 +55,7 @@ class RunRecord:
         spent: processor time per frame.
         slowest_kmh: least speed of the ego up to the contact, or else the end; in reverse too not negative.
         notes: lines about what was not as the scenario's file asks for it.
-        warning_lead_s, added_decel_mps2: see `scenarios.simulation.outcome.Outcome`.
+        warning_lead_s, added_decel_mps2, criteria: see `scenarios.simulation.outcome.Outcome`.
     """
 
     spec: RunSpec
@@ -66,6 +67,7 @@ class RunRecord:
     notes: tuple[str, ...] = ()
     warning_lead_s: float | None = None
     added_decel_mps2: float = 0.0
+    criteria: tuple[Criterion, ...] = ()
 
 
 def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
@@ -99,6 +101,7 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
         outcome.notes,
         outcome.warning_lead_s,
         outcome.added_decel_mps2,
+        outcome.criteria,
     )
 
 

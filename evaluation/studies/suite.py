@@ -12,6 +12,7 @@ import rich.console
 from evaluation.progress import progress_bar
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import Published, comparison_table, impact_table
+from evaluation.results.criteria import criteria_table, write_criteria
 from evaluation.results.files import TABLE_MD, ResultsError, log_path, write_bytes
 from evaluation.results.logs import read_logs
 from evaluation.results.notes import told_notes, told_runs
@@ -143,6 +144,12 @@ def _compare(
         progress.update(task, description="drawing")
         table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
     console.print(rich_table(table, title))
+    judged = list(zip(rows, [record.criteria for record in records], strict=True))
+    criteria = criteria_table(judged)
+    if criteria is not None:
+        write_criteria(out, judged)
+        write_bytes(out / TABLE_MD, f"{markdown_table(table)}\n{markdown_table(criteria)}".encode())
+        console.print(rich_table(criteria, "pass criteria of the file"))
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
     notes = told_notes([record.notes for record in records])

@@ -13,6 +13,7 @@ from scenarios.openscenario.errors import FileReadError, OpenScenarioError
 from scenarios.openscenario.reading.distributions import admissible, expand
 from scenarios.openscenario.reading.document import Node, parse
 from scenarios.openscenario.reading.reader import load
+from scenarios.openscenario.running.driving.criteria import Criterion
 from scenarios.openscenario.running.engine import Engine
 
 Verdict = Literal["supported", "noted", "refused"]
@@ -31,6 +32,7 @@ class FileCheck:
         verdict: supported; noted: it runs, and something of it is not used or not as the file asks for it.
         lines: notes, or why it is refused.
         outcome: how the run ended; empty if it was not run.
+        criteria: what the file judges a run by, and what came of it.
     """
 
     path: Path
@@ -38,6 +40,7 @@ class FileCheck:
     verdict: Verdict
     lines: tuple[str, ...]
     outcome: str = ""
+    criteria: tuple[Criterion, ...] = ()
 
 
 def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, run: bool = False) -> FileCheck:
@@ -65,7 +68,7 @@ def check(path: str | PathLike[str], road: str | PathLike[str] | None = None, ru
     except OpenScenarioError as error:
         return FileCheck(file, version, "refused", (str(error),))
     notes = (*filter(None, (left_out,)), *engine.notes)
-    return FileCheck(file, version, "noted" if notes else "supported", notes, outcome)
+    return FileCheck(file, version, "noted" if notes else "supported", notes, outcome, engine.criteria)
 
 
 def scenario_files(path: str | PathLike[str]) -> list[Path]:
@@ -115,11 +118,24 @@ def _name(path: Path, base: Path) -> str:
 
 
 def _result(held: FileCheck, base: Path) -> str:
-    """How it ended, why it is refused, or its first note; paths count from the base."""
+    """How it ended, why it is refused, or its first note, and its criteria; paths count from the base."""
     if held.outcome or not held.lines:
-        return held.outcome
+        return held.outcome + _judged(held)
     text = held.lines[0].removeprefix(f"{held.path}:").strip().replace(f"{base}/", "")
-    return text if held.verdict == "refused" else f"{len(held.lines)} notes, the first: {text}"
+    return text if held.verdict == "refused" else f"{len(held.lines)} notes, the first: {text}{_judged(held)}"
+
+
+def _judged(held: FileCheck) -> str:
+    """The criteria of a file; of one that was run, which are met."""
+    if not held.criteria:
+        return ""
+    if not held.outcome:
+        return f"; pass criteria: {', '.join(criterion.name for criterion in held.criteria)}"
+    words = {True: "met", False: "not met", None: "not evaluated"}
+    names = {met: [c.name for c in held.criteria if c.met is met] for met in words}
+    return "".join(
+        f"; {words[met]}: {', '.join(of_verdict)}" for met, of_verdict in names.items() if of_verdict
+    )
 
 
 def _counts(checks: Sequence[FileCheck]) -> str:

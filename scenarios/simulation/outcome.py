@@ -6,6 +6,7 @@ import math
 import warnings
 from dataclasses import dataclass
 
+from scenarios.openscenario.running.driving.criteria import Criterion
 from scenarios.openscenario.running.results import Contact
 from scenarios.simulation.ends import EndReason, is_avoided
 from scenarios.simulation.log import RunLog
@@ -75,6 +76,7 @@ class Outcome:
         peak_decel_mps2: greatest deceleration while an emergency brake was requested; 0 without a request.
         added_decel_mps2: greatest deceleration of the emergency brake beyond that of a driver who brakes.
         braking_time_s: when the emergency brake first gave 0.15 g; None: never.
+        criteria: what the scenario's file judges the run by, and what came of it.
     """
 
     contact: Contact | None
@@ -99,6 +101,7 @@ class Outcome:
     peak_decel_mps2: float = 0.0
     added_decel_mps2: float = 0.0
     braking_time_s: float | None = None
+    criteria: tuple[Criterion, ...] = ()
 
     @property
     def warning_lead_s(self) -> float | None:

@@ -260,6 +260,7 @@ class Simulation:
             peak_decel_mps2=self._drive.peak_decel_mps2,
             added_decel_mps2=self._drive.added_decel_mps2,
             braking_time_s=self._drive.braking_time_s,
+            criteria=engine.criteria,
         )
 
     def map_view(self) -> MapView:

@@ -19,10 +19,10 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
-from scenarios.openscenario.reading.document import as_number
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
+from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
 from scenarios.openscenario.running.initial import come_later, in_order, is_used
@@ -115,6 +115,7 @@ class Engine:
         self._looks = 0
         self._kink_s = math.inf
         self._samples = Samples()
+        self._criteria = Criteria(definition.criteria, self.ego, locator.roads)
         self._target_at_contact: float | None = None
         try:
             self._begin(ego_controller)
@@ -223,19 +224,13 @@ class Engine:
     @property
     def notes(self) -> tuple[str, ...]:
         """Lines about what the file has and is not used, and what is not as it asks for it, so far."""
-        return (*self.definition.notes, *self.world.notes, *self._judged())
+        return (*self.definition.notes, *self.world.notes, *map(str, self.criteria))
 
-    def _judged(self) -> Iterator[str]:
-        """Criteria of CARLA's ScenarioRunner so far, a line each."""
-        for name, value in self.definition.criteria:
-            if name == "CollisionTest":
-                verdict = "not met" if self.contact is not None else "met so far"
-            elif name == "DrivenDistanceTest" and as_number(value) is not None:
-                driven_m = self._now.state(self.ego.name).travelled_m
-                verdict = f"{'met' if driven_m >= float(value) else 'not met so far'} ({driven_m:.1f} m)"
-            else:
-                verdict = "not evaluated"
-            yield f"criterion {name}: {verdict}"
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What the file judges the ego's run by (CARLA's `criteria_...`), so far."""
+        driven_m = self._now.state(self.ego.name).travelled_m
+        return self._criteria.judged(self.contact is not None, driven_m)
 
     # Stepping
 
@@ -427,6 +422,7 @@ class Engine:
         self._samples.time_s.append(self.time_s)
         now = self._now
         self._samples.states.append([now.state(name) for name in self._actors])
+        self._criteria.look(self.time_s, now.state(self.ego.name))
         self._samples.exists.append([actor.exists for actor in self._actors.values()])
 
     @property

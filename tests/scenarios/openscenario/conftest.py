@@ -98,6 +98,15 @@ def condition(inner: str, delay: float = 0, edge: str = "none") -> str:
     return f'<Condition name="c" delay="{delay}" conditionEdge="{edge}">{inner}</Condition>'
 
 
+def criterion(name: str, value: str = "") -> str:
+    """A condition by which CARLA's ScenarioRunner judges a run."""
+    return (
+        f'<Condition name="criteria_{name}" delay="0" conditionEdge="rising"><ByValueCondition>'
+        f'<ParameterCondition parameterRef="" value="{value}" rule="lessThan"/>'
+        "</ByValueCondition></Condition>"
+    )
+
+
 def by_value(inner: str) -> str:
     return f"<ByValueCondition>{inner}</ByValueCondition>"
 

@@ -7,7 +7,16 @@ import pytest
 
 from scenarios.openscenario import FileCheck, FileReadError, check, scenario_files
 from scenarios.openscenario.checking import markdown, table
-from tests.scenarios.openscenario.conftest import CAR, act, event, maneuver, speed
+from tests.scenarios.openscenario.conftest import (
+    CAR,
+    act,
+    at_time,
+    condition,
+    criterion,
+    event,
+    maneuver,
+    speed,
+)
 
 SHARED = Path(__file__).parents[3].parent / "shared"
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "openscenario.md").read_text(encoding="utf-8")
@@ -81,3 +90,17 @@ def test_markdown_has_the_source_and_no_bar_of_its_own(write, tmp_path):
         "",
         "1 file: 0 supported, 0 noted, 1 refused",
     ]
+
+
+def test_pass_criteria_are_listed_and_judged(write):
+    """The ego at 10 m/s drives 46 m to the car ahead: a contact, and 100 m in 10 s."""
+    asked = (("CollisionTest", ""), ("DrivenDistanceTest", "99"), ("RunningStopTest", ""))
+    criteria = "".join(criterion(name, value) for name, value in asked)
+    stop = f"<StopTrigger><ConditionGroup>{criteria}{condition(at_time(10))}</ConditionGroup></StopTrigger>"
+    path = write(stop=stop)
+    listed = next(iter(table([check(path)], path.parent)))
+    assert listed.endswith("; pass criteria: CollisionTest, DrivenDistanceTest, RunningStopTest")
+    judged = next(iter(table([check(path, run=True)], path.parent)))
+    assert judged.endswith(
+        "; met: DrivenDistanceTest; not met: CollisionTest; not evaluated: RunningStopTest"
+    )

@@ -279,7 +279,7 @@ def test_criteria_judge_and_do_not_stop(write):
     definition = load(write(stop=stop))
     assert definition.criteria == (("CollisionTest", ""),)
     engine = Engine(definition)
-    assert "criterion CollisionTest: met so far" in engine.notes
+    assert "criterion CollisionTest: met" in engine.notes
     assert engine.run().end_time_s == pytest.approx(8.0)
     assert "criterion CollisionTest: not met" in engine.notes  # the ego drives into the other one
     alone = f"<StopTrigger><ConditionGroup>{criterion}</ConditionGroup></StopTrigger>"
