@@ -56,6 +56,13 @@ class SimulationTimeCondition(Element, attributes="value rule"):
     value: ValueAttribute
 
 
+class TimeOfDayCondition(Element, attributes="dateTime rule"):
+    """Time of day, in seconds since 1970; without a time zone it counts as UTC."""
+
+    rule: RuleAttribute
+    value_s: float
+
+
 class ParameterCondition(Element, attributes="parameterRef value rule"):
     """A parameter's value, which actions may set; `actual` is that at the start."""
 
@@ -259,6 +266,7 @@ class TrafficSignalControllerCondition(Element):
 
 ValueConditionKind: TypeAlias = (
     SimulationTimeCondition
+    | TimeOfDayCondition
     | ParameterCondition
     | VariableCondition
     | StoryboardElementStateCondition

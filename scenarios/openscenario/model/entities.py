@@ -92,6 +92,8 @@ class Environment(Element):
         visual_range_m: in fog.
         friction_scale: factor on the road's friction.
         wetness: of the road: dry, moist, wetWithPuddles, lowFlooded or highFlooded.
+        time_of_day_s: when the environment is set, in seconds since 1970; None: the file does not say.
+        time_goes_on: whether the time of day goes on with the time of the run.
     """
 
     name: str
@@ -102,3 +104,5 @@ class Environment(Element):
     visual_range_m: float | None = None
     friction_scale: float | None = None
     wetness: str | None = None
+    time_of_day_s: float | None = None
+    time_goes_on: bool = False

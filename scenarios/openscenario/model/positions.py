@@ -30,6 +30,15 @@ class WorldPosition(Element, attributes="x y z h p r"):
     z_m: Annotated[float | None, Attribute("z")] = None
 
 
+class GeoPosition(Element, attributes="latitudeDeg longitudeDeg altitude latitude longitude height"):
+    """A point by latitude and longitude, WGS 84, which the map's geoReference places."""
+
+    latitude_deg: float
+    longitude_deg: float
+    orientation: Oriented
+    z_m: float | None = None
+
+
 class LanePosition(Element):
     """A place in a lane, offset from its middle to the left (positive t)."""
 
@@ -113,6 +122,7 @@ class TrajectoryPosition(Element):
 
 Position: TypeAlias = (
     WorldPosition
+    | GeoPosition
     | LanePosition
     | RoadPosition
     | RelativeLanePosition

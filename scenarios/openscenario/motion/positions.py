@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from opendrive.errors import OpenDriveError
 from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import (
+    GeoPosition,
     LanePosition,
     Orientation,
     Position,
@@ -63,6 +66,8 @@ class Locator:
         match position:
             case WorldPosition():
                 return Pose(position.x_m, position.y_m, position.heading_rad, position.z_m)
+            case GeoPosition():
+                return oriented(self._geographic(position), position.orientation)
             case LanePosition():
                 return self._in_lane(
                     position.road_id, position.lane_id, position.s_m, position.offset_m, position.orientation
@@ -90,6 +95,21 @@ class Locator:
                 path = self.trajectory(position.trajectory, None)
                 frame = Pose(*path.pose(position.s_m)).moved(0.0, position.t_m)
         return oriented(frame, position.orientation)
+
+    def _geographic(self, position: GeoPosition) -> Pose:
+        """The point on the map, heading with the traffic of the lane there; beside all lanes along x."""
+        try:
+            x_m, y_m = self.roads.network.from_geographic(position.latitude_deg, position.longitude_deg)[
+                0
+            ].tolist()
+        except OpenDriveError as error:
+            raise RunError(f"a position by latitude and longitude: {error}") from None
+        point = Pose(x_m, y_m, 0.0, position.z_m)
+        place = self.roads.place(point)
+        if place is None:
+            return point
+        turned = 0.0 if self.roads.direction(place.lane) > 0 else math.pi
+        return replace(point, yaw_rad=self.roads.point(place.road_id, place.s_m, place.t_m).yaw_rad + turned)
 
     def _in_lane(
         self,

@@ -66,7 +66,7 @@ def global_action(node: Node, context: Context) -> Action:
             context.note(child, "is not used: no condition reads a monitor")
             return SetMonitorAction(child.text("monitorRef"))
         case "EnvironmentAction":
-            return EnvironmentAction(environment(referenced(child, "Environment", context)))
+            return EnvironmentAction(environment(referenced(child, "Environment", context), context))
         case "EntityAction":
             return _entity(child, context)
         case "ParameterAction":
@@ -283,10 +283,18 @@ def _animation(node: Node, context: Context) -> AnimationAction:
     return declared(AnimationAction, node, context)
 
 
-def environment(node: Node) -> Environment:
+def environment(node: Node, context: Context) -> Environment:
     """Light and weather from an Environment element."""
     node.allow("name", "ParameterDeclarations TimeOfDay Weather RoadCondition")
-    values: dict[str, float | str] = {}
+    values: dict[str, float | str | bool] = {}
+    day = node.get("TimeOfDay")
+    if day is not None:
+        day.allow("animation dateTime")
+        try:
+            values["time_of_day_s"] = day.date_time("dateTime")
+            values["time_goes_on"] = day.boolean("animation")
+        except ContentError as error:
+            context.note(day, f"is not used: {error}")
     weather = node.get("Weather")
     if weather is not None:
         weather.allow(

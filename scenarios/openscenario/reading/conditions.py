@@ -16,6 +16,7 @@ from scenarios.openscenario.model import (
     RelativeClearanceCondition,
     Rule,
     StoryboardElementStateCondition,
+    TimeOfDayCondition,
     TimeToCollisionCondition,
     Trigger,
     ValueConditionKind,
@@ -108,6 +109,12 @@ def _comparison(node: Node, actual: Value) -> tuple[Rule, Value]:
     except ParameterError as error:
         raise ParameterError(f"{node.where} {error}") from None
     return cast(Rule, rule), value
+
+
+@reads(TimeOfDayCondition)
+def _time_of_day(node: Node, context: Context) -> TimeOfDayCondition:
+    allow(TimeOfDayCondition, node)
+    return declared(TimeOfDayCondition, node, context, value_s=node.date_time("dateTime"))
 
 
 @reads(StoryboardElementStateCondition)

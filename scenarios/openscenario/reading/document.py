@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
+from datetime import UTC, datetime
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeAlias
@@ -283,6 +284,21 @@ class Node:
                 f"{self.where} {name}: expected a number without unit (SI units), got '{as_text(value)}'"
             )
         return number
+
+    def date_time(self, name: str) -> float:
+        """Attribute as a date and time (xsd:dateTime), in seconds since 1970; without time zone in UTC.
+
+        Raises:
+            ContentError: it is none.
+        """
+        text = self.text(name)
+        try:
+            day = datetime.fromisoformat(text.strip())
+        except ValueError:
+            raise ContentError(
+                f"{self.where} {name}: expected a date and time such as 2026-06-01T12:30:00, got '{text}'"
+            ) from None
+        return (day if day.tzinfo else day.replace(tzinfo=UTC)).timestamp()
 
     def positive(self, name: str, default: Value | None = None, zero: bool = True) -> float:
         """Attribute as a number that is not negative (and not zero, if `zero` is false).

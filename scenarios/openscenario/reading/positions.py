@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from scenarios.openscenario.errors import ContentError
 from scenarios.openscenario.model import (
     ClothoidSegment,
     ClothoidSpline,
+    GeoPosition,
     Nurbs,
     Polyline,
     Position,
@@ -39,6 +41,19 @@ def _relative_lane(node: Node, context: Context) -> RelativeLanePosition:
     if node.has("ds") == node.has("dsLane"):
         raise ContentError(f"{node.where} needs either 'ds' or 'dsLane'")
     return declared(RelativeLanePosition, node, context, along_lane=node.has("dsLane"))
+
+
+@reads(GeoPosition)
+def _geographic(node: Node, context: Context) -> GeoPosition:
+    """In degrees; `latitude` and `longitude`, as before 1.2, are in radians."""
+    allow(GeoPosition, node)
+    degrees: list[float] = []
+    for name in ("latitude", "longitude"):
+        old = not node.has(f"{name}Deg") and node.has(name)
+        degrees.append(math.degrees(node.number(name)) if old else node.number(f"{name}Deg"))
+    height = next((name for name in ("altitude", "height") if node.has(name)), None)
+    z_m = None if height is None else node.number(height)
+    return declared(GeoPosition, node, context, latitude_deg=degrees[0], longitude_deg=degrees[1], z_m=z_m)
 
 
 @reads(RoutePosition)

@@ -12,7 +12,7 @@ from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
 from scenarios.openscenario.running.actors import Actor
-from scenarios.openscenario.running.world import TIME_EPSILON_S, Instant, World
+from scenarios.openscenario.running.world import TIME_EPSILON_S, Clock, Instant, World
 
 LONGITUDINAL, LATERAL = "longitudinal", "lateral"
 
@@ -150,6 +150,10 @@ class Switch(RunningAction[model.Action]):
                 self.who.lights = {**self.who.lights, action.light: action.mode}
             case model.EnvironmentAction():
                 world.environment = action.environment
+                if action.environment.time_of_day_s is not None:
+                    world.clock = Clock(
+                        time_s, action.environment.time_of_day_s, action.environment.time_goes_on
+                    )
             case model.DeleteEntityAction():
                 for actor in world.actors[action.entity].towed():
                     actor.exists = False

@@ -19,6 +19,8 @@ def bare(kind: model.ValueConditionKind | model.EntityCondition, world: World) -
             return _on_entities(kind, world)
         case model.SimulationTimeCondition():
             return holding.TimeIs(kind)
+        case model.TimeOfDayCondition():
+            return holding.TimeOfDayIs(kind, world)
         case model.ParameterCondition():
             return holding.ParameterIs(kind, world)
         case model.VariableCondition():
@@ -137,6 +139,7 @@ class Observed:
 MOVING = (
     model.EntityCondition
     | model.SimulationTimeCondition
+    | model.TimeOfDayCondition
     | model.TrafficSignalCondition
     | model.TrafficSignalControllerCondition
 )

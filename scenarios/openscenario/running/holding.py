@@ -153,6 +153,29 @@ class TimeIs(Holding):
         return max(self._value - 2 * EQUAL_S, now.time_s)
 
 
+class TimeOfDayIs(TimeIs):
+    """TimeOfDayCondition; without a time of day it does not hold."""
+
+    def __init__(self, condition: model.TimeOfDayCondition, world: World) -> None:
+        super().__init__(model.SimulationTimeCondition(condition.rule, math.inf))
+        self._asked_s, self._world = condition.value_s, world
+
+    def holds(self, instant: Instant) -> bool:
+        """Whether the rule holds for the time of day."""
+        clock = self._world.clock
+        if clock is None:
+            return False
+        if not clock.goes_on:
+            return self._compare(clock.day_s, self._asked_s)
+        self._value = clock.since_s + self._asked_s - clock.day_s
+        return super().holds(instant)
+
+    def settled_s(self, now: Instant) -> float:
+        """Until the time comes; for ever where there is no time of day that goes on."""
+        clock = self._world.clock
+        return super().settled_s(now) if clock is not None and clock.goes_on else math.inf
+
+
 # Conditions on entities
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import Controller, Environment
@@ -65,6 +65,14 @@ class Instant:
         return float((dx * dx + dy * dy) ** 0.5) - reach
 
 
+class Clock(NamedTuple):
+    """Time of day: which it was at an instant of the run, in seconds since 1970, and whether it goes on."""
+
+    since_s: float
+    day_s: float
+    goes_on: bool
+
+
 @dataclass(slots=True)
 class World:
     """State of a run apart from the storyboard.
@@ -75,6 +83,7 @@ class World:
         variables: present values.
         element_state: tells whether a storyboard element is in a state or just made a transition.
         environment: light and weather, if the scenario sets them.
+        clock: time of day, if the scenario sets it.
         apply_performance: whether entities stay within their Performance, whatever the file asks for.
         ego: name of the ego.
         assigned: controllers that actions have given to entities.
@@ -87,6 +96,7 @@ class World:
     variables: dict[str, Value]
     element_state: Callable[[str, tuple[str, ...], str], bool] = lambda kind, path, state: False
     environment: Environment | None = None
+    clock: Clock | None = None
     apply_performance: bool = False
     ego: str = ""
     assigned: dict[str, list[Controller]] = field(default_factory=dict)
