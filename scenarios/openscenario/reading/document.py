@@ -80,10 +80,10 @@ def _parse(path: Path, _mtime_ns: int, _size: int) -> _Parsed:
     version = ("", "") if header is None else (header.get("revMajor", ""), header.get("revMinor", ""))
     # entries of catalogs are the same in 0.9, by which CARLA's still call themselves
     catalog = version == ("0", "9") and root.find("Catalog") is not None
-    if not catalog and (version[0] != "1" or version[1] not in ("0", "1", "2", "3")):
+    if not catalog and (version[0] != "1" or not version[1].isdecimal()):
         raise FileReadError(
             f"{path}: FileHeader gives version '{version[0]}.{version[1]}'; "
-            "OpenSCENARIO XML 1.0 to 1.3 is read"
+            "OpenSCENARIO XML 1.0 to 1.3 is read, and later 1.x as far as it has the same elements"
         )
     return _Parsed(root)
 

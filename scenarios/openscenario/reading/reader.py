@@ -35,6 +35,9 @@ from scenarios.openscenario.reading.parameters import Declarations, variables
 from scenarios.openscenario.reading.positions import scoped
 from scenarios.openscenario.reading.references import qualified
 
+NEWEST_MINOR = 3
+"""Of the versions 1.x that are known. What a later one adds is refused by name, as whatever is not known."""
+
 
 def load(
     path: str | PathLike[str],
@@ -82,6 +85,9 @@ def load(
     start_values = variables(root.get("VariableDeclarations"))
     catalogs = Catalogs(root.get("CatalogLocations"))
     catalogs.notes |= notes
+    minor = header.element.get("revMinor", "")
+    if int(minor) > NEWEST_MINOR:
+        catalogs.notes[f"{header.where} version 1.{minor} is read as 1.{NEWEST_MINOR}"] = None
     left_handed = header.text("description", "").startswith(carla.MARK)
     if left_handed:
         catalogs.notes[

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.openscenario import CatalogError, Engine, ParameterError, load
+from scenarios.openscenario import CatalogError, Engine, OpenScenarioError, ParameterError, load
 from tests.scenarios.openscenario.conftest import CAR, act, at, event, maneuver, speed
 
 TRAILER = CAR.replace("</Vehicle>", "{}</Vehicle>")
@@ -74,3 +74,21 @@ def test_a_missing_catalog_directory_matters_only_where_it_is_needed(write):
 def test_hitches_without_a_trailer_are_noted(write):
     loose = TRAILER.format('<TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>')
     assert any("<TrailerHitch> of 'Other' is not used" in note for note in load(write(other=loose)).notes)
+
+
+def test_a_later_version_is_read_as_the_newest_known(write):
+    """Its own elements are refused by name, as every unknown one."""
+    path = write(minor=4)
+    assert any("version 1.4 is read as 1.3" in note for note in load(path).notes)
+    path.write_text(path.read_text().replace("<Entities>", "<Novelty/><Entities>"))
+    with pytest.raises(OpenScenarioError, match="<Novelty> in <OpenSCENARIO> is not supported"):
+        load(path)
+
+
+@pytest.mark.parametrize(("major", "minor"), [("2", "0"), ("1", ""), ("1", "x"), ("0", "9")])
+def test_other_versions_are_refused(write, major, minor):
+    path = write()
+    text = path.read_text().replace('revMajor="1" revMinor="3"', f'revMajor="{major}" revMinor="{minor}"')
+    path.write_text(text)
+    with pytest.raises(OpenScenarioError, match=f"gives version '{major}.{minor}'"):
+        load(path)
