@@ -19,9 +19,11 @@ section { margin-top: 1.2em; } section h2 { margin-top: .4em; }
 .panels { display: flex; flex-wrap: wrap; gap: 18px 28px; }
 figure { margin: 0; max-width: 100%; overflow-x: auto; }
 table { border-collapse: separate; border-spacing: 2px; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding-bottom: 2px; }
+caption { text-align: left; font-weight: 600; padding-bottom: 2px; width: max-content;
+  max-width: calc(100vw - 24px); }
 th { font-weight: 400; font-size: .85em; padding: 0 3px; text-align: right; white-space: nowrap; }
 thead th { text-align: center; }
+tr th:first-child { width: 1%; }
 td { min-width: 46px; height: 26px; text-align: center; border: 1.5px solid #111; font-size: .9em;
   white-space: nowrap; padding: 0 2px; }
 td.extended { border: 1.5px dashed #111; }
@@ -35,6 +37,7 @@ ul { padding-left: 1.2em; font-size: .85em; }
 @media (max-width: 480px) {
   body { padding: 8px; font-size: 14px; }
   td { min-width: 30px; font-size: .8em; padding: 0 1px; white-space: normal; }
+  th, .legend span { white-space: normal; }
 }
 """
 
@@ -80,11 +83,14 @@ def _legend(sheet: Sheet) -> str:
 def _figure(score: BlockScore) -> str:
     block = score.block
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in block.columns)
+    over = ""
+    if block.column_header:
+        wide = f'<th colspan="{len(block.columns)}">{escape(block.column_header)}</th>'
+        over = f'<tr><td class="none"></td>{wide}</tr>'
     lines = [
         "<figure><table>",
         f"<caption>{escape(block.name)}</caption>",
-        f'<thead><tr><td class="none"></td><th colspan="{len(block.columns)}">'
-        f"{escape(block.column_header)}</th></tr>",
+        f"<thead>{over}",
         f'<tr><th scope="col">{escape(block.row_header)}</th>{head}</tr></thead><tbody>',
     ]
     for row in block.rows:

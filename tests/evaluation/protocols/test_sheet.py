@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from lxml import html
@@ -165,6 +166,30 @@ def test_every_protocol_is_shown_with_what_it_leaves_out(name: str) -> None:
     assert matrix_figure(shown).axes
     page = html.fromstring(matrix_page(shown))
     assert set(protocol.unknown) <= set(page.xpath("//li/text()"))
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_nothing_sticks_out_of_a_phone(name: str, tmp_path: Path) -> None:
+    """390 px wide: neither the page nor a table scrolls sideways, also where columns have long names."""
+    browser = pytest.importorskip("tests.browser")
+    if browser.CHROMIUM is None and not browser.REQUIRED:
+        pytest.skip("no chromium on the PATH: no browser tests")
+    protocol = named_protocol(name)
+    cells = protocol.cells(*([] if name == "fmvss127" else ["CPNA"]))
+    runs = {cell: Measurement(0.0, warning_ttc_s=1.0, speed_reduction_kmh=20.0) for cell in cells}
+    path = tmp_path / "matrix.html"
+    path.write_text(matrix_page(make_sheet({"map": protocol.assess(runs)})), encoding="utf-8")
+    with browser.sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser.CHROMIUM, args=["--no-sandbox"])
+        page = chromium.new_page(viewport={"width": 390, "height": 844})
+        page.goto(path.as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        widths = page.locator("figure").evaluate_all(
+            "(all) => all.map((f) => [f.scrollWidth, f.clientWidth])"
+        )
+        chromium.close()
+    assert widths
+    assert all(needed <= given for needed, given in widths)
 
 
 def test_bad_input_is_named() -> None:
