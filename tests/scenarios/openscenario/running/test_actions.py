@@ -1,6 +1,7 @@
 """Every action with an expectation computed by hand."""
 
 import math
+from datetime import UTC, datetime
 
 import pytest
 
@@ -346,7 +347,9 @@ def test_environment_of_version_1_0(play):
         '<RoadCondition frictionScaleFactor="0.4"/></Environment></EnvironmentAction></GlobalAction>'
     )
     engine, _ = play(init=old + EGO_AT_START + OTHER_AHEAD, minor=0)
-    assert engine.world.environment == Environment("dusk", 400.0, 0.1, "snow", None, 150.0, 0.4)
+    evening_s = datetime(2026, 1, 1, 18, tzinfo=UTC).timestamp()
+    expected = Environment("dusk", 400.0, 0.1, "snow", None, 150.0, 0.4, time_of_day_s=evening_s)
+    assert engine.world.environment == expected
 
 
 def test_the_scenario_drives_until_the_controller_commands(write):
