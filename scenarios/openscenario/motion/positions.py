@@ -29,7 +29,8 @@ from scenarios.openscenario.model import (
     WorldPosition,
 )
 from scenarios.openscenario.motion.paths import Path, Pose
-from scenarios.openscenario.motion.roads import LanePlace, Leg, Roads
+from scenarios.openscenario.motion.roads import LanePlace, Roads
+from scenarios.openscenario.motion.route_changes import Leg
 from scenarios.openscenario.motion.trajectories import build, starts_at_entity
 
 CLOSED_WAY_M = 10_000.0

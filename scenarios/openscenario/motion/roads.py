@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -14,7 +12,6 @@ import numpy as np
 
 from opendrive import RoadNetwork, load_map
 from opendrive.errors import OpenDriveError, RouteNotFoundError
-from opendrive.lanes.graph import Side
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
@@ -28,7 +25,13 @@ from scenarios.openscenario.motion.paths import (
     joined,
     straight,
 )
-from scenarios.openscenario.motion.route_changes import RouteChange, length_of_change_m, with_room
+from scenarios.openscenario.motion.route_changes import (
+    Leg,
+    RouteChange,
+    is_change,
+    legs_with_changes,
+    settled,
+)
 from smartmot.maps.lane_map import LEVEL_M
 from smartmot.types import FloatArray, IntArray
 
@@ -37,25 +40,6 @@ MAX_WAY_M = 5000.0
 
 ON_LANE_RAD = math.pi / 4
 """An entity whose heading departs from the lane's line by more does not follow the lane."""
-
-
-@dataclass(frozen=True, slots=True)
-class Leg(Immutable):
-    """A stretch of a lane in the direction of travel (`s_end_m` < `s_start_m`: against s)."""
-
-    lane: int
-    s_start_m: float
-    s_end_m: float
-
-    @property
-    def along_s(self) -> int:
-        """+1 where s grows along the leg, -1 where it falls."""
-        return 1 if self.s_end_m >= self.s_start_m else -1
-
-    @property
-    def length_m(self) -> float:
-        """Length along the road."""
-        return abs(self.s_end_m - self.s_start_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,7 +348,7 @@ class Roads(Immutable):
             try:
                 chain = self.network.shortest_route(start.lane, end.lane)
             except RouteNotFoundError:
-                legs += self._legs_with_changes(start, end)
+                legs += legs_with_changes(self.network, (start.lane, start.s_m), (end.lane, end.s_m))
                 continue
             except OpenDriveError as error:
                 raise RunError(f"route: {error}") from None
@@ -379,87 +363,6 @@ class Roads(Immutable):
                 legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
         return legs
 
-    def _legs_with_changes(self, start: LanePlace, end: LanePlace) -> list[Leg]:
-        """Legs between two places of which none leads to the other without lane changes.
-
-        Raises:
-            RunError: with them neither.
-        """
-        try:
-            route = self.network.route(start.lane, start.s_m, end.lane, end.s_m)
-        except OpenDriveError as error:
-            raise RunError(f"route: {error}") from None
-        columns = (
-            route.lane.tolist(),
-            route.s_from_m.tolist(),
-            route.s_to_m.tolist(),
-            route.is_change.tolist(),
-        )
-        legs: list[Leg] = []
-        for lane, enter, leave, is_change in zip(*columns, strict=True):
-            along = self.direction(lane)
-            if is_change:
-                before = legs.pop()
-                enter = self._first_crossing_m(before, lane, leave)
-                legs.append(Leg(before.lane, before.s_start_m, enter + along * 1e-9))
-            legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
-        return legs
-
-    def _first_crossing_m(self, leg: Leg, other: int, leave_m: float) -> float:
-        """Road s from which on a leg may be left for the lane beside it."""
-        along = self.direction(leg.lane)
-        key, beside = self.network.lanes.key[leg.lane], self.network.lanes.key[other]
-        side: Side = "left" if (beside.lane_id - key.lane_id) * along > 0 else "right"
-        ranges = self.network.lane_change_ranges(leg.lane, side).tolist()
-        starts = [(low, high) if along > 0 else (high, low) for low, high in ranges]
-        reached = [
-            max(leg.s_start_m, low) if along > 0 else min(leg.s_start_m, low)
-            for low, high in starts
-            if (high - leg.s_start_m) * along > 0.0 and (leave_m - low) * along > 0.0
-        ]
-        return (min if along > 0 else max)(reached, default=leg.s_end_m)
-
-    def _changes(self, legs: Sequence[Leg], speed_mps: float) -> tuple[list[Leg], list[RouteChange]]:
-        """Legs that change lanes where it suits a speed, and these changes by the way along the legs.
-
-        Changes of a lane section follow one another from where they are allowed, or share what is left of it.
-        """
-        placed, k = list(legs), 0
-        jumps: dict[int, float] = {}
-        start_m = 0.0
-        while k < len(placed):
-            last = k
-            while last + 1 < len(placed) and self._is_change(placed[last], placed[last + 1]):
-                last += 1
-            begun, end = placed[k].s_end_m, placed[last].s_end_m
-            along = self.direction(placed[k].lane)
-            for n in range(k, last):
-                own_m, other_m = (self.lane_middle_m(leg.lane, begun) for leg in placed[n : n + 2])
-                left_m = along * (other_m - own_m)
-                room_m = abs(end - begun) / (last - n)
-                length_m = length_of_change_m(left_m, speed_mps)
-                jumps[n + 1] = left_m
-                switch = begun + along * 0.5 * min(length_m, room_m)
-                placed[n] = Leg(placed[n].lane, placed[n].s_start_m if n == k else start_m, switch)
-                start_m, begun = switch, begun + along * min(length_m, room_m)
-            if last > k:
-                placed[last] = Leg(placed[last].lane, start_m, end)
-            k = last + 1
-        ends = np.cumsum([leg.length_m for leg in placed])
-        changes = [
-            RouteChange(float(ends[n - 1]), 0.5 * length_of_change_m(left_m, speed_mps), left_m)
-            for n, left_m in jumps.items()
-        ]
-        return placed, with_room(changes, float(ends[-1]))
-
-    def _is_change(self, leg: Leg, following: Leg) -> bool:
-        section = self.network.lanes.section
-        return (
-            leg.lane != following.lane
-            and bool(section[leg.lane] == section[following.lane])
-            and abs(leg.s_end_m - following.s_start_m) < 1e-6
-        )
-
     def path(self, legs: list[Leg], left_m: float, speed_mps: float = 0.0) -> Path:
         """Path along the middle of legs, moved to the left as seen in the direction of travel.
 
@@ -468,8 +371,8 @@ class Roads(Immutable):
             left_m: how far to the left.
             speed_mps: on which the length of lane changes depends.
         """
-        if any(itertools.starmap(self._is_change, pairwise(legs))):
-            used, pieces = self._changing(*self._changes(legs, speed_mps), left_m)
+        if any(is_change(self.network, *pair) for pair in pairwise(legs)):
+            used, pieces = self._changing(*settled(self.network, legs, speed_mps), left_m)
         else:
             used = [leg for leg in legs if leg.length_m > 1e-6]
             pieces = [self._leg_rows(leg, left_m) for leg in used]

@@ -1,4 +1,4 @@
-"""Lane changes of a route: where they take place, and the way through them."""
+"""Legs of routes, and their lane changes: where these take place, and the way through them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from opendrive import RoadNetwork
+from opendrive.errors import OpenDriveError
+from opendrive.lanes.graph import Side
+from scenarios.openscenario.elements import Immutable
+from scenarios.openscenario.errors import RunError
 from smartmot.types import FloatArray
 
 LATERAL_MPS2 = 1.0
@@ -16,6 +21,25 @@ LATERAL_MPS2 = 1.0
 
 SHORTEST = 1.5
 """A change by a cubic takes this many times its width at least: it heads up to 45 degrees off the lane."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg(Immutable):
+    """A stretch of a lane in the direction of travel (`s_end_m` < `s_start_m`: against s)."""
+
+    lane: int
+    s_start_m: float
+    s_end_m: float
+
+    @property
+    def along_s(self) -> int:
+        """+1 where s grows along the leg, -1 where it falls."""
+        return 1 if self.s_end_m >= self.s_start_m else -1
+
+    @property
+    def length_m(self) -> float:
+        """Length along the road."""
+        return abs(self.s_end_m - self.s_start_m)
 
 
 def length_of_change_m(left_m: float, speed_mps: float) -> float:
@@ -74,3 +98,102 @@ def with_room(changes: Sequence[RouteChange], length_m: float) -> list[RouteChan
         RouteChange(c.at_m, min(c.half_m, c.at_m - low, high - c.at_m), c.left_m)
         for c, (low, high) in zip(changes, pairwise(bounds), strict=True)
     ]
+
+
+def _direction(network: RoadNetwork, lane: int) -> int:
+    """+1 if traffic in the lane runs along s, -1 if against."""
+    return int(network.lanes.direction[lane])
+
+
+def _middle_m(network: RoadNetwork, lane: int, s_m: float) -> float:
+    """T of the middle of a lane."""
+    inner, outer = network.lane_offsets(lane, s_m)
+    return 0.5 * float(inner + outer)
+
+
+def is_change(network: RoadNetwork, leg: Leg, following: Leg) -> bool:
+    """Whether the second of two legs begins beside the end of the first."""
+    section = network.lanes.section
+    return (
+        leg.lane != following.lane
+        and bool(section[leg.lane] == section[following.lane])
+        and abs(leg.s_end_m - following.s_start_m) < 1e-6
+    )
+
+
+def legs_with_changes(network: RoadNetwork, start: tuple[int, float], end: tuple[int, float]) -> list[Leg]:
+    """Legs between two places (lane, s) of which none leads to the other without lane changes.
+
+    Raises:
+        RunError: with them neither.
+    """
+    try:
+        route = network.route(*start, *end)
+    except OpenDriveError as error:
+        raise RunError(f"route: {error}") from None
+    columns = (
+        route.lane.tolist(),
+        route.s_from_m.tolist(),
+        route.s_to_m.tolist(),
+        route.is_change.tolist(),
+    )
+    legs: list[Leg] = []
+    for lane, enter, leave, changes in zip(*columns, strict=True):
+        along = _direction(network, lane)
+        if changes:
+            before = legs.pop()
+            enter = _first_crossing_m(network, before, lane, leave)
+            legs.append(Leg(before.lane, before.s_start_m, enter + along * 1e-9))
+        legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
+    return legs
+
+
+def _first_crossing_m(network: RoadNetwork, leg: Leg, other: int, leave_m: float) -> float:
+    """Road s from which on a leg may be left for the lane beside it."""
+    along = _direction(network, leg.lane)
+    key, beside = network.lanes.key[leg.lane], network.lanes.key[other]
+    side: Side = "left" if (beside.lane_id - key.lane_id) * along > 0 else "right"
+    ranges = network.lane_change_ranges(leg.lane, side).tolist()
+    starts = [(low, high) if along > 0 else (high, low) for low, high in ranges]
+    reached = [
+        max(leg.s_start_m, low) if along > 0 else min(leg.s_start_m, low)
+        for low, high in starts
+        if (high - leg.s_start_m) * along > 0.0 and (leave_m - low) * along > 0.0
+    ]
+    return (min if along > 0 else max)(reached, default=leg.s_end_m)
+
+
+def settled(
+    network: RoadNetwork, legs: Sequence[Leg], speed_mps: float
+) -> tuple[list[Leg], list[RouteChange]]:
+    """Legs that change lanes where it suits a speed, and these changes by the way along the legs.
+
+    Changes of a lane section follow one another from where they are allowed, or share what is left of it.
+    """
+    placed, k = list(legs), 0
+    jumps: dict[int, float] = {}
+    start_m = 0.0
+    while k < len(placed):
+        last = k
+        while last + 1 < len(placed) and is_change(network, placed[last], placed[last + 1]):
+            last += 1
+        begun, end = placed[k].s_end_m, placed[last].s_end_m
+        along = _direction(network, placed[k].lane)
+        for n in range(k, last):
+            own_m, other_m = (_middle_m(network, leg.lane, begun) for leg in placed[n : n + 2])
+            left_m = along * (other_m - own_m)
+            room_m = abs(end - begun) / (last - n)
+            length_m = length_of_change_m(left_m, speed_mps)
+            jumps[n + 1] = left_m
+            switch = begun + along * 0.5 * min(length_m, room_m)
+            placed[n] = Leg(placed[n].lane, placed[n].s_start_m if n == k else start_m, switch)
+            start_m, begun = switch, begun + along * min(length_m, room_m)
+        if last > k:
+            placed[last] = Leg(placed[last].lane, start_m, end)
+        k = last + 1
+    ends = np.cumsum([leg.length_m for leg in placed])
+    changes = [
+        RouteChange(float(ends[n - 1]), 0.5 * length_of_change_m(left_m, speed_mps), left_m)
+        for n, left_m in jumps.items()
+    ]
+    return placed, with_room(changes, float(ends[-1]))

@@ -15,7 +15,8 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.model import EntityDefinition
 from scenarios.openscenario.motion.paths import SPACING_M, Path, Pose, straight
 from scenarios.openscenario.motion.profiles import SpeedProfile
-from scenarios.openscenario.motion.roads import Leg, Roads
+from scenarios.openscenario.motion.roads import Roads
+from scenarios.openscenario.motion.route_changes import Leg
 from scenarios.openscenario.motion.towing import drawn
 
 STANDING_MPS = 1e-9

@@ -12,8 +12,8 @@ from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
-from scenarios.openscenario.motion.roads import Leg, Roads
-from scenarios.openscenario.motion.route_changes import LATERAL_MPS2
+from scenarios.openscenario.motion.roads import Roads
+from scenarios.openscenario.motion.route_changes import LATERAL_MPS2, Leg
 from scenarios.openscenario.motion.trajectories import laps, returns, schedule
 from scenarios.openscenario.running.actions import LATERAL, LONGITUDINAL, RunningAction
 from scenarios.openscenario.running.actors import Actor
