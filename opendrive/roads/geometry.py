@@ -138,11 +138,13 @@ class NetworkGeometry:
         return RoadParts.cut(self.curves, self.lanes.borders)
 
     @cached_property
-    def is_plain(self) -> bool:
-        """Whether heights are those of the reference lines: no banking, crossfall, shape or lane height."""
+    def plain_lanes(self) -> BoolArray:
+        """(L,) the lanes whose height is the reference line's: no banking, crossfall, shape, lane height."""
+        odd_roads = self.banked_roads | (np.diff(self.shapes.first) > 0)
+        for slopes in (self.crossfall_left, self.crossfall_right):
+            odd_roads = odd_roads | (np.diff(slopes.first) > 0)
         lanes = self.lanes
-        raised = len(lanes.inner_height.start_m) or lanes.level.any()
-        return not (self.is_banked or self.shapes or self._has_crossfall or raised)
+        return ~(odd_roads[lanes.road] | lanes.level | (np.diff(lanes.inner_height.first) > 0))
 
     @cached_property
     def _has_crossfall(self) -> bool:

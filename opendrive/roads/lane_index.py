@@ -159,7 +159,7 @@ class LaneIndex:
 
     def _single(self, xy_m: FloatArray) -> SingleLookup | None:
         """Return what answers a single point; None for other numbers of points, and for few queries."""
-        if len(xy_m) != 1 or self.geometry.is_banked:
+        if len(xy_m) != 1:
             return None
         if not self.single:
             self.single_queries[0] += 1
@@ -169,8 +169,11 @@ class LaneIndex:
             lanes = self.geometry.lanes
             rows = tree.cell, tree.frame, tree.box
             side = lanes.side.tolist()
+            banked = self.geometry.banked_roads
             self.single.append(
-                SingleLookup.build(self.cells, lanes.borders, side, rows, tree.circle, self.overhang_m)
+                SingleLookup.build(
+                    self.cells, lanes.borders, side, banked, rows, tree.circle, self.overhang_m
+                )
             )
         return self.single[0]
 
@@ -180,13 +183,9 @@ class LaneIndex:
             x_m, y_m = xy_m[0].tolist()
             lane_hits = single.containing(x_m, y_m)
             if lane_hits is not None:
-                return LaneHits(
-                    np.zeros(len(lane_hits), dtype=np.int64),
-                    np.array([hit.lane for hit in lane_hits], dtype=np.int64),
-                    np.array([hit.s_m for hit in lane_hits], dtype=np.float64),
-                    np.array([hit.t_m for hit in lane_hits], dtype=np.float64),
-                    np.array([max(hit.distance_m, 0.0) for hit in lane_hits], dtype=np.float64),
-                )
+                lanes = np.array([hit[0] for hit in lane_hits], dtype=np.int64)
+                numbers = np.array([hit[1:] for hit in lane_hits], dtype=np.float64).reshape(-1, 3)
+                return LaneHits(np.zeros(len(lanes), dtype=np.int64), lanes, *numbers.T.copy())
         tree = self._tree(None)
         point, row = tree.candidates(xy_m)
         feet = self._feet(xy_m, point, tree.cell[row])
@@ -226,13 +225,8 @@ class LaneIndex:
             x_m, y_m = xy_m[0].tolist()
             hit = single.nearest(x_m, y_m, self._wanted(frozenset(lane_types)))
             if hit is not None:
-                return NearestLanes(
-                    np.array([True]),
-                    np.array([hit.lane]),
-                    np.array([hit.s_m]),
-                    np.array([hit.t_m]),
-                    np.array([hit.distance_m]),
-                )
+                numbers = np.array(hit[1:])[:, None]
+                return NearestLanes(np.array([True]), np.array([hit[0]]), *numbers)
         n = len(xy_m)
         result = NearestLanes(
             np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(n), np.zeros(n)

@@ -2,13 +2,16 @@
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import atan2, cos, pi, sin
 from typing import TypeAlias
 
 import numpy as np
 
+from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, first_rows, until_next
 from opendrive.geometry.cubic import restarted
 from opendrive.geometry.curves import CIRCULAR, CUBIC
+from opendrive.geometry.profiles import sort_keys
 from opendrive.roads.geometry import NetworkGeometry
 
 _GAUSS = tuple(
@@ -22,29 +25,42 @@ Pose: TypeAlias = tuple[float, float, float, float]
 """x, y, z and heading in travel direction."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+_FEW = 8
+"""As many poses are left to the arrays before it is worth making what answers them."""
+
+_Stretches: TypeAlias = tuple[list[float], list[list[float]]]
+"""Where the stretches of a lane start, then its end; and the numbers of each stretch."""
+
+
+@dataclass(eq=False)
 class LanePoses:
-    """Stretches of lanes as plain numbers, made when a lane is first asked for.
+    """Stretches of lanes as plain numbers; each has one piece of reference line and cubics for the rest.
 
     Attributes:
         geometry: geometry of the network.
-        stretches: by lane, where the stretches start, and the numbers of each.
+        asked: how many poses were asked for before any stretch was made.
+        stretches: those of the lanes that were asked for.
     """
 
     geometry: NetworkGeometry
-    stretches: dict[int, tuple[list[float], list[tuple[float, ...]]]] = field(default_factory=dict)
+    asked: int = 0
+    stretches: dict[int, _Stretches] = field(default_factory=dict)
 
     def pose(self, lane: object, s_m: object) -> Pose | None:
         """Return the pose in the middle of a lane; None if the arrays have to tell, as off the lane."""
-        if not isinstance(lane, int) or not isinstance(s_m, float) or not self.geometry.is_plain:
-            return None
+        if type(lane) is not int or not isinstance(s_m, float):
+            if not isinstance(lane, int | np.integer) or not isinstance(s_m, float | int | np.integer):
+                return None
+            if isinstance(lane, bool) or isinstance(s_m, bool):
+                return None
+            lane, s_m = int(lane), float(s_m)
         known = self.stretches.get(lane)
         if known is None:
-            if not 0 <= lane < len(self.geometry.lanes):
+            known = self._of_lane(lane)
+            if known is None:
                 return None
-            known = self.stretches[lane] = self._stretches(lane)
         starts, numbers = known
-        if not starts or not starts[0] <= s_m < starts[-1]:
+        if not numbers or not starts[0] <= s_m < starts[-1]:
             return None
         row = numbers[bisect_right(starts, s_m) - 1]
         low_m, x, y, heading, k, rate, turn, a, b, c, d, za, zb, zc, zd = row
@@ -71,47 +87,57 @@ class LanePoses:
         heading += atan2(b + ds * (2.0 * c + ds * 3.0 * d), 1.0 - k * t) + turn
         return x, y, za + ds * (zb + ds * (zc + ds * zd)), pi - (pi - heading) % (2.0 * pi)
 
-    def _stretches(self, lane: int) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Return where a lane's stretches start (and its end), and their numbers; none if it has a cubic."""
+    def _of_lane(self, lane: int) -> _Stretches | None:
+        """Return the stretches of a lane, none if the arrays have to tell; None as long as few are asked."""
+        self.asked += 1
+        if self.asked <= _FEW or not 0 <= lane < len(self.geometry.lanes):
+            return None
+        first, rows = self._table
+        numbers = rows[first[lane] : first[lane + 1]].tolist()
+        end_m = float(self.geometry.lanes.s_end_m[lane])
+        known = self.stretches[lane] = [*(row[0] for row in numbers), end_m], numbers
+        return known
+
+    @cached_property
+    def _table(self) -> tuple[IntArray, FloatArray]:
+        """Return first row of each lane (L + 1,) and the numbers (K, 15) of all stretches.
+
+        Lanes with a cubic or a clothoid that winds have none, nor have those whose height is more than that
+        of the reference line.
+        """
         geometry, curves, lanes = self.geometry, self.geometry.curves, self.geometry.lanes
-        road = int(lanes.road[lane])
-        start_m, end_m = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
-        elevation = slice(*geometry.elevation.first[road : road + 2].tolist())
-        _, low_m, _ = geometry.knots(np.array([lane]))
-        cuts = np.concatenate([low_m, geometry.elevation.start_m[elevation]])
-        low_m = np.unique(cuts[(cuts >= start_m) & (cuts < end_m)])
-        many, roads = np.full(len(low_m), lane), np.full(len(low_m), road)
-        poses = curves.evaluate(roads, low_m)
-        key_s_m = curves.start_m[curves.first[road] : curves.first[road + 1]]
-        piece = curves.first[road] + np.maximum(np.searchsorted(key_s_m, low_m, side="right") - 1, 0)
+        every = np.arange(len(lanes))
+        knot_lane, knot_m, _ = geometry.knots(every)
+        climbs = geometry.elevation.first[lanes.road]
+        count = geometry.elevation.first[lanes.road + 1] - climbs
+        lane = np.concatenate([knot_lane, np.repeat(every, count)])
+        low_m = np.concatenate([knot_m, geometry.elevation.start_m[concatenated_ranges(climbs, count)]])
+        on_lane = np.flatnonzero((low_m >= lanes.s_start_m[lane]) & (low_m < lanes.s_end_m[lane]))
+        on_lane = on_lane[np.lexsort((low_m[on_lane], lane[on_lane]))]
+        lane, low_m = lane[on_lane], low_m[on_lane]
+        again = (np.diff(lane, prepend=-1) == 0) & (np.diff(low_m, prepend=np.nan) == 0.0)
+        lane, low_m = lane[~again], low_m[~again]
+        road = lanes.road[lane]
+        poses = curves.evaluate(road, low_m)
+        piece = np.searchsorted(curves.key, sort_keys(road, low_m), side="right") - 1
+        piece = np.maximum(piece, curves.first[road])
         rate = curves.rate_per_m2[piece]
-        span = np.append(low_m[1:], end_m) - low_m
+        span = until_next(lane, low_m, lanes.s_end_m[lane]) - low_m
         turn = np.abs(poses.curvature_per_m) * span + np.abs(rate) * span**2
-        if (curves.kind[piece] == CUBIC).any() or (
-            (curves.kind[piece] != CIRCULAR) & (turn > _MAX_TURN_RAD)
-        ).any():
-            return [], []
+        winds = (curves.kind[piece] != CIRCULAR) & (turn > _MAX_TURN_RAD)
+        usable = geometry.plain_lanes.copy()
+        usable[lane[winds | (curves.kind[piece] == CUBIC)]] = False
         borders = lanes.borders
-        stretch = borders.stretch_of(many, roads, low_m)
-        row = borders.rows(stretch, many)
+        stretch = borders.stretch_of(lane, road, low_m)
+        row = borders.rows(stretch, lane)
         middle = restarted(
             0.5 * borders.coefficients[:, :, row].sum(axis=0).T, low_m - borders.low_m[stretch]
         )
         height = np.zeros((len(low_m), 4))
         if len(geometry.elevation.start_m):
-            height = restarted(*geometry.elevation.records(roads, low_m))
-        against = np.full(len(low_m), 0.0 if lanes.direction[lane] > 0 else pi)
-        columns = np.column_stack(
-            [
-                low_m,
-                poses.x_m,
-                poses.y_m,
-                poses.heading_rad,
-                poses.curvature_per_m,
-                rate,
-                against,
-                middle,
-                height,
-            ]
-        )
-        return [*low_m.tolist(), end_m], [tuple(numbers) for numbers in columns.tolist()]
+            height = restarted(*geometry.elevation.records(road, low_m))
+        against = np.where(lanes.direction[lane] > 0, 0.0, pi)
+        columns = (low_m, poses.x_m, poses.y_m, poses.heading_rad, poses.curvature_per_m, rate, against)
+        kept = usable[lane]
+        rows = np.column_stack([*columns, middle, height])[kept]
+        return first_rows(np.bincount(lane[kept], minlength=len(lanes))), rows

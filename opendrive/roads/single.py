@@ -8,11 +8,11 @@ outside) is left to the arrays, so that both always say the same.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, floor, hypot, sin
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, concatenated_ranges
+from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges
 from opendrive.geometry.borders import BorderTable
 from opendrive.geometry.cells import NEWTON_STEPS, RoadCells
 
@@ -25,24 +25,24 @@ WIDE_M = 64.0
 MAX_WIDE = 4096
 """Wide squares whose cells are kept."""
 
+_OPEN = 3
+"""How bent cells are that are left to the arrays: cubics have this number."""
+
 BORDER_M = 1e-9
 FOOT_M = 1e-6
+_BOUND_M = 1e-6
+"""By how much the bounds of t are wider: beyond `BORDER_M` and rounding."""
+
 _CONVERGED_M = 1e-11
 _NODES, _WEIGHTS = (tuple(v.tolist()) for v in np.polynomial.legendre.leggauss(5))
 _GAUSS = tuple((0.5 * (node + 1.0), 0.5 * weight) for node, weight in zip(_NODES, _WEIGHTS, strict=True))
 
 Numbers: TypeAlias = tuple[float, ...]
-Offer: TypeAlias = tuple[int, int, float, float, float, float, float, float, float, float, bool]
-"""A lane beside a cell: lane, side, inner and outer border as cubics, whether a border slants."""
+Offer: TypeAlias = tuple[float, float, int, int, float, float, float, float, float, float, float, float, bool]
+"""A lane beside a cell: bounds of t, lane, side, both borders as cubics, whether one of them slants."""
 
-
-class Hit(NamedTuple):
-    """A lane that contains a point, or the nearest one; `distance_m` is its margin or distance."""
-
-    lane: int
-    s_m: float
-    t_m: float
-    distance_m: float
+Hit: TypeAlias = tuple[int, float, float, float]
+"""A lane that contains a point, or the nearest one: lane, s, t, and its margin or distance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,13 +53,14 @@ class SingleLookup:
         pixels: cells whose box meets each square, by its column and row.
         shapes: x, y, cos, sin of the heading, length, curvature, its rate, and s at the start of each cell,
             and its s minus that of its stretch.
-        bent: 0 for lines, 1 for arcs, 2 for clothoids, 3 for cubics.
+        bent: 0 for lines, 1 for arcs, 2 for clothoids, 3 for what is left to the arrays.
         boxes: frame (x, y, cos, sin) and sides (u and v) of the box around each cell.
         overhang_m: how far beyond its start and end a point may belong to a cell.
         first_row: first of the lanes beside each cell, in `offers`; and one after the last.
         offers: lanes beside stretches of road.
         circles: x, y and radius of circles around the boxes.
         wide: cells around wide squares, made when asked for.
+        is_banked: whether any road is: then distances are left to the arrays.
     """
 
     pixels: dict[tuple[int, int], list[int]]
@@ -71,6 +72,7 @@ class SingleLookup:
     offers: list[Offer]
     circles: tuple[FloatArray, FloatArray, FloatArray]
     wide: dict[tuple[int, int], tuple[list[tuple[float, int]], float]]
+    is_banked: bool
 
     @classmethod
     def build(
@@ -78,6 +80,7 @@ class SingleLookup:
         cells: RoadCells,
         borders: BorderTable,
         side: Sequence[int],
+        banked: BoolArray,
         rows: tuple[IntArray, FloatArray, FloatArray],
         circles: tuple[FloatArray, FloatArray, FloatArray],
         overhang_m: FloatArray,
@@ -88,6 +91,7 @@ class SingleLookup:
             cells: all cells.
             borders: borders of the lanes.
             side: side of each lane.
+            banked: (R,) roads that are left to the arrays.
             rows: the cells that have lanes, frames (C, 4) and sides (C, 4) of the boxes around these.
             circles: x, y and radius of circles around the boxes, (C,) each.
             overhang_m: (N, 2) overhang of all cells.
@@ -120,23 +124,35 @@ class SingleLookup:
         inner, outer = borders.coefficients
         columns = [column.tolist() for column in (*inner, *outer)]
         lane_side = [side[i] for i in lane.tolist()]
+        t_low, t_high = borders.extremes()
         return cls(
             pixels,
             list(map(tuple, shapes.tolist())),
-            cells.bent[cell].tolist(),
+            np.where(banked[cells.road[cell]], _OPEN, cells.bent[cell]).tolist(),
             list(map(tuple, np.concatenate([frame, box], axis=1).tolist())),
             list(map(tuple, overhang_m[cell].tolist())),
             list(
                 zip(borders.first_row[stretch].tolist(), borders.first_row[stretch + 1].tolist(), strict=True)
             ),
-            list(zip(lane.tolist(), lane_side, *columns, borders.is_slanted.tolist(), strict=True)),
+            list(
+                zip(
+                    (t_low - _BOUND_M).tolist(),
+                    (t_high + _BOUND_M).tolist(),
+                    lane.tolist(),
+                    lane_side,
+                    *columns,
+                    borders.is_slanted.tolist(),
+                    strict=True,
+                )
+            ),
             circles,
             {},
+            bool(banked.any()),
         )
 
     def containing(self, x_m: float, y_m: float) -> list[Hit] | None:
         """Return the lanes that contain a point, by lane; None if the arrays have to tell."""
-        hits: dict[int, tuple[float, Hit]] = {}
+        hits: dict[int, tuple[float, float, Hit]] = {}
         for cell in self.pixels.get((floor(x_m / PIXEL_M), floor(y_m / PIXEL_M)), ()):
             fx, fy, fc, fs, u_low, u_high, v_low, v_high = self.boxes[cell]
             dx, dy = x_m - fx, y_m - fy
@@ -150,19 +166,21 @@ class SingleLookup:
             if not -before <= left_over <= after:
                 continue
             low, high = self.first_row[cell]
-            for lane, side, a, b, c, d, e, f, g, h, _ in self.offers[low:high]:
+            for t_low, t_high, lane, side, a, b, c, d, e, f, g, h, _ in self.offers[low:high]:
+                if t < t_low or t > t_high:
+                    continue
                 inner = a + ds * (b + ds * (c + ds * d))
                 outer = e + ds * (f + ds * (g + ds * h))
                 margin = min((t - inner) * side, (outer - t) * side)
                 if margin < -BORDER_M:
                     continue
-                if abs(left_over) > FOOT_M:
+                off_m = abs(left_over)
+                if off_m > FOOT_M:
                     return None
                 known = hits.get(lane)
-                rank = abs(left_over)
-                if known is None or (rank, -margin) < (known[0], -known[1].distance_m):
-                    hits[lane] = rank, Hit(lane, s, t, margin)
-        return [hits[lane][1] for lane in sorted(hits)]
+                if known is None or (off_m, -margin) < known[:2]:
+                    hits[lane] = off_m, -margin, (lane, s, t, margin if margin > 0.0 else 0.0)
+        return [hits[lane][2] for lane in sorted(hits)]
 
     def nearest(self, x_m: float, y_m: float, wanted: Sequence[bool]) -> Hit | None:
         """Return the nearest of the wanted lanes; None if the arrays have to tell."""
@@ -180,7 +198,8 @@ class SingleLookup:
             else:
                 if search.best[0] > complete_m - off_m:
                     return None
-        return None if search.is_open or (search.slants and search.best[0] > 0.0) else search.hit
+        slants = search.slants or self.is_banked
+        return None if search.is_open or (slants and search.best[0] > 0.0) else search.hit
 
     def _around(self, x_m: float, y_m: float) -> tuple[float, list[tuple[float, int]], float]:
         """Return how far a point is from the middle of its wide square, and the cells around that.
@@ -203,7 +222,7 @@ class SingleLookup:
         return hypot(x_m - middle[0], y_m - middle[1]), *known
 
     def foot(self, cell: int, x_m: float, y_m: float) -> tuple[float, float, float, float] | None:
-        """Return s, t, what is left over along the road, and s on the stretch; None for cubics."""
+        """Return s, t, what is left over along the road, s on the stretch; None if arrays have to tell."""
         x, y, c, s, length, curvature, rate, low_m, on_stretch = self.shapes[cell]
         dx, dy = x_m - x, y_m - y
         u, v = c * dx + s * dy, c * dy - s * dx
@@ -211,7 +230,7 @@ class SingleLookup:
         if bent == 0:
             ds = 0.0 if u < 0.0 else (length if u > length else u)
             return low_m + ds, v, u - ds, on_stretch + ds
-        if bent == 3:
+        if bent == _OPEN:
             return None
         ds = _clipped(_arc_step(u, v, curvature), length)
         for _ in range(NEWTON_STEPS):
@@ -280,7 +299,7 @@ class _Search:
             return
         low, high = lookup.first_row[cell]
         wanted = self.wanted
-        offers = [offer for offer in lookup.offers[low:high] if wanted[offer[0]]]
+        offers = [offer for offer in lookup.offers[low:high] if wanted[offer[2]]]
         if not offers:
             return
         foot = lookup.foot(cell, self.x_m, self.y_m)
@@ -288,7 +307,7 @@ class _Search:
             self.is_open = True
             return
         s, t, left_over, ds = foot
-        for lane, _, a, b, c, d, e, f, g, h, slanted in offers:
+        for _, _, lane, _, a, b, c, d, e, f, g, h, slanted in offers:
             inner = a + ds * (b + ds * (c + ds * d))
             outer = e + ds * (f + ds * (g + ds * h))
             if inner > outer:
@@ -301,4 +320,4 @@ class _Search:
                 self.slants = True
             rank = (distance, abs(t - 0.5 * (inner + outer)))
             if rank < self.best:
-                self.best, self.hit = rank, Hit(lane, s, t, distance)
+                self.best, self.hit = rank, (lane, s, t, distance)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from opendrive import LaneKey, PositionError
+from opendrive import LaneKey, LaneNotFoundError, PositionError, load_map
 
 BANKED = "esut_straight_500_superelevation_elevation_curve"
 
@@ -282,9 +282,53 @@ def test_single_poses_are_those_of_batches(network_of, map_name):
     s = lanes.s_start_m[lane] + rng.uniform(0.0, 1.0, 60) * (lanes.s_end_m - lanes.s_start_m)[lane]
     s[:10] = lanes.s_end_m[lane[:10]]
     expected = np.stack(network.center_line(lane, s))
-    single = np.array([network.center_line(i, at) for i, at in zip(lane.tolist(), s.tolist(), strict=True)])
+    # The first few are answered by arrays; numbers of NumPy are numbers.
+    places = zip([*lane.tolist(), *lane], [*s.tolist(), *s], strict=True)
+    single = np.array([network.center_line(i, at) for i, at in places])
+    np.testing.assert_array_equal(single[20:60], single[80:])
+    single = single[60:]
     turn = single[:, 3] - expected[3]
     np.testing.assert_allclose(single[:, :3], expected[:3].T, atol=1e-9)
     np.testing.assert_allclose(np.abs(np.sin(0.5 * turn)), 0.0, atol=1e-9)
     with pytest.raises(PositionError):
         network.center_line(0, float(lanes.s_end_m[0]) + 1.0)
+    with pytest.raises(LaneNotFoundError):
+        network.center_line(True, 0.0)
+
+
+MIXED = """<OpenDRIVE><header revMajor="1" revMinor="7"/>
+<road id="1" length="100" junction="-1"><planView><geometry s="0" x="0" y="0" hdg="0" length="100">
+ <arc curvature="0.01"/></geometry></planView>
+ <lateralProfile><superelevation s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>
+ <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>
+ <lane id="-1" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>
+ </right></laneSection></lanes></road>
+<road id="2" length="100" junction="-1"><planView><geometry s="0" x="0" y="-40" hdg="0" length="100">
+ <arc curvature="0.005"/></geometry></planView>
+ <elevationProfile><elevation s="0" a="1" b="0.02" c="0" d="0"/></elevationProfile>
+ <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>
+ <lane id="-1" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>
+ <lane id="-2" type="sidewalk"><width sOffset="0" a="2" b="0" c="0" d="0"/>
+ <height sOffset="0" inner="0.1" outer="0.12"/></lane></right></laneSection></lanes></road></OpenDRIVE>"""
+
+
+def test_a_banked_road_and_a_kerb_leave_the_others_as_they_are(tmp_path):
+    """One road is banked and one lane raised; single queries anywhere say what arrays say."""
+    path = tmp_path / "mixed.xodr"
+    path.write_text(MIXED, encoding="utf-8")
+    network = load_map(path)
+    rng = np.random.default_rng(3)
+    lane, s_m = rng.integers(0, 3, 60), rng.uniform(0.0, 100.0, 60)
+    expected = np.stack(network.center_line(lane, s_m), axis=1)
+    single = np.array([network.center_line(i, at) for i, at in zip(lane.tolist(), s_m.tolist(), strict=True)])
+    np.testing.assert_allclose(single, expected, atol=1e-9)
+    assert network.lane_index_of(("2", 0, -1)) in network._lane_poses.stretches
+    points = rng.uniform((-10.0, -60.0), (110.0, 60.0), (300, 2))
+    points[:60] = expected[:, :2] + rng.normal(0.0, 1.0, (60, 2))
+    many, nearest = network.locate(points), network.nearest_lane(points)
+    for k, point in enumerate(points.tolist()):
+        hits, single_lane = network.locate([point]), network.nearest_lane([point])
+        assert hits.lane.tolist() == many.lane[many.point == k].tolist()
+        np.testing.assert_allclose(hits.s_m, many.s_m[many.point == k], atol=1e-9)
+        assert single_lane.lane[0] == nearest.lane[k]
+        assert single_lane.distance_m[0] == pytest.approx(nearest.distance_m[k], abs=1e-9)
