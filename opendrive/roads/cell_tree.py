@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 _BLOCK = 16384
 _FAR_M = 500.0
+_FAR_BLOCK = 1024
+"""Points far off are asked about this many at a time: each may be within reach of thousands of boxes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +30,7 @@ class CellTree:
         box: (C', 4) least and greatest u, least and greatest v of the boxes.
         circle: x, y and radius of the circles around the boxes, (C',) each.
         tree: tree over the boxes.
+        centres: tree over the middles of the circles.
         samples: tree over points within these lanes, one in each lane of each cell.
         cell_of_sample: cell of each sample.
         lane_of_sample: its lane.
@@ -39,6 +43,7 @@ class CellTree:
     box: FloatArray
     circle: tuple[FloatArray, FloatArray, FloatArray]
     tree: shapely.STRtree
+    centres: "cKDTree"
     samples: "cKDTree"
     cell_of_sample: IntArray
     lane_of_sample: IntArray
@@ -53,11 +58,17 @@ class CellTree:
 
     def within(self, xy_m: FloatArray, reach_m: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
         """Yield pairs of point and row whose box is within reach, block by block."""
-        for start in range(0, len(xy_m), _BLOCK):
-            xy, reach = xy_m[start : start + _BLOCK], reach_m[start : start + _BLOCK]
+        start, reached_m = 0, self.circle[2].max(initial=0.0)
+        while start < len(xy_m):
             # A square around the point is the quicker question, but far off the map too many boxes meet it.
-            if reach.max() > _FAR_M:
-                point, row = self.tree.query(shapely.points(xy), predicate="dwithin", distance=reach)
+            is_far = reach_m[start : start + _BLOCK].max() > _FAR_M
+            block = slice(start, start + (_FAR_BLOCK if is_far else _BLOCK))
+            xy, reach = xy_m[block], reach_m[block]
+            if is_far:
+                near = self.centres.query_ball_point(xy, reach + reached_m, return_sorted=False)
+                count = np.fromiter(map(len, near), np.int64, len(near))
+                point = np.repeat(np.arange(len(xy)), count)
+                row = np.fromiter(chain.from_iterable(near), np.int64, len(point))
             else:
                 # The tree looks at envelopes alone, and a diagonal has that of its square.
                 diagonals = np.stack([xy - reach[:, None], xy + reach[:, None]], axis=1)
@@ -69,6 +80,7 @@ class CellTree:
             beside_u, beside_v = np.maximum(self._beside(xy[point], row), 0.0)
             near = np.flatnonzero(beside_u**2 + beside_v**2 <= reach[point] ** 2)
             yield start + point[near], row[near]
+            start = block.stop
 
     def _beside(self, xy_m: FloatArray, row: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return how far points lie outside boxes along u and along v; negative if between the sides."""

@@ -6,8 +6,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
-from opendrive.arrays import BoolArray, FloatArray, IntArray, concatenated_ranges, first_rows, wrapped
+from opendrive.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    concatenated_ranges,
+    first_rows,
+    run_starts,
+    wrapped,
+)
 from opendrive.geometry.cells import RoadParts, arc_step
 from opendrive.geometry.curves import CUBIC, CurveTable
 from opendrive.geometry.lateral_shape import ShapeTable
@@ -16,6 +25,9 @@ from opendrive.lanes.table import LaneTable, RoadTable
 from opendrive.model import Road
 
 _FOOT_STEPS = 30
+_MANY_CHORDS = 32
+"""Of so many chords a tree finds the nearest in the time of comparing them all."""
+
 _SHAPE_STEPS = 12
 _KINK_STEP_M = 1e-7
 _SLOPE_STEP_M = 1e-3
@@ -387,18 +399,45 @@ class NetworkGeometry:
         s, knots = s_all[part], knots_all[part]
         step = np.diff(knots, axis=0)
         squared = np.maximum((step**2).sum(axis=1), 1e-18)
-        guess, low, high = (np.empty(len(xy_m)) for _ in range(3))
+        best = self._nearest_chords(road, xy_m, knots, step, squared)
+        along = ((xy_m - knots[best]) * step[best]).sum(axis=1)
+        share = np.clip(along / squared[best], 0.0, 1.0)
+        guess = s[best] + share * (s[best + 1] - s[best])
+        low, high = s[np.maximum(best - 1, 0)], s[np.minimum(best + 2, len(s) - 1)]
+        s_m, t_m, _ = self.project(np.full(len(xy_m), road), xy_m, guess, low, high)
+        return s_m, t_m
+
+    def _nearest_chords(
+        self, road: int, xy_m: FloatArray, knots: FloatArray, step: FloatArray, squared: FloatArray
+    ) -> IntArray:
+        """Return the nearest chord of a road for each point, the first of equals; see `_chords`.
+
+        Args:
+            road: road index.
+            xy_m: (N, 2) points, map frame.
+            knots: (K + 1, 2) ends of the road's chords.
+            step: (K, 2) the chords.
+            squared: (K,) squares of their lengths.
+        """
+        if len(step) > _MANY_CHORDS and len(xy_m):
+            tree = self._chord_trees.get(road)
+            if tree is None:
+                chords = shapely.linestrings(np.stack([knots[:-1], knots[1:]], axis=1))
+                tree = self._chord_trees[road] = shapely.STRtree(np.asarray(chords))
+            point, chord = tree.query_nearest(shapely.points(xy_m))
+            nearest: IntArray = np.minimum.reduceat(chord, run_starts(point))
+            return nearest
+        best = np.empty(len(xy_m), dtype=np.int64)
         # Blocks bound the memory: each point is compared with every chord of the road.
-        block = max(1, 2_000_000 // len(s))
+        block = max(1, 2_000_000 // len(knots))
         for start in range(0, len(xy_m), block):
             offset = xy_m[start : start + block, None, :] - knots[:-1]
             fraction = np.clip((offset * step).sum(axis=2) / squared, 0.0, 1.0)
             distance = ((offset - fraction[..., None] * step) ** 2).sum(axis=2)
-            best = distance.argmin(axis=1)
-            share = fraction[np.arange(len(best)), best]
-            rows = slice(start, start + block)
-            guess[rows] = s[best] + share * (s[best + 1] - s[best])
-            low[rows] = s[np.maximum(best - 1, 0)]
-            high[rows] = s[np.minimum(best + 2, len(s) - 1)]
-        s_m, t_m, _ = self.project(np.full(len(xy_m), road), xy_m, guess, low, high)
-        return s_m, t_m
+            best[start : start + block] = distance.argmin(axis=1)
+        return best
+
+    @cached_property
+    def _chord_trees(self) -> dict[int, shapely.STRtree]:
+        """Trees over the chords of roads, made when asked for."""
+        return {}

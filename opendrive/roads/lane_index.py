@@ -395,6 +395,8 @@ class LaneIndex:
 
     def _plant(self, lane_types: frozenset[str] | None) -> CellTree:
         """Make the tree over the cells of the lanes of some types, or of all lanes."""
+        from scipy.spatial import cKDTree  # takes longer to import than everything else here
+
         geometry, cells = self.geometry, self.cells
         wanted = np.ones(len(geometry.lanes), dtype=np.bool_)
         if lane_types is not None:
@@ -416,8 +418,8 @@ class LaneIndex:
         middle = 0.5 * (corners[:, 0] + corners[:, 2])
         radius = np.hypot(*(corners[:, 0] - middle).T) + _BOX_M
         circle = (middle[:, 0].copy(), middle[:, 1].copy(), radius)
-        tree = shapely.STRtree(polygons)
-        return CellTree(wanted, cell, frame, box, circle, tree, *self._samples(cell, wanted))
+        boxes, centres = shapely.STRtree(polygons), cKDTree(middle)
+        return CellTree(wanted, cell, frame, box, circle, boxes, centres, *self._samples(cell, wanted))
 
     def _samples(
         self, cell: IntArray, lane_wanted: BoolArray

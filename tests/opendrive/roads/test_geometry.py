@@ -2,6 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -337,3 +338,29 @@ def test_a_raised_and_banked_road_is_found_again_from_above(load, text):
     hits = network.locate(xy)
     np.testing.assert_array_equal(hits.point, np.arange(len(s)))
     np.testing.assert_allclose(hits.t_m, t, atol=1e-9)
+
+
+def test_the_nearest_of_many_chords_is_found_far_off_too():
+    """A road of 60 straight pieces in a zigzag: shapely projects points onto the same line."""
+    corners = np.stack([25.0 * np.arange(61.0), 12.0 * (np.arange(61) % 2)], axis=1)
+    steps = np.diff(corners, axis=0)
+    length_m = float(np.hypot(25.0, 12.0))
+    pieces = [
+        Geometry(k * length_m, *corners[k].tolist(), float(np.arctan2(dy, dx)), length_m, Line())
+        for k, (dx, dy) in enumerate(steps.tolist())
+    ]
+    network = network_from(pieces, EMPTY, EMPTY, 3.0)
+    rng = np.random.default_rng(0)
+    xy = rng.uniform((-50.0, -400.0), (1550.0, 400.0), (200, 2))
+    line = shapely.LineString(corners)
+    s, _ = network.road_coordinates("r", xy)
+    at = network.roads["r"].reference_line(s)
+    off_m = np.hypot(at.x_m - xy[:, 0], at.y_m - xy[:, 1])
+    np.testing.assert_allclose(off_m, shapely.distance(line, shapely.points(xy)), atol=1e-6)
+    # Far off, the lane's outer border is the nearest.
+    far = xy + [0.0, 5000.0]
+    nearest = network.nearest_lane(far)
+    borders = network.sampled_borders(0.5)
+    points = np.concatenate([borders.left_m, borders.right_m])[:, :2]
+    least = np.array([np.hypot(*(points - point).T).min() for point in far])
+    np.testing.assert_allclose(nearest.distance_m, least, atol=2e-2)
