@@ -25,6 +25,7 @@ from opendrive.lanes.table import LaneTable, RoadTable
 from opendrive.model import Road
 
 _FOOT_STEPS = 30
+_FOOT_M = 1e-6
 _MANY_CHORDS = 32
 """Of so many chords a tree finds the nearest in the time of comparing them all."""
 
@@ -404,7 +405,15 @@ class NetworkGeometry:
         share = np.clip(along / squared[best], 0.0, 1.0)
         guess = s[best] + share * (s[best + 1] - s[best])
         low, high = s[np.maximum(best - 1, 0)], s[np.minimum(best + 2, len(s) - 1)]
-        s_m, t_m, _ = self.project(np.full(len(xy_m), road), xy_m, guess, low, high)
+        roads = np.full(len(xy_m), road)
+        s_m, t_m, left_over = self.project(roads, xy_m, guess, low, high)
+        # Off a kink there is no foot, and the steps lead to and fro, or to one that is farther away.
+        off_chord = (s_m < s[best]) | (s_m > s[best + 1])
+        some = np.flatnonzero(off_chord | (np.abs(left_over) > _FOOT_M))
+        if some.size:
+            along, across, _ = self._offset(roads[some], xy_m[some], guess[some])
+            nearer = np.hypot(along, across) < np.hypot(left_over[some], t_m[some])
+            s_m[some[nearer]], t_m[some[nearer]] = guess[some[nearer]], across[nearer]
         return s_m, t_m
 
     def _nearest_chords(

@@ -358,9 +358,9 @@ def test_the_nearest_of_many_chords_is_found_far_off_too():
     off_m = np.hypot(at.x_m - xy[:, 0], at.y_m - xy[:, 1])
     np.testing.assert_allclose(off_m, shapely.distance(line, shapely.points(xy)), atol=1e-6)
     # Far off, the lane's outer border is the nearest.
-    far = xy + [0.0, 5000.0]
+    far = xy + np.array([0.0, 5000.0])
     nearest = network.nearest_lane(far)
-    borders = network.sampled_borders(0.5)
+    borders = network.sampled_borders(0.1)
     points = np.concatenate([borders.left_m, borders.right_m])[:, :2]
     least = np.array([np.hypot(*(points - point).T).min() for point in far])
-    np.testing.assert_allclose(nearest.distance_m, least, atol=2e-2)
+    np.testing.assert_allclose(nearest.distance_m, least, atol=0.03)
