@@ -127,7 +127,7 @@ class _File:
         self.network = network
         self.pieces = pieces
         self.left_out: Counter[str] = Counter(pieces.left_out)
-        self.notes = folded_note(pieces)
+        self.notes = [*folded_note(pieces), *_turned_note(network, pieces)]
         self.counts: dict[str, int] = {}
         self.points: list[FloatArray] = []
         self.ways: list[tuple[list[int], dict[str, str]]] = []
@@ -393,6 +393,18 @@ class _File:
         east, north = transformer.transform(ORIGIN_DEG[1], ORIGIN_DEG[0], direction="INVERSE")
         longitude, latitude = transformer.transform(*(xy_m - moved_m + [east, north]).T)
         return np.asarray(latitude, dtype=np.float64), np.asarray(longitude, dtype=np.float64)
+
+
+def _turned_note(network: RoadNetwork, pieces: Lanelets) -> list[str]:
+    """Return what to say of borders that run back: by one point of each the library sees which is left."""
+    lanes = {network.lanes.key[pieces.lanelets[i].lane] for i in pieces.running_back()}
+    if not lanes:
+        return []
+    names = ", ".join("/".join(map(str, lane)) for lane in sorted(lanes))
+    return [
+        f"{len(lanes)} lanes have a border that runs back in a tight bend: {names}; the library lanelet2 may"
+        " turn it round and lose their links"
+    ]
 
 
 def _tags(parent: etree._Element, tags: dict[str, str]) -> None:

@@ -97,6 +97,15 @@ class Lanelets:
         ]
         return sum(not valid for valid in shapely.is_valid([shapely.Polygon(ring) for ring in rings]))
 
+    def running_back(self) -> list[int]:
+        """Return the lanelets of which one border runs back: in a bend that is tighter than the lane."""
+        back = []
+        for i, lanelet in enumerate(self.lanelets):
+            left, right = (np.diff(border[:, :2], axis=0) for border in self.bounds(lanelet))
+            if len(left) == len(right) and bool(((left * right).sum(axis=1) < 0.0).any()):
+                back.append(i)
+        return back
+
 
 def lanelets_of(network: RoadNetwork) -> Lanelets:
     """Cut the lanes of a network into lanelets, whose borders are within 4 mm of those of the lanes."""

@@ -110,6 +110,21 @@ def test_lanelet2_reads_the_same(map_file, peer, tmp_path):
                 points[:, :2] = network.from_geographic(points[:, 0], points[:, 1])
             entry[side] = points
     own = {entry["id"]: entry for entry in content["lanelets"]}
+    # The library sees by one point of each border on which side it lies, and turns it if it has to; where a
+    # border runs back in a bend that is tighter than the lane, it is wrong.
+    turned = {entry["id"] for entry in read["lanelets"] if entry["ends"] != own[entry["id"]]["ends"]}
+    noted = ", ".join(note for note in export.notes if "runs back" in note)
+    for entry in read["lanelets"]:
+        if entry["id"] in turned:
+            left, right = (
+                np.diff(np.array(own[entry["id"]][side])[:, :2], axis=0) for side in ("left", "right")
+            )
+            assert ((left * right).sum(axis=1) < 0.0).any()
+            assert entry["tags"]["opendrive"] in noted
+            for k, side in enumerate(("left", "right")):
+                if entry["ends"][k] != own[entry["id"]]["ends"][k]:
+                    entry[side] = entry[side][::-1]
+            entry["ends"] = own[entry["id"]]["ends"]
     following = {entry["id"]: set(entry["following"].get("vehicle", ())) for entry in read["lanelets"]}
     begins: dict[tuple, set[int]] = {}
     for entry in read["lanelets"]:
@@ -130,7 +145,7 @@ def test_lanelet2_reads_the_same(map_file, peer, tmp_path):
                 for i in begins.get(tuple(entry["ends"][2:]), set()) & passable
                 if own[i]["tags"]["one_way"] == "yes"
             }
-            assert one_way <= following[entry["id"]]
+            assert entry["id"] in turned or one_way - turned <= following[entry["id"]]
         if entry["users"] and "speed_limit" in entry["tags"]:
             assert entry["speed_mps"] == pytest.approx(
                 float(entry["tags"]["speed_limit"].split()[0]), abs=1e-3
