@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from time import process_time
 
-from opendrive import MapReadError, RoadNetwork, load_map
+from opendrive import MapReadError, load_map
 
 SUFFIX = ".xodr"
 
@@ -18,44 +19,52 @@ class MapAccount:
 
     Attributes:
         name: the file, relative to the folder.
-        network: the map; None if it was refused.
+        roads: how many roads it has.
+        lanes: how many lanes it has.
         refusal: why it was refused; empty if it was not.
         found: how often each kind of finding was found, the most frequent first.
+        processor_s: processor time of reading and checking it, s.
     """
 
     name: str
-    network: RoadNetwork | None
+    roads: int
+    lanes: int
     refusal: str
     found: tuple[tuple[str, int], ...]
+    processor_s: float
 
 
 def maps_of(folder: Path, layer: str) -> Iterator[MapAccount]:
     """Yield what became of each OpenDRIVE file of a folder and the folders in it, by name."""
     for file in sorted(folder.rglob(f"*{SUFFIX}")):
         name = file.relative_to(folder).as_posix()
+        start_s = process_time()
+        roads, lanes, refusal, kinds = 0, 0, "", Counter[str]()
         try:
             network = load_map(file, layer=layer)
         except MapReadError as error:
-            yield MapAccount(name, None, str(error).removeprefix(f"{file}: "), ())
+            refusal = str(error).removeprefix(f"{file}: ")
         else:
-            kinds = Counter(finding.kind.value for finding in network.findings)
-            yield MapAccount(name, network, "", tuple(kinds.most_common()))
+            roads, lanes = len(network.roads), len(network.lanes)
+            kinds.update(finding.kind.value for finding in network.findings)
+        yield MapAccount(name, roads, lanes, refusal, tuple(kinds.most_common()), process_time() - start_s)
 
 
 def folder_table(accounts: Iterator[MapAccount]) -> Iterator[str]:
     """Yield the lines of a Markdown table of maps, and a line with their numbers."""
-    yield "| map | roads | lanes | found |"
-    yield "|---|---|---|---|"
+    yield "| map | roads | lanes | found | s |"
+    yield "|---|---|---|---|---|"
     loaded = refused = clean = 0
     for account in accounts:
-        if account.network is None:
-            refused += 1
-            yield f"| {account.name} | | | refused: {_cell(account.refusal)} |"
-            continue
-        loaded += 1
-        clean += not account.found
         kinds = ", ".join(f"{count} x {kind}" for kind, count in account.found)
-        yield f"| {account.name} | {len(account.network.roads)} | {len(account.network.lanes)} | {kinds} |"
+        sizes = f"{account.roads} | {account.lanes}"
+        if account.refusal:
+            refused += 1
+            sizes, kinds = "| ", f"refused: {_cell(account.refusal)}"
+        else:
+            loaded += 1
+            clean += not account.found
+        yield f"| {_cell(account.name)} | {sizes} | {kinds} | {account.processor_s:.2f} |"
     yield ""
     yield f"{loaded + refused} maps: {loaded} loaded, {clean} of them without findings; {refused} refused"
 

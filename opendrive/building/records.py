@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from opendrive import model
-from opendrive.arrays import FloatArray
+from opendrive.arrays import FloatArray, finite
 from opendrive.building.reference_line import Curve, Piece, Pose, reference_line, to_15_digits, total_length_m
 from opendrive.errors import OpenDriveError, PositionError
 
@@ -155,13 +155,22 @@ def road(
         details: signals, objects and the like.
 
     Raises:
-        PositionError: there are no pieces.
+        PositionError: there are no pieces, a number is not finite, or lane sections do not start at 0, do not
+            ascend or start after the road's end.
         OpenDriveError: there are no lane sections.
     """
     if not pieces:
         raise PositionError(f"road {road_id!r}: its reference line has no pieces")
     if not sections:
         raise OpenDriveError(f"road {road_id!r}: it has no lane sections")
+    finite([start.x_m, start.y_m, start.yaw_rad], f"road {road_id!r}: start")
+    starts_m = [section.s_m for section in sections]
+    if starts_m[0] != 0.0 or not all(a < b for a, b in pairwise([*starts_m, total_length_m(pieces)])):
+        written = ", ".join(f"{s_m:g}" for s_m in starts_m)
+        raise PositionError(
+            f"road {road_id!r}: lane sections start at s = {written} m, expected 0 first, then ascending, "
+            f"before the road's end at {total_length_m(pieces):g} m"
+        )
     return model.Road(
         road_id,
         name,
@@ -184,6 +193,7 @@ def road(
 
 
 def _cubics(value: Profile, none_for_0: bool = False) -> FloatArray:
+    finite(value, "profile")
     if isinstance(value, np.ndarray):
         return value
     return NO_CUBICS if none_for_0 and value == 0.0 else np.array([[0.0, value, 0.0, 0.0, 0.0]])

@@ -295,3 +295,23 @@ def test_a_road_with_hyphens_in_its_id_is_written_as_commonroad(tmp_path):
     network = RoadNetwork(building.road_map("m", [road]))
     write_commonroad(network, tmp_path / "m.xml")
     assert "OpenDRIVE a- - -b-/0/" in (tmp_path / "m.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("starts_m", "start_x_m", "message"),
+    [
+        ((0.0, 50.0), 0.0, "start at s = 0, 50 m, expected 0 first, then ascending, before .* at 10 m"),
+        ((5.0,), 0.0, "start at s = 5 m"),
+        ((0.0, 5.0, 2.0), 0.0, "start at s = 0, 5, 2 m"),
+        ((0.0,), float("nan"), "road 'a': start: expected finite numbers"),
+    ],
+)
+def test_what_the_reader_would_refuse_or_leave_out_is_refused(starts_m, start_x_m, message):
+    sections = [building.section(STREET, STREET, s_m=s_m) for s_m in starts_m]
+    with pytest.raises(PositionError, match=message):
+        building.road("a", building.Pose(start_x_m, 0.0, 0.0), [building.line(10.0)], sections)
+
+
+def test_a_width_is_a_number():
+    with pytest.raises(PositionError, match="expected finite numbers"):
+        building.section([building.Lane("driving", float("nan"))], STREET)
