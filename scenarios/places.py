@@ -18,6 +18,8 @@ from smartmot.maps.walks import kerb, lanes_under
 STRAIGHT_M = 0.05
 """A stretch is straight where the lane's centre stays this near to a straight line: as far as the vehicle
 under test may leave its path in a Euro NCAP test."""
+SHORT_M = 1e-3
+"""On a lane that is shorter nothing stands; alone it is no route."""
 SITE_STEP_M = 1.0
 """Places of a lane are tried at this distance."""
 
@@ -235,6 +237,7 @@ def site_stretches(network: RoadNetwork, approach_m: float) -> list[SiteStretch]
     driving = (lanes.lane_type == "driving") & np.array(
         [j is None for j in lanes.junction_id], dtype=np.bool_
     )
+    driving &= lanes.s_end_m - lanes.s_start_m > SHORT_M
     stretches = [
         s for lane in np.flatnonzero(driving).tolist() for s in _lane_stretches(network, lane, approach_m)
     ]

@@ -322,7 +322,7 @@ def parse_place(text: str | None) -> Place | None:
     if text is None:
         return None
     try:
-        road, lane, s = (part.strip() for part in text.split(","))
+        road, lane, s = (part.strip() for part in text.rsplit(",", 2))
         place = Place(road, int(lane), float(s))
     except ValueError:
         place = None

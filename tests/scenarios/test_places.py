@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from opendrive import RoadNetwork, load_map
+from opendrive import RoadNetwork, building, load_map, write_map
 from scenarios.catalogue.cpna import LEAD_S, CpnaTest, build
 from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.errors import ScenarioError
@@ -199,6 +199,24 @@ def test_stretches_with_a_sidewalk_come_first() -> None:
     stretches = site_stretches(load_map(shipped_map("urban_street")), 60.0)
     assert {(s.place.road_id, s.place.lane_id) for s in stretches} == {("1", -1), ("1", 1)}
     assert all(s.has_sidewalk for s in stretches)
+
+
+@pytest.mark.parametrize("length_m", [0.0, 1e-7])
+def test_a_road_without_length_is_passed_over(tmp_path: Path, length_m: float) -> None:
+    """Nothing stands on it, and the other roads keep their stretches."""
+    lanes = building.section([], [building.Lane("driving", 3.5)])
+    street = building.road("1", building.Pose(0.0, 0.0, 0.0), [building.line(200.0)], [lanes])
+    write_map(building.road_map("m", [street]), tmp_path / "m.xodr")
+    alone = site_stretches(load_map(tmp_path / "m.xodr"), 60.0)
+    text = (tmp_path / "m.xodr").read_text(encoding="utf-8")
+    again = text[text.index("<road") : text.index("</road>") + len("</road>")]
+    again = again.replace('id="1"', 'id="2"', 1).replace('length="200.0"', f'length="{length_m}"')
+    text = text.replace("</OpenDRIVE>", f"{again}</OpenDRIVE>")
+    (tmp_path / "m.xodr").write_text(text, encoding="utf-8")
+    network = load_map(tmp_path / "m.xodr")
+    assert network.roads["2"].length_m == length_m
+    assert len(alone) == 1
+    assert site_stretches(network, 60.0) == alone
 
 
 def test_a_stretch_of_a_few_metres_is_found(tmp_path: Path) -> None:

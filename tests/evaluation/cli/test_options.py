@@ -115,7 +115,13 @@ def test_a_single_name_is_single() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "place"), [("1,-1,250.0", ("1", -1, 250.0)), (" a7 , 2 , 1e1 ", ("a7", 2, 10.0))]
+    ("text", "place"),
+    [
+        ("1,-1,250.0", ("1", -1, 250.0)),
+        (" a7 , 2 , 1e1 ", ("a7", 2, 10.0)),
+        # The id of a road is any text.
+        ("a/b,c d,-1,5", ("a/b,c d", -1, 5.0)),
+    ],
 )
 def test_places(text: str, place: tuple[str, int, float]) -> None:
     assert parse_place(text) == Place(*place)
@@ -126,7 +132,7 @@ def test_no_place() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "1", "1,-1", "1,-1,2,3", "1,x,2", "1,-1,x", "1,1.5,2", "1,-1,nan", "1,-1,inf"]
+    "text", ["", "1", "1,-1", "1,-1,2,x", "1,x,2", "1,-1,x", "1,1.5,2", "1,-1,nan", "1,-1,inf"]
 )
 def test_wrong_places_are_answered_with_an_example(text: str) -> None:
     with pytest.raises(ArgumentError, match=r"--at: expected ROAD,LANE,S such as 1,-1,250\.0; got "):
