@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from scenarios.parameter import Setting
 from scenarios.presets import Preset
-from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception
+from scenarios.sensors.lidar.chain import PERCEPTIONS, LidarPerception, is_network, network_file
 from scenarios.sensors.lidar.config import SENSORS, lidar_config
 from scenarios.sensors.lidar.street import Furnished
 from scenarios.sensors.variation import ERROR_NUMBERS
 from smartmot.errors import ConfigError
 from smartmot.plugins import is_plugin, plugin
-
-Setting = float | str
 
 TRUTH = "truth"
 """Name of the shipped sensor: ground truth with errors."""
@@ -71,11 +70,16 @@ def perception_of(preset: Preset) -> str:
 
 
 def put_perception(preset: Preset, value: Setting) -> Preset:
-    """The preset with another detector behind its LiDAR."""
+    """The preset with another detector behind its LiDAR.
+
+    Raises:
+        ConfigError: there is no LiDAR, or the file of a network is none.
+        smartmot.errors.PluginError: what is the user's own cannot be loaded.
+    """
     if preset.lidar is None:
         raise ConfigError("perception is for a LiDAR, and there is none")
     name = str(value)
-    chosen = plugin(name) if is_plugin(name) else name
+    chosen = plugin(name) if is_plugin(name) else network_file(name) if is_network(name) else name
     return replace(preset, lidar=replace(preset.lidar, perception=chosen))
 
 

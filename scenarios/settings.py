@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
 
 from scenarios import sensing
+from scenarios.parameter import FileChoice, Parameter
+from scenarios.parameter import Setting as Setting
+from scenarios.parameter import Settings as Settings
 from scenarios.presets import PRESETS, Preset
 from scenarios.sensors.boxes import SensorConfig
-from scenarios.sensors.lidar.chain import PERCEPTIONS
+from scenarios.sensors.lidar.chain import NETWORK_FORM, PERCEPTIONS, is_network, network_file
 from scenarios.sensors.lidar.config import SENSORS
 from scenarios.sensors.suite import whole_steps
 from scenarios.sensors.variation import ERROR_NUMBERS, NAMED_ERRORS, errors_name
@@ -30,52 +33,6 @@ from smartmot.maps.faulty import LANES, SIDEWALKS, TYPES
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
 from smartmot.tracking.profile import is_profile
-
-Setting = float | str
-Settings = tuple[tuple[str, Setting], ...]
-"""Names and values of the parameters that depart from the preset, by name."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter.
-
-    Args:
-        text: what it is, for tables and figures.
-        unit: of its values; empty for names and ratios.
-        strategies: those that it changes.
-        choices: possible names; empty: it is a number.
-        of: its value in a preset.
-        put: a preset with another value.
-        own: whether `package.module:name` of the user's own is possible as well.
-        numeric: whether numbers are possible beside the names.
-        old: earlier names of choices, which are still accepted.
-        profiles: whether a file with a detector's profile is possible as well.
-    """
-
-    text: str
-    unit: str
-    strategies: tuple[str, ...]
-    choices: tuple[str, ...]
-    of: Callable[[Preset], Setting]
-    put: Callable[[Preset, Setting], Preset]
-    own: bool = False
-    numeric: bool = False
-    old: tuple[str, ...] = ()
-    profiles: bool = False
-
-    def changes(self, strategy: str) -> bool:
-        """Whether it means anything for a strategy; what all have, one of the user's own has as well."""
-        return strategy in self.strategies or (is_plugin(strategy) and self.strategies == STRATEGIES)
-
-    def admits(self, value: Setting) -> bool:
-        """Whether a value is one of the names, or a number where that is asked; ranges are the preset's."""
-        if isinstance(value, str):
-            by_form = (self.own and is_plugin(value)) or (self.profiles and is_profile(value))
-            return value in (*self.choices, *self.old) or by_form
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
-        return is_number and (self.numeric or not self.choices)
-
 
 T = TypeVar("T")
 
@@ -335,6 +292,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             sensing.perception_of,
             sensing.put_perception,
             own=True,
+            file=FileChoice(NETWORK_FORM, is_network, lambda name: network_file(name).name),
         ),
         "street": Parameter(
             "what stands along the road",
@@ -406,7 +364,14 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             "forecast of the others", "", STRATEGIES, ("cv", "ctrv", "class"), _motion_of, _put_motion
         ),
         "tracker": Parameter(
-            "tracker", "", STRATEGIES, _TRACKERS, _tracker_of, _put_tracker, own=True, profiles=True
+            "tracker",
+            "",
+            STRATEGIES,
+            _TRACKERS,
+            _tracker_of,
+            _put_tracker,
+            own=True,
+            file=FileChoice("FILE.json", is_profile),
         ),
         "detector": Parameter(
             "detector", "", STRATEGIES, (OF_PRESET,), _detector_of, _put_detector, own=True
@@ -474,7 +439,7 @@ def preset_with(preset: Preset, settings: Settings) -> Preset:
         if name not in PARAMETERS:
             raise ConfigError(f"no parameter {name!r}; there are: {', '.join(PARAMETERS)}")
         if not PARAMETERS[name].admits(value):
-            expected = ", ".join(PARAMETERS[name].choices) or "a number"
+            expected = ", ".join(PARAMETERS[name].names) or "a number"
             raise ConfigError(f"{name}: expected {expected}; got {value!r}")
     for name, purpose in sensing.idle(settings).items():
         raise ConfigError(f"{name} is for {purpose}")

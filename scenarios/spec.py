@@ -26,6 +26,7 @@ from scenarios.openscenario.reading.reader import load
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
 from scenarios.presets import Preset, named_preset, preset_at_night, preset_in_weather
+from scenarios.sensors.lidar.chain import is_network, network_path
 from scenarios.settings import Settings, preset_with
 from scenarios.simulation.driver import DriverBrake
 from scenarios.simulation.ends import StopRule
@@ -97,6 +98,12 @@ class RunSpec:
         """What of the user's own takes part, as `package.module:name`."""
         names = (self.strategy, *(value for _, value in self.settings if isinstance(value, str)))
         return tuple(name for name in names if is_plugin(name))
+
+    @property
+    def networks(self) -> tuple[Path, ...]:
+        """Files of the networks that take part."""
+        named = [str(value) for name, value in self.settings if name == "perception"]
+        return tuple(network_path(name) for name in named if is_network(name))
 
     @property
     def log(self) -> str:

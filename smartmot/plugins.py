@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from inspect import signature
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, TypeVar
 
 from smartmot.errors import PluginError, SmartMotError
@@ -70,8 +70,8 @@ class Plugin:
 
 
 def is_plugin(name: str) -> bool:
-    """Whether a name is of the form of a plug-in's."""
-    return ":" in name
+    """Whether a name is of the form of a plug-in's; a file on a drive of Windows is none."""
+    return ":" in name and not PureWindowsPath(name).is_absolute()
 
 
 def plugin(name: str) -> Plugin:

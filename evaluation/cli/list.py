@@ -1,4 +1,4 @@
-"""`smartmot-eval list`: the shipped scenarios and their parameters."""
+"""`smartmot-eval list`: the shipped scenarios and their parameters; rules, protocols, perceptions."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ def command(
     protocols: Annotated[
         bool, typer.Option("--protocols", help="The shipped test protocols in their place.")
     ] = False,
+    perceptions: Annotated[
+        bool, typer.Option("--perceptions", help="What makes detections of a LiDAR's clouds in their place.")
+    ] = False,
 ) -> None:
     """List the shipped scenarios: name, number of runs, description; or one with its parameters."""
     from scenarios.catalogue.library import SHIPPED_SCENARIOS, describe
@@ -25,6 +28,9 @@ def command(
         return
     if protocols:
         _list_protocols()
+        return
+    if perceptions:
+        _list_perceptions()
         return
     for name in SHIPPED_SCENARIOS if scenario is None else (scenario,):
         described = describe(name)
@@ -45,6 +51,27 @@ def _list_protocols() -> None:
         typer.echo(f"{name:<20} {len(rules.cells()):>4} cells  {rules.title}")
     for alias, name in ALIASES.items():
         typer.echo(f"{alias:<20} {'':>10}  the same as {name}")
+
+
+def _list_perceptions() -> None:
+    """Name of each perception of a LiDAR, and what it does."""
+    from scenarios.sensors.lidar.chain import MONITORED, NETWORK_FORM, OF_TRUTH, PERCEPTIONS, UNSCORED
+
+    texts = {
+        "classical": "Local ground, clusters, calibrated scores; fitted to simulated streets.",
+        "plain": "The thesis' chain: voxels, one plane, clusters, rules of size; all scores 1.",
+    }
+    texts |= {name: f"{of} with all scores 1." for name, of in UNSCORED.items()}
+    texts |= {name: f"{of}, given the points on the monitored area alone." for name, of in MONITORED.items()}
+    texts |= {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OF_TRUTH.items()}
+    lines = [(name, texts[name]) for name in PERCEPTIONS]
+    lines += [
+        (NETWORK_FORM, "A network that lidar train made, known by the hash of its file: docs/learned.md."),
+        (f"{NETWORK_FORM}_monitored", "The same, given the points on the monitored area alone."),
+        ("package.module:name", "A detector of your own: docs/lidar.md, In the loop."),
+    ]
+    for name, text in lines:
+        typer.echo(f"{name:<22} {text}")
 
 
 def _list_rules() -> None:

@@ -15,9 +15,10 @@ import typer
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from scenarios.parameter import Parameter
     from scenarios.places import Place
     from scenarios.recorded.formats import Reading
-    from scenarios.settings import Parameter, Setting, Settings
+    from scenarios.settings import Setting, Settings
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
 DEFAULT_SPEED_STEP_KMH = 10.0
@@ -65,9 +66,9 @@ SensorName = Annotated[
 PerceptionName = Annotated[
     str | None,
     typer.Option(
-        help="What makes detections of the LiDAR's clouds: classical, plain, cutout (boxes around points "
-        "that truth cuts out), labels (true boxes of all who have a point), or your own, "
-        "package.module:name. Default: the first.",
+        help="What makes detections of the LiDAR's clouds: classical, plain, a network (FILE.onnx), cutout "
+        "(boxes around points that truth cuts out), labels (true boxes of all who have a point), or your "
+        "own, package.module:name; all: list --perceptions. Default: the first.",
         metavar="NAME",
         rich_help_panel=LIDAR,
     ),
@@ -354,6 +355,7 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
 
     Raises:
         ArgumentError: not of that form, an unknown parameter or name, or a parameter twice.
+        smartmot.errors.ConfigError: see `_chosen`.
     """
     from scenarios.settings import PARAMETERS
 
@@ -370,20 +372,24 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
         settings: list[Setting] = []
         for part in (part.strip() for part in values.split(",")):
             if parameter.choices and not (parameter.numeric and part not in parameter.choices):
-                settings.append(_chosen(name, part, parameter))
+                settings.append(_chosen(part, parameter, f"--vary {name}"))
             else:
                 settings += _numbers(name, part)
         varied[name] = tuple(dict.fromkeys(settings))
     return varied
 
 
-def _chosen(name: str, text: str, parameter: Parameter) -> str:
-    """One of the names of a parameter; an earlier one stays as it is typed."""
-    if text in parameter.old:
-        return text
-    if parameter.profiles and parameter.admits(text):
-        return text
-    return parse_name(text, parameter.choices, f"--vary {name}", own=parameter.own)
+def _chosen(text: str, parameter: Parameter, option: str) -> str:
+    """One of the names of a parameter, or a file; an earlier name stays as it is typed.
+
+    Raises:
+        ArgumentError: an unknown name.
+        smartmot.errors.ConfigError: a file is missing, or not what it should be.
+    """
+    text = text.strip()
+    if text in parameter.old or parameter.is_file(text):
+        return parameter.known_as(text)
+    return parse_name(text, parameter.names, option, own=parameter.own)
 
 
 def _numbers(name: str, text: str) -> list[float]:
@@ -418,12 +424,7 @@ def parse_plugged(**typed: str) -> Settings:
     """
     from scenarios.settings import PARAMETERS
 
-    chosen = {
-        name: text.strip()
-        if PARAMETERS[name].profiles and PARAMETERS[name].admits(text.strip())
-        else parse_name(text, PARAMETERS[name].choices, f"--{name}", own=True)
-        for name, text in typed.items()
-    }
+    chosen = {name: _chosen(text, PARAMETERS[name], f"--{name}") for name, text in typed.items()}
     # the first choice stands for what the preset has
     return tuple((name, value) for name, value in chosen.items() if value != PARAMETERS[name].choices[0])
 
@@ -448,6 +449,7 @@ def parse_lidar(
 
     Raises:
         ArgumentError: an unknown name, or an option without what it belongs to.
+        smartmot.errors.ConfigError: a network is missing or damaged, or cannot be run.
     """
     from scenarios.sensing import TRUTH
     from scenarios.settings import PARAMETERS
@@ -456,8 +458,7 @@ def parse_lidar(
     given: dict[str, str | float] = {name: value for name, value in typed.items() if value is not None}
     sensor = parse_name(sensor, PARAMETERS["sensor"].choices, "--sensor")
     for name in given.keys() & {"perception", "street"}:
-        parameter = PARAMETERS[name]
-        given[name] = parse_name(str(given[name]), parameter.choices, f"--{name}", own=parameter.own)
+        given[name] = _chosen(str(given[name]), PARAMETERS[name], f"--{name}")
     if given and sensor == TRUTH and "sensor" not in varied:
         raise ArgumentError(
             f"--{next(iter(given)).replace('_', '-')}: for a LiDAR; add --sensor hdl32, hdl64 or mid70"

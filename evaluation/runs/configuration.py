@@ -19,7 +19,14 @@ from typing import Any
 import scenarios
 from evaluation.results.files import RUNS_JSON, SCHEMA, ResultsError
 from evaluation.runs.decoding import NO_LIMIT, decode, decoded_spec, is_scalar, list_of, object_of, texts_of
-from evaluation.runs.fingerprint import file_digest, file_digests, library_versions, map_file, version
+from evaluation.runs.fingerprint import (
+    file_digest,
+    file_digests,
+    library_versions,
+    map_file,
+    network_versions,
+    version,
+)
 from evaluation.runs.first_version import read_first
 from evaluation.runs.specs import preset_text
 from scenarios.catalogue.library import SHIPPED_SCENARIOS
@@ -119,7 +126,7 @@ def configuration_of(
         "plugins": plugins,
         "perception": list(perception),
         "published": published,
-        "versions": versions(),
+        "versions": versions() | (network_versions() if any(spec.networks for spec in specs) else {}),
     }
 
 

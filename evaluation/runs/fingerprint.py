@@ -19,6 +19,7 @@ from scenarios.catalogue.maps import SHIPPED_MAPS, shipped_map
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.reader import load
 from scenarios.presets import named_preset
+from scenarios.sensors.lidar.chain import NetworkFile
 from scenarios.settings import Settings, preset_with
 from scenarios.spec import NCAP_MAP, RunSpec
 from smartmot.plugins import is_plugin, plugin
@@ -62,10 +63,16 @@ def library_versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in LIBRARIES}
 
 
+def network_versions() -> dict[str, str]:
+    """Versions of the libraries that networks are run by."""
+    return {"onnxruntime": metadata.version("onnxruntime")}
+
+
 def fingerprint(spec: RunSpec, *more: object) -> str:
     """Hash of a run's values, its files, its preset with its settings, the code, and whatever else is told.
 
-    The code is this distribution's, and that of the libraries by their versions. A setting that says what the
+    The code is this distribution's, and that of the libraries by their versions. A network is known by the
+    hash of its file. A setting that says what the
     preset has anyway makes no other run. The files are all that reading the scenario touches (itself, its
     catalogs, its map) and the map of perception; where they lie is no matter.
 
@@ -82,7 +89,10 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     told_map = None if spec.map_name is None else Path(spec.map_name).name
     values = asdict(replace(spec, file=path.name, parameters=(), settings=(), map_name=told_map))
     code = [version(), library_versions()]
-    hashed = [values, parameters, _preset_text(spec.preset, spec.settings), files, code, *more]
+    networks = tuple(file_digest(path) for path in spec.networks)
+    hashed = [values, parameters, _preset_text(spec.preset, spec.settings, networks), files, code, *more]
+    if networks:
+        hashed.append(network_versions())
     if is_plugin(spec.strategy):
         hashed.append(plugin(spec.strategy).digest)
     return digest_of(hashed)
@@ -117,8 +127,19 @@ def file_digests(paths: Iterable[Path]) -> dict[Path, str]:
 
 
 @cache
-def _preset_text(name: str, settings: Settings) -> str:
-    return json.dumps(asdict(preset_with(named_preset(name), settings)), sort_keys=True)
+def _preset_text(name: str, settings: Settings, networks: tuple[str, ...]) -> str:
+    """The values of a preset; a network is its content, whatever its file is called.
+
+    Args:
+        name: of the preset.
+        settings: put into it.
+        networks: SHA-256 of the networks that the settings name, so that a changed file is read again.
+    """
+    preset = preset_with(named_preset(name), settings)
+    lidar = preset.lidar
+    if lidar is not None and isinstance(lidar.perception, NetworkFile):
+        preset = replace(preset, lidar=replace(lidar, perception=replace(lidar.perception, path="")))
+    return json.dumps(asdict(preset), sort_keys=True)
 
 
 @cache

@@ -10,7 +10,7 @@ from scenarios.catalogue.library import scenario_name, scenario_path
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.reading.distributions import Variation, admissible, expand
 from scenarios.presets import Preset, named_preset
-from scenarios.sensors.lidar.chain import lidar_of
+from scenarios.sensors.lidar.chain import NetworkFile, lidar_of
 from scenarios.settings import Settings, preset_with, settings_text
 from scenarios.spec import (
     NO_AEB,
@@ -167,11 +167,12 @@ def lidar_notes(preset: Preset, own_streets: bool = False) -> list[str]:
             f"on a street with {street.density_per_100_m:g} pieces of furniture per 100 m and side, {seed}, "
             "but for those in the way of road users"
         )
-    return [
+    line = (
         f"{lidar.sensor}: {config.pattern.rate_hz:g} clouds and frames of perception per second, echoes up "
-        f"to {config.range_m:g} m, {along}; detections by {lidar.perception_name}",
-        UPPER_BOUND,
-    ]
+        f"to {config.range_m:g} m, {along}; detections by {lidar.perception_name}"
+    )
+    unseen = lidar.perception.unseen(config) if isinstance(lidar.perception, NetworkFile) else ""
+    return [f"{line}: {unseen}" if unseen else line, UPPER_BOUND]
 
 
 UPPER_BOUND = (

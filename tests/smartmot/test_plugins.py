@@ -44,6 +44,7 @@ def test_a_class_of_the_current_folder_is_made_with_what_it_is_given(folder: Pat
     assert type(plugin("thing_a:Thing.Inner")()).__qualname__ == "Thing.Inner"
     assert is_plugin(made.name)
     assert not is_plugin("rectangular")
+    assert not is_plugin("C:\\detectors\\profile.json")
 
 
 def test_the_digest_is_that_of_the_source(folder: Path) -> None:

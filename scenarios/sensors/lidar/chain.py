@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +24,10 @@ from scenarios.sensors.lidar.street import Street
 from scenarios.sensors.world import MapSurface, World, reversed_course
 from smartmot.area import MonitoredArea
 from smartmot.arrays import BoolArray, FloatArray
-from smartmot.errors import PluginError
-from smartmot.lidar import METHODS, ClassicalConfig, detect
+from smartmot.errors import ConfigError, PluginError
+from smartmot.lidar import METHODS, ClassicalConfig, DetectorConfig, LearnedConfig, detect
 from smartmot.lidar.monitored import points_on
-from smartmot.plugins import Plugin, require
+from smartmot.plugins import Plugin, is_plugin, require
 from smartmot.types import Detections, EgoState
 
 OF_TRUTH: dict[str, type[CutoutDetector] | type[LabelDetector]] = {
@@ -46,6 +49,96 @@ AreaAt = Callable[[float], tuple[MonitoredArea, EgoState]]
 
 DEFAULT_PERCEPTION = PERCEPTIONS[0]
 
+NETWORK_FORM = "FILE.onnx"
+"""How a network is named; with `_monitored` behind it, it gets the points on the monitored area alone."""
+
+_NETWORK_NAME = re.compile(r"(.+\.onnx)(_monitored)?(?:@([0-9a-f]{12,64}))?")
+
+LEAST_NETWORK_SCORE = 0.1
+"""Boxes of a network with lower scores are peaks of its noise, a hundred in a frame; no shipped tracker with
+a threshold on scores has a lower one (`smartmot.tracking.configs`, CenterPoint's detection_th)."""
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkFile:
+    """A network as a run knows it. Made by `network_file`.
+
+    Args:
+        path: of the ONNX file, as it was typed.
+        digest: SHA-256 of the file, which decides what network it is; the path does not.
+        classes: that it can say.
+        ahead_m: from and to where it looks, sensor's frame.
+        left_m: likewise, to the left.
+        monitored: whether it is given the points on the monitored area alone.
+
+    Raises:
+        ScenarioError: a field of view has not two ends.
+    """
+
+    path: str
+    digest: str
+    classes: tuple[str, ...]
+    ahead_m: tuple[float, ...]
+    left_m: tuple[float, ...]
+    monitored: bool = False
+
+    def __post_init__(self) -> None:
+        if (len(self.ahead_m), len(self.left_m)) != (2, 2):
+            raise ScenarioError(f"{self.path}: a network looks from one place to another, got {self}")
+
+    @property
+    def name(self) -> str:
+        """As it is typed, with the first digits of the hash: `FILE.onnx@0123456789ab`."""
+        return f"{self.path}{'_monitored' * self.monitored}@{self.digest[:12]}"
+
+    def unseen(self, lidar: LidarConfig) -> str:
+        """Where a LiDAR looks and the network does not; empty: nowhere."""
+        pattern, (near, far), (right, left) = lidar.pattern, self.ahead_m, self.left_m
+        behind = isinstance(pattern, Spinning) and pattern.field_rad > math.pi and near > -lidar.range_m
+        if not behind and lidar.range_m <= min(far, left, -right):
+            return ""
+        return (
+            f"it knows {', '.join(self.classes)} from {near:g} to {far:g} m ahead, {left:g} m to the left "
+            f"and {-right:g} m to the right; what the sensor sees elsewhere is not detected"
+        )
+
+
+def is_network(name: str) -> bool:
+    """Whether the name of a perception is that of a network's file; see `network_file`."""
+    return _NETWORK_NAME.fullmatch(name) is not None and not is_plugin(name)
+
+
+def network_path(name: str) -> Path:
+    """The file that a name of the form of a network's names; see `network_file`."""
+    match = _NETWORK_NAME.fullmatch(name)
+    return Path(name if match is None else match[1])
+
+
+def network_file(name: str) -> NetworkFile:
+    """The network of a file, loaded to see that it can run.
+
+    Args:
+        name: `FILE.onnx`, with `_monitored` where it is given the points on the monitored area alone, and
+            `@` with the first 12 or more digits of its SHA-256 where no other network will do.
+
+    Raises:
+        ConfigError: the file is missing or damaged, another network, or no network of this form; or
+            onnxruntime is missing.
+    """
+    match = _NETWORK_NAME.fullmatch(name)
+    if match is None:
+        raise ConfigError(f"{name}: expected {NETWORK_FORM}")
+    path, monitored, digits = match.groups()
+    config = LearnedConfig(Path(path))
+    if not config.digest.startswith(digits or ""):
+        raise ConfigError(
+            f"{path}: is not the network with SHA-256 {digits}..., but {config.digest[:12]}...; "
+            "it has changed since it was named"
+        )
+    decoder = config.network.decoder
+    grid = decoder.grid
+    return NetworkFile(path, config.digest, decoder.classes, grid.ahead_m, grid.left_m, bool(monitored))
+
 
 @dataclass(frozen=True, slots=True)
 class LidarPerception:
@@ -53,15 +146,15 @@ class LidarPerception:
 
     Args:
         sensor: name out of `SENSORS`.
-        perception: name out of `PERCEPTIONS`, or what makes a detector of the user's own; it is called with
-            the `LidarConfig` and the seed of the run.
+        perception: name out of `PERCEPTIONS`, a network, or what makes a detector of the user's own; it is
+            called with the `LidarConfig` and the seed of the run.
 
     Raises:
         ScenarioError: an unknown name.
     """
 
     sensor: str
-    perception: str | Plugin = PERCEPTIONS[0]
+    perception: str | Plugin | NetworkFile = PERCEPTIONS[0]
 
     def __post_init__(self) -> None:
         lidar_config(self.sensor)
@@ -145,21 +238,27 @@ class RunLidar:
 
 
 class CloudDetector:
-    """A shipped detector of clouds behind a LiDAR.
+    """A shipped detector of clouds, or a network, behind a LiDAR.
 
     Args:
         method: name out of `smartmot.lidar.METHODS`, with its default parameters, out of `UNSCORED` or of
-            `MONITORED`.
-        area_at: the monitored area at the time of a cloud, and the ego's pose in its frame; for `MONITORED`.
+            `MONITORED`; or a network.
+        area_at: the monitored area at the time of a cloud, and the ego's pose in its frame, where the
+            detector is given the points on it alone; None: all points.
     """
 
     latency_s = 0.0
     rate_hz: float | None = None
 
-    def __init__(self, method: str, area_at: AreaAt | None = None) -> None:
-        config, self.scored = METHODS[(UNSCORED | MONITORED).get(method, method)](), method not in UNSCORED
-        self.area_at = area_at if method in MONITORED else None
+    def __init__(self, method: str | NetworkFile, area_at: AreaAt | None = None) -> None:
+        self.area_at = area_at
+        self.scored = method not in UNSCORED
+        self.config: DetectorConfig
         # the tracker drops low scores, and they are counted; the detector keeps none back
+        if isinstance(method, NetworkFile):
+            self.config = LearnedConfig(Path(method.path), method.digest, LEAST_NETWORK_SCORE)
+            return
+        config = METHODS[(UNSCORED | MONITORED).get(method, method)]()
         self.config = replace(config, least_score=0.0) if isinstance(config, ClassicalConfig) else config
 
     def detect(self, measurement: LidarMeasurement) -> Detections:
@@ -218,7 +317,7 @@ _kept: OrderedDict[Hashable, Detections] = OrderedDict()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LidarChain(SensorChain[Any]):
-    """A LiDAR with a shipped detector.
+    """A LiDAR with a shipped detector, or a network.
 
     Runs of several strategies meet the same world until their egos part. Detections depend on nothing but
     that world, so that equal frames are detected once in a process.
@@ -227,15 +326,17 @@ class LidarChain(SensorChain[Any]):
         sensor: the LiDAR.
         detector: keeps no state.
         name: of the perception.
+        perception: which it is.
     """
 
     sensor: RunLidar
+    perception: str | NetworkFile = DEFAULT_PERCEPTION
 
     def observe(self, world: World, ego: EgoState, keeps: bool = True) -> tuple[Detections, Any]:
         """See `SensorChain.observe`."""
         if keeps:
             return SensorChain.observe(self, world, ego)
-        key = (self.name, self.sensor.key(world, ego))
+        key = (self.perception, self.sensor.key(world, ego))
         detections = _kept.get(key)
         if detections is None:
             detections = _kept[key] = SensorChain.observe(self, world, ego)[0]
@@ -266,21 +367,21 @@ def lidar_chain(
     Raises:
         PluginError: a detector of the user's own cannot be made.
         ScenarioError: the perception asks for a monitored area, and there is none.
+        ConfigError: the file of a network is missing, or has changed.
     """
     config = lidar_of(lidar, sensor)
-    perception = lidar.perception
+    perception, name = lidar.perception, lidar.perception_name
     labelled = perception in OF_TRUTH
     carried = RunLidar(config, seed, street, backwards=backwards, labelled=labelled)
     if isinstance(perception, Plugin):
-        own = OwnDetector(perception(config, seed), perception.name)
-        return SensorChain(carried, own, perception.name)
-    if perception in MONITORED:
+        own = OwnDetector(perception(config, seed), name)
+        return SensorChain(carried, own, name)
+    if perception.monitored if isinstance(perception, NetworkFile) else perception in MONITORED:
         if area_at is None:
-            other = MONITORED[perception]
-            raise ScenarioError(
-                f"perception={perception} needs a monitored area, and there is none; use {other}"
-            )
+            other = perception.path if isinstance(perception, NetworkFile) else MONITORED[perception]
+            raise ScenarioError(f"perception={name} needs a monitored area, and there is none; use {other}")
         # detections of two strategies differ: no frame is shared
-        return SensorChain(carried, CloudDetector(perception, area_at), perception)
-    detector: Detector[Any] = OF_TRUTH[perception]() if labelled else CloudDetector(perception)
-    return LidarChain(carried, detector, perception)
+        return SensorChain(carried, CloudDetector(perception, area_at), name)
+    of_truth = OF_TRUTH.get(perception) if isinstance(perception, str) else None
+    detector: Detector[Any] = CloudDetector(perception) if of_truth is None else of_truth()
+    return LidarChain(carried, detector, name, perception)

@@ -239,6 +239,13 @@ def test_shipped_brake_rules_are_listed_with_what_triggers_them(command: Command
     assert len(named) == 9
 
 
+def test_perceptions_are_listed_with_networks_and_ones_own(command: Command) -> None:
+    from scenarios.sensors.lidar.chain import PERCEPTIONS
+
+    named = [line.split()[0] for line in command("list", "--perceptions").out.splitlines()]
+    assert named == [*PERCEPTIONS, "FILE.onnx", "FILE.onnx_monitored", "package.module:name"]
+
+
 # ---- protocols ---------------------------------------------------------------------------------------------
 
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import pytest
 
-from evaluation.cli.options import parse_lidar
+from evaluation.cli.options import parse_lidar, parse_vary
 from evaluation.errors import ArgumentError
 from evaluation.runs.specs import UPPER_BOUND, lidar_notes
 from evaluation.studies.compare.grid import Point
 from evaluation.studies.compare.study import SceneStudy
 from scenarios.presets import PHYSICAL
 from scenarios.settings import preset_with
+from smartmot.errors import ConfigError
+from smartmot.lidar.learned import Decoder, PillarGrid
+from tests.networks import upright_network
 
 
 def test_what_is_typed_is_set() -> None:
@@ -26,13 +32,31 @@ def test_what_is_typed_is_set() -> None:
     )
 
 
+def test_a_network_is_set_with_its_hash(tmp_path: Path) -> None:
+    file = tmp_path / "net.onnx"
+    file.write_bytes(upright_network(Decoder(PillarGrid(), ("car", "pedestrian"))))
+    known = f"{file}@{hashlib.sha256(file.read_bytes()).hexdigest()[:12]}"
+    typed = parse_lidar("hdl64", str(file), None, None, None)
+    assert typed == (("sensor", "hdl64"), ("perception", known))
+    varied = parse_vary([f"perception=classical,{file},{file}_monitored"])
+    assert varied == {"perception": ("classical", known, known.replace("@", "_monitored@"))}
+    (line, bound) = lidar_notes(preset_with(PHYSICAL, typed))
+    assert f"detections by {known}: it knows car, pedestrian from 0 to 44.8 m ahead" in line
+    assert bound == UPPER_BOUND
+    preset = preset_with(PHYSICAL, typed)
+    file.unlink()
+    assert lidar_notes(preset) == [line, bound]
+    with pytest.raises(ConfigError, match=r"net.onnx: cannot be read: No such file"):
+        parse_lidar("hdl64", str(file), None, None, None)
+
+
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
         (("hdl16", None, None, None, None), "--sensor: unknown 'hdl16'; use one of: truth, hdl32"),
         (("truth", "cutout", None, None, None), "--perception: for a LiDAR; add --sensor hdl32"),
         (("truth", None, "furnished", None, None), "--street: for a LiDAR"),
-        (("hdl32", "nets", None, None, None), "--perception: unknown 'nets'"),
+        (("hdl32", "nets", None, None, None), "--perception: unknown 'nets'.*, FILE.onnx or package.module"),
         (("hdl32", None, None, None, 3), "--street-seed: add --street furnished"),
         (("hdl32", None, "bare", 8.0, None), "--street-density: add --street furnished"),
     ],

@@ -13,7 +13,11 @@ import pytest
 from evaluation.runs.fingerprint import file_digest, fingerprint
 from scenarios.catalogue.library import DEFINITIONS
 from scenarios.errors import ScenarioError
+from scenarios.settings import PARAMETERS
 from scenarios.spec import RunSpec
+from smartmot.errors import ConfigError
+from smartmot.lidar.learned import Decoder, PillarGrid
+from tests.networks import upright_network
 
 
 @pytest.fixture
@@ -71,6 +75,28 @@ def test_where_the_files_lie_is_no_matter(folder: Path, spec: RunSpec, tmp_path:
     shutil.copytree(folder / "definitions", tmp_path / "other" / "definitions")
     moved = str(tmp_path / "other" / "definitions" / "crossing.xosc")
     assert fingerprint(replace(spec, file=moved)) == fingerprint(spec)
+
+
+def test_a_network_is_its_content_whatever_its_file_is_called(spec: RunSpec, tmp_path: Path) -> None:
+    def key(path: Path, pinned: bool = False, after: str = "") -> str:
+        name = f"{path}{after}"
+        name = PARAMETERS["perception"].known_as(name) if pinned else name
+        return fingerprint(replace(spec, settings=(("sensor", "mid70"), ("perception", name))))
+
+    decoder = Decoder(PillarGrid(), ("car", "pedestrian", "cyclist"))
+    first, second = tmp_path / "a.onnx", tmp_path / "b.onnx"
+    first.write_bytes(upright_network(decoder))
+    shutil.copy(first, second)
+    before = key(first)
+    assert key(second) == key(first, pinned=True) == before
+    assert key(first, after="_monitored") != before
+    pinned = PARAMETERS["perception"].known_as(str(first))
+    first.write_bytes(upright_network(decoder, slope=3.0))
+    assert key(first) != before
+    assert key(first, pinned=True) == key(first)
+    assert key(second) == before
+    with pytest.raises(ConfigError, match="it has changed since it was named"):
+        fingerprint(replace(spec, settings=(("sensor", "mid70"), ("perception", pinned))))
 
 
 def test_a_file_of_the_same_length_and_another_time_is_read_again(tmp_path: Path) -> None:
