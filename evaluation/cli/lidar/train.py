@@ -51,8 +51,9 @@ def command(
 
     from evaluation.results.tables import rich_table
     from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.training import NETWORK
     from evaluation.studies.training.fit import Progress, TrainingOptions
-    from evaluation.studies.training.study import CLASSES, NETWORK, quality_table, read_labelled, train
+    from evaluation.studies.training.study import CLASSES, quality_table, read_labelled, train
     from evaluation.views.pictures import save_picture
     from evaluation.views.plots.training import training_figure
     from smartmot.lidar.learned import Decoder, PillarGrid
@@ -99,10 +100,8 @@ def export_command(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a trained network as an ONNX file."""
-    require_torch()
     from evaluation.results.files import write_bytes
-    from evaluation.studies.training.study import CLASSES, NETWORK, export, read_labelled
-    from smartmot.lidar.learned import Decoder, PillarGrid
+    from evaluation.studies.training import NETWORK
 
     if int8 != (data is not None):
         raise ArgumentError("--int8 needs --data, and --data is for --int8")
@@ -112,6 +111,10 @@ def export_command(
             raise ArgumentError(f"{source}: no network; finish the training first (lidar train)")
         write_bytes(out, source.read_bytes())
     else:
+        require_torch()
+        from evaluation.studies.training.study import CLASSES, export, read_labelled
+        from smartmot.lidar.learned import Decoder, PillarGrid
+
         with counting("reading", quiet) as done:
             frames = read_labelled(data, Decoder(PillarGrid(), CLASSES), done)
         export(network, frames.train[:calibrate], out)

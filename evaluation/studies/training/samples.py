@@ -15,6 +15,7 @@ from smartmot.lidar.ground import ground_under
 from smartmot.lidar.learned.decoding import CHANNELS, STRIDE, Decoder
 from smartmot.lidar.learned.pillars import Pillars, pillars_of
 from smartmot.pointcloud import Boxes3D, PointCloud
+from smartmot.pointcloud.cloud import RealArray
 
 SPREAD = {"car": 2.0, "cyclist": 1.0, "pedestrian": 0.8}
 """Standard deviation of a centre's peak in cells of the output, 0.4 m: about a quarter of a body's length, so
@@ -81,9 +82,79 @@ def labelled_frame(
     center = boxes.center_m.copy()
     center[:, 2] -= ground.level_m(center[:, :2])
     points = np.column_stack((xyz[:, :2], height)).astype(np.float32)
-    line = np.zeros(len(near), dtype=np.int64) if cloud.ring is None else cloud.ring[near]
+    line = (lines_of(cloud.xyz_m) if cloud.ring is None else cloud.ring)[near]
     counts = boxes.point_counts(cloud.xyz_m, 0.05)
     return LabelledFrame(name, points, line, replace(boxes, center_m=center), category, counts)
+
+
+BACKWARDS_RAD = math.radians(3.0)
+"""Azimuths of one line go back by less, where its beams meet something near."""
+
+LINE_COUNTS = (4, 256)
+"""Of a spinning sensor; what seems to have fewer or more has none that can be told."""
+
+CUTS_RAD = tuple(math.radians(5.0 * k) for k in range(72))
+CUT_POINTS = 20_000
+"""Where a line may begin, and how many points are asked for it."""
+
+LEAST_GAP_RAD = math.radians(0.05)
+"""Between elevations of two lines: half of the finest spacing of spinning sensors, 0.1 degrees."""
+
+
+def lines_of(xyz_m: RealArray) -> IntArray:
+    """(P,) line of the sensor of each point, as the order of the points or their elevations tell it.
+
+    KITTI's clouds, and CARLA's, hold line after line: each turn of the azimuth is one. Clouds that hold
+    column after column, as ours do, have elevations with gaps between the lines.
+
+    Args:
+        xyz_m: (P, 3) points, sensor's frame.
+
+    Returns:
+        Numbers from 0 on; all 0 where no lines can be told, as of a rosette.
+    """
+    xyz = xyz_m.astype(np.float64)
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    for line in (_turns(np.arctan2(xyz[:, 1], xyz[:, 0]), elevation), _levels(elevation)):
+        alike = _spread(line, elevation) < _spread(np.zeros_like(line), elevation) / LINE_COUNTS[0]
+        if alike and LINE_COUNTS[0] <= len(np.unique(line)) <= LINE_COUNTS[1]:
+            return line
+    return np.zeros(len(xyz), dtype=np.int64)
+
+
+def _turns(azimuth: FloatArray, elevation: FloatArray) -> IntArray:
+    """Turns of the azimuth, from where the elevations of each are most alike."""
+    step = wrap_angle(np.diff(azimuth, prepend=azimuth[:1]))
+    sign = -1.0 if np.clip(step, -BACKWARDS_RAD, BACKWARDS_RAD).sum() < 0.0 else 1.0
+    # a step far back is one forwards over what the cloud leaves out
+    forwards = np.mod(sign * step + BACKWARDS_RAD, 2.0 * np.pi) - BACKWARDS_RAD
+    turned = sign * azimuth[:1] + np.cumsum(forwards)
+    if not len(turned) or np.ptp(turned) > 2.0 * np.pi * LINE_COUNTS[1]:
+        return np.zeros(len(azimuth), dtype=np.int64)
+
+    def line_of(cut: float) -> IntArray:
+        turn = np.floor((turned - cut) / (2.0 * np.pi)).astype(np.int64)
+        line: IntArray = turn - turn.min()
+        return line
+
+    # a part of the points tells where the turns begin
+    some = slice(None, None, max(len(turned) // CUT_POINTS, 1))
+    spread = [_spread(line_of(cut)[some], elevation[some]) for cut in CUTS_RAD]
+    return line_of(CUTS_RAD[int(np.argmin(spread))])
+
+
+def _levels(elevation: FloatArray) -> IntArray:
+    """Groups of elevations with gaps between them; one group where they are wider than the gaps."""
+    order = np.argsort(elevation, kind="stable")
+    line = np.empty(len(elevation), dtype=np.int64)
+    line[order] = np.cumsum(np.diff(elevation[order], prepend=elevation[order[:1]]) > LEAST_GAP_RAD)
+    return line if _spread(line, elevation) < LEAST_GAP_RAD else np.zeros_like(line)
+
+
+def _spread(line: IntArray, elevation: FloatArray) -> float:
+    """Root mean square of elevations from the mean of their line."""
+    mean = np.bincount(line, elevation) / np.maximum(np.bincount(line), 1)
+    return float(np.sqrt(np.square(elevation - mean[line]).mean())) if len(line) else 0.0
 
 
 def changed(frame: LabelledFrame, changes: Changes, rng: np.random.Generator) -> LabelledFrame:

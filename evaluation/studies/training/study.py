@@ -15,13 +15,14 @@ import torch
 from evaluation.errors import ArgumentError
 from evaluation.results.tables import Table, fixed
 from evaluation.studies.datasets.reading import read_frames
+from evaluation.studies.training import NETWORK
 from evaluation.studies.training.export import greatest_difference, onnx_bytes, quantised, write_network
 from evaluation.studies.training.fit import CHECKPOINT, Progress, Training, TrainingOptions
 from evaluation.studies.training.quality import LEAST_OVERLAP, ClassBoxes, calibrated
 from evaluation.studies.training.samples import LabelledFrame, labelled_frame
 from smartmot.lidar.learned import Decoder, PillarGrid
 
-NETWORK, CARD = "network.onnx", "card.json"
+CARD = "card.json"
 
 CLASSES = ("car", "pedestrian", "cyclist")
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evaluation.studies.lidar.drawn import drawn_frames
 from evaluation.studies.training.samples import (
     NO_CHANGES,
     Changes,
@@ -16,8 +19,12 @@ from evaluation.studies.training.samples import (
     batch,
     changed,
     labelled_frame,
+    lines_of,
     targets,
 )
+from scenarios.catalogue.maps import shipped_map
+from scenarios.recorded.clouds.files import read_cloud
+from scenarios.sensors.lidar import HDL32, HDL64, MID70, LidarConfig
 from smartmot.geometry import wrap_angle
 from smartmot.lidar.learned import Decoder, PillarGrid
 from smartmot.pointcloud import Boxes3D, PointCloud
@@ -153,3 +160,103 @@ def test_heights_of_a_frame_are_over_the_ground_of_its_cloud() -> None:
         assert made.boxes.center_m[0, 2] == pytest.approx(0.97, abs=0.01)
         assert made.points[: len(x), 2] == pytest.approx(np.zeros(len(x)), abs=0.01)
         assert made.counts.tolist() == [40]
+
+
+# ---- lines of the sensor -----------------------------------------------------------------------------------
+
+
+@functools.cache
+def simulated(config: LidarConfig) -> PointCloud:
+    """A cloud of a street, column after column, with the true lines."""
+    (frame,) = drawn_frames([shipped_map("urban_street")], config, 1, 5)
+    return frame.cloud
+
+
+def agreement(line: np.ndarray, true: np.ndarray) -> float:
+    """Share of points that are in the line in which most points of their true line are, and the reverse."""
+    pairs, count = np.unique(np.stack((line, true)), axis=1, return_counts=True)
+    shares = []
+    for side in pairs:
+        most = [count[side == value].max() for value in np.unique(side)]
+        shares.append(sum(most) / len(line))
+    return min(shares)
+
+
+@pytest.mark.parametrize(("config", "lines"), [(HDL32, 32), (HDL64, 64)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_lines_are_told_by_the_order_of_the_points(config: LidarConfig, lines: int, sign: float) -> None:
+    """As KITTI has them: the highest line first, each from straight ahead all round; and cut to a camera."""
+    cloud = simulated(config)
+    assert cloud.ring is not None
+    azimuth = np.arctan2(cloud.xyz_m[:, 1], cloud.xyz_m[:, 0]).astype(np.float64)
+    order = np.lexsort((np.mod(sign * azimuth, 2.0 * np.pi), -cloud.ring))
+    for chosen in (order, order[np.abs(azimuth[order]) < math.radians(41.0)]):
+        true = cloud.ring[chosen]
+        line = lines_of(cloud.xyz_m[chosen])
+        assert agreement(line, true) > 0.99
+        assert abs(len(np.unique(line)) - len(np.unique(true))) <= 1
+
+
+@pytest.mark.parametrize("config", [HDL32, HDL64])
+def test_lines_are_told_by_gaps_of_elevation(config: LidarConfig) -> None:
+    cloud = simulated(config)
+    assert cloud.ring is not None
+    assert agreement(lines_of(cloud.xyz_m.astype(np.float32)), cloud.ring) == 1.0
+
+
+def test_where_no_lines_can_be_told_there_is_one() -> None:
+    rng = np.random.default_rng(1)
+    cloud = simulated(HDL64).xyz_m
+    nothing = np.zeros((0, 3))
+    for xyz in (simulated(MID70).xyz_m, cloud[rng.permutation(len(cloud))] @ tilt(0.1), nothing):
+        assert not lines_of(xyz).any()
+
+
+def tilt(angle_rad: float) -> np.ndarray:
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+
+def test_a_frame_without_lines_has_those_that_are_told() -> None:
+    cloud = simulated(HDL32)
+    assert cloud.ring is not None
+    none = Boxes3D.empty()
+    category = np.zeros(0, dtype=np.str_)
+    known, told = (
+        labelled_frame("f", given, none, category, 60.0).line
+        for given in (cloud, PointCloud(cloud.xyz_m, cloud.intensity))
+    )
+    assert agreement(told, known) == 1.0
+    dropped = Changes(0.0, 0.0, 0.0, 0.0, 0.0, 0.9, mirrored=False)
+    frame = labelled_frame("f", PointCloud(cloud.xyz_m), none, category, 60.0)
+    left = {len(np.unique(changed(frame, dropped, np.random.default_rng(k)).line)) for k in range(8)}
+    assert min(left) < len(np.unique(frame.line))
+
+
+REAL = next(
+    (folder for above in Path(__file__).parents if (folder := above / "shared" / "lidar").is_dir()), None
+)
+
+
+@pytest.mark.skipif(REAL is None, reason="real clouds are not in ../shared/lidar")
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("kitti_object/full_sweep/000001.bin", (64, 64)),
+        # the camera sees the upper lines only
+        ("kitti_object/training/velodyne/000134.bin", (44, 48)),
+        # cut at both sides, so that the first line or the last may be seen in part
+        ("kitti_sequence_0000/velodyne/*110.bin", (63, 65)),
+    ],
+)
+def test_lines_of_a_real_sensor(name: str, lines: tuple[int, int]) -> None:
+    assert REAL is not None
+    (path,) = REAL.glob(name)
+    xyz = read_cloud(path).cloud.xyz_m.astype(np.float64)
+    line = lines_of(xyz)
+    assert lines[0] <= len(np.unique(line)) <= lines[1]
+    elevation = np.degrees(np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1])))
+    middle = [np.median(elevation[line == number]) for number in np.unique(line)]
+    # from the highest down, about as far apart as the sensor's are: 1/3 to 1/2 of a degree
+    assert np.mean(np.diff(middle) < 0.0) > 0.9
+    assert 0.25 < -np.median(np.diff(middle)) < 0.6

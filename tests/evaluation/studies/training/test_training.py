@@ -17,11 +17,11 @@ else:
     pytest.importorskip("onnxscript", reason="onnxscript is not installed: `.ci/train` runs these tests")
 
 from evaluation.errors import ArgumentError
-from evaluation.studies.training import fit, study
+from evaluation.studies.training import NETWORK, fit, study
 from evaluation.studies.training.export import greatest_difference, onnx_bytes, quantised, write_network
 from evaluation.studies.training.fit import CHECKPOINT, Training, TrainingError, TrainingOptions
 from evaluation.studies.training.samples import LabelledFrame
-from evaluation.studies.training.study import CARD, NETWORK, write_card
+from evaluation.studies.training.study import CARD, write_card
 from smartmot.lidar import LearnedConfig, detect
 from smartmot.lidar.learned import Decoder, PillarGrid
 from smartmot.pointcloud import Boxes3D, PointCloud
