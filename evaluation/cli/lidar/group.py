@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from evaluation.cli.lidar import bench, convert, detect, score, train
+from evaluation.cli.lidar import bench, convert, detect, quality, score, train
 from evaluation.cli.lidar.dataset import group as dataset
 
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
 app.command("convert", epilog=convert.EXAMPLES)(convert.command)
 app.command("detect", epilog=detect.EXAMPLES)(detect.command)
 app.command("score", epilog=score.EXAMPLES)(score.command)
-
+app.command("quality", epilog=quality.EXAMPLES)(quality.command)
 app.command("train", epilog=train.EXAMPLES)(train.command)
 app.command("export", epilog=train.EXPORT_EXAMPLES)(train.export_command)
 app.command("bench", epilog=bench.EXAMPLES)(bench.command)

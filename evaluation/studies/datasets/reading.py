@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.metrics.detection.pairs import image_overlap
 from scenarios.errors import DatasetError
+from scenarios.recorded.camera import image_boxes
 from scenarios.recorded.classes import read_classes
 from scenarios.recorded.clouds.files import read_cloud
 from scenarios.recorded.dataset import Objects
 from scenarios.recorded.kitti import CATEGORY_OF_TYPE
-from scenarios.recorded.kitti_objects.calibration import read_calibration
+from scenarios.recorded.kitti_objects.calibration import Calibration, read_calibration
 from scenarios.recorded.kitti_objects.labels import DONT_CARE, read_objects
 from scenarios.recorded.layouts.kitti import SCENES_TXT, boxes_in_lidar
 from scenarios.recorded.layouts.nuscenes import NUSCENES_SE3_OURS
@@ -36,9 +38,36 @@ from scenarios.recorded.simbev.reader import (
 )
 from scenarios.recorded.textfile import read_json, read_text
 from smartmot.pointcloud import Boxes3D, PointCloud
-from smartmot.types import FloatArray, IntArray
+from smartmot.types import BoolArray, FloatArray, IntArray
 
 SIMBEV_CLOUDS = "sweeps/LIDAR"
+
+
+DONT_CARE_SHARE = 0.5
+"""Of a box's outline in the image: where regions without labels cover more, it counts neither way (KITTI)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unlabelled:
+    """Where an image has road users that are not labelled: KITTI's DontCare.
+
+    Args:
+        regions_px: (R, 4) left, top, right, bottom.
+        calibration: of camera and LiDAR.
+    """
+
+    regions_px: FloatArray
+    calibration: Calibration
+
+    def covers(self, boxes: Boxes3D) -> BoolArray:
+        """(K,) whether boxes of the sensor's frame lie there, as the camera sees them."""
+        pixels = image_boxes(self.calibration.boxes_to_camera(boxes), self.calibration.projection[2])
+        i, j = np.repeat(np.arange(len(boxes)), len(self.regions_px)), np.arange(len(self.regions_px))
+        share = image_overlap(self.regions_px[np.tile(j, len(boxes))], pixels[i], of_b=True)
+        covered: BoolArray = (
+            share.reshape(len(boxes), len(self.regions_px)).max(axis=1, initial=0.0) > DONT_CARE_SHARE
+        )
+        return covered
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +82,7 @@ class DatasetFrame:
         labels: K labels, world frame.
         world_SE3_lidar: (4, 4) pose of the sensor.
         written_count: (K,) points in each box, as the data set says; None: it does not.
+        unlabelled: regions without labels; None: all is labelled.
     """
 
     name: str
@@ -62,6 +92,7 @@ class DatasetFrame:
     labels: Objects
     world_SE3_lidar: FloatArray  # noqa: N815 - dst_SE3_src is the field's notation
     written_count: IntArray | None
+    unlabelled: Unlabelled | None = None
 
     @property
     def intensity(self) -> FloatArray:
@@ -154,6 +185,8 @@ def _kitti_scenes(path: Path) -> dict[str, str]:
 def _kitti_frame(part: Path, name: str, scene: str, split: str) -> DatasetFrame:
     calib = read_calibration(part / "calib" / f"{name}.txt")
     lines = read_objects(part / "label_2" / f"{name}.txt")
+    regions = lines.image_box_px[lines.type_name == DONT_CARE]
+    unlabelled = Unlabelled(regions, calib) if len(regions) else None
     lines = lines.chosen(lines.type_name != DONT_CARE)
     boxes = calib.boxes_to_lidar(lines.camera_box)
     kinds = lines.type_name.tolist()
@@ -169,7 +202,7 @@ def _kitti_frame(part: Path, name: str, scene: str, split: str) -> DatasetFrame:
     )
     _require_possible(labels, str(part / "label_2" / f"{name}.txt"))
     cloud = read_cloud(part / "velodyne" / f"{name}.bin").cloud
-    return DatasetFrame(name, scene, split, cloud, labels, np.eye(4), None)
+    return DatasetFrame(name, scene, split, cloud, labels, np.eye(4), None, unlabelled)
 
 
 # ---- SimBEV ------------------------------------------------------------------------------------------------

@@ -38,7 +38,14 @@ class Streets:
         """The first frames of a scene."""
         first = FRAMES_PER_STREET * place.number
         drawn = drawn_frames(
-            self.maps, self.config, count, self.seed, first=first, mount=self.config.mount, in_turn=True
+            self.maps,
+            self.config,
+            count,
+            self.seed,
+            first=first,
+            mount=self.config.mount,
+            in_turn=True,
+            varied=True,
         )
         for scan, frame in enumerate(drawn, first):
             ego = frame.ego

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluation.studies.lidar.cars import drawn_car, lost_share
 from opendrive import RoadNetwork, load_map
 from scenarios.sensors.lidar import LidarConfig, LidarSensor, Mount, Street, furnished_street
 from scenarios.sensors.lidar.bodies import unit_body
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, Bodies, Parts, joined
-from scenarios.sensors.lidar.street import CAR_M
+from scenarios.sensors.lidar.street import CAR_M, PARKING_PITCH_M
 from scenarios.sensors.world import MapSurface, World
-from smartmot.arrays import FloatArray, IntArray, StrArray
+from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
 from smartmot.geometry import wrap_angle
 from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.types import Boxes, EgoState
@@ -68,6 +69,7 @@ def drawn_frames(
     first: int = 0,
     mount: Mount | None = None,
     in_turn: bool = False,
+    varied: bool = False,
 ) -> Iterator[DrawnFrame]:
     """Frames on maps by turns.
 
@@ -82,6 +84,8 @@ def drawn_frames(
         mount: of the LiDAR; None: it is drawn for every frame, 1.4 to 2.1 m high, pitched up to 1.5 degrees.
         in_turn: whether each frame is a scan of its own number; else all are scan 0, whose rays a rosette
             repeats.
+        varied: whether cars have many shapes (`cars`), people many sizes, and parked cars stand at sidewalks
+            too; else they are those of the sensor in the closed loop.
     """
     for number in range(first, first + count):
         rng = np.random.default_rng((seed, number))
@@ -91,20 +95,34 @@ def drawn_frames(
             street = furnished_street(
                 network, rng.uniform(3.0, 14.0), int(rng.integers(2**31)), parked_share=rng.uniform(0.0, 0.8)
             )
+            parked = _Parked.of(street)
+            if varied:
+                parked, street = _varied_parked(network, surface, street, rng)
         drawn_mount = mount or Mount(rng.uniform(1.4, 2.1), 0.0, math.radians(rng.uniform(-1.5, 1.5)))
         sensor_config = replace(config, mount=drawn_mount)
         ego = _ego(network, rng)
-        world = _world(network, surface, street, ego, in_the_way, rng)
+        world = _world(network, surface, street, ego, in_the_way, rng, _VARIED if varied else _USUAL)
         if in_turn:
             world = replace(world, time_s=number / config.pattern.rate_hz)
-        own_street = street
+        extra = [street.bodies]
         if clutter:
-            extra = _clutter(network, surface, street, ego, world, rng)
-            own_street = replace(street, bodies=joined([street.bodies, extra]))
+            extra.append(_clutter(network, surface, street, ego, world, rng))
+        cast_world = world
+        if varied:
+            cars = np.flatnonzero(world.category == "car")
+            extra.append(_cars(world, cars, street, rng))
+            cast_world = replace(world, seen=world.category != "car")
+        own_street = replace(street, bodies=joined(extra))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
-        cloud = _smeared(sensor.measure(world, ego).cloud, rng)
-        frame = _frame(cloud, world, street, network, ego, drawn_mount)
-        yield _spoked(frame, rng)
+        cloud = _smeared(sensor.measure(cast_world, ego).cloud, rng)
+        boxes, category = _labels(world, street, parked, ego, drawn_mount)
+        echoes = _Echoes(cloud, boxes)
+        lost = echoes.through_bicycles(category, rng)
+        if varied:
+            lost |= echoes.of_dark_cars(category, rng)
+        cloud = cloud[~lost]
+        points = boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64)
+        yield DrawnFrame(cloud, boxes, category, points, drawn_mount.height_m, network, ego)
 
 
 def _ego(network: RoadNetwork, rng: np.random.Generator) -> EgoState:
@@ -134,6 +152,19 @@ _CAR = _Kind("car", (3.5, 1.6, 1.38), (5.0, 1.95, 1.75), 14.0)
 _VAN = _Kind("car", (4.8, 1.85, 1.9), (6.0, 2.05, 2.1), 14.0)
 
 
+_USUAL = (_ADULT, _CHILD, _CYCLIST, _CAR, _VAN)
+_VARIED = (
+    _Kind("pedestrian", (0.35, 0.4, 1.45), (1.05, 0.8, 2.0), 2.0),
+    _Kind("pedestrian", (0.3, 0.3, 0.95), (0.6, 0.5, 1.35), 2.0),
+    _Kind("cyclist", (1.5, 0.45, 1.55), (2.05, 0.8, 1.95), 7.0),
+    _Kind("car", (3.3, 1.5, 1.3), (5.0, 1.95, 1.75), 14.0),
+    _Kind("car", (4.0, 1.65, 1.7), (6.0, 2.1, 2.2), 14.0),
+)
+"""Adults, children, cyclists, cars, and vans or off-road cars. Their sizes span the mean sizes of labels in
+two published data sets with room on both sides: cars 3.88 x 1.63 x 1.53 m and pedestrians 0.84 x 0.66 x 1.76
+m (KITTI; annotators' boxes hold arms and stride), cars 4.63 x 1.97 x 1.74 m (nuScenes)."""
+
+
 def drawn_size(category: str, rng: np.random.Generator) -> FloatArray:
     """(3,) length, width and height of one of `CLASSES`; a fifth of the pedestrians are children."""
     people = _CHILD if rng.random() < 0.2 else _ADULT
@@ -161,8 +192,10 @@ def _world(
     ego: EgoState,
     in_the_way: float,
     rng: np.random.Generator,
+    sizes: tuple[_Kind, ...],
 ) -> World:
     """People anywhere on and beside the road, riders and cars along lanes; none touches another."""
+    adult, child, cyclist, car, van = sizes
     place: list[FloatArray] = []
     yaw: list[float] = []
     kinds: list[_Kind] = []
@@ -178,19 +211,19 @@ def _world(
         for number in range(min(int(rng.choice(len(GROUPS), p=GROUPS)) + 1, people - len(kinds))):
             ahead, aside = rng.normal(0.0, 0.2), number * rng.uniform(*APART_M)
             c, s = math.cos(facing), math.sin(facing)
-            kinds.append(_CHILD if rng.random() < 0.2 else _ADULT)
+            kinds.append(child if rng.random() < 0.2 else adult)
             beside = np.array([c * ahead - s * aside, s * ahead + c * aside])
             place.append(near + beside + np.array([ego.x_m, ego.y_m]))
             yaw.append(facing + rng.normal(0.0, 0.3) if number else facing)
     usable = np.flatnonzero(np.isin(network.lanes.lane_type, ("driving", "biking")))
     for kind, many in (
-        (_CYCLIST, rng.integers(2, 12)),
-        (_CAR, rng.integers(2, 10)),
-        (_VAN, rng.integers(0, 3)),
+        (cyclist, rng.integers(2, 12)),
+        (car, rng.integers(2, 10)),
+        (van, rng.integers(0, 3)),
     ):
         for _ in range(int(many)):
             x, y, heading = _on_lane_near(network, usable, ego, rng)
-            aside = rng.uniform(-4.0, 4.0) if kind is _CYCLIST else rng.normal(0.0, 0.2)
+            aside = rng.uniform(-4.0, 4.0) if kind is cyclist else rng.normal(0.0, 0.2)
             turn = rng.normal(0.0, 0.1) if rng.random() < 0.8 else rng.uniform(-math.pi, math.pi)
             kinds.append(kind)
             place.append(np.array([x - aside * math.sin(heading), y + aside * math.cos(heading)]))
@@ -379,20 +412,109 @@ OPEN_BICYCLE = (0.3, 1.0)
 tubes little; assumed, because beams that are wider than a spoke have an echo of it now and then."""
 
 
-def _spoked(frame: DrawnFrame, rng: np.random.Generator) -> DrawnFrame:
-    """The frame without most echoes of bicycles, which the sensor takes for discs and blocks."""
-    xyz = frame.cloud.xyz_m
-    kept = np.ones(len(xyz), dtype=np.bool_)
-    for row in np.flatnonzero(frame.category == "cyclist").tolist():
-        yaw, size = float(frame.boxes.yaw_rad[row]), frame.boxes.size_m[row]
-        rel = xyz - frame.boxes.center_m[row]
-        along = np.abs(math.cos(yaw) * rel[:, 0] + math.sin(yaw) * rel[:, 1])
-        across = np.abs(math.cos(yaw) * rel[:, 1] - math.sin(yaw) * rel[:, 0])
-        low = rel[:, 2] < (SADDLE - 0.5) * size[2]
-        thin = np.flatnonzero(low & (across < THIN_M) & (along < 0.55 * size[0]))
-        kept[thin[rng.random(len(thin)) < rng.uniform(*OPEN_BICYCLE)]] = False
-    cloud = frame.cloud[kept]
-    return replace(frame, cloud=cloud, points=frame.boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64))
+class _Echoes:
+    """Points of a cloud by the boxes that they are on.
+
+    Args:
+        cloud: P points.
+        boxes: T boxes, frame of the cloud.
+    """
+
+    def __init__(self, cloud: PointCloud, boxes: Boxes3D) -> None:
+        self.xyz_m, self.boxes = cloud.xyz_m, boxes
+        self._order = np.argsort(self.xyz_m[:, 0])
+        self._ahead = self.xyz_m[self._order, 0].astype(np.float64)
+
+    def on(self, row: int) -> tuple[IntArray, FloatArray]:
+        """(K,) points that may be on a box, ascending, and (K, 3) where, in axes of the box."""
+        center, yaw = self.boxes.center_m[row], float(self.boxes.yaw_rad[row])
+        reach = float(np.hypot(*self.boxes.size_m[row, :2]))
+        strip = slice(*np.searchsorted(self._ahead, (center[0] - reach, center[0] + reach)))
+        point = self._order[strip]
+        point = np.sort(point[np.abs(self.xyz_m[point, 1] - center[1]) <= reach])
+        rel = self.xyz_m[point] - center
+        c, s = math.cos(yaw), math.sin(yaw)
+        along, across = c * rel[:, 0] + s * rel[:, 1], c * rel[:, 1] - s * rel[:, 0]
+        return point, np.column_stack((along, across, rel[:, 2]))
+
+    def through_bicycles(self, category: StrArray, rng: np.random.Generator) -> BoolArray:
+        """(P,) most echoes of bicycles, which the sensor takes for discs and blocks."""
+        lost = np.zeros(len(self.xyz_m), dtype=np.bool_)
+        for row in np.flatnonzero(category == "cyclist").tolist():
+            size = self.boxes.size_m[row]
+            point, rel = self.on(row)
+            low = rel[:, 2] < (SADDLE - 0.5) * size[2]
+            thin = point[low & (np.abs(rel[:, 1]) < THIN_M) & (np.abs(rel[:, 0]) < 0.55 * size[0])]
+            lost[thin[rng.random(len(thin)) < rng.uniform(*OPEN_BICYCLE)]] = True
+        return lost
+
+    def of_dark_cars(self, category: StrArray, rng: np.random.Generator) -> BoolArray:
+        """(P,) some echoes of cars, of each another share; see `cars.lost_share`."""
+        lost = np.zeros(len(self.xyz_m), dtype=np.bool_)
+        for row in np.flatnonzero(category == "car").tolist():
+            share = lost_share(rng)
+            if share:
+                half = 0.5 * self.boxes.size_m[row] + 0.05
+                point, rel = self.on(row)
+                # the ground under a car stays
+                own = point[(np.abs(rel) < half).all(axis=1) & (rel[:, 2] > 0.1 - half[2])]
+                lost[own[rng.random(len(own)) < share]] = True
+        return lost
+
+
+ON_SIDEWALKS = 0.5
+"""Share of the sidewalks, of roads without places for parking, on which cars stand in a row: assumed."""
+
+
+def _varied_parked(
+    network: RoadNetwork, surface: MapSurface, street: Street, rng: np.random.Generator
+) -> tuple[_Parked, Street]:
+    """Parked cars of many shapes and sizes in place of those of a street, and on sidewalks."""
+    old = street.rows_of("parked")
+    place, heading = [street.bodies.position_m[old, :2]], [street.bodies.yaw_rad[old]]
+    lanes = network.lanes
+    for lane in np.flatnonzero(lanes.lane_type == "sidewalk").tolist():
+        s = np.arange(float(lanes.s_start_m[lane]) + 4.0, float(lanes.s_end_m[lane]) - 4.0, PARKING_PITCH_M)
+        s = s[rng.random(len(s)) < rng.uniform(0.1, 0.8)]
+        if len(old) or not len(s) or rng.random() >= ON_SIDEWALKS:
+            continue
+        x, y, _, yaw = network.center_line(np.full(len(s), lane), s)
+        place.append(np.column_stack((x, y)))
+        heading.append(yaw)
+    at, yaw = np.concatenate(place), np.concatenate(heading)
+    # a third of them face the other way
+    yaw = yaw + rng.normal(0.0, 0.05, len(yaw)) + np.where(rng.random(len(yaw)) < 0.3, math.pi, 0.0)
+    kind = rng.choice(2, len(yaw), p=(0.8, 0.2))
+    low, high = (np.array([getattr(k, end) for k in _VARIED[3:]])[kind] for end in ("low_m", "high_m"))
+    size = rng.uniform(low, high)
+    size[:, 0] = np.minimum(size[:, 0], PARKING_PITCH_M - 0.6)
+    piece = street.bodies.position_m[street.sidewalk_blocks :, :2]
+    gap = np.hypot(*np.moveaxis(piece[:, None] - at, -1, 0)).min(axis=1, initial=np.inf)
+    bare = street.without((gap < 0.5 * PARKING_PITCH_M) | (np.array(street.kind, dtype=np.str_) == "parked"))
+    position = np.column_stack((at, surface.elevation_m(at, yaw) + bare.raised_m(at)))
+    bodies = Bodies.of([drawn_car(each, rng) for each in size], position, yaw)
+    outline = Boxes(
+        np.concatenate((bare.footprint.center_m, at)),
+        np.concatenate((bare.footprint.size_m, size[:, :2])),
+        np.concatenate((bare.footprint.yaw_rad, yaw)),
+    )
+    varied = replace(
+        bare,
+        bodies=joined([bare.bodies, bodies]),
+        kind=bare.kind + ("parked",) * len(yaw),
+        footprint=outline,
+    )
+    return _Parked(position, yaw, size), varied
+
+
+def _cars(world: World, rows: IntArray, street: Street, rng: np.random.Generator) -> Bodies:
+    """Bodies of many shapes for the cars of a world."""
+    boxes = world.boxes[rows]
+    size = np.column_stack((boxes.size_m, world.height_m[rows]))
+    bottom = world.bottom_m[rows] + street.raised_m(boxes.center_m)
+    parts = [drawn_car(each, rng) for each in size]
+    position = np.column_stack((boxes.center_m, bottom))
+    return Bodies.of(parts, position, boxes.yaw_rad, world.velocity_mps[rows])
 
 
 SMEAR_M = 0.5
@@ -424,26 +546,38 @@ def _smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
     return replace(cloud, xyz_m=xyz.astype(np.float32))
 
 
-def _frame(
-    cloud: PointCloud, world: World, street: Street, network: RoadNetwork, ego: EgoState, mount: Mount
-) -> DrawnFrame:
-    """The cloud with the boxes of road users and parked cars."""
-    parked = street.rows_of("parked")
-    position, heading = street.bodies.position_m[parked], street.bodies.yaw_rad[parked]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parked:
+    """Parked cars: (N, 3) middles of their undersides, (N,) headings and (N, 3) sizes."""
+
+    position_m: FloatArray
+    yaw_rad: FloatArray
+    size_m: FloatArray
+
+    @classmethod
+    def of(cls, street: Street) -> _Parked:
+        """Those of a street, which are all alike."""
+        rows = street.rows_of("parked")
+        size = np.broadcast_to(CAR_M, (len(rows), 3))
+        return cls(street.bodies.position_m[rows], street.bodies.yaw_rad[rows], size)
+
+
+def _labels(
+    world: World, street: Street, parked: _Parked, ego: EgoState, mount: Mount
+) -> tuple[Boxes3D, StrArray]:
+    """Boxes of road users and parked cars, sensor's frame, and their categories."""
     bottom = world.bottom_m + street.raised_m(world.boxes.center_m)
     size = np.column_stack((world.boxes.size_m, world.height_m))
-    size = np.concatenate((size, np.broadcast_to(CAR_M, (len(parked), 3))))
-    place = np.concatenate((np.column_stack((world.boxes.center_m, bottom)), position))
+    size = np.concatenate((size, parked.size_m))
+    place = np.concatenate((np.column_stack((world.boxes.center_m, bottom)), parked.position_m))
     place[:, 2] += 0.5 * size[:, 2]
-    yaw = np.concatenate((world.boxes.yaw_rad, heading))
+    yaw = np.concatenate((world.boxes.yaw_rad, parked.yaw_rad))
     ground = float(world.surface.elevation_m(np.array([[ego.x_m, ego.y_m]]), np.array([ego.yaw_rad]))[0])
     rel = place - (ego.x_m, ego.y_m, ground + mount.height_m)
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
     x, y, z = c * rel[:, 0] + s * rel[:, 1] - mount.forward_m, c * rel[:, 1] - s * rel[:, 0], rel[:, 2]
     p, q = math.cos(mount.pitch_rad), math.sin(mount.pitch_rad)
     center = np.column_stack((p * x - q * z, y, q * x + p * z))
-    category = np.concatenate((world.category, np.full(len(parked), "car")))
+    category = np.concatenate((world.category, np.full(len(parked.yaw_rad), "car")))
     near = np.hypot(x, y) < FARTHEST_M
-    boxes = Boxes3D(center, size, wrap_angle(yaw - ego.yaw_rad))[near]
-    counts = boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64)
-    return DrawnFrame(cloud, boxes, category[near], counts, mount.height_m, network, ego)
+    return Boxes3D(center, size, wrap_angle(yaw - ego.yaw_rad))[near], category[near]

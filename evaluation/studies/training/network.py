@@ -56,10 +56,15 @@ class PillarNetwork(nn.Module):
         self.values = nn.Conv2d(HEAD, len(CHANNELS), 1)
         nn.init.constant_(self.scores.bias, -math.log(1.0 / PRIOR - 1.0))
 
-    def forward(self, features: Tensor, cell: Tensor, frames: int = 1) -> Tensor:
-        """(B, C, R, L) output of B frames' pillars: (N, M, F) features and (N,) cells, frame after frame."""
+    def forward(
+        self, features: Tensor, cell: Tensor, frames: int = 1, shape: tuple[int, int] | None = None
+    ) -> Tensor:
+        """(B, C, R, L) output of B frames' pillars: (N, M, F) features and (N,) cells, frame after frame.
+
+        `shape`: cells ahead and to the left of a frame; None: those of the decoder.
+        """
         pillar = self.of_points(features).amax(1)
-        rows, columns = self.shape
+        rows, columns = shape or self.shape
         picture = pillar.new_zeros((frames * rows * columns, PILLAR)).index_copy(0, cell, pillar)
         at = picture.reshape(frames, rows, columns, PILLAR).permute(0, 3, 1, 2)
         joined = []

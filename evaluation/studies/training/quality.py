@@ -16,6 +16,9 @@ from smartmot.pointcloud import Boxes3D
 LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
 """IoU from above of a right box."""
 
+LEAST_SCORES = tuple(round(0.05 * k, 2) for k in range(1, 19))
+"""That are tried for the greatest F1."""
+
 FARTHEST_M = 40.0
 """Of labels and boxes that count, which lie in the cells of the network, too."""
 
@@ -36,11 +39,22 @@ class ClassBoxes:
     is_ignored: BoolArray
     labels: int
 
-    def f1(self, least_score: float) -> float:
-        """Harmonic mean of precision and recall of the boxes of at least a score; 0 without labels."""
+    def counts(self, least_score: float) -> tuple[int, int]:
+        """Right and false boxes of at least a score."""
         taken = (self.score >= least_score) & ~self.is_ignored
         right = int((self.is_right & taken).sum())
-        return 2.0 * right / max(int(taken.sum()) + self.labels, 1)
+        return right, int(taken.sum()) - right
+
+    def f1(self, least_score: float) -> float:
+        """Harmonic mean of precision and recall of the boxes of at least a score; 0 without labels."""
+        right, false = self.counts(least_score)
+        return 2.0 * right / max(right + false + self.labels, 1)
+
+    def best(self) -> tuple[float, float]:
+        """The greatest F1, and the least score at which it is reached."""
+        values = [self.f1(least) for least in LEAST_SCORES]
+        at = int(np.argmax(values))
+        return values[at], LEAST_SCORES[at]
 
 
 def match_frame(
@@ -53,11 +67,12 @@ def match_frame(
     counts: IntArray,
     least_points: int,
     grid: PillarGrid,
+    is_unlabelled: BoolArray | None = None,
 ) -> tuple[FloatArray, BoolArray, BoolArray, int]:
     """One class of one frame; see `ClassBoxes`.
 
     Boxes beyond `FARTHEST_M` or off the grid are left out, and labels there do not count: a network sees
-    nothing there.
+    nothing there. `is_unlabelled`: (N,) boxes that count only if they are right.
     """
     own = np.flatnonzero((category == name) & _counts_at(boxes.center_m, grid))
     own = own[np.argsort(-score[own], kind="stable")]
@@ -72,6 +87,8 @@ def match_frame(
             if free[best] and iou[row, best] > LEAST_OVERLAP[name]:
                 right[row], free[best] = True, False
         ignored = ~right & (iou[:, ~counting].max(axis=1, initial=0.0) > LEAST_OVERLAP[name])
+    if is_unlabelled is not None:
+        ignored |= ~right & is_unlabelled[own]
     return score[own], right, ignored, int(counting.sum())
 
 

@@ -87,6 +87,17 @@ def labelled_frame(
     return LabelledFrame(name, points, line, replace(boxes, center_m=center), category, counts)
 
 
+WINDOW_M = 19.2
+"""Edge of the part of a cloud that is learned from at a time, a seventh of the grid: most of the others hold
+no road user, and a step takes as long for them. The network looks across 18 m."""
+
+AT_LABELS = 0.8
+"""Share of the windows that are put around a road user of a class, each class as often; the others are put
+around an echo."""
+
+OFF_CENTER_M = 6.0
+"""How far the middle of a window may be from there, ahead and to the left."""
+
 BACKWARDS_RAD = math.radians(3.0)
 """Azimuths of one line go back by less, where its beams meet something near."""
 
@@ -159,6 +170,63 @@ def _spread(line: IntArray, elevation: FloatArray) -> float:
 
 def changed(frame: LabelledFrame, changes: Changes, rng: np.random.Generator) -> LabelledFrame:
     """A frame as another sensor might have seen another street."""
+    return _changed(frame, changes, rng, np.zeros(2))[0]
+
+
+def changed_window(
+    frame: LabelledFrame, changes: Changes, rng: np.random.Generator, decoder: Decoder, least_points: int
+) -> tuple[LabelledFrame, Decoder]:
+    """A part of a changed frame, and the decoder of its cells, which are `WINDOW_M` wide."""
+    grid = decoder.grid
+    middle = _looked_at(frame, rng, decoder.classes, least_points)
+    reach = 0.5 * math.sqrt(2.0) * WINDOW_M * (1.0 + changes.scale) + 8 * grid.cell_m
+    near = np.flatnonzero(np.hypot(*(frame.points[:, :2] - middle).T) <= reach)
+    boxes = np.flatnonzero(np.hypot(*(frame.boxes.center_m[:, :2] - middle).T) <= reach)
+    part = LabelledFrame(
+        frame.name,
+        frame.points[near],
+        frame.line[near],
+        frame.boxes[boxes],
+        frame.category[boxes],
+        frame.counts[boxes],
+    )
+    made, at = _changed(part, changes, rng, middle)
+    # whole numbers of 8 cells from the edges of the grid, within it
+    step = 8 * grid.cell_m
+    spans = []
+    for value, (low, high) in zip(at.tolist(), (grid.ahead_m, grid.left_m), strict=True):
+        edge = min(step * round(WINDOW_M / step), high - low)
+        start = low + step * round((min(max(value - 0.5 * edge, low), high - edge) - low) / step)
+        spans.append((start, start + edge))
+    window = replace(decoder, grid=replace(grid, ahead_m=spans[0], left_m=spans[1]))
+    x, y = made.points[:, 0], made.points[:, 1]
+    inside = np.flatnonzero((x >= spans[0][0]) & (x < spans[0][1]) & (y >= spans[1][0]) & (y < spans[1][1]))
+    points = made.points[inside]
+    counts = made.boxes.point_counts(points, 0.05)
+    return replace(made, points=points, line=made.line[inside], counts=counts), window
+
+
+def _looked_at(
+    frame: LabelledFrame, rng: np.random.Generator, classes: tuple[str, ...], least_points: int
+) -> FloatArray:
+    """(2,) middle of a window."""
+    off = rng.uniform(-OFF_CENTER_M, OFF_CENTER_M, 2)
+    rows = np.flatnonzero(np.isin(frame.category, classes) & (frame.counts >= least_points))
+    if len(rows) and rng.random() < AT_LABELS:
+        name = rng.choice(np.unique(frame.category[rows]))
+        place = frame.boxes.center_m[int(rng.choice(rows[frame.category[rows] == name])), :2]
+    elif len(frame.points):
+        place = frame.points[int(rng.integers(len(frame.points))), :2].astype(np.float64)
+    else:
+        place = np.zeros(2)
+    middle: FloatArray = place + off
+    return middle
+
+
+def _changed(
+    frame: LabelledFrame, changes: Changes, rng: np.random.Generator, place_m: FloatArray
+) -> tuple[LabelledFrame, FloatArray]:
+    """A frame as another sensor might have seen another street, and where a (2,) place has gone."""
     points, line = frame.points.astype(np.float64), frame.line
     kept = rng.random(len(points)) >= rng.uniform(0.0, changes.dropped)
     lines = np.unique(line)
@@ -183,7 +251,8 @@ def changed(frame: LabelledFrame, changes: Changes, rng: np.random.Generator) ->
         wrap_angle(mirror * frame.boxes.yaw_rad + turn),
     )
     counts = boxes.point_counts(points, 0.05)
-    return LabelledFrame(frame.name, points.astype(np.float32), line, boxes, frame.category, counts)
+    made = LabelledFrame(frame.name, points.astype(np.float32), line, boxes, frame.category, counts)
+    return made, moved(np.array([[*place_m, 0.0]]))[0, :2]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,21 +311,38 @@ def targets(frame: LabelledFrame, decoder: Decoder, least_points: int) -> Target
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch:
-    """Several frames put together; pillars and centres have the cells of the frames one after another."""
+    """Several frames put together; pillars and centres have the cells of the frames one after another.
+
+    Args:
+        names: of the frames.
+        shape: cells ahead and to the left of each.
+        seen: pillars of all.
+        targets: of all.
+    """
 
     names: tuple[str, ...]
+    shape: tuple[int, int]
     seen: Pillars
     targets: Targets
 
 
-def batch(frames: Sequence[LabelledFrame], decoder: Decoder, least_points: int) -> Batch:
-    """Pillars and targets of frames as one."""
-    grid_cells = math.prod(decoder.grid.shape)
-    _, rows, columns = decoder.shape
-    seen = [pillars_of(frame.points[:, :2], frame.points[:, 2], decoder.grid) for frame in frames]
-    wanted = [targets(frame, decoder, least_points) for frame in frames]
+def batch(frames: Sequence[LabelledFrame], decoders: Sequence[Decoder], least_points: int) -> Batch:
+    """Pillars and targets of frames as one.
+
+    Args:
+        frames: some.
+        decoders: of each; their grids have as many cells.
+        least_points: see `targets`.
+    """
+    grid_cells = math.prod(decoders[0].grid.shape)
+    _, rows, columns = decoders[0].shape
+    seen, wanted = [], []
+    for frame, decoder in zip(frames, decoders, strict=True):
+        seen.append(pillars_of(frame.points[:, :2], frame.points[:, 2], decoder.grid))
+        wanted.append(targets(frame, decoder, least_points))
     return Batch(
         tuple(frame.name for frame in frames),
+        decoders[0].grid.shape,
         Pillars(
             np.concatenate([each.features for each in seen]),
             np.concatenate([each.cell + k * grid_cells for k, each in enumerate(seen)]),

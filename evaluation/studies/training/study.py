@@ -145,10 +145,8 @@ def export(folder: Path, frames: Iterable[LabelledFrame], out: Path) -> str:
 
 def _best(boxes: ClassBoxes) -> dict[str, float]:
     """The greatest F1 over least scores, and at which score."""
-    scores = np.arange(0.05, 0.95, 0.05)
-    values = [boxes.f1(float(least)) for least in scores]
-    at = int(np.argmax(values))
-    return {"labels": boxes.labels, "f1": round(values[at], 4), "least_score": round(float(scores[at]), 2)}
+    f1, least = boxes.best()
+    return {"labels": boxes.labels, "f1": round(f1, 4), "least_score": least}
 
 
 def quality_table(boxes: dict[str, ClassBoxes]) -> Table:

@@ -18,6 +18,7 @@ from evaluation.studies.training.samples import (
     LabelledFrame,
     batch,
     changed,
+    changed_window,
     labelled_frame,
     lines_of,
     targets,
@@ -26,7 +27,7 @@ from scenarios.catalogue.maps import shipped_map
 from scenarios.recorded.clouds.files import read_cloud
 from scenarios.sensors.lidar import HDL32, HDL64, MID70, LidarConfig
 from smartmot.geometry import wrap_angle
-from smartmot.lidar.learned import Decoder, PillarGrid
+from smartmot.lidar.learned import Decoder, PillarGrid, pillars_of
 from smartmot.pointcloud import Boxes3D, PointCloud
 
 DECODER = Decoder(PillarGrid(), ("car", "pedestrian", "cyclist"))
@@ -92,6 +93,33 @@ def test_changes_move_points_with_their_boxes(seed: int) -> None:
     assert abs(ratio[0, 0] - 1.0) <= 0.05 + 1e-9
 
 
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 1000))
+def test_a_window_is_the_same_cells_of_the_frame(seed: int) -> None:
+    """Pillars of a window are those of the whole grid in its cells, and its labels are the frame's there."""
+    given_frame, rng = frame(), np.random.default_rng(seed)
+    # off the edges of cells, where rounding decides
+    given_frame.points[:, :2] = (np.floor(given_frame.points[:, :2] * 5.0) + 0.3) / 5.0
+    window, decoder = changed_window(given_frame, NO_CHANGES, rng, DECODER, 5)
+    assert decoder.grid.shape == (96, 96)
+    grid = decoder.grid
+    made = pillars_of(window.points[:, :2], window.points[:, 2], grid)
+    full = pillars_of(given_frame.points[:, :2], given_frame.points[:, 2], DECODER.grid)
+    rows, columns = DECODER.grid.shape
+    ahead = round((grid.ahead_m[0] - DECODER.grid.ahead_m[0]) / grid.cell_m)
+    left = round((grid.left_m[0] - DECODER.grid.left_m[0]) / grid.cell_m)
+    assert ahead % 8 == left % 8 == 0
+    assert 0 <= ahead <= rows - 96
+    assert 0 <= left <= columns - 96
+    row, column = full.cell // columns - ahead, full.cell % columns - left
+    inside = (row >= 0) & (row < 96) & (column >= 0) & (column < 96)
+    np.testing.assert_array_equal(made.cell, (row * 96 + column)[inside])
+    np.testing.assert_allclose(made.features, full.features[inside], atol=2e-4)
+    x, y = window.boxes.center_m[:, :2].T
+    within = (x >= grid.ahead_m[0]) & (x < grid.ahead_m[1]) & (y >= grid.left_m[0]) & (y < grid.left_m[1])
+    assert len(targets(window, decoder, 5).cell) == np.count_nonzero(within & (window.counts >= 5))
+
+
 def test_without_changes_a_frame_stays() -> None:
     made = changed(frame(), NO_CHANGES, np.random.default_rng(3))
     np.testing.assert_allclose(made.points, frame().points, atol=1e-6)
@@ -139,9 +167,9 @@ def test_bodies_outside_the_grid_or_of_other_classes_are_left_out() -> None:
 
 def test_batches_put_frames_one_after_another() -> None:
     one, two = frame(), changed(frame(), Changes(), np.random.default_rng(5))
-    both = batch([one, two], DECODER, 5)
+    both = batch([one, two], [DECODER, DECODER], 5)
     cells = int(np.prod(DECODER.grid.shape))
-    first, second = batch([one], DECODER, 5), batch([two], DECODER, 5)
+    first, second = batch([one], [DECODER], 5), batch([two], [DECODER], 5)
     np.testing.assert_array_equal(both.seen.cell, np.concatenate((first.seen.cell, second.seen.cell + cells)))
     np.testing.assert_array_equal(both.targets.heat[1], second.targets.heat[0])
     assert (

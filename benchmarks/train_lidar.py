@@ -1,0 +1,196 @@
+"""Trains the shipped pillar network on simulated streets and writes it with its card.
+
+    python -m benchmarks.train_lidar [--steps N] [--seed N] [--out DIR] [--ship]
+
+All frames are drawn here: LiDARs of `SOURCES` at heights from 1.4 to 2.1 m, pitched by up to 1.5 degrees, on
+the maps of `TRAINED_ON`. No recording is looked at. `frames.npz` in the folder keeps what was drawn; the same
+command goes on where a stopped training was. `--ship` copies network and card into
+`smartmot/lidar/learned/weights`. The result depends on the kind of processor and on the number of threads
+(`OMP_NUM_THREADS`), which the card says, and on the version of PyTorch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shutil
+import time
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from evaluation.runs.workers import available_cores, execute_all
+from evaluation.studies.lidar.drawn import FRAMES_PER_STREET, drawn_frames
+from evaluation.studies.training.samples import LabelledFrame, labelled_frame
+from scenarios.sensors.lidar import Spinning, lidar_config
+from smartmot.lidar.learned import PillarGrid
+from smartmot.pointcloud import Boxes3D
+
+ROOT = Path(__file__).parents[1]
+SHIPPED = ROOT / "smartmot" / "lidar" / "learned" / "weights"
+DRAWN_MAPS = ROOT / "scenarios" / "drawn" / "maps"
+TRAINED_ON = (
+    *sorted((ROOT / "scenarios" / "maps").glob("*.xodr")),
+    *(DRAWN_MAPS / f"{name}.xodr" for name in ("country_road", "cycle_bend", "straight_street")),
+)
+"""The other drawn maps are for tests."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Frames of one sensor.
+
+    Args:
+        sensor: its name.
+        field_deg: horizontal field of view ahead, of spinning sensors.
+        count: of frames, a multiple of `FRAMES_PER_STREET`.
+    """
+
+    sensor: str
+    field_deg: float
+    count: int
+
+
+SOURCES = (
+    Source("hdl64", 180.0, 800), Source("hdl64", 85.0, 480), Source("hdl32", 180.0, 400),
+    Source("mid70", 70.4, 160),
+)  # fmt: skip
+"""What is learned from. 85 degrees are the field of a camera's lens: clouds are often cut to it."""
+
+HELD_OUT = (Source("hdl64", 180.0, 80), Source("hdl64", 85.0, 40))
+"""For the curves and for calibrating the scores, from other streets on the same maps."""
+
+SEED = 1
+STEPS = 1300
+
+
+def street_frames(source: Source, seed: int, number: int) -> list[LabelledFrame]:
+    """The labelled frames of a street."""
+    grid, config = PillarGrid(), lidar_config(source.sensor)
+    pattern = config.pattern
+    if isinstance(pattern, Spinning):
+        config = replace(config, pattern=replace(pattern, field_rad=math.radians(source.field_deg)))
+    reach = math.hypot(grid.ahead_m[1], max(map(abs, grid.left_m)))
+    first = FRAMES_PER_STREET * number
+    frames = drawn_frames(TRAINED_ON, config, FRAMES_PER_STREET, seed, first=first, in_turn=True, varied=True)
+    return [
+        labelled_frame(
+            f"{source.sensor}_{source.field_deg:g}_{first + k}",
+            frame.cloud,
+            frame.boxes,
+            frame.category,
+            reach,
+        )
+        for k, frame in enumerate(frames)
+    ]
+
+
+def drawn(sources: tuple[Source, ...], seed: int, workers: int) -> list[LabelledFrame]:
+    """The frames of all sources; each has a seed of its own."""
+    frames: list[LabelledFrame] = []
+    for number, source in enumerate(sources):
+        job = partial(street_frames, source, seed + 1000 * number)
+        for street in execute_all(job, list(range(source.count // FRAMES_PER_STREET)), workers):
+            frames += street
+        print(f"{source.sensor} {source.field_deg:g} degrees: {source.count} frames", flush=True)
+    return frames
+
+
+_COLUMNS = ("points", "line", "center_m", "size_m", "yaw_rad", "category", "counts")
+
+
+def packed(frames: list[LabelledFrame]) -> dict[str, np.ndarray]:
+    """Frames as a few long arrays."""
+    boxes = [frame.boxes for frame in frames]
+    columns = {
+        name: np.concatenate(
+            [getattr(b if hasattr(b, name) else f, name) for f, b in zip(frames, boxes, strict=True)]
+        )
+        for name in _COLUMNS
+    }
+    columns["line"] = columns["line"].astype(np.uint8)
+    columns["name"] = np.array([frame.name for frame in frames])
+    columns["of_points"] = np.array([len(frame.points) for frame in frames])
+    columns["of_boxes"] = np.array([len(frame.boxes) for frame in frames])
+    return columns
+
+
+def unpacked(columns: dict[str, np.ndarray]) -> list[LabelledFrame]:
+    """Frames from the arrays of `packed`."""
+    points, boxes = (np.cumsum(columns[key])[:-1] for key in ("of_points", "of_boxes"))
+    parts = {
+        name: np.split(columns[name], points if name in ("points", "line") else boxes) for name in _COLUMNS
+    }
+    return [
+        LabelledFrame(
+            str(name),
+            parts["points"][k],
+            parts["line"][k].astype(np.int64),
+            Boxes3D(parts["center_m"][k], parts["size_m"][k], parts["yaw_rad"][k]),
+            parts["category"][k],
+            parts["counts"][k],
+        )
+        for k, name in enumerate(columns["name"])
+    ]
+
+
+def frames_in(out: Path, seed: int, workers: int) -> tuple[list[LabelledFrame], list[LabelledFrame]]:
+    """Frames to learn from and held out ones, drawn, or as they were kept."""
+    path = out / "frames.npz"
+    recipe = json.dumps([seed, *(asdict(source) for source in (*SOURCES, *HELD_OUT))])
+    count = sum(source.count for source in SOURCES)
+    if not path.is_file():
+        start_s = time.perf_counter()
+        frames = drawn(SOURCES, 100_000 + seed, workers) + drawn(HELD_OUT, 200_000 + seed, workers)
+        out.mkdir(parents=True, exist_ok=True)
+        np.savez(path, recipe=np.array(recipe), **packed(frames))
+        print(f"{len(frames)} frames drawn in {time.perf_counter() - start_s:.0f} s", flush=True)
+    with np.load(path) as content:
+        columns = {name: content[name] for name in content.files}
+    if str(columns.pop("recipe")) != recipe:
+        raise SystemExit(
+            f"{path}: was drawn for other sources or another seed; delete it or name another folder"
+        )
+    frames = unpacked(columns)
+    return frames[:count], frames[count:]
+
+
+def main() -> None:
+    """Draw, train, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "shipped_network")
+    parser.add_argument("--workers", type=int, default=available_cores())
+    parser.add_argument("--draw-only", action="store_true", help="draw the frames and stop")
+    parser.add_argument("--ship", action="store_true", help="copy network and card into the package")
+    options = parser.parse_args()
+    train, held_out = frames_in(options.out, options.seed, options.workers)
+    if options.draw_only:
+        return
+    from evaluation.studies.training.fit import Progress, TrainingOptions
+    from evaluation.studies.training.study import CARD, NETWORK, Frames
+    from evaluation.studies.training.study import train as trained
+
+    def report(progress: Progress, share: float) -> None:
+        row = progress.rows[-1]
+        if "loss_held_out" in row or progress.step % 20 == 0:
+            values = " ".join(f"{name} {value:.3g}" for name, value in row.items())
+            print(f"{100 * share:.0f} %: {values}", flush=True)
+
+    asked = TrainingOptions(steps=options.steps, seed=options.seed)
+    trained(options.out, Frames(train, held_out, ()), asked, report)
+    print((options.out / CARD).read_text())
+    if options.ship:
+        SHIPPED.mkdir(exist_ok=True)
+        for name, target in ((NETWORK, "pillars.onnx"), (CARD, "pillars.json")):
+            shutil.copyfile(options.out / name, SHIPPED / target)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""`smartmot-eval lidar quality`: right and false boxes of a detector on a data set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from evaluation.cli import options
+from evaluation.cli.lidar.detect import parse_method
+from evaluation.cli.output import counting
+from evaluation.errors import ArgumentError
+
+EXAMPLES = options.examples(
+    "`smartmot-eval lidar quality data --method network.onnx --min-points 10`",
+    "`smartmot-eval lidar quality kitti_object --method classical --split val`",
+    "What counts: docs/learned.md.",
+)
+
+LEAST_BOX_SCORE = 0.05
+"""Of boxes that are looked at, for the best F1."""
+
+
+def command(
+    data: Annotated[
+        Path,
+        typer.Argument(help="Data set with clouds in KITTI's, nuScenes' or SimBEV's layout.", metavar="DIR"),
+    ],
+    method: Annotated[str, typer.Option(help="classical, plain, or FILE.onnx.")] = "classical",
+    split: Annotated[
+        str | None, typer.Option(help="train, val or test, comma-separated. Default: all.", metavar="NAMES")
+    ] = None,
+    min_points: Annotated[
+        int, typer.Option(min=0, max=1_000_000, help="Labels with fewer points count neither way.")
+    ] = 5,
+    near: Annotated[float, typer.Option("--from", help="Least distance that counts, m.", min=0.0)] = 0.0,
+    far: Annotated[float, typer.Option("--to", help="Greatest distance that counts, m.", min=0.0)] = 40.0,
+    score: Annotated[float, typer.Option(help="Least score of a box.", min=0.0, max=1.0)] = 0.3,
+    quiet: options.Quiet = False,
+) -> None:
+    """Count right and false boxes of a detector on labelled clouds, from above."""
+    import rich.console
+
+    from evaluation.results.tables import rich_table
+    from evaluation.studies.datasets.reading import read_frames
+    from evaluation.studies.lidar.quality import QualityOptions, Truth, measured_quality, quality_table
+    from smartmot.lidar import PlainConfig
+
+    if not near < far:
+        raise ArgumentError(f"--from {near:g} --to {far:g}: nothing lies between them")
+    config = parse_method(method, None)
+    if not isinstance(config, PlainConfig):
+        config = parse_method(method, min(LEAST_BOX_SCORE, score))
+    splits = None if split is None else {name.strip() for name in split.split(",")}
+    frames = (
+        Truth(f.cloud, f.boxes, f.labels.category, None if f.unlabelled is None else f.unlabelled.covers)
+        for f in read_frames(data)
+        if splits is None or f.split in splits
+    )
+    asked = QualityOptions(min_points, (near, far))
+    with counting("detecting", quiet) as done:
+        boxes, count = measured_quality(frames, config, asked, done)
+    if not count:
+        raise ArgumentError(f"{data}: no frame" + (f" of the splits {split}" if split else ""))
+    rich.console.Console().print(
+        rich_table(quality_table(boxes, score, asked), f"{count} frames, {method}", texts=1)
+    )
