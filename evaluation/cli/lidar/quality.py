@@ -44,7 +44,7 @@ def command(
 
     from evaluation.results.tables import rich_table
     from evaluation.studies.datasets.reading import read_frames
-    from evaluation.studies.lidar.quality import QualityOptions, Truth, measured_quality, quality_table
+    from evaluation.studies.detectors.quality import QualityOptions, Truth, measured_quality, quality_table
     from smartmot.lidar import PlainConfig
 
     if not near < far:

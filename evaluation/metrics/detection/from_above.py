@@ -83,7 +83,12 @@ class ScoredBoxes:
 
 
 def match_from_above(
-    boxes: Boxes, score: FloatArray, labels: Boxes, label_counts: BoolArray, least_overlap: float
+    boxes: Boxes,
+    score: FloatArray,
+    labels: Boxes,
+    label_counts: BoolArray,
+    least_overlap: float,
+    is_unlabelled: BoolArray | None = None,
 ) -> ScoredBoxes:
     """Match the boxes of one class in one frame.
 
@@ -93,6 +98,7 @@ def match_from_above(
         labels: N labels of the class, and what a box of it may lie on without being wrong.
         label_counts: (N,) whether a label counts.
         least_overlap: IoU from above that a right box exceeds.
+        is_unlabelled: (M,) boxes where nothing is labelled, which count only if they are right; None: none.
     """
     order = np.argsort(-score, kind="stable")
     score = score[order]
@@ -108,6 +114,8 @@ def match_from_above(
             if free[best] and iou[row, best] > least_overlap:
                 is_true[row], free[best], label_score[best] = True, False, score[row]
         is_ignored = ~is_true & (iou[:, ~label_counts].max(axis=1, initial=0.0) > least_overlap)
+    if is_unlabelled is not None:
+        is_ignored |= ~is_true & is_unlabelled[order]
     return ScoredBoxes(
         score[~is_ignored], is_true[~is_ignored], label_score[label_counts], touched[label_counts]
     )

@@ -13,13 +13,14 @@ import numpy as np
 
 from evaluation.errors import ArgumentError
 from evaluation.studies.datasets.compose import Composer
-from evaluation.studies.datasets.reading import read_frames
+from evaluation.studies.datasets.reading import Unlabelled, read_frames
 from evaluation.studies.lidar.drawn import drawn_frames
 from scenarios.drawn.map_set import MAPS
 from scenarios.drawn.values import data
 from scenarios.recorded.clouds.files import cloud_files, read_cloud
 from scenarios.recorded.kitti import CATEGORY_OF_TYPE, NEIGHBOURS, TRACKING_COLUMNS
 from scenarios.recorded.kitti_objects.calibration import read_calibration
+from scenarios.recorded.kitti_objects.labels import DONT_CARE
 from scenarios.recorded.layouts.scenes import ScenePlace
 from scenarios.recorded.textfile import read_table
 from scenarios.sensors.lidar import Mount, lidar_config
@@ -42,12 +43,14 @@ class LabelledCloud:
         boxes: K labels.
         category: (K,) names out of `smartmot.types.CATEGORIES`.
         is_neighbour: (K,) of a type so near to a scored one that a box on it is no mistake.
+        unlabelled: where road users are not labelled; None: nowhere.
     """
 
     cloud: PointCloud
     boxes: Boxes3D
     category: StrArray
     is_neighbour: BoolArray
+    unlabelled: Unlabelled | None = None
 
 
 class CloudSet(Hashable, Protocol):
@@ -175,7 +178,7 @@ class KittiObjects:
         """One after another."""
         for frame in read_frames(self.folder):
             near = np.isin(frame.labels.kind, NEIGHBOURS)
-            yield LabelledCloud(frame.cloud, frame.boxes, frame.labels.category, near)
+            yield LabelledCloud(frame.cloud, frame.boxes, frame.labels.category, near, frame.unlabelled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,13 +204,17 @@ class KittiDrive:
         labels, calibration = (_only(self.folder, pattern) for pattern in ("label_*.txt", "calib_*.txt"))
         table = read_table(labels, TRACKING_COLUMNS, ("type",), optional=1)
         known = np.array([kind in CATEGORY_OF_TYPE for kind in table["type"].tolist()])
+        regions = table["type"] == DONT_CARE
         calib = read_calibration(calibration)
         for path in cloud_files(self.folder / "velodyne"):
-            rows = table.rows(known & (table.whole("frame") == int(path.stem)))
+            now = table.whole("frame") == int(path.stem)
+            rows = table.rows(known & now)
+            unlabelled = Unlabelled(table.rows(regions & now).stacked("x1", "y1", "x2", "y2"), calib)
             boxes = calib.boxes_to_lidar(rows.stacked("h", "w", "l", "x", "y", "z", "ry"))
             kinds = rows["type"]
             category = np.array([CATEGORY_OF_TYPE[kind] for kind in kinds.tolist()], dtype=np.str_)
-            yield LabelledCloud(read_cloud(path).cloud, boxes, category, np.isin(kinds, NEIGHBOURS))
+            near = np.isin(kinds, NEIGHBOURS)
+            yield LabelledCloud(read_cloud(path).cloud, boxes, category, near, unlabelled)
 
 
 @lru_cache(maxsize=1)

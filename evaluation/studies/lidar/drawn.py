@@ -7,20 +7,21 @@ facades, fences, cabinets and bicycles without riders. All sizes are assumed; re
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from evaluation.studies.lidar.cars import drawn_car, lost_share
+from evaluation.studies.lidar.cars import drawn_car
+from evaluation.studies.lidar.clutter import FARTHEST_M, clutter_beside
+from evaluation.studies.lidar.echoes import Echoes, smeared
 from opendrive import RoadNetwork, load_map
 from scenarios.sensors.lidar import LidarConfig, LidarSensor, Mount, Street, furnished_street
-from scenarios.sensors.lidar.bodies import unit_body
-from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, Bodies, Parts, joined
+from scenarios.sensors.lidar.shapes import Bodies, joined
 from scenarios.sensors.lidar.street import CAR_M, PARKING_PITCH_M
 from scenarios.sensors.world import MapSurface, World
-from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
+from smartmot.arrays import FloatArray, IntArray, StrArray
 from smartmot.geometry import wrap_angle
 from smartmot.pointcloud import Boxes3D, PointCloud
 from smartmot.types import Boxes, EgoState
@@ -30,9 +31,6 @@ CLASSES = ("pedestrian", "cyclist", "car")
 
 FRAMES_PER_STREET = 4
 """The same street is seen from so many places, with other road users."""
-
-FARTHEST_M = 55.0
-"""Of road users and clutter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +104,7 @@ def drawn_frames(
             world = replace(world, time_s=number / config.pattern.rate_hz)
         extra = [street.bodies]
         if clutter:
-            extra.append(_clutter(network, surface, street, ego, world, rng))
+            extra.append(clutter_beside(network, surface, street, ego, world, rng))
         cast_world = world
         if varied:
             cars = np.flatnonzero(world.category == "car")
@@ -114,9 +112,9 @@ def drawn_frames(
             cast_world = replace(world, seen=world.category != "car")
         own_street = replace(street, bodies=joined(extra))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
-        cloud = _smeared(sensor.measure(cast_world, ego).cloud, rng)
+        cloud = smeared(sensor.measure(cast_world, ego).cloud, rng)
         boxes, category = _labels(world, street, parked, ego, drawn_mount)
-        echoes = _Echoes(cloud, boxes)
+        echoes = Echoes(cloud, boxes)
         lost = echoes.through_bicycles(category, rng)
         if varied:
             lost |= echoes.of_dark_cars(category, rng)
@@ -274,194 +272,6 @@ def _standing(street: Street, ego: EgoState) -> list[tuple[FloatArray, float]]:
     ]
 
 
-def _parts(rows: Sequence[tuple[int, tuple[float, ...], tuple[float, ...]]], reflectivity: float) -> Parts:
-    kind, center, half = zip(*rows, strict=True)
-    return Parts(np.array(kind), np.array(center), np.array(half), np.full(len(rows), reflectivity))
-
-
-def _foliage(rng: np.random.Generator) -> Parts:
-    """Leaves: small ellipsoids in a larger one, from a bush to a young tree."""
-    half = np.array([rng.uniform(0.2, 1.5), rng.uniform(0.2, 1.2), rng.uniform(0.3, 1.4)])
-    bottom = rng.uniform(0.0, 0.4)
-    count = int(rng.integers(15, 60))
-    inside = rng.normal(0.0, 0.45, (count, 3)).clip(-1.0, 1.0) * half + (0.0, 0.0, half[2] + bottom)
-    leaf = rng.uniform(0.05, 0.25, (count, 1)) * rng.uniform(0.6, 1.4, (count, 3))
-    inside[:, 2] = np.maximum(inside[:, 2], leaf[:, 2])
-    return _parts([(ELLIPSOID, tuple(c), tuple(h)) for c, h in zip(inside, leaf, strict=True)], 0.4)
-
-
-def _hedge(rng: np.random.Generator) -> Parts:
-    length, width, height = rng.uniform(2.0, 10.0), rng.uniform(0.4, 1.0), rng.uniform(0.6, 2.0)
-    count = int(length * 4)
-    rows = [(BLOCK, (0.0, 0.0, 0.5 * height), (0.5 * length, 0.5 * width, 0.5 * height))]
-    for _ in range(count):
-        at = (rng.uniform(-0.5, 0.5) * length, rng.uniform(-0.5, 0.5) * width, rng.uniform(0.2, 1.0) * height)
-        rows.append((ELLIPSOID, at, tuple(rng.uniform(0.08, 0.35, 3))))
-    return _parts(rows, 0.4)
-
-
-def _facade(rng: np.random.Generator) -> Parts:
-    """A wall with pilasters, steps, sills and bins in front of it."""
-    length, height = rng.uniform(6.0, 18.0), rng.uniform(3.0, 9.0)
-    rows = [(BLOCK, (0.0, 0.0, 0.5 * height), (0.5 * length, 0.2, 0.5 * height))]
-    for _ in range(int(rng.integers(2, 9))):
-        half = rng.uniform((0.1, 0.05, 0.15), (0.8, 0.4, 1.2))
-        bottom = 0.0 if rng.random() < 0.6 else rng.uniform(0.3, 1.5)
-        side = rng.choice((-1.0, 1.0))
-        at = (
-            rng.uniform(-0.5, 0.5) * length,
-            side * (0.2 + half[1] * rng.uniform(0.6, 2.0)),
-            bottom + half[2],
-        )
-        rows.append((BLOCK, at, tuple(half)))
-    return _parts(rows, 0.25)
-
-
-def _fence(rng: np.random.Generator) -> Parts:
-    count, step, height = int(rng.integers(3, 12)), rng.uniform(0.3, 2.5), rng.uniform(0.8, 1.8)
-    radius = rng.uniform(0.02, 0.06)
-    along = step * (np.arange(count) - 0.5 * (count - 1))
-    rows = [(COLUMN, (float(x), 0.0, 0.5 * height), (radius, radius, 0.5 * height)) for x in along]
-    rows += [
-        (BLOCK, (0.0, 0.0, level * height), (0.5 * step * count, 0.02, rng.uniform(0.02, 0.1)))
-        for level in rng.uniform(0.3, 1.0, int(rng.integers(0, 4))).tolist()
-    ]
-    return _parts(rows, 0.3)
-
-
-def _cabinet(rng: np.random.Generator) -> Parts:
-    half = rng.uniform((0.15, 0.1, 0.35), (0.9, 0.4, 1.0))
-    return _parts([(BLOCK, (0.0, 0.0, half[2]), tuple(half))], 0.4)
-
-
-def _thick_post(rng: np.random.Generator) -> Parts:
-    """Advertising columns, gate posts, trunks with shoots."""
-    radius, height = rng.uniform(0.06, 0.5), rng.uniform(0.7, 5.0)
-    rows = [(COLUMN, (0.0, 0.0, 0.5 * height), (radius, radius * rng.uniform(0.7, 1.0), 0.5 * height))]
-    for _ in range(int(rng.integers(0, 6))):
-        at = (*rng.normal(0.0, radius + 0.1, 2), rng.uniform(0.2, 1.0) * height)
-        rows.append((ELLIPSOID, tuple(at), tuple(rng.uniform(0.05, 0.3, 3))))
-    return _parts(rows, 0.25)
-
-
-def _bollards(rng: np.random.Generator) -> Parts:
-    """A row of them."""
-    count, step = int(rng.integers(1, 7)), rng.uniform(1.0, 2.5)
-    radius, height = rng.uniform(0.04, 0.12), rng.uniform(0.6, 1.2)
-    along = step * (np.arange(count) - 0.5 * (count - 1))
-    half = (radius, radius, 0.5 * height)
-    return _parts([(COLUMN, (float(x), 0.0, 0.5 * height), half) for x in along], 0.35)
-
-
-def _bicycles(rng: np.random.Generator) -> Parts:
-    """Parked bicycles without riders, side by side."""
-    body = unit_body("cyclist")
-    frame = Parts(body.kind[:3], body.center_m[:3], body.half_m[:3], body.reflectivity[:3])
-    frame = frame.scaled(np.array([1.75, 0.6, 1.8]))
-    count = int(rng.integers(1, 5))
-    shift = rng.uniform(0.4, 0.8) * np.arange(count)
-    groups = [replace(frame, center_m=frame.center_m + np.array([0.0, t, 0.0])) for t in shift]
-    columns = (np.concatenate([getattr(group, name) for group in groups]) for name in Parts.__slots__)
-    return Parts(*columns)
-
-
-_CLUTTER: tuple[tuple[Callable[[np.random.Generator], Parts], float, float], ...] = (
-    (_foliage, 0.28, 1.5), (_hedge, 0.12, 5.0), (_facade, 0.14, 9.0), (_fence, 0.10, 5.0),
-    (_cabinet, 0.12, 0.9), (_thick_post, 0.08, 0.6), (_bicycles, 0.06, 1.5), (_bollards, 0.10, 5.0),
-)  # fmt: skip
-"""What makes it, its share, and how far it may reach from its place along its heading."""
-
-
-def _clutter(
-    network: RoadNetwork,
-    surface: MapSurface,
-    street: Street,
-    ego: EgoState,
-    world: World,
-    rng: np.random.Generator,
-) -> Bodies:
-    """Pieces off the lanes for traffic, along the ego's heading or across, apart from road users."""
-    count = int(rng.integers(20, 90))
-    kind = rng.choice(len(_CLUTTER), count, p=[share for _, share, _ in _CLUTTER])
-    distance, angle = FARTHEST_M * np.sqrt(rng.uniform(0.0, 1.0, count)), rng.uniform(-1.2, 1.2, count)
-    heading = ego.yaw_rad + angle
-    place = np.column_stack((np.cos(heading), np.sin(heading))) * distance[:, None] + (ego.x_m, ego.y_m)
-    yaw = ego.yaw_rad + rng.normal(0.0, 0.15, count) + 0.5 * math.pi * (rng.random(count) < 0.25)
-    reach = np.array([_CLUTTER[k][2] for k in kind.tolist()])
-    along = np.column_stack((np.cos(yaw), np.sin(yaw)))
-    probes = place[:, None] + along[:, None] * (reach[:, None] * np.linspace(-1.0, 1.0, 7))[..., None]
-    hits = network.locate(probes.reshape(-1, 2))
-    on_road = ~np.isin(network.lanes.lane_type[hits.lane], ("sidewalk", "none", "border"))
-    free = np.ones(count, dtype=np.bool_)
-    free[hits.point[on_road] // probes.shape[1]] = False
-    gap = np.hypot(*np.moveaxis(probes[:, :, None] - world.boxes.center_m, -1, 0))
-    free &= (gap > 0.8 + 0.5 * np.hypot(*world.boxes.size_m.T)).all(axis=(1, 2)) if len(world) else True
-    rows = np.flatnonzero(free)
-    at = place[rows]
-    bottom = surface.elevation_m(at, yaw[rows]) + street.raised_m(at)
-    parts = [_CLUTTER[k][0](rng) for k in kind[rows].tolist()]
-    return Bodies.of(parts, np.column_stack((at, bottom)), yaw[rows])
-
-
-SADDLE, THIN_M = 0.5, 0.06
-"""A bicycle is what is lower than this share of its rider's box, and so near to its middle plane: the rider's
-legs are beside it."""
-
-OPEN_BICYCLE = (0.3, 1.0)
-"""Share of the rays that pass through a bicycle: tyre and rim are a quarter of a wheel's disc, spokes and
-tubes little; assumed, because beams that are wider than a spoke have an echo of it now and then."""
-
-
-class _Echoes:
-    """Points of a cloud by the boxes that they are on.
-
-    Args:
-        cloud: P points.
-        boxes: T boxes, frame of the cloud.
-    """
-
-    def __init__(self, cloud: PointCloud, boxes: Boxes3D) -> None:
-        self.xyz_m, self.boxes = cloud.xyz_m, boxes
-        self._order = np.argsort(self.xyz_m[:, 0])
-        self._ahead = self.xyz_m[self._order, 0].astype(np.float64)
-
-    def on(self, row: int) -> tuple[IntArray, FloatArray]:
-        """(K,) points that may be on a box, ascending, and (K, 3) where, in axes of the box."""
-        center, yaw = self.boxes.center_m[row], float(self.boxes.yaw_rad[row])
-        reach = float(np.hypot(*self.boxes.size_m[row, :2]))
-        strip = slice(*np.searchsorted(self._ahead, (center[0] - reach, center[0] + reach)))
-        point = self._order[strip]
-        point = np.sort(point[np.abs(self.xyz_m[point, 1] - center[1]) <= reach])
-        rel = self.xyz_m[point] - center
-        c, s = math.cos(yaw), math.sin(yaw)
-        along, across = c * rel[:, 0] + s * rel[:, 1], c * rel[:, 1] - s * rel[:, 0]
-        return point, np.column_stack((along, across, rel[:, 2]))
-
-    def through_bicycles(self, category: StrArray, rng: np.random.Generator) -> BoolArray:
-        """(P,) most echoes of bicycles, which the sensor takes for discs and blocks."""
-        lost = np.zeros(len(self.xyz_m), dtype=np.bool_)
-        for row in np.flatnonzero(category == "cyclist").tolist():
-            size = self.boxes.size_m[row]
-            point, rel = self.on(row)
-            low = rel[:, 2] < (SADDLE - 0.5) * size[2]
-            thin = point[low & (np.abs(rel[:, 1]) < THIN_M) & (np.abs(rel[:, 0]) < 0.55 * size[0])]
-            lost[thin[rng.random(len(thin)) < rng.uniform(*OPEN_BICYCLE)]] = True
-        return lost
-
-    def of_dark_cars(self, category: StrArray, rng: np.random.Generator) -> BoolArray:
-        """(P,) some echoes of cars, of each another share; see `cars.lost_share`."""
-        lost = np.zeros(len(self.xyz_m), dtype=np.bool_)
-        for row in np.flatnonzero(category == "car").tolist():
-            share = lost_share(rng)
-            if share:
-                half = 0.5 * self.boxes.size_m[row] + 0.05
-                point, rel = self.on(row)
-                # the ground under a car stays
-                own = point[(np.abs(rel) < half).all(axis=1) & (rel[:, 2] > 0.1 - half[2])]
-                lost[own[rng.random(len(own)) < share]] = True
-        return lost
-
-
 ON_SIDEWALKS = 0.5
 """Share of the sidewalks, of roads without places for parking, on which cars stand in a row: assumed."""
 
@@ -515,35 +325,6 @@ def _cars(world: World, rows: IntArray, street: Street, rng: np.random.Generator
     parts = [drawn_car(each, rng) for each in size]
     position = np.column_stack((boxes.center_m, bottom))
     return Bodies.of(parts, position, boxes.yaw_rad, world.velocity_mps[rows])
-
-
-SMEAR_M = 0.5
-"""How far behind an edge an echo may lie that comes from both sides of it: the length of a pulse of 5 ns is
-0.75 m there and back, and two echoes are apart when they are as far from each other."""
-
-SMEARED = 0.5
-"""Share of the echoes at an edge that come from both sides: a beam of 3 mrad (HDL-64E manual) is as wide as
-the step between two shots, so that an edge is in every other one."""
-
-
-def _smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
-    """The cloud as beams with a width would measure it: echoes at edges are drawn out to behind."""
-    xyz = cloud.xyz_m.astype(np.float64)
-    distance = np.linalg.norm(xyz, axis=1)
-    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
-    if cloud.ring is None or not len(xyz):
-        return cloud
-    # a rosette has one ring, and its shots follow one another along it
-    order = np.lexsort((azimuth, cloud.ring)) if cloud.ring.max() else np.arange(len(xyz))
-    ordered, ring = distance[order], cloud.ring[order]
-    behind = (np.diff(ordered) > SMEAR_M) & (np.diff(ring) == 0)
-    before = (np.diff(ordered) < -SMEAR_M) & (np.diff(ring) == 0)
-    edge = np.zeros(len(xyz), dtype=np.bool_)
-    edge[:-1] |= behind
-    edge[1:] |= before
-    moved = order[edge & (rng.random(len(xyz)) < SMEARED)]
-    xyz[moved] *= (1.0 + SMEAR_M * rng.random(len(moved)) ** 2 / distance[moved])[:, None]
-    return replace(cloud, xyz_m=xyz.astype(np.float32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ import pytest
 
 from evaluation.cli import main
 from evaluation.studies.datasets.reading import read_frames
-from evaluation.studies.lidar.quality import QualityOptions, Truth, measured_quality
+from evaluation.studies.detectors.quality import QualityOptions, Truth, measured_quality
 from scenarios.recorded.kitti_objects.calibration import Calibration, calibration_text
 from smartmot.lidar import ClassicalConfig
 from smartmot.pointcloud import Boxes3D, PointCloud

@@ -48,6 +48,15 @@ def test_a_box_on_a_label_that_does_not_count_is_neither_right_nor_wrong() -> No
     assert len(matched.label_score) == 1
 
 
+def test_a_box_where_nothing_is_labelled_counts_only_if_it_is_right() -> None:
+    where = np.array([True, True, False])
+    matched = match_from_above(
+        row_of([0.0, 10.0, 20.0]), np.array([0.9, 0.8, 0.7]), row_of([0.0]), everyone(1), 0.5, where
+    )
+    result = matched.counts(0.0)
+    assert (result.true_positives, result.false_positives, result.missed) == (1, 1, 0)
+
+
 def test_without_a_fault_precision_is_1_and_without_boxes_0() -> None:
     x = [0.0, 10.0, 20.0]
     perfect = match_from_above(row_of(x), np.array([0.5, 0.6, 0.7]), row_of(x), everyone(3), 0.5)
