@@ -1,8 +1,8 @@
 """The geometry of all roads and lanes at once, straight from the XML, for files without anything odd.
 
 To make a record of every lane and curve costs more than parsing the file does, and most of them are never
-asked for. Here the numbers of all elements of a kind become columns instead. Nothing is tolerated or
-reported: whatever needs a warning or an error is left to the reading of the records.
+asked for. Here the numbers of all elements of a kind become columns instead. Nothing is reported: what is out
+of order, and whatever needs an error, is left to the reading of the records.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from opendrive.model import RoadLink
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.xml.fields import LENGTH
 from opendrive.xml.lanes import HEIGHT, OFF_ROAD_M, SIDES
-from opendrive.xml.roads import ID, JUNCTION_ID, LINE, LINK, ROAD_TYPE, RULE, read_shape
+from opendrive.xml.roads import ID, JUNCTION_ID, LINE, LINK, ROAD_TYPE, RULE, SHAPE, read_shape
 from opendrive.xml.values import (
     CUBIC,
     CUBIC_OFFSET,
@@ -49,12 +49,11 @@ def read_geometry(root: Element, roads: Sequence[Element]) -> NetworkGeometry | 
     """Return the geometry of `roads`, all children of that name of `root`; None if anything is odd."""
     if sum(1 for _ in root.iterchildren("road")) != len(roads):
         return None
-    values = Values("")
     try:
-        geometry = _read(root, roads, values)
+        # What is tolerated here the records' reader tolerates alike, and warns of when it is asked.
+        return _read(root, roads, Values(""))
     except (_OddError, MapContentError):
         return None
-    return None if values.warnings else geometry
 
 
 def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeometry:
@@ -74,21 +73,24 @@ def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeo
     elements: Elements = {tag: [] for tag in _READ}
     for element in root.iter(*_READ):
         elements[element.tag].append(element)
-    for tag in ("crossfall", "shape"):
-        _check(not len(_children(elements[tag], parts["lateralProfile"])[1]))
 
     def profiles(tag: str, part: str) -> CubicTable:
         return CubicTable.of_rows(*_records(elements[tag], parts[part], CUBIC), len(roads))
 
+    def crossfall(side: str) -> CubicTable:
+        sides = [element.get("side", "both") for element in elements["crossfall"]]
+        _check(set(sides) <= {"left", "right", "both"})
+        records = [e for e, of in zip(elements["crossfall"], sides, strict=True) if of in (side, "both")]
+        return CubicTable.of_rows(*_records(records, parts["lateralProfile"], CUBIC), len(roads))
+
     table = _roads(roads, parts["link"], values)
-    nothing = np.empty((0, 5))
     return NetworkGeometry(
         curves=_curves(elements["geometry"], parts["planView"], values),
         elevation=profiles("elevation", "elevationProfile"),
         superelevation=profiles("superelevation", "lateralProfile"),
-        crossfall_left=CubicTable.stack([nothing] * len(roads)),
-        crossfall_right=CubicTable.stack([nothing] * len(roads)),
-        shapes=ShapeTable.stack([np.empty((0, 6))] * len(roads)),
+        crossfall_left=crossfall("left"),
+        crossfall_right=crossfall("right"),
+        shapes=_shapes(elements["shape"], parts["lateralProfile"], len(roads)),
         lanes=_lanes(elements, parts["lanes"], table, profiles("laneOffset", "lanes")),
         roads=table,
     )
@@ -122,6 +124,14 @@ def _curves(elements: list[Element], plans: dict[Element, int], values: Values) 
         for piece, s_m, length_m in zip(pieces, rows[:, 0].tolist(), rows[:, 4].tolist(), strict=True)
     ]
     return CurveTable.build(road, rows, shapes, len(plans))
+
+
+def _shapes(elements: list[Element], parents: dict[Element, int], roads: int) -> ShapeTable:
+    owner, rows = _records(elements, parents, SHAPE)
+    # Places of one s ascend in t.
+    together = (np.diff(owner) == 0) & (np.diff(rows[:, 0]) == 0.0)
+    _check(not (np.diff(rows[:, 1])[together] < 0.0).any())
+    return ShapeTable.stack(np.split(rows, np.searchsorted(owner, np.arange(1, roads))))
 
 
 def _lanes(

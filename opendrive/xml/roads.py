@@ -227,6 +227,7 @@ JUNCTION_ID = attribute(
     lambda values, element, name, text: None if text in ("-1", "") else text,
     lambda element, value: element.set("junction", value or "-1"),
 )
+SHAPE = ("s", "t", "a", "b", "c", "d")
 RULE = text("rule", "RHT", convert=_rule).lenient()
 
 ROAD = Table(
@@ -246,7 +247,7 @@ ROAD = Table(
     superelevation=table_of("superelevation", CUBIC).inside("lateralProfile", always=True),
     crossfall_left=_crossfall("left").inside("lateralProfile", always=True),
     crossfall_right=_crossfall("right").inside("lateralProfile", always=True),
-    shape=table_of("shape", ("s", "t", "a", "b", "c", "d"), keys=2).inside("lateralProfile", always=True),
+    shape=table_of("shape", SHAPE, keys=2).inside("lateralProfile", always=True),
     lane_offset=table_of("laneOffset", CUBIC).inside("lanes", always=True),
     sections=LANE_SECTIONS.inside("lanes", always=True),
     objects=each("object", OBJECT).inside("objects"),
