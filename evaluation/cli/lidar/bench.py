@@ -20,7 +20,7 @@ EXAMPLES = options.examples(
 def command(
     clouds: Clouds,
     method: Annotated[
-        str, typer.Option(help="classical, plain, or FILE.onnx; comma-separated.")
+        str, typer.Option(help="classical, pillars, plain, or FILE.onnx; comma-separated.")
     ] = "classical",
     rounds: Annotated[int, typer.Option(help="How often each cloud is taken.", min=1)] = 10,
     topic: Topic = None,
@@ -33,11 +33,12 @@ def command(
     from evaluation.results.tables import rich_table
     from evaluation.studies.lidar.detect import Account, clouds_of, detected_cloud, stage_table
     from smartmot.lidar import METHODS
+    from smartmot.lidar.learned import SHIPPED
 
     words = [word.strip() for word in method.split(",")]
     networks = [word for word in words if word.endswith(NETWORK_ENDING)]
     others = ",".join(word for word in words if word not in networks)
-    known = options.parse_names(others, tuple(METHODS), "--method") if others or not networks else ()
+    known = options.parse_names(others, (*METHODS, *SHIPPED), "--method") if others or not networks else ()
     names = sorted({*known, *networks}, key=words.index)
     console = rich.console.Console()
     read, spent_s = [], []

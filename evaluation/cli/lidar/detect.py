@@ -34,7 +34,9 @@ Clouds = Annotated[
         help="Clouds (.bin, .pcd.bin, .pcd, .npz), folder of them, or bag.", metavar="FILE|DIR|BAG ..."
     ),
 ]
-Method = Annotated[str, typer.Option(help="classical, plain: the thesis' chain, or a network, FILE.onnx.")]
+Method = Annotated[
+    str, typer.Option(help="classical, pillars: the shipped network, plain: the thesis' chain, or FILE.onnx.")
+]
 Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]
 
 
@@ -126,12 +128,16 @@ def parse_method(method: str, score_min: float | None) -> DetectorConfig:
         ArgumentError: there is no such detector, or it has no scores to leave boxes out by.
     """
     from smartmot.lidar import METHODS, ClassicalConfig, LearnedConfig
+    from smartmot.lidar.learned import SHIPPED, shipped_network
 
-    if method.endswith(NETWORK_ENDING):
-        network = LearnedConfig(Path(method), least_score=0.3 if score_min is None else score_min)
+    if method.endswith(NETWORK_ENDING) or method in SHIPPED:
+        least = 0.3 if score_min is None else score_min
+        network = (
+            shipped_network(method, least) if method in SHIPPED else LearnedConfig(Path(method), "", least)
+        )
         _ = network.network  # loaded now: what is wrong with it is said before any cloud is read
         return network
-    kind = METHODS[options.parse_name(method, tuple(METHODS), "--method")]
+    kind = METHODS[options.parse_name(method, (*METHODS, *SHIPPED), "--method")]
     if score_min is None:
         return kind()
     if kind is not ClassicalConfig:

@@ -13,9 +13,9 @@ from evaluation.cli.output import counting
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
-    "`smartmot-eval lidar quality data --method network.onnx --min-points 10`",
+    "`smartmot-eval lidar quality data --method pillars --min-points 10`",
     "`smartmot-eval lidar quality kitti_object --method classical --split val`",
-    "What counts: docs/learned.md.",
+    "What counts, and how good the shipped network is: docs/learned.md.",
 )
 
 LEAST_BOX_SCORE = 0.05
@@ -27,7 +27,7 @@ def command(
         Path,
         typer.Argument(help="Data set with clouds in KITTI's, nuScenes' or SimBEV's layout.", metavar="DIR"),
     ],
-    method: Annotated[str, typer.Option(help="classical, plain, or FILE.onnx.")] = "classical",
+    method: Annotated[str, typer.Option(help="pillars, classical, plain, or FILE.onnx.")] = "pillars",
     split: Annotated[
         str | None, typer.Option(help="train, val or test, comma-separated. Default: all.", metavar="NAMES")
     ] = None,

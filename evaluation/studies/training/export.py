@@ -57,7 +57,11 @@ def onnx_bytes(
             external_data=False, verbose=False, optimize=True,
         )  # fmt: skip
         model = onnx.load(path)
-    del model.metadata_props[:]
+    # what the exporter notes of its own lines of code: folders of this machine among it
+    graph = model.graph
+    noted = (*graph.node, *graph.value_info, *graph.input, *graph.output, *graph.initializer)
+    for entry in (model, graph, *noted):
+        del entry.metadata_props[:]
     onnx.helper.set_model_props(model, {METADATA: metadata(decoder, list(scale), list(offset), origin)})
     content: bytes = model.SerializeToString(deterministic=True)
     return content

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -89,6 +89,7 @@ class Training:
         options: how it is trained.
         train: frames learned from.
         held_out: frames that only score it.
+        start: weights that it starts with; None: drawn.
 
     Raises:
         ArgumentError: there is no frame to learn from, or the folder holds a training of other frames or
@@ -102,6 +103,7 @@ class Training:
         options: TrainingOptions,
         train: Sequence[LabelledFrame],
         held_out: Sequence[LabelledFrame],
+        start: Mapping[str, torch.Tensor] | None = None,
     ) -> None:
         if not train:
             raise ArgumentError("nothing to learn from: the split 'train' has no frame")
@@ -109,9 +111,11 @@ class Training:
         self.train, self.held_out = train, held_out
         torch.manual_seed(options.seed)
         self.network = PillarNetwork(decoder)
+        if start is not None:
+            self.network.load_state_dict(start)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), options.rate, weight_decay=0.01)
         self.progress = Progress()
-        self.key = self._key()
+        self.key = self._key(start)
         self._take_up()
 
     @property
@@ -228,10 +232,12 @@ class Training:
             f"f1_{name}": boxes.best()[0] for name, boxes in by_class.items()
         }
 
-    def _key(self) -> str:
+    def _key(self, start: Mapping[str, torch.Tensor] | None) -> str:
         """Hash of all that the result depends on."""
         options = asdict(self.options) | {"minutes": None if self.options.steps else self.options.minutes}
         hashed = hashlib.sha256(repr((options, self.decoder)).encode())
+        for name, value in sorted((start or {}).items()):
+            hashed.update(name.encode() + value.numpy().tobytes())
         for split, frames in (("train", self.train), ("val", self.held_out)):
             for frame in frames:
                 boxes = frame.boxes

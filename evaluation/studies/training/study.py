@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,11 @@ def read_labelled(folder: Path, decoder: Decoder, done: Callable[[int, int | Non
 
 
 def train(
-    folder: Path, frames: Frames, options: TrainingOptions, report: Callable[[Progress, float], None]
+    folder: Path,
+    frames: Frames,
+    options: TrainingOptions,
+    report: Callable[[Progress, float], None],
+    start: Mapping[str, torch.Tensor] | None = None,
 ) -> tuple[Training, dict[str, ClassBoxes]]:
     """Train to the end, or go on where a training of the same frames and options stopped; write the network.
 
@@ -89,7 +93,7 @@ def train(
         The training, and by class the boxes of the held-out frames.
     """
     decoder = Decoder(PillarGrid(), CLASSES)
-    training = Training(folder, decoder, options, frames.train, frames.held_out)
+    training = Training(folder, decoder, options, frames.train, frames.held_out, start)
     training.run(report)
     boxes = training.boxes(frames.held_out)
     write_card(folder, training, boxes)
