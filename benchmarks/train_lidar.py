@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.runs.workers import available_cores, execute_all
+from evaluation.studies.detectors.quality import QualityOptions, Truth, measured_quality
 from evaluation.studies.lidar.drawn import FRAMES_PER_STREET, drawn_frames
-from evaluation.studies.lidar.quality import QualityOptions, Truth, measured_quality
 from evaluation.studies.training.samples import LabelledFrame, labelled_frame
 from scenarios.sensors.lidar import Spinning, lidar_config
 from smartmot.lidar.learned import Decoder, PillarGrid, shipped_network
