@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.train_lidar import fresh_streets
-from evaluation.studies.lidar.quality import QualityOptions, measured_quality
+from evaluation.studies.detectors.quality import QualityOptions, measured_quality
 from smartmot.errors import ConfigError
 from smartmot.lidar.learned import SHIPPED, shipped, shipped_card, shipped_network
 
