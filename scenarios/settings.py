@@ -29,6 +29,7 @@ from smartmot.decision.required_deceleration import LAST_POINT_TO_BRAKE
 from smartmot.decision.shipped import PAPER_RULE, RULES
 from smartmot.errors import ConfigError
 from smartmot.forecast import EGO_FORECASTS
+from smartmot.lidar.learned import SHIPPED
 from smartmot.maps.faulty import LANES, SIDEWALKS, TYPES
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
@@ -292,7 +293,9 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             sensing.perception_of,
             sensing.put_perception,
             own=True,
-            file=FileChoice(NETWORK_FORM, is_network, lambda name: network_file(name).name),
+            file=FileChoice(
+                ", ".join((*SHIPPED, NETWORK_FORM)), is_network, lambda name: network_file(name).name
+            ),
         ),
         "street": Parameter(
             "what stands along the road",

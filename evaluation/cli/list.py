@@ -56,6 +56,7 @@ def _list_protocols() -> None:
 def _list_perceptions() -> None:
     """Name of each perception of a LiDAR, and what it does."""
     from scenarios.sensors.lidar.chain import MONITORED, NETWORK_FORM, OF_TRUTH, PERCEPTIONS, UNSCORED
+    from smartmot.lidar.learned import SHIPPED
 
     texts = {
         "classical": "Local ground, clusters, calibrated scores; fitted to simulated streets.",
@@ -66,8 +67,12 @@ def _list_perceptions() -> None:
     texts |= {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OF_TRUTH.items()}
     lines = [(name, texts[name]) for name in PERCEPTIONS]
     lines += [
+        (name, "A network that is shipped, trained on simulated streets: docs/learned.md.")
+        for name in SHIPPED
+    ]
+    lines += [
         (NETWORK_FORM, "A network that lidar train made, known by the hash of its file: docs/learned.md."),
-        (f"{NETWORK_FORM}_monitored", "The same, given the points on the monitored area alone."),
+        (f"{NETWORK_FORM}_monitored", "Either of them, given the points on the monitored area alone."),
         ("package.module:name", "A detector of your own: docs/lidar.md, In the loop."),
     ]
     for name, text in lines:

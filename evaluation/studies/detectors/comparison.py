@@ -30,6 +30,7 @@ from evaluation.studies.detectors.clouds import (
 from evaluation.studies.study import Finished, Study
 from smartmot.arrays import BoolArray, FloatArray
 from smartmot.lidar import METHODS, BoxDetections, ClassicalConfig, DetectorConfig, detect
+from smartmot.lidar.learned import SHIPPED, LearnedConfig, shipped_network
 from smartmot.pointcloud import Boxes3D
 
 LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
@@ -123,13 +124,22 @@ class DetectorItem:
     @property
     def key(self) -> str:
         """Hash of everything that determines the scores."""
-        config = config_of(self.method)
-        values = (repr(self.clouds), self.clouds.digest, repr(config), self.category, version())
+        values = (
+            repr(self.clouds), self.clouds.digest, _told(self.method), self.category, version(),
+        )  # fmt: skip
         return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
+def _told(method: str) -> str:
+    """A detector with its parameters; a network by its hash, wherever its file is."""
+    config = config_of(method)
+    return f"{method} {config.digest}" if isinstance(config, LearnedConfig) else repr(config)
+
+
 def config_of(method: str) -> DetectorConfig:
-    """Parameters of a detector that reports unsure boxes, too."""
+    """Parameters of a detector, or shipped network, that reports unsure boxes, too."""
+    if method in SHIPPED:
+        return shipped_network(method, LOWEST_SCORE)
     kind = METHODS[method]
     return ClassicalConfig(least_score=LOWEST_SCORE) if kind is ClassicalConfig else kind()
 
@@ -268,7 +278,7 @@ class DetectorComparison(Study[DetectorItem, DetectorScores]):
         ]
         settings = {
             "sets": [each.title for each in self.sets],
-            "methods": {method: repr(config_of(method)) for method in self.methods},
+            "methods": {method: _told(method) for method in self.methods},
             "versions": {"smartmot": version(), **library_versions()},
         }
         contents = {

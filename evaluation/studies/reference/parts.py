@@ -27,6 +27,7 @@ from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
 from scenarios.strategies import STRATEGIES
 from smartmot.lidar import METHODS
+from smartmot.lidar.learned import SHIPPED
 
 BOTH = ("rectangular", "map")
 THREE = (*BOTH, "all")
@@ -73,7 +74,7 @@ TOWNS = TownsPart(GAIN.sample, _PNG, presets=GAIN.presets)
 _VAN_ROOF_M = 2.3
 """Height of a sensor on a van, higher than any that detectors were fitted with (2.1 m)."""
 
-_METHODS = tuple(METHODS)
+_METHODS = (*METHODS, *SHIPPED)
 
 DETECTORS: tuple[DetectorComparison, ...] = (
     DetectorComparison(

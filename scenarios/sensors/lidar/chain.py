@@ -26,6 +26,7 @@ from smartmot.area import MonitoredArea
 from smartmot.arrays import BoolArray, FloatArray
 from smartmot.errors import ConfigError, PluginError
 from smartmot.lidar import METHODS, ClassicalConfig, DetectorConfig, LearnedConfig, detect
+from smartmot.lidar.learned import SHIPPED, shipped_network, shipped_path
 from smartmot.lidar.monitored import points_on
 from smartmot.plugins import Plugin, is_plugin, require
 from smartmot.types import Detections, EgoState
@@ -50,9 +51,10 @@ AreaAt = Callable[[float], tuple[MonitoredArea, EgoState]]
 DEFAULT_PERCEPTION = PERCEPTIONS[0]
 
 NETWORK_FORM = "FILE.onnx"
-"""How a network is named; with `_monitored` behind it, it gets the points on the monitored area alone."""
+"""How a network is named, unless it is shipped and has a name; with `_monitored` behind it, it gets the
+points on the monitored area alone."""
 
-_NETWORK_NAME = re.compile(r"(.+\.onnx)(_monitored)?(?:@([0-9a-f]{12,64}))?")
+_NETWORK_NAME = re.compile(rf"(.+\.onnx|{'|'.join(SHIPPED)})(_monitored)?(?:@([0-9a-f]{{12,64}}))?")
 
 LEAST_NETWORK_SCORE = 0.1
 """Boxes of a network with lower scores are peaks of its noise, a hundred in a frame; no shipped tracker with
@@ -64,7 +66,7 @@ class NetworkFile:
     """A network as a run knows it. Made by `network_file`.
 
     Args:
-        path: of the ONNX file, as it was typed.
+        path: of the ONNX file, as it was typed; a shipped one's name.
         digest: SHA-256 of the file, which decides what network it is; the path does not.
         classes: that it can say.
         ahead_m: from and to where it looks, sensor's frame.
@@ -111,15 +113,17 @@ def is_network(name: str) -> bool:
 def network_path(name: str) -> Path:
     """The file that a name of the form of a network's names; see `network_file`."""
     match = _NETWORK_NAME.fullmatch(name)
-    return Path(name if match is None else match[1])
+    path = name if match is None else match[1]
+    return shipped_path(path) if path in SHIPPED else Path(path)
 
 
 def network_file(name: str) -> NetworkFile:
     """The network of a file, loaded to see that it can run.
 
     Args:
-        name: `FILE.onnx`, with `_monitored` where it is given the points on the monitored area alone, and
-            `@` with the first 12 or more digits of its SHA-256 where no other network will do.
+        name: `FILE.onnx`, or that of a shipped network, with `_monitored` where it is given the points on the
+            monitored area alone, and `@` with the first 12 or more digits of its SHA-256 where no other
+            network will do.
 
     Raises:
         ConfigError: the file is missing or damaged, another network, or no network of this form; or
@@ -127,9 +131,9 @@ def network_file(name: str) -> NetworkFile:
     """
     match = _NETWORK_NAME.fullmatch(name)
     if match is None:
-        raise ConfigError(f"{name}: expected {NETWORK_FORM}")
+        raise ConfigError(f"{name}: expected {NETWORK_FORM} or {', '.join(SHIPPED)}")
     path, monitored, digits = match.groups()
-    config = LearnedConfig(Path(path))
+    config = shipped_network(path) if path in SHIPPED else LearnedConfig(Path(path))
     if not config.digest.startswith(digits or ""):
         raise ConfigError(
             f"{path}: is not the network with SHA-256 {digits}..., but {config.digest[:12]}...; "
@@ -256,7 +260,7 @@ class CloudDetector:
         self.config: DetectorConfig
         # the tracker drops low scores, and they are counted; the detector keeps none back
         if isinstance(method, NetworkFile):
-            self.config = LearnedConfig(Path(method.path), method.digest, LEAST_NETWORK_SCORE)
+            self.config = LearnedConfig(network_path(method.path), method.digest, LEAST_NETWORK_SCORE)
             return
         config = METHODS[(UNSCORED | MONITORED).get(method, method)]()
         self.config = replace(config, least_score=0.0) if isinstance(config, ClassicalConfig) else config

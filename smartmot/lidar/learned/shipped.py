@@ -32,6 +32,11 @@ def shipped_card(name: str) -> dict[str, Any]:
     return card
 
 
+def shipped_path(name: str) -> Path:
+    """The file of a shipped network."""
+    return FOLDER / f"{name}.onnx"
+
+
 def shipped_network(name: str = "pillars", least_score: float = 0.3) -> LearnedConfig:
     """A shipped network, if size and SHA-256 are those of its card.
 
@@ -42,7 +47,7 @@ def shipped_network(name: str = "pillars", least_score: float = 0.3) -> LearnedC
     Raises:
         ConfigError: there is no such network, or the package is damaged.
     """
-    card, path = shipped_card(name), FOLDER / f"{name}.onnx"
+    card, path = shipped_card(name), shipped_path(name)
     size = path.stat().st_size if path.is_file() else 0
     if size != card["bytes"]:
         raise ConfigError(f"{path}: has {size} bytes in place of {card['bytes']}; install the package again")

@@ -21,13 +21,14 @@ from scenarios.sensors.lidar.chain import (
     NetworkFile,
     is_network,
     network_file,
+    network_path,
 )
 from scenarios.sensors.lidar.config import HDL32, MID70
 from scenarios.settings import PARAMETERS, preset_with
 from scenarios.simulation.ends import StopRule
 from scenarios.spec import RunSpec, simulation_of
 from smartmot.errors import ConfigError
-from smartmot.lidar.learned import Decoder, PillarGrid
+from smartmot.lidar.learned import Decoder, PillarGrid, shipped_card
 from smartmot.pointcloud import PointCloud
 from smartmot.types import EgoState
 from tests.networks import SIZE_M, score_of, upright_network
@@ -122,6 +123,27 @@ def test_the_same_file_gives_the_same_bytes_in_another_process(path: str) -> Non
     assert other.log is not None
     assert all(there.log[name].tobytes() == column.tobytes() for name, column in here.log.items())
     assert other.log["x_m"].tobytes() != here.log["x_m"].tobytes()
+
+
+def test_the_shipped_network_has_a_name_and_its_hash() -> None:
+    digest = shipped_card("pillars")["sha256"]
+    for name, monitored in (("pillars", False), ("pillars_monitored", True)):
+        known = PARAMETERS["perception"].known_as(name)
+        assert known == f"{name}@{digest[:12]}"
+        network = network_file(known)
+        assert (network.digest, network.monitored) == (digest, monitored)
+        assert network_path(known).name == "pillars.onnx"
+    with pytest.raises(ConfigError, match="is not the network with SHA-256 000000000000"):
+        network_file("pillars@000000000000")
+    # wherever the file is, it is the same network, and the same run
+    copy = replace(network_file("pillars"), path="elsewhere.onnx")
+    assert copy.digest == network_file("pillars").digest
+
+
+def test_a_run_with_the_shipped_network_detects_who_crosses() -> None:
+    simulation = simulation_of(spec("pillars", "hdl64"))
+    outcome = simulation.run()
+    assert outcome.detections > 0
 
 
 def test_a_pickled_run_goes_on_with_the_same_bytes(path: str) -> None:
