@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -28,6 +28,7 @@ from scenarios.openscenario.motion.paths import (
 from scenarios.openscenario.motion.route_changes import (
     Leg,
     RouteChange,
+    changes_from,
     is_change,
     legs_with_changes,
     settled,
@@ -363,6 +364,33 @@ class Roads(Immutable):
                 legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
         return legs
 
+    def taken_from(self, legs: list[Leg], place: LanePlace | None) -> list[Leg]:
+        """Legs from a place on, where the route changes lanes beside it; else as they are.
+
+        Who is in the new lane already does not change once more, and who is past the place of a change
+        changes from where it is.
+        """
+        if place is None:
+            return legs
+        lanes, k = self.network.lanes, 0
+        while k < len(legs):
+            last = changes_from(self.network, legs, k)
+            begin, end = legs[k].s_start_m, legs[last].s_end_m
+            if (
+                last > k
+                and lanes.section[place.lane] == lanes.section[legs[k].lane]
+                and min(begin, end) <= place.s_m <= max(begin, end)
+            ):
+                goal = replace(self.start_of(legs[last]), s_m=end)
+                try:
+                    taken = [*self.route_legs([place, goal]), *legs[last + 1 :]]
+                    settled(self.network, taken, 0.0)
+                except RunError:
+                    return legs
+                return taken
+            k = last + 1
+        return legs
+
     def path(self, legs: list[Leg], left_m: float, speed_mps: float = 0.0) -> Path:
         """Path along the middle of legs, moved to the left as seen in the direction of travel.
 
@@ -370,12 +398,17 @@ class Roads(Immutable):
             legs: the way.
             left_m: how far to the left.
             speed_mps: on which the length of lane changes depends.
+
+        Raises:
+            RunError: the legs have no length, or there is too little room for a lane change.
         """
         if any(is_change(self.network, *pair) for pair in pairwise(legs)):
             used, pieces = self._changing(*settled(self.network, legs, speed_mps), left_m)
         else:
             used = [leg for leg in legs if leg.length_m > 1e-6]
             pieces = [self._leg_rows(leg, left_m) for leg in used]
+        if not used:
+            raise RunError("route: it ends where it begins; give places that lie apart along the lanes")
         path, kept = joined(pieces)
         path.on_road = True
         path.track = Track(

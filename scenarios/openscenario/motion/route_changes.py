@@ -92,6 +92,8 @@ def with_room(changes: Sequence[RouteChange], length_m: float) -> list[RouteChan
         changes: in the order of the route, each as long as it should be.
         length_m: of the route.
     """
+    if not changes:
+        return []
     middles = [change.at_m for change in changes]
     bounds = [0.0, *(0.5 * (a + b) for a, b in pairwise(middles)), length_m]
     return [
@@ -121,11 +123,67 @@ def is_change(network: RoadNetwork, leg: Leg, following: Leg) -> bool:
     )
 
 
+def changes_from(network: RoadNetwork, legs: Sequence[Leg], first: int) -> int:
+    """Number of the leg in which the lane changes end that begin at the end of a leg; itself without any."""
+    last = first
+    while last + 1 < len(legs) and is_change(network, legs[last], legs[last + 1]):
+        last += 1
+    return last
+
+
 def legs_with_changes(network: RoadNetwork, start: tuple[int, float], end: tuple[int, float]) -> list[Leg]:
     """Legs between two places (lane, s) of which none leads to the other without lane changes.
 
+    A lane change for which what is left of a lane section is too short takes place on a road behind it,
+    if it can.
+
     Raises:
         RunError: with them neither.
+    """
+    legs = _shortest(network, start, end)
+    k = 0
+    while k < len(legs):
+        last = changes_from(network, legs, k)
+        if _is_tight(network, legs[k : last + 1]):
+            later = _changing_later(network, legs[k], end)
+            return legs if later is None else legs[:k] + later
+        k = last + 1
+    return legs
+
+
+def _is_tight(network: RoadNetwork, legs: Sequence[Leg]) -> bool:
+    """Whether lane changes from the first to the last of legs side by side would be too steep."""
+    begun, end = legs[0].s_end_m, legs[-1].s_end_m
+    middles = [_middle_m(network, leg.lane, begun) for leg in legs]
+    widest = max((abs(b - a) for a, b in pairwise(middles)), default=0.0)
+    return abs(end - begun) < SHORTEST * widest * (len(legs) - 1)
+
+
+def _changing_later(network: RoadNetwork, leg: Leg, end: tuple[int, float]) -> list[Leg] | None:
+    """A leg to the end of its lane, and the shortest way from there; None: there is none."""
+    lanes = network.lanes
+
+    def bounds(lane: int) -> tuple[float, float]:
+        low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
+        return (low, high) if _direction(network, lane) > 0 else (high, low)
+
+    ways: list[list[Leg]] = []
+    for following in network.successors(leg.lane):
+        try:
+            ways.append(legs_with_changes(network, (following, bounds(following)[0]), end))
+        except RunError:
+            continue
+    if not ways:
+        return None
+    along = Leg(leg.lane, leg.s_start_m, bounds(leg.lane)[1])
+    return [along, *min(ways, key=lambda way: sum(own.length_m for own in way))]
+
+
+def _shortest(network: RoadNetwork, start: tuple[int, float], end: tuple[int, float]) -> list[Leg]:
+    """The shortest way with lane changes, each where it is first allowed.
+
+    Raises:
+        RunError: there is none.
     """
     try:
         route = network.route(*start, *end)
@@ -169,20 +227,27 @@ def settled(
     """Legs that change lanes where it suits a speed, and these changes by the way along the legs.
 
     Changes of a lane section follow one another from where they are allowed, or share what is left of it.
+
+    Raises:
+        RunError: what is left is too short.
     """
     placed, k = list(legs), 0
     jumps: dict[int, float] = {}
     start_m = 0.0
     while k < len(placed):
-        last = k
-        while last + 1 < len(placed) and is_change(network, placed[last], placed[last + 1]):
-            last += 1
+        last = changes_from(network, placed, k)
         begun, end = placed[k].s_end_m, placed[last].s_end_m
         along = _direction(network, placed[k].lane)
         for n in range(k, last):
             own_m, other_m = (_middle_m(network, leg.lane, begun) for leg in placed[n : n + 2])
             left_m = along * (other_m - own_m)
             room_m = abs(end - begun) / (last - n)
+            if room_m < SHORTEST * abs(left_m) - 1e-6:
+                road_id = network.lanes.key[placed[n].lane].road_id
+                raise RunError(
+                    f"route: {room_m:.3g} m of road '{road_id}' are left for "
+                    f"a lane change of {abs(left_m):.3g} m; it takes {SHORTEST * abs(left_m):.3g} m at least"
+                )
             length_m = length_of_change_m(left_m, speed_mps)
             jumps[n + 1] = left_m
             switch = begun + along * 0.5 * min(length_m, room_m)

@@ -294,7 +294,7 @@ def environment(node: Node, context: Context) -> Environment:
             values["time_of_day_s"] = day.date_time("dateTime")
             values["time_goes_on"] = day.boolean("animation")
         except ContentError as error:
-            context.note(day, f"is not used: {error}")
+            context.note(day, f"is not used: {str(error).removeprefix(day.where).strip()}")
     weather = node.get("Weather")
     if weather is not None:
         weather.allow(

@@ -45,12 +45,25 @@ def _relative_lane(node: Node, context: Context) -> RelativeLanePosition:
 
 @reads(GeoPosition)
 def _geographic(node: Node, context: Context) -> GeoPosition:
-    """In degrees; `latitude` and `longitude`, as before 1.2, are in radians."""
+    """In degrees; `latitude` and `longitude`, as before 1.2, are in radians.
+
+    Raises:
+        ContentError: a value is outside its range, which degrees in the place of radians mostly are.
+    """
     allow(GeoPosition, node)
     degrees: list[float] = []
-    for name in ("latitude", "longitude"):
+    for name, most in (("latitude", 90.0), ("longitude", 180.0)):
         old = not node.has(f"{name}Deg") and node.has(name)
-        degrees.append(math.degrees(node.number(name)) if old else node.number(f"{name}Deg"))
+        value = node.number(name if old else f"{name}Deg")
+        degrees.append(math.degrees(value) if old else value)
+        if abs(degrees[-1]) > most * (1.0 + 1e-9):
+            asked = (
+                f"{name}: it is in radians, at most {math.radians(most):.5g}, got '{value:g}'; "
+                f"degrees are {name}Deg"
+                if old
+                else f"{name}Deg: expected at most {most:g} degrees, got '{value:g}'"
+            )
+            raise ContentError(f"{node.where} {asked}")
     height = next((name for name in ("altitude", "height") if node.has(name)), None)
     z_m = None if height is None else node.number(height)
     return declared(GeoPosition, node, context, latitude_deg=degrees[0], longitude_deg=degrees[1], z_m=z_m)

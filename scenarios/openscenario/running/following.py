@@ -155,7 +155,12 @@ def go_on(actor: Actor, world: World, time_s: float) -> None:
 
 
 def route_way(roads: Roads, legs: list[Leg], pose: Pose, speed_mps: float) -> Path | None:
-    """The way along a route at the offset of a pose; None if the pose is too far from it."""
+    """The way along a route at the offset of a pose; None if the pose is too far from it.
+
+    Raises:
+        RunError: see `Roads.path`.
+    """
+    legs = roads.taken_from(legs, roads.place(pose))
     middle = roads.path(legs, 0.0, speed_mps)
     station, left = middle.project(pose.x_m, pose.y_m)
     if not -1e-3 <= station <= middle.length_m or abs(left) > ROUTE_REACH_M:

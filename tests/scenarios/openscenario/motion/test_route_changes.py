@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from scenarios.openscenario import RunError
 from scenarios.openscenario.motion.route_changes import (
     LATERAL_MPS2,
+    SHORTEST,
     RouteChange,
     length_of_change_m,
     with_room,
@@ -109,3 +111,55 @@ def test_a_change_is_continuous_where_the_lane_below_is_another():
     shift, slope = change.shift(way, np.array([False, False, True, True]))
     assert shift.tolist() == pytest.approx([0, -1.5, 1.5, 0])
     assert slope.tolist() == pytest.approx([0, -3 * 1.5 / 40, -3 * 1.5 / 40, 0])
+
+
+@pytest.mark.parametrize("goal_s", [100.0, 100.1, 101.0, 105.2])
+@pytest.mark.parametrize("how", ["route", "acquire"])
+def test_no_room_for_a_change_is_said(play, goal_s, how):
+    """By a cubic it would head more than 45 degrees off the lane."""
+    end = lane_position(goal_s, -2)
+    routing = route(lane_position(100), end) if how == "route" else acquire(end)
+    with pytest.raises(RunError, match=r"left for a lane change of 3\.5 m; it takes 5\.25 m at least"):
+        play(init=drives(-1, 100, 20, routing))
+
+
+def test_the_least_room_is_taken(play):
+    _, run = play(
+        init=drives(-1, 100, 20, route(lane_position(100), lane_position(100 + SHORTEST * 3.5, -2)))
+    )
+    assert at(run, "Ego", 1.0)[1] == pytest.approx(-1.5 * WIDTH_M, abs=1e-6)
+    assert np.abs(run.yaw_rad[:, 0]).max() < math.pi / 4 + 1e-6
+
+
+@pytest.mark.parametrize("how", ["route", "acquire"])
+def test_a_route_that_ends_where_it_begins_is_refused(play, how):
+    place = lane_position(20)
+    with pytest.raises(RunError, match="route: it ends where it begins"):
+        play(init=drives(-1, 20, 20, route(place, place) if how == "route" else acquire(place)))
+
+
+def test_a_change_that_finds_no_room_takes_place_behind(play):
+    """2 m before the end of A; B goes on, where its lane 2 is beside."""
+    _, run = play(init=drives(-1, 298, 10, route(lane_position(298), lane_position(200, 2, road_id="B"))))
+    length = 10 * DURATION_S
+    x, y, _, _ = at(run, "Ego", round(0.2 + 0.5 * DURATION_S, 2))
+    assert (x, y) == pytest.approx((300 + length / 2 - 0.3 * WIDTH_M**2 / length, -WIDTH_M), abs=0.02)
+    assert at(run, "Ego", 8.0)[1] == pytest.approx(-1.5 * WIDTH_M, abs=1e-6)
+
+
+def test_who_is_in_the_new_lane_already_stays_in_it(play):
+    _, run = play(init=drives(-2, 20, 10, route(lane_position(20), lane_position(250, -2))))
+    assert np.abs(run.y_m[:, 0] + 1.5 * WIDTH_M).max() < 1e-9
+
+
+def test_who_is_past_the_place_of_a_change_changes_from_there(play):
+    _, run = play(init=drives(-1, 100, 10, route(lane_position(20), lane_position(250, -2))))
+    length = 10 * DURATION_S
+    x, y, _, _ = at(run, "Ego", round(DURATION_S / 2, 2))
+    assert (x, y) == pytest.approx((100 + length / 2 - 0.3 * WIDTH_M**2 / length, -WIDTH_M), abs=0.02)
+    assert at(run, "Ego", 8.0)[1] == pytest.approx(-1.5 * WIDTH_M, abs=1e-6)
+
+
+def test_who_has_no_room_left_for_a_change_goes_on_in_its_lane(play):
+    _, run = play(init=drives(-1, 248, 10, route(lane_position(20), lane_position(250, -2))))
+    assert np.abs(run.y_m[:, 0] + 0.5 * WIDTH_M).max() < 1e-9

@@ -98,7 +98,8 @@ def test_no_date_is_an_error_of_a_condition_and_a_note_of_an_environment(write):
     with pytest.raises(ContentError, match="dateTime: expected a date and time"):
         load(write(act(maneuver(event("e", set_variable("n", 1), begin)))))
     init = environment("noon") + private("Ego", teleport(EGO)) + OTHER_AHEAD
-    assert any("<TimeOfDay> is not used" in note for note in load(write(init=init)).notes)
+    (note,) = (note for note in load(write(init=init)).notes if "<TimeOfDay> is not used" in note)
+    assert note.count("small.xosc") == 1
 
 
 # Latitude and longitude
@@ -154,3 +155,18 @@ def test_latitude_and_longitude(write, position, y, yaw):
 def test_a_map_without_reference_refuses_them(write):
     with pytest.raises(RunError, match="latitude and longitude"):
         geographic(write, '<GeoPosition latitudeDeg="48" longitudeDeg="11"/>', projection=False)
+
+
+@pytest.mark.parametrize(
+    ("position", "message"),
+    [
+        ('latitude="48.1" longitude="0.19"', "latitude: it is in radians, at most 1.5708, got '48.1'"),
+        ('latitude="0.84" longitude="11.5"', "longitude: it is in radians, at most 3.1416.*longitudeDeg"),
+        ('latitudeDeg="90.1" longitudeDeg="11"', "latitudeDeg: expected at most 90 degrees"),
+        ('latitudeDeg="48" longitudeDeg="-371"', "longitudeDeg: expected at most 180 degrees"),
+    ],
+)
+def test_places_beyond_the_earth_are_refused(write, position, message):
+    """Degrees in the place of radians, as a rule."""
+    with pytest.raises(ContentError, match=message):
+        geographic(write, f"<GeoPosition {position}/>")
