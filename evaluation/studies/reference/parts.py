@@ -10,7 +10,7 @@ from evaluation.runs.cpna import CpnaSuite
 from evaluation.runs.specs import Conditions
 from evaluation.studies.answers.break_even import BreakEven
 from evaluation.studies.answers.gain import Gain
-from evaluation.studies.answers.lidar import LidarGain
+from evaluation.studies.answers.lidar import LearnedGain, LidarGain
 from evaluation.studies.answers.sensor import SensorErrors
 from evaluation.studies.answers.study import Question, Sample
 from evaluation.studies.answers.trigger import FAMILIES, Trigger
@@ -59,7 +59,8 @@ BREAK_EVEN = BreakEven(Sample(count=75), _PNG)
 SENSOR = SensorErrors(Sample(count=40), _PNG)
 TRIGGER = Trigger(Sample(count=40), _PNG)
 LIDAR = LidarGain(Sample(count=20), _PNG)
-QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER, LIDAR)
+LEARNED = LearnedGain(Sample(count=20), _PNG)
+QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER, LIDAR, LEARNED)
 """The first settles what is run in others. The scenes of fewer are among those of more."""
 
 DRIVES: tuple[DrivesPart, ...] = (

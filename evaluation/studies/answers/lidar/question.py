@@ -23,6 +23,7 @@ from scenarios.presets import named_preset
 from scenarios.sensing import TRUTH
 from scenarios.sensors.lidar.chain import DEFAULT_PERCEPTION, PERCEPTIONS, lidar_of
 from scenarios.settings import Settings, preset_with
+from smartmot.lidar.learned import SHIPPED, shipped_card
 
 RECTANGLE = next(rival for rival in RIVALS if rival.name == "rectangle")
 ALL = next(rival for rival in RIVALS if rival.strategy == "all")
@@ -197,3 +198,48 @@ class LidarGain(Question):
             reach_m = lidar_of(preset.lidar, preset.sensor).range_m if preset.lidar else preset.sensor.range_m
             parts.append(f"{name} {preset.sensor.rate_hz:g} frames per second, {reach_m:g} m")
         return f"Sensors: {'; '.join(parts)}."
+
+
+def network_chain(sensor: str, network: str = SHIPPED[0]) -> Chain:
+    """A LiDAR with a shipped network, known by its hash."""
+    digest = shipped_card(network)["sha256"]
+    return Chain(f"{sensor}, {network}", lidar(sensor, f"{network}@{digest[:12]}"))
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedGain(LidarGain):
+    """A network in the place of the classical chain, in the same scenes."""
+
+    chains: tuple[Chain, ...] = (
+        Chain(f"hdl64, {DEFAULT_PERCEPTION}", lidar("hdl64", DEFAULT_PERCEPTION)),
+        network_chain("hdl64"),
+    )
+    areas: tuple[Rival, ...] = (PATH, MAP)
+    name = "learned"
+
+    @property
+    def pairs(self) -> list[tuple[Arm, Arm]]:
+        """Every other chain against the first, area by area."""
+        return [
+            (self.arm(chain, area), self.arm(self.chains[0], area))
+            for chain in self.chains[1:]
+            for area in self.areas
+        ]
+
+    def answer(self, results: Results) -> Answer:
+        """What the network changes."""
+        differences = decisive_differences(results, self.pairs)
+        return Answer(
+            "What does a network change in the closed loop?",
+            tables.pair_findings(results, self.pairs, differences),
+            {
+                "Network against classical chain": differences_table(differences, len(differences)),
+                "When the request comes": tables.flag_table(results, self.pairs),
+                "Each by itself": tables.chain_table(results, self.groups),
+                "Unnecessary stops by place": tables.place_table(results, self.groups),
+                "Who is who": arms_table(self.arms),
+            },
+            {"chains": rates_by_chain(self, results)},
+            {"gain.csv": differences_csv(differences), "table.csv": estimates_csv(results)},
+            (self._rates(), NOTES[0], f"This is {UPPER_BOUND}."),
+        )

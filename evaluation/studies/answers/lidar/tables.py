@@ -23,18 +23,30 @@ SHOWN = ("avoided", "early", "impact", "flag_ttc", "stops", "speed_lost")
 
 def findings(question: LidarGain, results: Results, differences: Sequence[Difference]) -> list[str]:
     """The answer in sentences: the map against the first area with each chain, then the ladder."""
-    lines = []
+    pairs = []
     for arms in question.groups.values():
         first, own = arms[0], next((arm for arm in arms if arm.strategy == MAP.strategy), None)
+        if own is not None:
+            pairs.append((own, first))
+    lines = pair_findings(results, pairs, differences)
+    steps = (step for step in question.steps if step[0].strategy == MAP.strategy)
+    lines += [_step_line(results, *step) for step in steps]
+    return lines
+
+
+def pair_findings(
+    results: Results, pairs: Sequence[tuple[Arm, Arm]], differences: Sequence[Difference]
+) -> list[str]:
+    """What one arm does against another, a sentence for each pair of which there are differences."""
+    lines = []
+    for own, first in pairs:
         pair = [d for d in differences if (d.arm, d.against) == (own, first)]
-        if own is None or not pair:
+        if not pair:
             continue
         gained = points_text(benefit_difference(results, own, first))
         flag = difference(results, own, first, "flag_ttc")
         earlier = f"; TTC at the request {change_text(flag)} s" if flag.estimate.count else ""
         lines.append(f"{verdict(pair)} Avoided less stopped: {gained} points{earlier}.")
-    steps = (step for step in question.steps if step[0].strategy == MAP.strategy)
-    lines += [_step_line(results, *step) for step in steps]
     return lines
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from evaluation.results.tables import Table
-from evaluation.studies.answers.lidar import LidarGain
-from evaluation.studies.answers.lidar.tables import chain_table, findings
+from evaluation.studies.answers.lidar import LearnedGain, LidarGain
+from evaluation.studies.answers.lidar.tables import chain_table, findings, pair_findings
 from evaluation.studies.answers.results import benefit_difference, decisive_differences
 from evaluation.studies.answers.rivals import MAP
 from evaluation.studies.answers.tables import points_text
@@ -34,6 +34,12 @@ def sentences(kept: Kept[LidarGain]) -> list[str]:
     """The answer of the study."""
     differences = decisive_differences(kept.results, kept.question.pairs)
     return findings(kept.question, kept.results, differences)
+
+
+def learned_sentences(kept: Kept[LearnedGain]) -> list[str]:
+    """What a network changes against the classical chain."""
+    differences = decisive_differences(kept.results, kept.question.pairs)
+    return pair_findings(kept.results, kept.question.pairs, differences)
 
 
 def rates(kept: Kept[LidarGain]) -> Table:
