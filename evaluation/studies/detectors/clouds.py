@@ -101,9 +101,7 @@ class DrawnClouds:
     @property
     def title(self) -> str:
         """What they are."""
-        return (
-            f"{self.count} simulated clouds of a {self.sensor} at {self.height_m:g} m, maps of the test split"
-        )
+        return f"streets on maps of the test split, {self.sensor} at {self.height_m:g} m"
 
     @property
     def digest(self) -> str:
