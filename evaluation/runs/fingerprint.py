@@ -25,16 +25,18 @@ from scenarios.spec import NCAP_MAP, RunSpec
 from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
-    "metrics/criticality.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py",
-    "results/rows.py", "results/seal.py", "runs/execution.py", "studies/answers/lidar/runs.py",
-    "studies/answers/measures.py", "studies/compare/measures.py", "studies/drive/drive.py",
-    "studies/drive/exposure.py", "studies/drive/measures.py", "studies/drive/verdicts.py",
-    "studies/growth.py", "studies/reference/mechanisms.py",
+    "metrics/criticality.py", "metrics/detection/counts.py", "metrics/detection/from_above.py",
+    "protocols/bands.py", "protocols/paper.py", "results/logs.py", "results/rows.py", "results/seal.py",
+    "runs/execution.py", "studies/answers/lidar/runs.py", "studies/answers/measures.py",
+    "studies/compare/measures.py", "studies/detectors/clouds.py", "studies/detectors/comparison.py",
+    "studies/drive/drive.py", "studies/drive/exposure.py", "studies/drive/measures.py",
+    "studies/drive/verdicts.py", "studies/growth.py", "studies/reference/mechanisms.py",
 )  # fmt: skip
 """Modules of this package that what is kept of a run depends on. A test finds them from the studies' jobs."""
 
 VERSIONED = (".py", ".json", ".toml")
-"""Files of the floors below that runs depend on; scenarios and maps are hashed by the runs that use them."""
+"""Files of the floors below that runs depend on; scenarios, maps and networks are hashed by the runs that use
+them."""
 
 LIBRARIES = (
     "filterpy", "highway-env", "lxml", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "shapely",

@@ -7,13 +7,16 @@ from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
 
 from evaluation.errors import ArgumentError
+from evaluation.studies.datasets import compose, crops, frames
 from evaluation.studies.datasets.compose import Composer
 from evaluation.studies.datasets.reading import Unlabelled, read_frames
+from evaluation.studies.lidar import cars, clutter, drawn, echoes
 from evaluation.studies.lidar.drawn import drawn_frames
 from scenarios.drawn.map_set import MAPS
 from scenarios.drawn.values import data
@@ -105,8 +108,8 @@ class DrawnClouds:
 
     @property
     def digest(self) -> str:
-        """Nothing is read."""
-        return ""
+        """Of the modules that draw them."""
+        return _of_modules(cars, clutter, drawn, echoes)
 
     def clouds(self) -> Iterator[LabelledCloud]:
         """One after another."""
@@ -143,8 +146,8 @@ class ComposedClouds:
 
     @property
     def digest(self) -> str:
-        """Nothing is read."""
-        return ""
+        """Of the modules that compose them."""
+        return _of_modules(compose, crops, frames)
 
     def clouds(self) -> Iterator[LabelledCloud]:
         """One after another."""
@@ -223,6 +226,13 @@ def all_clouds(clouds: CloudSet) -> tuple[LabelledCloud, ...]:
 
 def _of_scored_kinds(cloud: PointCloud, boxes: Boxes3D, category: StrArray) -> LabelledCloud:
     return LabelledCloud(cloud, boxes, category, np.zeros(len(boxes), dtype=np.bool_))
+
+
+def _of_modules(*modules: ModuleType) -> str:
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.hexdigest()
 
 
 def _only(folder: Path, pattern: str) -> Path:

@@ -45,7 +45,7 @@ MISTAKES = {
     "unknown entity": (CROSSING, 'entityRef="Target"/>', 'entityRef="Nobody"/>', "no entity 'Nobody'"),
     "missing trajectory": (CROSSING, "<TrajectoryRef>", "<TrajectoryRef/><TrajectoryRef>", "<TrajectoryRef>"),
     "other encoding": (CROSSING, "UTF-8", "KLINGON", "not well-formed XML: Unsupported encoding"),
-    "later version": (CROSSING, 'revMinor="3"', 'revMinor="9"', "version '1.9'"),
+    "later version": (CROSSING, 'revMajor="1"', 'revMajor="2"', "version '2.3'"),
     "step of zero": (CPNA, 'stepWidth="5"', 'stepWidth="0"', "expected a positive number, got 0"),
     "huge range": (CPNA, 'stepWidth="5"', 'stepWidth="1e-9"', "more than 100000 variations"),
     "range upside down": (CPNA, 'lowerLimit="10"', 'lowerLimit="100"', "60 lies below lowerLimit 100"),

@@ -243,7 +243,7 @@ def test_perceptions_are_listed_with_networks_and_ones_own(command: Command) -> 
     from scenarios.sensors.lidar.chain import PERCEPTIONS
 
     named = [line.split()[0] for line in command("list", "--perceptions").out.splitlines()]
-    assert named == [*PERCEPTIONS, "FILE.onnx", "FILE.onnx_monitored", "package.module:name"]
+    assert named == [*PERCEPTIONS, "pillars", "FILE.onnx", "FILE.onnx_monitored", "package.module:name"]
 
 
 # ---- protocols ---------------------------------------------------------------------------------------------

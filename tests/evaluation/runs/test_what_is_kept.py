@@ -109,7 +109,7 @@ def test_the_jobs_are_found_and_no_module_is_listed_in_vain() -> None:
     found: set[Definition] = set()
     for module, job in _jobs().values():
         _follow(module, job, found)
-    assert len(_jobs()) == 7
+    assert len(_jobs()) == 8
     assert {("studies/answers/measures.py", "decide"), ("runs/execution.py", "frame_time")} <= found
     assert ("studies/compare/measures.py", "is_unnecessary_stop") in found
     assert {module for module, _ in found} == {*OF_EVALUATION, *BESIDE}
@@ -122,4 +122,4 @@ def test_every_shipped_file_is_in_the_version_or_hashed_by_the_runs_that_use_it(
         for path in Path(str(package.__file__)).parent.rglob("*")
         if path.is_file() and "__pycache__" not in path.parts and path.name != "py.typed"
     }
-    assert shipped == {*VERSIONED, ".xosc", ".xodr"}
+    assert shipped == {*VERSIONED, ".xosc", ".xodr", ".onnx"}
