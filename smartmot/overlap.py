@@ -146,8 +146,7 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     twice_mean -= outside
     twice_mean *= (ring[1:] - ring[:4]).reshape(2, 2, *shape)
     # Half of it is the area, a quarter of b's is 1.
-    common: FloatArray = _EIGHTH * np.add.reduce(twice_mean.reshape(4, *shape), axis=0)
-    np.maximum(common, _ZERO, out=common)
+    common: FloatArray = np.maximum(_EIGHTH * np.add.reduce(twice_mean.reshape(4, *shape), axis=0), _ZERO)
     return common
 
 

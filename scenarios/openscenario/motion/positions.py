@@ -28,8 +28,9 @@ from scenarios.openscenario.model import (
     TrajectoryPosition,
     WorldPosition,
 )
+from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import Path, Pose
-from scenarios.openscenario.motion.roads import LanePlace, Roads
+from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.motion.route_changes import Leg
 from scenarios.openscenario.motion.trajectories import build, starts_at_entity
 

@@ -7,8 +7,9 @@ from bisect import bisect_right
 from dataclasses import replace
 from typing import NamedTuple
 
+from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import ON_PATH_M, Path, Pose
-from scenarios.openscenario.motion.roads import LanePlace, Roads
+from scenarios.openscenario.motion.roads import Roads
 
 NO_DISTANCE_M = math.nan
 """Between places that no lanes join: no rule but `notEqualTo` holds for it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -15,6 +15,7 @@ from opendrive.errors import OpenDriveError, RouteNotFoundError
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import (
     CHORD_ERROR_M,
     ON_PATH_M,
@@ -41,27 +42,6 @@ MAX_WAY_M = 5000.0
 
 ON_LANE_RAD = math.pi / 4
 """An entity whose heading departs from the lane's line by more does not follow the lane."""
-
-
-@dataclass(frozen=True, slots=True)
-class LanePlace(Immutable):
-    """Where a pose lies in the network."""
-
-    lane: int
-    road_id: str
-    lane_id: int
-    s_m: float
-    t_m: float
-    offset_m: float
-    along_s: int
-
-    def beside(self, lanes: int) -> int:
-        """Id of the lane so many to the left, as seen along the heading of the pose; there is no lane 0."""
-        lane_id, side = self.lane_id, (1 if lanes > 0 else -1) * self.along_s
-        for _ in range(abs(lanes)):
-            lane_id += side
-            lane_id += 0 if lane_id else side
-        return lane_id
 
 
 class Roads(Immutable):

@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.lateral import (
     BENDS,
     SHAPES,
@@ -21,7 +22,6 @@ from scenarios.openscenario.motion.lateral import (
 )
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.profiles import SLOPES, SpeedProfile
-from scenarios.openscenario.motion.roads import LanePlace
 from scenarios.openscenario.running.actions import LATERAL, RunningAction
 from scenarios.openscenario.running.actors import STANDING_MPS
 from scenarios.openscenario.running.following import go_on
