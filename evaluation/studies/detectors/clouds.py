@@ -28,13 +28,11 @@ from scenarios.recorded.layouts.scenes import ScenePlace
 from scenarios.recorded.textfile import read_table
 from scenarios.sensors.lidar import Mount, lidar_config
 from smartmot.arrays import BoolArray, StrArray
+from smartmot.lidar.learned import SHIPPED, shipped_card
 from smartmot.pointcloud import Boxes3D, PointCloud
 
 AROUND_M = 0.05
 """So far outside its box a point is counted as its own: two standard deviations of range noise."""
-
-LEARNED_FROM = ("cycle_bend",)
-"""Maps of the test split on which the shipped networks were trained: no clouds are drawn there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,11 +78,11 @@ class CloudSet(Hashable, Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnClouds:
-    """Streets drawn on maps of the test split, on which no detector is fitted.
+class _Simulated:
+    """Clouds of a simulated LiDAR.
 
     Args:
-        sensor: name of a LiDAR.
+        sensor: name of the LiDAR.
         height_m: of it over the ground.
         count: clouds.
         seed: of all that is drawn.
@@ -95,6 +93,11 @@ class DrawnClouds:
     count: int
     seed: int
     is_real: bool = field(default=False, init=False)
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnClouds(_Simulated):
+    """Streets drawn on maps of the test split, but those that the cards of shipped networks name."""
 
     @property
     def name(self) -> str:
@@ -113,26 +116,18 @@ class DrawnClouds:
 
     def clouds(self) -> Iterator[LabelledCloud]:
         """One after another."""
-        names = (name for name in data()["maps"]["test"] if name not in LEARNED_FROM)
-        maps = [MAPS / f"{name}.xodr" for name in names]
+        files = [f"{name}.xodr" for name in data()["maps"]["test"]]
+        maps = [
+            MAPS / file for file in files if not any(file in shipped_card(name)["maps"] for name in SHIPPED)
+        ]
         config, mount = lidar_config(self.sensor), Mount(self.height_m)
         for frame in drawn_frames(maps, config, self.count, self.seed, mount=mount, in_turn=True):
             yield _of_scored_kinds(frame.cloud, frame.boxes, frame.category)
 
 
 @dataclass(frozen=True, slots=True)
-class ComposedClouds:
-    """Cut-out road users on an empty floor, those of the test split.
-
-    Args:
-        sensor, height_m, count, seed: as of `DrawnClouds`.
-    """
-
-    sensor: str
-    height_m: float
-    count: int
-    seed: int
-    is_real: bool = field(default=False, init=False)
+class ComposedClouds(_Simulated):
+    """Cut-out road users on an empty floor, those of the test split."""
 
     @property
     def name(self) -> str:
