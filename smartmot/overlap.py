@@ -7,17 +7,22 @@ Every function broadcasts over leading dimensions. A rectangle is a triple as in
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
 from smartmot.geometry import circles_touch, corners, near_pairs
-from smartmot.types import Boxes, ComplexArray, FloatArray
+from smartmot.types import Boxes, FloatArray
 
 # Constants are arrays of no dimension: NumPy would make them of numbers anew in every call.
 _ZERO, _ONE, _MINUS_ONE, _EIGHTH = np.array(0.0), np.array(1.0), np.array(-1.0), np.array(0.125)
-_HALF, _TWO, _LEFT = np.array(0.5), np.array(2.0), np.array(1j)
+_HALF = np.array(0.5)
+
+_CORNERS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1.0, 1.0]])
+"""Centre and half axes along and across the heading, as often as they enter the corners: front left, then
+counter-clockwise, closed."""
 
 _LEAST_AREA_M2 = 1e-300
 """Stands for a union of 0 in a division."""
@@ -26,17 +31,15 @@ _CHUNK = 1024
 """Most pairs treated at once: their intermediate arrays stay in the cache, and none is so large (128 KiB)
 that the allocator maps it anew each time."""
 
-_LEAST_SIZE_M = np.array(1e-100)
+_LEAST_HALF_M = np.array(1e-30)
 """Stands for a size of 0 in a division."""
 
-_LEAST_RUN = np.array(1e-100)
-"""Stands for a run of 0 in a division."""
+_LEAST_STEP = np.array(1e-100)
+"""Added to what is divided by: rounds off unless it is 0, and then the quotient counts for nothing."""
 
 _LEAST_RISE = 1e-12
 """An edge that rises less than this, in half widths of the other rectangle, counts as rising so much: what
 this could add to the area is far under the rounding error of map coordinates (1e-9 m at 1,000 km)."""
-
-_RISE = np.array(_LEAST_RISE)
 
 
 def intersection_area(
@@ -54,38 +57,56 @@ def intersection_area(
     """
     # Around b's centre: far from the map's origin the products would lose digits.
     offset = a_center_m - b_center_m
-    subject = _subject(offset[..., 0], offset[..., 1], 0.5 * a_size_m, _heading(a_yaw_rad))
-    share = _common_share(subject, _heading(-b_yaw_rad), _stretch(b_size_m))
-    share *= b_size_m[..., 0] * b_size_m[..., 1]
-    return share
+    x, y = offset[..., 0], offset[..., 1]
+    a, b = _half_axes(_HALF * a_size_m, a_yaw_rad), _half_axes(_stretch(_HALF * b_size_m), b_yaw_rad)
+    shape = np.broadcast(x, a[0, 0], b[0, 0]).shape
+    vectors, frame = np.empty((3, 2, *shape)), np.empty((2, 2, *shape))
+    vectors[0, 0], vectors[0, 1] = x, y
+    vectors[1:], frame[:] = _spread(a, len(shape)), _spread(b, len(shape))
+    vectors, frame = vectors.reshape(3, 2, -1), frame.reshape(2, 2, -1)
+    count = vectors.shape[2]
+    if count <= _CHUNK:
+        share = _common_share(vectors, frame)
+    else:
+        share = np.empty(count)
+        for part in _chunks(count):
+            share[part] = _common_share(vectors[..., part], frame[..., part])
+    area: FloatArray = share.reshape(shape) * (b_size_m[..., 0] * b_size_m[..., 1])
+    return area
 
 
-def _subject(x_m: FloatArray, y_m: FloatArray, half_m: FloatArray, heading: ComplexArray) -> ComplexArray:
-    """(4, ...) centres, half axes along and across the heading, and the first reversed, as x + iy."""
-    length = half_m[..., 0]
-    subject = np.empty((4, *np.broadcast(x_m, length, heading).shape), dtype=np.complex128)
-    subject.real[0], subject.imag[0] = x_m, y_m
-    subject[1] = heading * length
-    subject[2] = heading * (_LEFT * half_m[..., 1])
-    subject[3] = -subject[1]
-    return subject
+def _half_axes(half_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+    """(2, 2, ...) half axes along and across the heading, x and y of each; half sizes (..., 2)."""
+    c, s, length, width = np.cos(yaw_rad), np.sin(yaw_rad), half_m[..., 0], half_m[..., 1]
+    axes = np.empty((2, 2, *np.broadcast(c, length).shape))
+    across_x = axes[1, 0, ...]
+    np.multiply(c, length, out=axes[0, 0, ...])
+    np.multiply(s, length, out=axes[0, 1, ...])
+    np.multiply(s, width, out=across_x)
+    np.negative(across_x, out=across_x)
+    np.multiply(c, width, out=axes[1, 1, ...])
+    return axes
 
 
-def _stretch(size_m: FloatArray) -> FloatArray:
-    """(..., 2) what makes rectangles 2 long and 2 wide."""
-    stretch: FloatArray = _TWO / np.maximum(size_m, _LEAST_SIZE_M)
+def _stretch(half_m: FloatArray) -> FloatArray:
+    """(..., 2) what makes half sizes 1."""
+    stretch: FloatArray = _ONE / np.maximum(half_m, _LEAST_HALF_M)
     return stretch
 
 
-def _heading(yaw_rad: FloatArray) -> ComplexArray:
-    """(...) unit vectors x + iy."""
-    heading = np.empty(yaw_rad.shape, dtype=np.complex128)
-    np.cos(yaw_rad, out=heading.real)
-    np.sin(yaw_rad, out=heading.imag)
-    return heading
+def _spread(axes: FloatArray, dimensions: int) -> FloatArray:
+    """The same axes with `dimensions` dimensions after the first two."""
+    missing = dimensions - (axes.ndim - 2)
+    return axes.reshape(2, 2, *(1,) * missing, *axes.shape[2:]) if missing else axes
 
 
-def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray) -> FloatArray:
+def _chunks(count: int) -> Iterator[slice]:
+    """Pieces of nearly one size: a small rest would cost nearly as much as a full one."""
+    step = math.ceil(count / math.ceil(count / _CHUNK))
+    return (slice(start, start + step) for start in range(0, count, step))
+
+
+def _common_share(vectors: FloatArray, frame: FloatArray) -> FloatArray:
     """Common areas of rectangles a, given around the centres of b, and of b, over the areas of b.
 
     Clamping both coordinates, in b's frame, to b's extent moves every point outside b onto its border and
@@ -95,59 +116,53 @@ def _common_share(subject: ComplexArray, axis: ComplexArray, stretch: FloatArray
     coincident edges need no special case. The frame is stretched so that b spans -1 to 1 both ways.
 
     Args:
-        subject: (4, ...) see `_subject`.
-        axis: (...) what turns a vector x + iy into b's frame.
-        stretch: (..., 2) see `_stretch`.
+        vectors: (3, 2, P) a's centres and half axes along and across, x and y of each.
+        frame: (2, 2, P) rows of the matrices that take x and y into b's stretched frame.
 
     Returns:
-        (...) values in [0, 1].
+        (P,) values in [0, 1].
     """
-    turned = subject * axis
-    x, y = turned.real * stretch[..., 0], turned.imag * stretch[..., 1]
-    shape = x.shape[1:]
-    # Corners from front left counter-clockwise, closed: y clamped to b's borders.
-    ring = np.empty((5, *shape))
-    to_left = y[1::2] + y[2]
-    np.add(y[0], to_left, out=ring[:2])
-    np.subtract(y[0], to_left, out=ring[2:4])
-    ring[4] = ring[0]
-    np.minimum(ring, _ONE, out=ring)
-    np.maximum(ring, _MINUS_ONE, out=ring)
-    # The lines that carry the edges, x = base + slope * y: two directions, each on two sides.
-    along_y = y[1:3]
-    rise = np.abs(along_y)
-    np.maximum(rise, _RISE, out=rise)
-    np.copysign(rise, along_y, out=rise)
-    slope = x[1:3] / rise
-    middle, beside = x[0] - y[0] * slope, x[2:] - y[2:] * slope
-    base = np.empty((2, 2, *shape))
-    np.add(middle, beside, out=base[0])
-    np.subtract(middle, beside, out=base[1])
-    # Where each edge enters and leaves the strip between b's borders.
-    end = np.empty((2, 2, 2, *shape))
-    np.multiply(ring[:4].reshape(2, 2, *shape), slope, out=end[0])
-    np.multiply(ring[1:].reshape(2, 2, *shape), slope, out=end[1])
-    end += base
+    turned = frame[:, 0, None] * vectors[:, 0]
+    turned += frame[:, 1, None] * vectors[:, 1]
+    x, y = _CORNERS @ turned
+    inside = np.minimum(y, _ONE)
+    np.maximum(inside, _MINUS_ONE, out=inside)
+    # Where each edge enters and leaves the strip between b's borders: from its ends along the edge. An edge
+    # that does not rise has no part in the integral, wherever its quotient puts these points.
+    rise = y[1:] - y[:4]
+    rise += _LEAST_STEP
+    slope = x[1:] - x[:4]
+    slope /= rise
+    np.subtract(inside, y, out=y)
+    end = np.empty((2, *slope.shape))
+    start, stop = end
+    np.multiply(y[:4], slope, out=start)
+    np.multiply(y[1:], slope, out=stop)
+    start += x[:4]
+    stop += x[1:]
     # The mean of clamp(x) over an edge is the mean of x less that of the excess over the border. The excess
     # grows linearly from 0 at the border: its mean is half its sum, times the share of the edge outside.
     excess = np.minimum(end, _ONE)
     np.maximum(excess, _MINUS_ONE, out=excess)
     np.subtract(end, excess, out=excess)
-    run = end[1] - end[0]
+    run = stop - start
     np.abs(run, out=run)
-    np.maximum(run, _LEAST_RUN, out=run)
-    twice_mean = end[0] + end[1]
+    run += _LEAST_STEP
+    twice_mean = start
+    twice_mean += stop
     outside = excess[0] + excess[1]
     np.abs(excess, out=excess)
-    share = excess[0] + excess[1]
+    share = excess[0]
+    share += excess[1]
     share /= run
     np.minimum(share, _ONE, out=share)
     outside *= share
     twice_mean -= outside
-    twice_mean *= (ring[1:] - ring[:4]).reshape(2, 2, *shape)
+    twice_mean *= inside[1:] - inside[:4]
     # Half of it is the area, a quarter of b's is 1.
-    common: FloatArray = np.maximum(_EIGHTH * np.add.reduce(twice_mean.reshape(4, *shape), axis=0), _ZERO)
-    return common
+    common: FloatArray = np.add.reduce(twice_mean, axis=0)
+    common *= _EIGHTH
+    return np.maximum(common, _ZERO, out=common)
 
 
 def iou_pairs(
@@ -280,30 +295,28 @@ def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
     n, m = len(a_yaw), len(b_yaw)
     iou = np.zeros((n, m))
     # Everything that belongs to one box is computed once, not once for each of its pairs, and of all boxes
-    # in one call.
+    # in one call: columns of centre, half axes and area; those of b have stretched axes, see `_common_share`.
     size = np.concatenate((a_size, b_size))
     half = _HALF * size
     radius = np.hypot(half[:, 0], half[:, 1])
     i, j = near_pairs(a_center, b_center, radius[:n], radius[n:])
     if len(i) == 0:
         return iou
-    heading = _heading(np.concatenate((a_yaw, b_yaw)))
-    subject = _subject(a_center[:, 0], a_center[:, 1], half[:n], heading[:n])
-    axis, stretch = heading[n:].conj(), _stretch(b_size)
-    b_place = np.ascontiguousarray(b_center).view(np.complex128)[:, 0]
-    area = size[:, 0] * size[:, 1]
-    a_area, b_area = area[:n], area[n:]
-    cells = iou.reshape(-1)
-    # pieces of one size: a small rest would cost nearly as much as a whole one
-    step = math.ceil(len(i) / math.ceil(len(i) / _CHUNK))
-    for start in range(0, len(i), step):
-        k, of = i[start : start + step], j[start : start + step]
-        near = subject.take(k, axis=1)
-        near[0] -= b_place.take(of)
-        size_b = b_area.take(of)
-        common = _common_share(near, axis.take(of), stretch.take(of, axis=0))
-        common *= size_b
-        cells[k * m + of] = _iou(common, a_area.take(k), size_b)
+    half[n:] = _stretch(half[n:])
+    columns = np.empty((7, n + m))
+    columns[:2, :n], columns[:2, n:] = a_center.T, b_center.T
+    columns[2:6] = _half_axes(half, np.concatenate((a_yaw, b_yaw))).reshape(4, -1)
+    np.multiply(size[:, 0], size[:, 1], out=columns[6])
+    of_a, of_b, cells = columns[:, :n], columns[:, n:], iou.reshape(-1)
+    for part in _chunks(len(i)):
+        k, of = i[part], j[part]
+        one, other = of_a.take(k, axis=1), of_b.take(of, axis=1)
+        one[:2] -= other[:2]
+        common = _common_share(one[:6].reshape(3, 2, -1), other[2:6].reshape(2, 2, -1))
+        common *= other[6]
+        k *= m
+        k += of
+        cells[k] = _iou(common, one[6], other[6])
     return iou
 
 
