@@ -162,7 +162,8 @@ def _common_share(vectors: FloatArray, frame: FloatArray) -> FloatArray:
     # Half of it is the area, a quarter of b's is 1.
     common: FloatArray = np.add.reduce(twice_mean, axis=0)
     common *= _EIGHTH
-    return np.maximum(common, _ZERO, out=common)
+    np.maximum(common, _ZERO, out=common)
+    return common
 
 
 def iou_pairs(
@@ -310,13 +311,13 @@ def bev_iou(a: Boxes | ArrayLike, b: Boxes | ArrayLike) -> FloatArray:
     of_a, of_b, cells = columns[:, :n], columns[:, n:], iou.reshape(-1)
     for part in _chunks(len(i)):
         k, of = i[part], j[part]
-        one, other = of_a.take(k, axis=1), of_b.take(of, axis=1)
-        one[:2] -= other[:2]
-        common = _common_share(one[:6].reshape(3, 2, -1), other[2:6].reshape(2, 2, -1))
-        common *= other[6]
+        left, right = of_a.take(k, axis=1), of_b.take(of, axis=1)
+        left[:2] -= right[:2]
+        common = _common_share(left[:6].reshape(3, 2, -1), right[2:6].reshape(2, 2, -1))
+        common *= right[6]
         k *= m
         k += of
-        cells[k] = _iou(common, one[6], other[6])
+        cells[k] = _iou(common, left[6], right[6])
     return iou
 
 

@@ -19,7 +19,7 @@ from smartmot.filters.kalman import (
     BACKWARDS_MPS,
     BevFilterConfig,
     Estimate,
-    heading_innovation,
+    fold,
     measurement_noise,
     sizes,
     update,
@@ -208,7 +208,7 @@ class ChannelFilter:
         # One row for each channel of each track: arrays of two dimensions take less time than of three.
         rows = corrected.reshape(-1, self._parts)
         innovation = measurement - channels[..., 0]
-        innovation[:, YAW] = heading_innovation(measurement[:, YAW], channels[:, YAW, 0])
+        fold(innovation[:, YAW])
         # The first row of the covariance, from the value's variance on.
         gain = rows[:, k : 2 * k] / (rows[:, k : k + 1] + noise.reshape(-1, 1))
         # one scalar is measured: the mean moves by K y, the upper triangle of P falls by K (H P), of rank one
@@ -301,6 +301,11 @@ class ChannelFilter:
             velocity_mps=rate[:, :AREA],
             yaw_rate_radps=rate[:, YAW],
         )
+
+    def motion(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(M,) headings and (M, 2) velocities; see `BoxFilter`."""
+        channels = self._channels(state)
+        return channels[:, YAW, 0], channels[:, :AREA, 1]
 
     def position_covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(M,) variances along x and along y, and the covariance of the two."""

@@ -23,6 +23,9 @@ _CERTAIN = 1e-9
 # Arrays of no dimension: NumPy would make them of numbers anew in every call.
 _ONE, _MINUS_HALF = np.array(1.0), np.array(-0.5)
 
+_FEW = 8
+"""Up to so many tracks are looked at faster one by one than as arrays."""
+
 _STEPS = 32
 """Time steps whose survival is remembered, as in `smartmot.filters.channels`."""
 
@@ -69,6 +72,7 @@ class Existence:
         self._found = self._seen / (2.0 * math.pi * table(config.clutter_per_m2))
         self._initial, self._rate_ps = table(config.initial), 1.0 / table(config.mean_life_s)
         self._tables = np.column_stack((self._missed, self._found, position_variance_m2))
+        self._rows = self._tables.tolist()
         self._survival: dict[float, FloatArray] = {}
 
     def initial(self, code: IntArray) -> FloatArray:
@@ -94,6 +98,8 @@ class Existence:
             code: (K,) positions in CATEGORIES.
             pose_covariance: (K, 3, 3) noise that the detections state, NaN where they state none.
         """
+        if pose_covariance is None and len(code) <= _FEW:
+            return self._few_found(offset_m, covariance, code)
         xx, yy, xy = covariance
         missed, density, noise = self._tables.take(code, axis=0).T
         if pose_covariance is not None:
@@ -118,6 +124,20 @@ class Existence:
         ratio *= density
         ratio += missed
         return ratio
+
+    def _few_found(
+        self, offset_m: FloatArray, covariance: tuple[FloatArray, FloatArray, FloatArray], code: IntArray
+    ) -> FloatArray:
+        """`found` without arrays, by the configured noise."""
+        ratio = []
+        rows = zip(offset_m.tolist(), *(part.tolist() for part in covariance), code.tolist(), strict=True)
+        for (dx, dy), xx, yy, xy, of in rows:
+            missed, density, noise = self._rows[of]
+            xx, yy = xx + noise, yy + noise
+            determinant = xx * yy - xy * xy
+            squared = (yy * (dx * dx) + xx * (dy * dy) - 2.0 * xy * dx * dy) / determinant
+            ratio.append(math.exp(-0.5 * squared) / math.sqrt(determinant) * density + missed)
+        return np.array(ratio)
 
     def after(self, existence: FloatArray, ratio: FloatArray, code: IntArray, dt_s: float) -> FloatArray:
         """(M,) probabilities after time has passed and a look was taken.

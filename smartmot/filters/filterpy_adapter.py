@@ -338,6 +338,11 @@ class FilterpyFilter:
             yaw_rate_radps=np.zeros(len(state)) if turn is None else mean[:, turn],
         )
 
+    def motion(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(M,) headings and (M, 2) velocities; see `BoxFilter`."""
+        estimate = self.estimate(state)
+        return estimate.yaw_rad, estimate.velocity_mps
+
     def position_covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(M,) variances along x and along y, and the covariance of the two."""
         _, covariance = self._combined(state)

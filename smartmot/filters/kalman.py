@@ -218,6 +218,10 @@ class BoxFilter(Protocol):
         """What the states say."""
         ...
 
+    def motion(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(M,) headings, any multiple of a turn, and (M, 2) velocities over ground, of `estimate`."""
+        ...
+
     def position_covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(M,) variances along x and along y, and the covariance of the two."""
         ...
@@ -360,8 +364,12 @@ def heading_innovation(measured_rad: FloatArray, predicted_rad: FloatArray) -> F
     Returns:
         (N,) radians.
     """
-    difference: FloatArray = measured_rad - predicted_rad
-    difference += _QUARTER_TURN
-    difference %= _HALF_TURN
-    difference -= _QUARTER_TURN
-    return difference
+    return fold(measured_rad - predicted_rad)
+
+
+def fold(difference_rad: FloatArray) -> FloatArray:
+    """Differences of headings (N,) modulo half a turn, in place; see `heading_innovation`."""
+    difference_rad += _QUARTER_TURN
+    difference_rad %= _HALF_TURN
+    difference_rad -= _QUARTER_TURN
+    return difference_rad

@@ -237,6 +237,11 @@ class TurnFilter:
             yaw_rate_radps=state[:, _TURN],
         )
 
+    def motion(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(M,) headings and (M, 2) velocities; see `BoxFilter`."""
+        estimate = self.estimate(state)
+        return estimate.yaw_rad, estimate.velocity_mps
+
     def position_covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(M,) variances along x and along y, and the covariance of the two."""
         covariance = self._covariance(state)

@@ -25,14 +25,12 @@ from smartmot.filters.kalman import Estimate
 from smartmot.filters.motion_models import PerCategory, Setting, check_range, table
 from smartmot.geometry import near_pairs
 from smartmot.overlap import bev_giou, iou_exact, iou_scalar
-from smartmot.tracking.assignment import contested, prepare, solve
+from smartmot.tracking.assignment import contested, prepare
+from smartmot.tracking.few.matching import FEW_CELLS, FEW_PAIRS, NO_REACH_M, FewMatcher, staged
 from smartmot.types import CATEGORIES, BoolArray, Boxes, FloatArray, IntArray, unchecked
 
 _GROUPS = (("car", "truck"), ("cyclist", "motorcycle"), ("pedestrian",))
 """Categories that detectors confuse from one frame to the next and that therefore may match."""
-
-_NO_REACH_M = 1e-9
-"""Stands for a gate of 0 m in a division; closer centres than this overlap anyway."""
 
 METHODS = ("hungarian", "greedy")
 """Greatest total affinity, or the best pair first."""
@@ -214,7 +212,7 @@ def generalised_overlap(pairs: Pairs, threshold: FloatArray) -> FloatArray:
 
 def distance(pairs: Pairs, threshold: FloatArray) -> FloatArray:
     """1 at the predicted centre, 0 at the gate."""
-    share: FloatArray = pairs.distance_m / np.maximum(pairs.reach_m, _NO_REACH_M)
+    share: FloatArray = pairs.distance_m / np.maximum(pairs.reach_m, NO_REACH_M)
     np.subtract(_ONE, share, out=share)
     np.maximum(share, _ZERO, out=share)
     return share
@@ -287,6 +285,11 @@ class Associator:
         self._by_distance = all(rule[1] in _BY_DISTANCE for rule in self._rules)
         if "generalised_overlap" in costs:
             import shapely  # noqa: F401 - for `smartmot.overlap.bev_giou`; no frame waits for an import
+        self._few = None
+        if affinity is None and len(self._rules) == 1 and costs[0] == "overlap_then_distance":
+            self._few = FewMatcher(
+                self._gates, self._chi2, self._fixed, self._rules[0][2], COMPATIBLE, methods[0]
+            )
         # Circles of boxes matter only where overlap does.
         self._overlaps = affinity is not None or any("overlap" in cost for cost in costs)
 
@@ -295,7 +298,7 @@ class Associator:
         if cost == "generalised_overlap":
             return table(self._config.giou_threshold)
         if cost == "mahalanobis":
-            return np.full(len(CATEGORIES), max(self._chi2, _NO_REACH_M))
+            return np.full(len(CATEGORIES), max(self._chi2, NO_REACH_M))
         return table(self._config.iou_threshold)
 
     def reach_m(
@@ -366,7 +369,7 @@ class Associator:
     ) -> FloatArray:
         """(P,) `reach_m` of pairs, the gate being the ellipse of each innovation, towards the detection."""
         sigmas = np.sqrt(_squared_sigmas(offset_m, (part[track] for part in covariance), noise))
-        along = distance_m / np.maximum(sigmas, _NO_REACH_M)  # one standard deviation in that direction
+        along = distance_m / np.maximum(sigmas, NO_REACH_M)  # one standard deviation in that direction
         code = track_code[track]
         return self.reach_m(along * along, longest_m[track], code, dt_s, np.zeros(len(code)))
 
@@ -401,9 +404,13 @@ class Associator:
             (K,) tracks, ascending, and (K,) their detections.
         """
         size, center = tracks.size_m, detections.center_m
-        longest_m = np.maximum(size[:, 0], size[:, 1])
         variance, widest_m2 = covariance[0] + covariance[1], None
         variance *= _HALF
+        if self._few is not None and pose_covariance is None and len(size) * len(center) <= FEW_CELLS:
+            return self._few.match(
+                tracks, track_code, variance, detections, detection_code, dt_s, first, overdue
+            )
+        longest_m = np.maximum(size[:, 0], size[:, 1])
         elliptic = self._fixed is None and self._chi2 > 0.0
         if pose_covariance is not None and elliptic:
             # no ellipse is longer than the root of its trace: which pairs lie in theirs is seen below
@@ -445,7 +452,12 @@ class Associator:
         shared = contested(i, j)
         if shared is None and self._by_distance and np.count_nonzero(distance_m < gate) == len(i):
             return i, j
-        code = track_code.take(i)
+        meets = distance_m <= radius.take(i) + other.take(j)
+        if self._few is not None and len(i) <= FEW_PAIRS:
+            columns = i, j, offset[:, 0], offset[:, 1], distance_m, gate, meets
+            candidates = list(zip(*(column.tolist() for column in columns), strict=True))
+            return self._few.resolved(candidates, tracks, track_code, detections, first)
+        code, shape = track_code.take(i), (len(size), len(center))
         pairs = Pairs(
             unchecked(Boxes, tracks.center_m, size, tracks.yaw_rad),
             detections,
@@ -454,7 +466,7 @@ class Associator:
             offset,
             distance_m,
             gate,
-            distance_m <= radius.take(i) + other.take(j),
+            meets,
             covariance,
             self._noise(code, None) if noise is None else noise,
             np.zeros(len(i), dtype=np.bool_) if shared is None else shared,
@@ -462,31 +474,14 @@ class Associator:
         if len(self._rules) == 1:
             _, affinity, threshold, method = self._rules[0]
             value = affinity(pairs, threshold.take(code))
-            pair = (value > 0.0).nonzero()[0] if shared is None else _stages(pairs, value, method, first)
+            pair = (value > 0.0).nonzero()[0] if shared is None else staged(i, j, shape, value, method, first)
             return i.take(pair), j.take(pair)
         chosen, free = [], np.ones(len(center), dtype=np.bool_)
         for members, affinity, threshold, method in self._rules:
             own = members[code] & free[j]
             value = np.where(own, affinity(pairs, threshold[code]), 0.0)
-            pair = (value > 0.0).nonzero()[0] if shared is None else _stages(pairs, value, method, first)
+            pair = (value > 0.0).nonzero()[0] if shared is None else staged(i, j, shape, value, method, first)
             free[j[pair]] = False
             chosen.append(pair)
         pair = np.sort(np.concatenate(chosen))
         return i[pair], j[pair]
-
-
-def _stages(pairs: Pairs, affinity: FloatArray, method: str, first: BoolArray | None) -> IntArray:
-    """Positions of the matched pairs, ascending, in one stage or in two."""
-    track, detection, shape = pairs.track, pairs.detection, (len(pairs.tracks), len(pairs.detections))
-    if first is None:
-        return solve(track, detection, affinity, method, shape)
-    # the second stage solves only what the first left: pairs of its detections with tracks without a match
-    early = first.take(detection)
-    won = solve(track, detection, np.where(early, affinity, 0.0), method, shape)
-    free = np.ones(int(track.max()) + 1, dtype=np.bool_)
-    free[track.take(won)] = False
-    left = (~early & free.take(track)).nonzero()[0]
-    if len(left) == 0:
-        return won
-    late = solve(track.take(left), detection.take(left), affinity.take(left), method)
-    return np.sort(np.concatenate((won, left.take(late))))

@@ -35,6 +35,11 @@ _LEAST_M2PS2 = 0.25 * _FORWARDS_MPS * _FORWARDS_MPS
 # Arrays of no dimension: NumPy would make them of numbers anew in every call.
 _ZERO, _FOUR = np.array(0.0), np.array(4.0)
 
+_LEAST, _FORWARDS = _LEAST_M2PS2.tolist(), _FORWARDS_MPS.tolist()
+
+_FEW = 8
+"""Up to so many tracks votes are counted faster one by one than as arrays."""
+
 _UNKNOWN = CODES["unknown"]
 
 UNIT = np.eye(len(CODES))
@@ -68,12 +73,13 @@ class Evidence:
         matched[:, FRONT:] *= math.exp(-dt_s / self._memory_s)
         if self._by_evidence:
             filtered = frame.filtered.take(track, axis=0) if frame.coasting else frame.filtered
-            now, variance = self._filter.estimate(filtered), self._filter.speed_variance(filtered)
+            yaw_rad, velocity_mps = self._filter.motion(filtered)
+            variance = self._filter.speed_variance(filtered)
             wrong = backwards(
                 matched[:, FRONT],
                 measured_yaw_rad,
-                now.yaw_rad,
-                now.velocity_mps,
+                yaw_rad,
+                velocity_mps,
                 variance,
                 code,
                 score,
@@ -82,8 +88,8 @@ class Evidence:
                 self._filter.turn_round(filtered, wrong)
                 if frame.coasting:
                     frame.filtered[track] = filtered
-            elif not frame.coasting:
-                frame.estimate, frame.speed_variance = now, variance
+            if not frame.coasting:
+                frame.speed_variance = variance
         changed = classified(matched[:, EVIDENCE], code, detected, score, _UNKNOWN)
         if changed is not code:
             frame.code[track] = matched[:, CODE] = changed
@@ -141,6 +147,10 @@ def backwards(
     Returns:
         (N,) flags.
     """
+    if len(code) <= _FEW:
+        return _few_backwards(
+            front, measured_yaw_rad, yaw_rad, velocity_mps, speed_variance_m2ps2, code, score
+        )
     said = measured_yaw_rad - yaw_rad
     np.cos(said, out=said)
     said *= score
@@ -164,3 +174,20 @@ def backwards(
     if np.count_nonzero(wrong):
         np.abs(front, out=front)
     return wrong
+
+
+def _few_backwards(front: FloatArray, *columns: FloatArray | IntArray) -> BoolArray:
+    """`backwards` without arrays; the columns are its other arguments."""
+    votes, wrong = [], []
+    rows = zip(front.tolist(), *(column.tolist() for column in columns), strict=True)
+    for vote, measured_rad, yaw_rad, (vx, vy), variance, code, score in rows:
+        vote += math.cos(measured_rad - yaw_rad) * score
+        least = max(4.0 * variance, _LEAST[code])
+        if vx * vx + vy * vy > least:
+            along = vx * math.cos(yaw_rad) + vy * math.sin(yaw_rad)
+            if along * along > least:
+                vote += max(min(along / _FORWARDS[code], _MOST_MOTION), -_MOST_MOTION)
+        wrong.append(vote < 0.0)
+        votes.append(abs(vote))
+    front[:] = votes
+    return np.array(wrong, dtype=np.bool_)

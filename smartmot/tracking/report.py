@@ -48,13 +48,12 @@ class Reporter:
             rows, filtered, code = rows.take(shown, axis=0), filtered.take(shown, axis=0), code.take(shown)
         if shown is not None or estimate is None:
             estimate = self._filter.estimate(filtered)
-            frame.speed_variance = None
         mean, covariance = self._filter.moments(filtered)
         velocity = estimate.velocity_mps
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
         threshold = self._dynamic.take(code)
         if config.dynamic_sigmas > 0.0:
-            variance = frame.speed_variance
+            variance = frame.speed_variance if shown is None else None
             sigma = np.sqrt(self._filter.speed_variance(filtered) if variance is None else variance)
             sigma *= self._sigmas
             np.maximum(threshold, sigma, out=threshold)

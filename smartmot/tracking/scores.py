@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmot.arrays import shared_by_copies
+from smartmot.arrays import shared_by_copies, unchecked
 from smartmot.errors import ShapeError
 from smartmot.types import CATEGORIES, FloatArray, IntArray
 
@@ -94,7 +94,7 @@ class ScoreScale:
         if not stamp_s - self.counted_s >= COUNT_INTERVAL_S - _ROUNDING_S or not len(score):
             return self
         mass = self.mass + _mass(code, score)
-        return ScoreScale(stamp_s, mass, _references(mass, PRIOR_DETECTIONS))
+        return unchecked(ScoreScale, stamp_s, mass, _references(mass, PRIOR_DETECTIONS))
 
 
 _ROUNDING_S = 1e-6

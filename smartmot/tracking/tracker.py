@@ -460,7 +460,7 @@ class Tracker:
         which = late.nonzero()[0]
         if len(which) == 0:
             return None
-        velocity = self._filter.estimate(frame.filtered[which]).velocity_mps
+        velocity = self._filter.motion(frame.filtered[which])[1]
         late[which] = np.hypot(velocity[:, 0], velocity[:, 1]) < REST_MPS
         return late
 
