@@ -82,6 +82,7 @@ class WarningKind(StrEnum):
     REVISION = "revision"
     ROAD_LENGTH = "road length"
     RULE = "rule"
+    SECTION_LENGTH = "section length"
     STEP = "step"
     UNKNOWN_ELEMENT = "unknown element"
     UNKNOWN_LANE_TYPE = "unknown lane type"

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from opendrive.arrays import FloatArray, finite, points_xy
 from opendrive.checks import (
+    Joints,
     content_warnings,
     curve_warnings,
     link_warnings,
@@ -75,17 +76,21 @@ class RoadNetwork(NetworkTopology):
         """Defects of the map that are tolerated."""
         return (
             *self._model.warnings,
-            *curve_warnings(self._geometry.curves, tuple(self._model.roads.values())),
+            *curve_warnings(self._geometry),
             *self._graph.warnings,
-            *link_warnings(self._geometry, self._model.junctions),
-            *profile_warnings(self._geometry),
-            *content_warnings(self._model),
+            *link_warnings(self._geometry, self._joints, self._model.junctions),
+            *profile_warnings(self._geometry, self._joints),
+            *content_warnings(self._geometry, self._model),
         )
 
     @cached_property
     def findings(self) -> tuple[MapWarning, ...]:
         """The warnings, and where the map breaks rules of the standard that do no harm here."""
-        return (*self.warnings, *rule_warnings(self._geometry, self._model))
+        return (*self.warnings, *rule_warnings(self._geometry, self._joints, self._model))
+
+    @cached_property
+    def _joints(self) -> Joints:
+        return Joints.of(self._geometry, self._graph.touching)
 
     def place_of(self, finding: MapWarning) -> tuple[float, float, float] | None:
         """Return x, y, z of a finding, map frame: on its lane or reference line; None if it has no s."""

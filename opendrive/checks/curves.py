@@ -1,14 +1,12 @@
 """Defects of a map that only show once its geometry is evaluated."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, wrapped
+from opendrive.arrays import FloatArray, run_starts, until_next, wrapped
 from opendrive.errors import MapContentError, MapWarning, WarningKind
-from opendrive.geometry.curves import CUBIC, CurveTable
-from opendrive.model import ParamPoly3, Poly3, Road
+from opendrive.geometry.curves import CUBIC
 from opendrive.roads.geometry import NetworkGeometry
 
 GAP_M = 0.05
@@ -60,8 +58,9 @@ def refuse_impossible_lanes(geometry: NetworkGeometry) -> None:
             )
 
 
-def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWarning]:
+def curve_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield what is wrong with reference lines and widths of lanes."""
+    curves, roads = geometry.curves, geometry.roads
     every, end_m = np.arange(len(curves.road)), curves.start_m + curves.length_m
     starts, ends = curves.evaluate_pieces(every, curves.start_m), curves.evaluate_pieces(every, end_m)
     same_road = curves.road[1:] == curves.road[:-1]
@@ -70,78 +69,79 @@ def curve_warnings(curves: CurveTable, roads: Sequence[Road]) -> Iterator[MapWar
     turn_rad = wrapped(starts.heading_rad[1:] - ends.heading_rad[:-1])
     apart_m = curves.start_m[1:] - end_m[:-1]
     last = np.append(~same_road, True)
-    excess_m = end_m - np.array([road.length_m for road in roads])[curves.road]
+    excess_m = end_m - roads.length_m[curves.road]
     cubic = np.flatnonzero(curves.kind == CUBIC)
     short_m = np.zeros(len(curves.road))
     short_m[cubic] = curves.length_m[cubic] - curves.cubics.length_at[curves.cubic[cubic], -1]
     # A poly3 has no end of its own, which its length could miss.
-    shapes = [piece.shape for road in roads for piece in road.geometries]
-    short_m[[isinstance(shape, Poly3) for shape in shapes]] = 0.0
+    short_m[curves.is_poly3] = 0.0
     next_m = np.append(curves.start_m[1:], 0.0)
 
+    def at(
+        piece: int,
+        message: str,
+        kind: WarningKind,
+        s_m: float,
+        amount: float,
+        unit: str = "m",
+        rule: str = "",
+    ) -> MapWarning:
+        road_id = roads.id[int(curves.road[piece])]
+        excess = abs(float(amount))
+        return MapWarning(road_id, "planView/geometry", message, kind, float(s_m), None, excess, unit, rule)
+
+    first = run_starts(curves.road)
+    for piece in first[curves.start_m[first] > GAP_M].tolist():
+        start_m = curves.start_m[piece]
+        message = f"the reference line starts at s = {start_m:.6g} m; its first piece is continued before"
+        yield at(piece, message, WarningKind.LATE_RECORD, start_m, start_m)
     for piece in np.flatnonzero(same_road & (gap_m > GAP_M)).tolist():
         message = f"gap of {gap_m[piece]:.3g} m before the piece at s = {next_m[piece]:.6g} m; left as it is"
-        yield _at(roads, curves, piece, message, WarningKind.GAP, next_m[piece])
+        yield at(piece, message, WarningKind.GAP, next_m[piece], gap_m[piece])
     for piece in np.flatnonzero(same_road & (np.abs(turn_rad) > HEADING_GAP_RAD)).tolist():
         message = f"turn by {turn_rad[piece]:.3g} rad on the spot at s = {next_m[piece]:.6g} m; left as it is"
-        yield _at(roads, curves, piece, message, WarningKind.HEADING_GAP, next_m[piece])
+        yield at(piece, message, WarningKind.HEADING_GAP, next_m[piece], turn_rad[piece], "rad")
     for piece in np.flatnonzero(same_road & (np.abs(apart_m) > GAP_M)).tolist():
         message = (
             f"the piece at s = {curves.start_m[piece]:.6g} m ends {apart_m[piece]:+.3g} m before the next "
             "one starts; the s of the next holds"
         )
-        yield _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
+        yield at(piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece], apart_m[piece])
     for piece in np.flatnonzero(np.abs(short_m) > LENGTH_ERROR_M).tolist():
         message = (
             f"the curve at s = {curves.start_m[piece]:.6g} m is {abs(short_m[piece]):.3g} m "
             + ("shorter than its length says; held at its end" if short_m[piece] > 0.0 else
                "longer than its length says; cut off there")
         )  # fmt: skip
-        warning = _at(roads, curves, piece, message, WarningKind.CURVE_LENGTH, curves.start_m[piece])
-        shape = shapes[piece]
-        rule = "length_match" if isinstance(shape, ParamPoly3) and shape.normalized else "arclength_range"
-        yield replace(
-            warning,
-            amount=abs(float(short_m[piece])),
-            unit="m",
-            rule=f"asam.net:xodr:1.7.0:road.geometry.parampoly3.{rule}",
-        )
+        rule = "length_match" if curves.is_normalized[piece] else "arclength_range"
+        rule = f"asam.net:xodr:1.7.0:road.geometry.parampoly3.{rule}"
+        s_m = curves.start_m[piece]
+        yield at(piece, message, WarningKind.CURVE_LENGTH, s_m, short_m[piece], rule=rule)
     for piece in np.flatnonzero(last & (np.abs(excess_m) > GAP_M)).tolist():
         message = f"the line ends {excess_m[piece]:+.3g} m past the road's length; the road's length holds"
-        yield _at(roads, curves, piece, message, WarningKind.ROAD_LENGTH, curves.start_m[piece])
-    yield from _width_warnings(roads)
+        yield at(piece, message, WarningKind.ROAD_LENGTH, curves.start_m[piece], excess_m[piece])
+    yield from _width_warnings(geometry)
 
 
-def _at(
-    roads: Sequence[Road], curves: CurveTable, piece: int, message: str, kind: WarningKind, s_m: float
-) -> MapWarning:
-    return MapWarning(roads[int(curves.road[piece])].id, "planView/geometry", message, kind, float(s_m))
-
-
-def _width_warnings(roads: Sequence[Road]) -> Iterator[MapWarning]:
+def _width_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield lanes whose width is negative somewhere."""
-    where: list[tuple[Road, float, int]] = []
-    rows: list[FloatArray] = []
-    ends: list[float] = []
-    for road in roads:
-        starts = [section.s_m for section in road.sections]
-        for section, end in zip(road.sections, [*starts[1:], road.length_m], strict=True):
-            for lane in section.lanes:
-                if len(lane.width) and lane.id:
-                    where += [(road, section.s_m, lane.id)] * len(lane.width)
-                    rows.append(lane.width)
-                    ends += [*lane.width[1:, 0].tolist(), end - section.s_m]
-    if not rows:
-        return
-    start, a, b, c, d = np.concatenate(rows).T
-    least_m = least_value(np.stack([a, b, c, d], axis=1), np.maximum(np.array(ends) - start, 0.0))
-    for row in np.flatnonzero(least_m < -NEGATIVE_WIDTH_M).tolist():
-        road, s_m, lane_id = where[row]
+    lanes, table = geometry.lanes, geometry.lanes.profiles
+    owner = np.repeat(np.arange(len(lanes)), np.diff(table.first))
+    rows = np.flatnonzero(~lanes.is_border[owner])
+    end_m = until_next(owner, table.start_m, lanes.s_end_m[owner])
+    least_m = least_value(table.coefficients[rows], np.maximum(end_m - table.start_m, 0.0)[rows])
+    for k in np.flatnonzero(least_m < -NEGATIVE_WIDTH_M).tolist():
+        row = rows[k]
+        lane = int(owner[row])
+        key, s_m = lanes.key[lane], float(table.start_m[row])
         message = (
-            f"lane {lane_id} of the section at s = {s_m:.6g} m is {-least_m[row]:.3g} m below 0 wide; its "
-            "borders cross"
+            f"lane {key.lane_id} of the section at s = {lanes.s_start_m[lane]:.6g} m is "
+            f"{-least_m[k]:.3g} m below 0 wide; its borders cross"
         )
-        yield MapWarning(road.id, "lane/width", message, WarningKind.NEGATIVE_WIDTH, float(s_m + start[row]))
+        excess_m = float(-least_m[k])
+        yield MapWarning(
+            key.road_id, "lane/width", message, WarningKind.NEGATIVE_WIDTH, s_m, key.lane_id, excess_m, "m"
+        )
 
 
 def least_value(coefficients: FloatArray, span: FloatArray) -> FloatArray:

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, wrapped
-from opendrive.lanes.graph import touching_lanes
+from opendrive.arrays import BoolArray, FloatArray, IntArray, wrapped
+from opendrive.lanes.graph import LanePlace
 from opendrive.lanes.table import LaneKey
-from opendrive.model import Junction
 from opendrive.roads.geometry import NetworkGeometry
 
 
@@ -46,11 +45,11 @@ class Joints:
     width_m: FloatArray
 
     @classmethod
-    def of(cls, geometry: NetworkGeometry, junctions: Iterable[Junction]) -> "Joints":
-        """Measure all joints of a network."""
+    def of(cls, geometry: NetworkGeometry, touching: Iterable[tuple[LanePlace, LanePlace]]) -> "Joints":
+        """Measure all joints of a network, from the pairs of places that its links join."""
         pairs = dict.fromkeys(
             tuple(sorted(((a, int(at_a == "end")), (b, int(at_b == "end")))))
-            for (a, at_a), (b, at_b) in touching_lanes(geometry.roads, geometry.lanes, junctions)
+            for (a, at_a), (b, at_b) in touching
             if isinstance(at_a, str) and isinstance(at_b, str)
         )
         ends = np.array(list(pairs), dtype=np.int64).reshape(-1, 2, 2)
@@ -68,6 +67,19 @@ class Joints:
             np.abs(wrapped(heading - other_heading)),
             np.stack([width, other_width], axis=1),
         )
+
+
+def meet(
+    geometry: NetworkGeometry, first: LaneEnds, second: LaneEnds, gap_m: float, wide_m: float
+) -> BoolArray:
+    """Return which ends (K,) of lanes lie on each other with both borders, and are wide."""
+    left, right, _, width = _cross_section(geometry, first, leaves=True)
+    other_left, other_right, _, other_width = _cross_section(geometry, second, leaves=False)
+    apart = [np.hypot(*(a - b)[:, :2].T) for a, b in ((left, other_left), (right, other_right))]
+    height = [np.abs(a - b)[:, 2] for a, b in ((left, other_left), (right, other_right))]
+    near = np.maximum(np.maximum(*apart), np.maximum(*height)) <= gap_m
+    lie_together: BoolArray = near & (np.minimum(width, other_width) >= wide_m)
+    return lie_together
 
 
 def _cross_section(

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from opendrive.checks.joints import Joints, end_s_m, lane_name
+from opendrive.checks.joints import Joints, LaneEnds, end_s_m, lane_name, meet
 from opendrive.errors import MapWarning, WarningKind
 from opendrive.lanes.table import LaneKey, LaneTable
 from opendrive.model import ContactPoint, Junction, RoadLink
@@ -22,19 +22,24 @@ HEIGHT_STEP_M = 0.05
 TURN_RAD = 0.02
 """A greater kink between linked roads is reported."""
 
+WIDE_M = 1.0
+"""Lanes that are less wide where they end carry no traffic on."""
+
 GAP_RULE = "asam.net:xodr:1.7.0:lane_smoothness.contact_point_no_horizontal_gaps"
 ACROSS_RULE = "asam.net:xodr:1.4.0:road.lane.link.lanes_across_lane_sections"
 CONTACT_RULE = "asam.net:xodr:1.7.0:road.geometry.contact_point"
 
 
-def link_warnings(geometry: NetworkGeometry, junctions: Mapping[str, Junction]) -> Iterator[MapWarning]:
+def link_warnings(
+    geometry: NetworkGeometry, joints: Joints, junctions: Mapping[str, Junction]
+) -> Iterator[MapWarning]:
     """Yield what is wrong where roads, lanes and junctions are linked."""
-    joints = Joints.of(geometry, junctions.values())
     yield from _apart(geometry, joints)
     yield from _reference_lines_apart(geometry, joints)
     yield from _one_sided_roads(geometry, junctions)
     yield from _one_sided_lanes(geometry)
     yield from _without_lane_links(geometry, joints)
+    yield from _unlinked_lanes(geometry, joints)
     yield from _junction_members(geometry, junctions)
 
 
@@ -305,6 +310,46 @@ def _without_lane_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[M
         if ends not in together and is_open(own, end) and is_open(beyond, link.contact_point):
             s_m = float(roads.length_m[road]) if end == "end" else 0.0
             yield unlinked(road, s_m, f"road {link.element_id!r:.40}, which the {end} links to")
+
+
+def _unlinked_lanes(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
+    """Yield driving lanes that go on where other lanes are linked, but are linked to nothing themselves.
+
+    Inside junctions only what has a way need be linked.
+    """
+    lanes = geometry.lanes
+    is_linked = np.zeros((2, len(lanes)), dtype=np.bool_)
+    for ends in (joints.first, joints.second):
+        is_linked[ends.at_end, ends.lane] = True
+    outside = np.array([junction_id is None for junction_id in lanes.junction_id], dtype=np.bool_)
+    is_open = outside & (lanes.lane_type == "driving") & ~is_linked
+    open_lanes: dict[tuple[int, int], list[int]] = {}
+    for at_end, lane in np.argwhere(is_open).tolist():
+        open_lanes.setdefault((int(lanes.section[lane]), at_end), []).append(lane)
+    first, second = joints.first, joints.second
+    columns = (lanes.section[first.lane], first.at_end, lanes.section[second.lane], second.at_end)
+    pairs = [
+        (a, at_a, b, at_b)
+        for section, at_a, beyond, at_b in set(zip(*(column.tolist() for column in columns), strict=True))
+        for a in open_lanes.get((section, at_a), ())
+        for b in open_lanes.get((beyond, at_b), ())
+        if ((lanes.direction[a] > 0) == (at_a == 1)) == ((lanes.direction[b] > 0) == (at_b == 0))
+    ]
+    rows = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 4).T
+    own, other = LaneEnds(rows[0], rows[1]), LaneEnds(rows[2], rows[3])
+    for k in np.flatnonzero(meet(geometry, own, other, GAP_M, WIDE_M)).tolist():
+        key, other_key = lanes.key[int(own.lane[k])], lanes.key[int(other.lane[k])]
+        message = f"lane {key.lane_id} goes on as {lane_name(other_key, key.road_id)}, but no link joins them"
+        s_m = float(end_s_m(geometry, own)[k])
+        yield MapWarning(
+            key.road_id,
+            "lane/link",
+            message,
+            WarningKind.ONE_SIDED_LINK,
+            s_m,
+            key.lane_id,
+            rule=ACROSS_RULE,
+        )
 
 
 def _junction_members(geometry: NetworkGeometry, junctions: Mapping[str, Junction]) -> Iterator[MapWarning]:

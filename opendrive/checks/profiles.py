@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, run_starts
+from opendrive.arrays import FloatArray, IntArray, concatenated_ranges, run_starts, until_next
 from opendrive.checks.curves import NEGATIVE_WIDTH_M, least_value
+from opendrive.checks.joints import Joints
 from opendrive.errors import MapWarning, WarningKind
 from opendrive.geometry.cubic import value_of
 from opendrive.geometry.profiles import CubicTable
@@ -23,7 +24,7 @@ LATE_M = 1e-3
 """Records that start this much after their road are still taken to start with it."""
 
 
-def profile_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
+def profile_warnings(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
     """Yield what is wrong with elevation, superelevation, crossfall, lane offset, width and border."""
     roads, lanes = geometry.roads, geometry.lanes
     every = np.arange(len(roads.id), dtype=np.int64)
@@ -37,16 +38,12 @@ def profile_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
         (lanes.lane_offset, "laneOffset", STEP_M, "m"),
     ):
         finder = _Finder(geometry, table, element, every, no_lane, start_m, roads.length_m)
-        # Where a lane section starts, lanes may take each other's place: their links are checked instead.
-        sections = lanes.sections if element == "laneOffset" else None
-        excused = (
-            set()
-            if sections is None
-            else set(zip(sections.road.tolist(), sections.start_m.tolist(), strict=True))
-        )
+        # Where lane sections are linked, lanes may take each other's place: their links are checked instead.
+        excused = _linked_sections(geometry, joints) if element == "laneOffset" else set()
         yield from finder.steps(limit, unit, excused)
         yield from finder.late(limit, unit)
         yield from finder.beyond()
+    yield from _lateral_shapes(geometry)
     yield from _bare_starts(geometry)
     lane_id = np.array([key.lane_id for key in lanes.key], dtype=np.int64)
     finder = _Finder(
@@ -57,8 +54,50 @@ def profile_warnings(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     yield from crossed_borders(geometry, NEGATIVE_WIDTH_M, np.inf, WarningKind.NEGATIVE_WIDTH)
 
 
+def _linked_sections(geometry: NetworkGeometry, joints: Joints) -> set[tuple[int, float]]:
+    """Return road and s of the starts of lane sections that are linked to the one before, or bare."""
+    lanes, sections = geometry.lanes, geometry.lanes.sections
+    a, b = lanes.section[joints.first.lane], lanes.section[joints.second.lane]
+    one_road = sections.road[a] == sections.road[b]
+    linked = np.maximum(a, b)[one_road & (np.abs(a - b) == 1)]
+    count = np.bincount(lanes.section, minlength=len(sections.road))
+    empty = np.flatnonzero((count == 0) | (np.append(0, count[:-1]) == 0))
+    rows = np.concatenate([linked, empty])
+    return set(zip(sections.road[rows].tolist(), sections.start_m[rows].tolist(), strict=True))
+
+
+def _lateral_shapes(geometry: NetworkGeometry) -> Iterator[MapWarning]:
+    """Yield lateral shapes that start late, lie off their road, or step from one cubic to the next."""
+    roads, shapes = geometry.roads, geometry.shapes
+    road = np.repeat(np.arange(len(roads.id)), np.diff(shapes.first))
+
+    def at(place: int, message: str, kind: WarningKind, amount_m: float) -> MapWarning:
+        road_id, s_m = roads.id[int(road[place])], float(shapes.s_m[place])
+        return MapWarning(road_id, "shape", message, kind, s_m, None, abs(amount_m), "m")
+
+    end_m = roads.length_m[road]
+    for place in np.flatnonzero((shapes.s_m > end_m + LATE_M) | (shapes.s_m < -LATE_M)).tolist():
+        excess_m = max(float(shapes.s_m[place] - end_m[place]), -float(shapes.s_m[place]))
+        message = f"the lateral shape lies {excess_m:.3g} m off the road"
+        yield at(place, message, WarningKind.BEYOND_ROAD, excess_m)
+    first = run_starts(road)
+    for place in first[shapes.s_m[first] > LATE_M].tolist():
+        s_m = float(shapes.s_m[place])
+        message = f"the first lateral shape is at s = {s_m:.6g} m; it is held before"
+        yield at(place, message, WarningKind.LATE_RECORD, s_m)
+    heights = shapes.heights
+    owner = np.repeat(np.arange(len(shapes.s_m)), np.diff(heights.first))
+    joined = np.flatnonzero(owner[1:] == owner[:-1])
+    ends = value_of(heights.coefficients[joined], heights.start_m[joined + 1] - heights.start_m[joined])
+    step_m = heights.coefficients[joined + 1, 0] - ends
+    for k in np.flatnonzero(np.abs(step_m) > STEP_M).tolist():
+        t_m = heights.start_m[joined[k] + 1]
+        message = f"the lateral shape steps by {step_m[k]:+.3g} m at t = {t_m:.6g} m; left as it is"
+        yield at(int(owner[joined[k]]), message, WarningKind.STEP, float(step_m[k]))
+
+
 def _bare_starts(geometry: NetworkGeometry) -> Iterator[MapWarning]:
-    """Yield roads without length, and roads whose first lane section starts late: no lane is before it."""
+    """Yield roads and lane sections without length or off their road, and first sections that are late."""
     roads, sections = geometry.roads, geometry.lanes.sections
     for road in np.flatnonzero(roads.length_m <= 0.0).tolist():
         yield MapWarning(roads.id[road], "road", "the road has no length", WarningKind.ROAD_LENGTH, 0.0)
@@ -70,6 +109,20 @@ def _bare_starts(geometry: NetworkGeometry) -> Iterator[MapWarning]:
         yield MapWarning(
             road_id, "laneSection", message, WarningKind.LATE_RECORD, start_m, None, start_m, "m"
         )
+    for row in np.flatnonzero(sections.start_m < -LATE_M).tolist():
+        start_m = float(sections.start_m[row])
+        message = f"the lane section starts {-start_m:.3g} m before its road"
+        road_id = roads.id[int(sections.road[row])]
+        yield MapWarning(
+            road_id, "laneSection", message, WarningKind.BEYOND_ROAD, start_m, None, -start_m, "m"
+        )
+    end_m = until_next(sections.road, sections.start_m, roads.length_m[sections.road])
+    has_length = (end_m > sections.start_m) | (roads.length_m[sections.road] <= 0.0)
+    for row in np.flatnonzero(~has_length).tolist():
+        start_m = float(sections.start_m[row])
+        message = f"the lane section at s = {start_m:.6g} m has no length"
+        road_id = roads.id[int(sections.road[row])]
+        yield MapWarning(road_id, "laneSection", message, WarningKind.SECTION_LENGTH, start_m)
 
 
 def crossed_borders(
@@ -148,9 +201,14 @@ class _Finder:
             yield self._warning(row, WarningKind.LATE_RECORD, message, abs(value), unit)
 
     def beyond(self) -> Iterator[MapWarning]:
-        """Yield records that start after the end of what they shape."""
+        """Yield records that start after the end of what they shape, or before its start."""
         end_m = self.end_m[self.owner]
         for row in np.flatnonzero(self.table.start_m > end_m + LATE_M).tolist():
             excess_m = float(self.table.start_m[row] - end_m[row])
             message = f"starts {excess_m:.3g} m after the end, at s = {end_m[row]:.6g} m; never used"
+            yield self._warning(row, WarningKind.BEYOND_ROAD, message, excess_m, "m")
+        early_m = self.start_m[self.owner] - self.table.start_m
+        for row in np.flatnonzero(early_m > LATE_M).tolist():
+            excess_m = float(early_m[row])
+            message = f"starts {excess_m:.3g} m before s = {self.start_m[self.owner[row]]:.6g} m, its start"
             yield self._warning(row, WarningKind.BEYOND_ROAD, message, excess_m, "m")

@@ -2,20 +2,20 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
-from opendrive.arrays import FloatArray
+from opendrive.arrays import wrapped
 from opendrive.checks.curves import LENGTH_ERROR_M, NEGATIVE_WIDTH_M
 from opendrive.checks.joints import Joints, end_s_m, lane_name
 from opendrive.checks.profiles import crossed_borders
 from opendrive.errors import MapWarning, WarningKind
 from opendrive.geometry.cubic import restarted
-from opendrive.geometry.curves import CUBIC
+from opendrive.geometry.curves import CIRCULAR, CUBIC
 from opendrive.lanes.table import LaneKey
-from opendrive.model import Lane, Line, MapModel, ParamPoly3, Road
+from opendrive.model import MapModel, Road
 from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.road_records import RoadRecords
 
 NO_WIDTH_M = 1e-6
 """A lane that is less wide has no width."""
@@ -33,27 +33,26 @@ SAME_SLOPE = 1e-3
 """A parametric cubic may start at this angle to its own frame, rad: files round."""
 
 
-def rule_warnings(geometry: NetworkGeometry, model: MapModel) -> Iterator[MapWarning]:
+def rule_warnings(geometry: NetworkGeometry, joints: Joints, model: MapModel) -> Iterator[MapWarning]:
     """Yield where a map breaks rules of the revision it was written for.
 
     Rules hold from a revision on, which is part of their name.
     """
     revision = (model.header.rev_major, model.header.rev_minor)
-    joints = Joints.of(geometry, model.junctions.values())
     yield from _shared_contacts(geometry)
     yield from _incoming_roads(geometry, model)
     yield from _new_lanes(geometry, joints)
     yield from crossed_borders(geometry, OVERLAP_M, NEGATIVE_WIDTH_M, WarningKind.RULE)
-    yield from _lengths(geometry, model)
-    for road in model.roads.values():
-        yield from _curves(road)
+    yield from _lengths(geometry)
+    yield from _curves(geometry)
     if revision >= (1, 7):
         yield from _widthless_links(geometry, joints)
         yield from _level_changes(geometry, joints)
-        for road in model.roads.values():
-            yield from _level_sides(road)
+        yield from _level_sides(geometry)
+        roads = model.roads
+        for road in roads.with_part("access") if isinstance(roads, RoadRecords) else roads.values():
             yield from _mixed_access(road)
-            yield from _redundant(road)
+        yield from _redundant(geometry)
     if revision == (1, 7):
         yield from _shared_connecting_roads(model)
     if revision >= (1, 8):
@@ -184,17 +183,15 @@ def _widthless_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapW
 _LEVEL_RULE = "1.7.0:road.lane.level_true_one_side"
 
 
-def _level_sides(road: Road) -> Iterator[MapWarning]:
+def _level_sides(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield lanes that are not level beyond a level one."""
-    for section in road.sections:
-        for side in (1, -1):
-            lanes = sorted(
-                (lane for lane in section.lanes if lane.id * side > 0), key=lambda lane: abs(lane.id)
-            )
-            for inner, outer in pairwise(lanes):
-                if inner.level and not outer.level:
-                    message = f"lane {outer.id} is not level beyond the level lane {inner.id}"
-                    yield _broken(_LEVEL_RULE, road.id, "lane", message, section.s_m, outer.id)
+    lanes = geometry.lanes
+    beside = (np.diff(lanes.section) == 0) & (np.diff(lanes.side) == 0)
+    for inner in np.flatnonzero(beside & lanes.level[:-1] & ~lanes.level[1:]).tolist():
+        a, b = lanes.key[inner], lanes.key[inner + 1]
+        message = f"lane {b.lane_id} is not level beyond the level lane {a.lane_id}"
+        s_m = float(lanes.s_start_m[inner])
+        yield _broken(_LEVEL_RULE, b.road_id, "lane", message, s_m, b.lane_id)
 
 
 def _level_changes(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
@@ -224,59 +221,62 @@ def _mixed_access(road: Road) -> Iterator[MapWarning]:
 # Geometry
 
 
-def _lengths(geometry: NetworkGeometry, model: MapModel) -> Iterator[MapWarning]:
+def _lengths(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield parametric cubics whose arc length is not their length, by too little for a warning."""
     curves = geometry.curves
-    shapes = [piece.shape for road in model.roads.values() for piece in road.geometries]
-    for piece in np.flatnonzero(curves.kind == CUBIC).tolist():
+    for piece in np.flatnonzero((curves.kind == CUBIC) & ~curves.is_poly3).tolist():
         short_m = float(curves.length_m[piece] - curves.cubics.length_at[curves.cubic[piece], -1])
-        shape = shapes[piece]
-        if isinstance(shape, ParamPoly3) and LENGTH_M < abs(short_m) <= LENGTH_ERROR_M:
+        if LENGTH_M < abs(short_m) <= LENGTH_ERROR_M:
             message = f"the curve is {short_m:.2g} m longer or shorter than its length says"
-            rule = "length_match" if shape.normalized else "arclength_range"
+            rule = "length_match" if curves.is_normalized[piece] else "arclength_range"
             road_id, s_m = geometry.roads.id[int(curves.road[piece])], float(curves.start_m[piece])
             name = f"1.7.0:road.geometry.parampoly3.{rule}"
             yield _broken(name, road_id, "planView/geometry", message, s_m)
 
 
-def _curves(road: Road) -> Iterator[MapWarning]:
+def _curves(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield parametric cubics that do not start at the origin of their own frame, along it."""
-    for piece in road.geometries:
-        if isinstance(shape := piece.shape, ParamPoly3):
-            (a_u, b_u, *_), (a_v, b_v, *_) = shape.u, shape.v
-            if max(abs(a_u), abs(a_v)) > SAME or b_u <= 0.0 or abs(b_v) > SAME_SLOPE * b_u:
-                message = f"starts at ({a_u:.3g}, {a_v:.3g}) towards ({b_u:.3g}, {b_v:.3g}), not at 0 along u"
-                rule = "1.7.0:road.geometry.paramPoly3.valid_parameters"
-                yield _broken(rule, road.id, "planView/geometry", message, piece.s_m)
+    curves = geometry.curves
+    pieces = np.flatnonzero((curves.kind == CUBIC) & ~curves.is_poly3)
+    (a_u, b_u), (a_v, b_v) = (
+        table[curves.cubic[pieces], :2].T for table in (curves.cubics.u, curves.cubics.v)
+    )
+    odd = (np.maximum(np.abs(a_u), np.abs(a_v)) > SAME) | (b_u <= 0.0) | (np.abs(b_v) > SAME_SLOPE * b_u)
+    for k in np.flatnonzero(odd).tolist():
+        piece = int(pieces[k])
+        angle_rad = float(np.arctan2(b_v[k], b_u[k]))
+        message = f"starts at ({a_u[k]:.3g}, {a_v[k]:.3g}) towards {angle_rad:.3g} rad, not at 0 along u"
+        rule = "1.7.0:road.geometry.paramPoly3.valid_parameters"
+        road_id, s_m = geometry.roads.id[int(curves.road[piece])], float(curves.start_m[piece])
+        yield _broken(rule, road_id, "planView/geometry", message, s_m)
 
 
-def _redundant(road: Road) -> Iterator[MapWarning]:
+def _redundant(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield records that only go on with the one before."""
     rule = "1.7.0:performance.avoid_redundant_info"
-    profiles: list[tuple[str, FloatArray, float, int | None]] = [
-        ("elevation", road.elevation, 0.0, None),
-        ("superelevation", road.superelevation, 0.0, None),
-        ("laneOffset", road.lane_offset, 0.0, None),
-    ]
-    for section in road.sections:
-        lanes: tuple[Lane, ...] = section.lanes
-        profiles += [
-            ("lane/width", lane.width, section.s_m, lane.id) for lane in lanes if len(lane.width) > 1
-        ]
-        profiles += [
-            ("lane/border", lane.border, section.s_m, lane.id) for lane in lanes if len(lane.border) > 1
-        ]
-    for element, rows, start_m, lane_id in profiles:
-        if len(rows) < 2:
-            continue
-        continued = restarted(rows[:-1, 1:], np.diff(rows[:, 0]))
-        for k in np.flatnonzero((np.abs(continued - rows[1:, 1:]) < SAME).all(axis=1)).tolist():
-            s_m = start_m + float(rows[k + 1, 0])
+    roads, lanes, curves = geometry.roads, geometry.lanes, geometry.curves
+    every = np.arange(len(roads.id))
+    for element, table, road in (
+        ("elevation", geometry.elevation, every),
+        ("superelevation", geometry.superelevation, every),
+        ("laneOffset", lanes.lane_offset, every),
+        ("lane", lanes.profiles, lanes.road),
+    ):
+        owner = np.repeat(np.arange(len(road)), np.diff(table.first))
+        joined = np.flatnonzero(owner[1:] == owner[:-1])
+        continued = restarted(table.coefficients[joined], table.start_m[joined + 1] - table.start_m[joined])
+        same = (np.abs(continued - table.coefficients[joined + 1]) < SAME).all(axis=1)
+        for row in (joined[same] + 1).tolist():
+            lane = int(owner[row])
+            lane_id = lanes.key[lane].lane_id if element == "lane" else None
+            kind = f"lane/{'border' if lanes.is_border[lane] else 'width'}" if element == "lane" else element
+            s_m = float(table.start_m[row])
             message = f"the record at s = {s_m:.6g} m only goes on with the one before"
-            yield _broken(rule, road.id, element, message, s_m, lane_id)
-    for before, after in pairwise(road.geometries):
-        if isinstance(before.shape, Line) and isinstance(after.shape, Line):
-            turn_rad = (after.heading_rad - before.heading_rad + np.pi) % (2.0 * np.pi) - np.pi
-            if abs(turn_rad) < SAME:
-                message = f"the line at s = {after.s_m:.6g} m only goes on with the one before"
-                yield _broken(rule, road.id, "planView/geometry", message, after.s_m)
+            yield _broken(rule, roads.id[int(road[lane])], kind, message, s_m, lane_id)
+    is_line = (curves.kind == CIRCULAR) & (curves.curvature_per_m == 0.0)
+    turn_rad = wrapped(np.diff(curves.heading_rad))
+    goes_on = (np.diff(curves.road) == 0) & is_line[1:] & is_line[:-1] & (np.abs(turn_rad) < SAME)
+    for piece in (np.flatnonzero(goes_on) + 1).tolist():
+        s_m = float(curves.start_m[piece])
+        message = f"the line at s = {s_m:.6g} m only goes on with the one before"
+        yield _broken(rule, roads.id[int(curves.road[piece])], "planView/geometry", message, s_m)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opendrive.arrays import FloatArray, IntArray
+from opendrive.arrays import BoolArray, FloatArray, IntArray
 from opendrive.geometry.cubic import slope_of, value_of
 from opendrive.geometry.profiles import sort_keys
 from opendrive.model import Arc, Geometry, Line, ParamPoly3, Poly3, Shape, Spiral
@@ -144,6 +144,8 @@ class CurveTable:
         curvature_per_m: (G,) curvature at the start; 0 for cubics.
         rate_per_m2: (G,) change of curvature per metre; 0 but for clothoids.
         cubic: (G,) row in `cubics`; 0 for the others.
+        is_poly3: (G,) whether it is a poly3, which has no end of its own.
+        is_normalized: (G,) whether it is a paramPoly3 over 0 to 1.
         cubics: the poly3 and paramPoly3 pieces.
         first: (R + 1,) index of the first piece of each road.
     """
@@ -159,6 +161,8 @@ class CurveTable:
     curvature_per_m: FloatArray
     rate_per_m2: FloatArray
     cubic: IntArray
+    is_poly3: BoolArray
+    is_normalized: BoolArray
     cubics: CubicCurves
     first: IntArray
 
@@ -175,6 +179,7 @@ class CurveTable:
         count = len(rows)
         kind, cubic = np.zeros(count, dtype=np.int8), np.zeros(count, dtype=np.int64)
         curvature, rate = np.zeros(count), np.zeros(count)
+        is_poly3, is_normalized = np.zeros((2, count), dtype=np.bool_)
         u: list[tuple[float, ...]] = []
         v: list[tuple[float, ...]] = []
         for i, shape in enumerate(shapes):
@@ -190,6 +195,8 @@ class CurveTable:
             elif isinstance(shape, Poly3 | ParamPoly3):
                 kind[i] = CUBIC
                 cubic[i] = len(u)
+                is_poly3[i] = isinstance(shape, Poly3)
+                is_normalized[i] = isinstance(shape, ParamPoly3) and shape.normalized
                 u_of_q, v_of_q = _unit_coefficients(shape, float(rows[i, 4]))
                 u.append(u_of_q)
                 v.append(v_of_q)
@@ -206,6 +213,8 @@ class CurveTable:
             curvature_per_m=curvature,
             rate_per_m2=rate,
             cubic=cubic,
+            is_poly3=is_poly3,
+            is_normalized=is_normalized,
             cubics=CubicCurves.tabulate(np.array(u).reshape(-1, 4), np.array(v).reshape(-1, 4)),
             first=np.searchsorted(road, np.arange(roads + 1)),
         )

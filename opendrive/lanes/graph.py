@@ -32,6 +32,7 @@ class LaneGraph:
         to_lane: (E,) lane that it enters.
         from_s_m: (E,) road s where it leaves: the lane's exit, but in virtual junctions.
         to_s_m: (E,) road s where it enters: the lane's entry, but in virtual junctions.
+        touching: every pair of places on lanes that the map links; a pair may come twice, from both sides.
         warnings: links that point nowhere.
     """
 
@@ -41,6 +42,7 @@ class LaneGraph:
     to_lane: IntArray
     from_s_m: FloatArray
     to_s_m: FloatArray
+    touching: tuple[tuple[LanePlace, LanePlace], ...]
     warnings: tuple[MapWarning, ...]
 
     @classmethod
@@ -50,7 +52,8 @@ class LaneGraph:
         start_m, end_m, direction = lanes.s_start_m.tolist(), lanes.s_end_m.tolist(), lanes.direction.tolist()
         exits = ["end" if along > 0 else "start" for along in direction]
         edges: set[tuple[int, int, float, float]] = set()
-        for (a, at_a), (b, at_b) in builder.touching_places(junctions):
+        touching = tuple(builder.touching_places(junctions))
+        for (a, at_a), (b, at_b) in touching:
             s_a, s_b = (
                 at if isinstance(at, float) else (start_m if at == "start" else end_m)[lane]
                 for lane, at in ((a, at_a), (b, at_b))
@@ -72,6 +75,7 @@ class LaneGraph:
             columns[1].astype(np.int64),
             columns[2].copy(),
             columns[3].copy(),
+            touching,
             tuple(builder.warnings),
         )
 
@@ -82,13 +86,6 @@ def _leaves(at: ContactPoint | float, lane_exit: str) -> bool:
 
 def _enters(at: ContactPoint | float, lane_exit: str) -> bool:
     return at != lane_exit
-
-
-def touching_lanes(
-    roads: RoadTable, lanes: LaneTable, junctions: Iterable[Junction]
-) -> Iterator[tuple[LanePlace, LanePlace]]:
-    """Yield every pair of places on lanes that the map links; a pair may come twice, from both sides."""
-    return _Builder(roads, lanes).touching_places(junctions)
 
 
 class _Builder:

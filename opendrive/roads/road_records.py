@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterator, Mapping
 
 from lxml import etree
 
-from opendrive.model import Road
+from opendrive.model import Deferred, Road, RoadDetails
 from opendrive.roads.geometry import NetworkGeometry
+
+_FURNITURE = ("signals", "objects", "railroad")
 
 
 class RoadRecords(Mapping[str, Road]):
@@ -19,12 +21,14 @@ class RoadRecords(Mapping[str, Road]):
         self,
         elements: Mapping[str, etree._Element],
         read: Callable[[etree._Element], Road],
+        read_details: Callable[[etree._Element], Deferred[RoadDetails]],
         geometry: NetworkGeometry | None,
     ) -> None:
         """Defer the reading of `elements`."""
         self.geometry = geometry
         self._elements = elements
         self._read = read
+        self._read_details = read_details
         self._records: dict[str, Road] = {}
 
     def __getitem__(self, road_id: str) -> Road:
@@ -32,6 +36,18 @@ class RoadRecords(Mapping[str, Road]):
         if record is None:
             record = self._records[road_id] = self._read(self._elements[road_id])
         return record
+
+    def details(self) -> Iterator[tuple[str, RoadDetails]]:
+        """Yield id and details of every road that has any signal, object, structure or switch."""
+        for road_id, element in self._elements.items():
+            if any(len(child) and child.tag in _FURNITURE for child in element):
+                yield road_id, self._read_details(element)()
+
+    def with_part(self, tag: str) -> Iterator[Road]:
+        """Yield the roads in which there are elements of a name."""
+        for road_id, element in self._elements.items():
+            if next(element.iter(tag), None) is not None:
+                yield self[road_id]
 
     def __contains__(self, road_id: object) -> bool:
         return road_id in self._elements

@@ -1,8 +1,8 @@
 """The geometry of all roads and lanes at once, straight from the XML, for files without anything odd.
 
 To make a record of every lane and curve costs more than parsing the file does, and most of them are never
-asked for. Here the numbers of all elements of a kind become columns instead. Nothing is reported: what is out
-of order, and whatever needs an error, is left to the reading of the records.
+asked for. Here the numbers of all elements of a kind become columns instead. What is out of order, and
+whatever needs an error, is left to the reading of the records.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray
+from opendrive.arrays import FloatArray, IntArray, run_starts
 from opendrive.errors import MapContentError
 from opendrive.geometry.curves import CurveTable
 from opendrive.geometry.lateral_shape import ShapeTable
@@ -19,7 +19,15 @@ from opendrive.lanes.table import LaneColumns, LaneTable, RoadTable, SectionColu
 from opendrive.model import RoadLink
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.xml.fields import LENGTH
-from opendrive.xml.lanes import HEIGHT, OFF_ROAD_M, SIDES
+from opendrive.xml.lanes import (
+    HEIGHT,
+    LANE_TYPES,
+    LATE_M,
+    OFF_ROAD_M,
+    SIDES,
+    warn_of_lane,
+    warn_of_section,
+)
 from opendrive.xml.roads import ID, JUNCTION_ID, LINE, LINK, ROAD_TYPE, RULE, SHAPE, read_shape
 from opendrive.xml.values import (
     CUBIC,
@@ -45,14 +53,18 @@ class _OddError(Exception):
     """Something that has to be read with care."""
 
 
-def read_geometry(root: Element, roads: Sequence[Element]) -> NetworkGeometry | None:
-    """Return the geometry of `roads`, all children of that name of `root`; None if anything is odd."""
+def read_geometry(values: Values, root: Element, roads: Sequence[Element]) -> NetworkGeometry | None:
+    """Return the geometry of `roads`, all children of that name of `root`; None if anything is odd.
+
+    Then nothing has been warned of; else everything that the records' reader would warn of in the geometry.
+    """
     if sum(1 for _ in root.iterchildren("road")) != len(roads):
         return None
+    before = len(values.warnings)
     try:
-        # What is tolerated here the records' reader tolerates alike, and warns of when it is asked.
-        return _read(root, roads, Values(""))
+        return _read(root, roads, values)
     except (_OddError, MapContentError):
+        del values.warnings[before:]
         return None
 
 
@@ -91,7 +103,7 @@ def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeo
         crossfall_left=crossfall("left"),
         crossfall_right=crossfall("right"),
         shapes=_shapes(elements["shape"], parts["lateralProfile"], len(roads)),
-        lanes=_lanes(elements, parts["lanes"], table, profiles("laneOffset", "lanes")),
+        lanes=_lanes(values, elements, parts["lanes"], table, profiles("laneOffset", "lanes")),
         roads=table,
     )
 
@@ -135,7 +147,11 @@ def _shapes(elements: list[Element], parents: dict[Element, int], roads: int) ->
 
 
 def _lanes(
-    elements: Elements, parents: dict[Element, int], roads: RoadTable, lane_offset: CubicTable
+    values: Values,
+    elements: Elements,
+    parents: dict[Element, int],
+    roads: RoadTable,
+    lane_offset: CubicTable,
 ) -> LaneTable:
     sections, _ = _children(elements["laneSection"], parents)
     road, starts = _records(sections, parents, ("s",))
@@ -178,7 +194,34 @@ def _lanes(
         border=_records(elements["border"], lane_of, CUBIC_OFFSET),
         height=_records(elements["height"], lane_of, HEIGHT),
     )
+    _warn_of_lanes(values, sections, lanes, columns)
     return LaneTable.build(roads, SectionColumns(road, start_m), columns, lane_offset)
+
+
+def _warn_of_lanes(
+    values: Values, sections: list[Element], lanes: list[Element], columns: LaneColumns
+) -> None:
+    """Warn of lanes and lane sections as the records' reader does."""
+    start_m = np.full((2, len(lanes)), np.nan)
+    for column, (owner, rows) in zip(start_m, (columns.border, columns.width), strict=True):
+        first = run_starts(owner)
+        column[owner[first]] = rows[first, 0]
+    is_there = ~np.isnan(start_m)
+    start_m = np.where(is_there[1], start_m[1], start_m[0])
+    odd = (columns.id != 0) & ((is_there[0] == is_there[1]) | (start_m > LATE_M))
+    if not LANE_TYPES.issuperset(columns.type):
+        odd |= np.array([name not in LANE_TYPES for name in columns.type])
+    for i in np.flatnonzero(odd).tolist():
+        start = float(start_m[i]) if is_there[:, i].any() else None
+        has_both = bool(is_there[:, i].all())
+        warn_of_lane(values, lanes[i], int(columns.id[i]), columns.type[i], start, has_both)
+    count = len(sections)
+    low, high = np.zeros((2, count), dtype=np.int64)
+    np.minimum.at(low, columns.section, columns.id)
+    np.maximum.at(high, columns.section, columns.id)
+    gaps = high - low + 1 != np.bincount(columns.section, minlength=count)
+    for k in np.flatnonzero(gaps).tolist():
+        warn_of_section(values, sections[k], columns.id[columns.section == k].tolist())
 
 
 def _check(sound: bool) -> None:

@@ -15,11 +15,15 @@ MAX_TAGS = 5_000_000
 """A file with more tags is refused; a real map of 200 MB has 4 million."""
 
 
-def parse(file: Path) -> etree._Element:
+def parse(file: Path, data: bytes) -> etree._Element:
     """Return the root element of a map.
 
+    Args:
+        file: its file, for messages.
+        data: content of the file; see `read_bytes`.
+
     Raises:
-        MapReadError: the file does not exist, cannot be opened, is not well-formed XML or is not OpenDRIVE.
+        MapReadError: it is not well-formed XML or not OpenDRIVE.
     """
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -32,7 +36,7 @@ def parse(file: Path) -> etree._Element:
         remove_pis=True,
     )
     try:
-        root = etree.fromstring(_read(file), parser)
+        root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         if isinstance(error, MapReadError):
             raise
@@ -61,7 +65,12 @@ def parse(file: Path) -> etree._Element:
     return root
 
 
-def _read(file: Path) -> bytes:
+def read_bytes(file: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        MapReadError: it does not exist, cannot be opened, is empty or too large.
+    """
     try:
         if file.exists() and not file.is_file():
             raise MapReadError(f"{file}: cannot be opened (not a file); give the path of an .xodr file")

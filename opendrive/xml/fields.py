@@ -15,7 +15,7 @@ from lxml import etree
 
 from opendrive.arrays import FloatArray
 from opendrive.model import Deferred
-from opendrive.xml.values import Element, Values, children, children_but, empty_table, first
+from opendrive.xml.values import Element, Names, Values, children, children_but, empty_table, first
 
 
 class Required(Enum):
@@ -161,6 +161,7 @@ class Table(Generic[_Record]):
 
     Attributes:
         tags: names of the children that are read.
+        names: the same, by how they are read.
     """
 
     def __init__(
@@ -197,6 +198,8 @@ class Table(Generic[_Record]):
         self._writes = [(name, column.write) for name, column in bound.items()]
         # An element with nothing but these children has no details.
         self._plain_tags = {tag for name in eager if not columns[name].part for tag in columns[name].tags}
+        late_tags = {tag for name in late for tag in columns[name].own_tags}
+        self.names = Names(self._plain_tags, late_tags, self._parts, self._single)
         self._no_details = None if details is None else Deferred.of(details())
 
     def read(self, values: Values, element: Element) -> _Record:
@@ -223,7 +226,14 @@ class Table(Generic[_Record]):
             element.attrib
         ):
             return self._no_details
-        return Deferred(partial(self._read_details, values, element))
+        return self.details(values, element)
+
+    def details(self, values: Values, element: Element) -> Deferred[Any]:
+        """Return the details of an element, the same ones that its record has."""
+        known = values.details.get(element)
+        if known is None:
+            known = values.details[element] = Deferred(partial(self._read_details, values, element))
+        return known
 
     def _read_details(self, values: Values, element: Element) -> object:
         assert self._details is not None

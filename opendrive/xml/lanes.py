@@ -3,6 +3,7 @@
 What shapes and links a lane is read at once, everything else when it is first asked for.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
@@ -139,28 +140,41 @@ _ID = integer("id")
 
 
 def _check_lane(values: Values, element: Element, lane: model.Lane) -> None:
-    """Warn of an unknown type, and of a width that is missing, late or given twice."""
     records = lane.width if len(lane.width) else lane.border
-    odd: list[tuple[WarningKind, str]] = []
-    if lane.type not in LANE_TYPES:
-        message = f"lane {lane.id} is of the unknown type {lane.type!r:.40}; kept"
-        odd.append((WarningKind.UNKNOWN_LANE_TYPE, message))
-    if lane.id and not len(records):
-        message = f"lane {lane.id} has neither width nor border; its width is read as 0"
-        odd.append((WarningKind.NO_WIDTH, message))
-    if lane.id and len(lane.width) and len(lane.border):
-        message = f"lane {lane.id} has both width and border; the width is used"
-        odd.append((WarningKind.WIDTH_AND_BORDER, message))
-    if lane.id and len(records) and (late_m := float(records[0, 0])) > LATE_M:
-        message = f"the width of lane {lane.id} starts {late_m} m late; it is read as 0 before"
-        odd.append((WarningKind.LATE_RECORD, message))
-    if odd:
-        section = next(element.iterancestors("laneSection"))
-        for kind, message in odd:
-            values.warn(kind, element, message, values.number(section, "s"))
+    start_m = float(records[0, 0]) if len(records) else None
+    warn_of_lane(values, element, lane.id, lane.type, start_m, bool(len(lane.width) and len(lane.border)))
 
 
-_LANE = Table(
+def warn_of_lane(
+    values: Values, element: Element, lane_id: int, lane_type: str, start_m: float | None, has_both: bool
+) -> None:
+    """Warn of an unknown type, and of a width that is missing, late or given twice.
+
+    Args:
+        values: takes the warnings.
+        element: the lane.
+        lane_id: its id.
+        lane_type: its type.
+        start_m: where its width or border starts in its lane section; None if it has neither.
+        has_both: whether it has both.
+    """
+    if lane_type not in LANE_TYPES:
+        message = f"lane {lane_id} is of the unknown type {lane_type!r:.40}; kept"
+        values.warn(WarningKind.UNKNOWN_LANE_TYPE, element, message)
+    if not lane_id:
+        return
+    if start_m is None:
+        message = f"lane {lane_id} has neither width nor border; its width is read as 0"
+        values.warn(WarningKind.NO_WIDTH, element, message)
+    elif has_both:
+        message = f"lane {lane_id} has both width and border; the width is used"
+        values.warn(WarningKind.WIDTH_AND_BORDER, element, message)
+    if start_m is not None and start_m > LATE_M:
+        message = f"the width of lane {lane_id} starts {start_m} m late; it is read as 0 before"
+        values.warn(WarningKind.LATE_RECORD, element, message, amount_m=start_m)
+
+
+LANE = Table(
     model.Lane,
     details=model.LaneDetails,
     check=_check_lane,
@@ -209,11 +223,21 @@ def _read_lanes(values: Values, element: Element) -> tuple[model.Lane, ...]:
                 values.warn(WarningKind.DUPLICATE_ID, child, message)
             else:
                 lanes[lane_id] = child
+    warn_of_section(values, element, lanes)
     ids = sorted({0, *lanes}, reverse=True)
+    return tuple([LANE.read(values, lanes[lane_id]) for lane_id in ids if lane_id in lanes])
+
+
+def warn_of_section(values: Values, element: Element, lane_ids: Iterable[int]) -> None:
+    """Warn of a lane section whose lane ids have gaps, or which has no centre lane."""
+    has = set(lane_ids)
+    if 0 not in has:
+        message = "the lane section has no centre lane"
+        values.warn(WarningKind.MISSING, element, message)
+    ids = sorted({0, *has}, reverse=True)
     if ids[0] - ids[-1] != len(ids) - 1:
         message = f"lane ids are not consecutive: {ids}; taken in this order"
-        values.warn(WarningKind.LANE_IDS, element, message, values.number(element, "s"))
-    return tuple([_LANE.read(values, lanes[lane_id]) for lane_id in ids if lane_id in lanes])
+        values.warn(WarningKind.LANE_IDS, element, message)
 
 
 def _write_lanes(element: Element, lanes: tuple[model.Lane, ...]) -> None:
@@ -221,7 +245,7 @@ def _write_lanes(element: Element, lanes: tuple[model.Lane, ...]) -> None:
         members = [lane for lane in lanes if (lane.id > 0) - (lane.id < 0) == sign]
         group = etree.SubElement(element, side) if members else element
         for lane in members:
-            _LANE.write(etree.SubElement(group, "lane"), lane)
+            LANE.write(etree.SubElement(group, "lane"), lane)
 
 
 def _beside_lanes(values: Values, element: Element) -> list[Element]:
@@ -235,6 +259,31 @@ _SECTION = Table(
     lanes=Field(_read_lanes, _write_lanes, tags=tuple(SIDES), leftovers=_beside_lanes),
     extra=REST,
 )
+
+
+def read_remaining(values: Values, road: Element) -> None:
+    """Read what is left of a road's lane sections and lanes, as far as it can be warned of."""
+    for section in road.iter("laneSection"):
+        for group in section:
+            if group.tag not in SIDES:
+                values.extra([group])
+                continue
+            for lane in group:
+                if lane.tag == "lane":
+                    _read_lane(values, lane)
+                else:
+                    values.extra([lane])
+
+
+def _read_lane(values: Values, lane: Element) -> None:
+    if values.is_plain(lane, LANE.names):
+        return
+    before = len(values.warnings)
+    LANE.details(values, lane)()
+    if len(values.warnings) == before:
+        values.sound.update(values.content(child) for child in lane if child.tag in LANE.names.late)
+
+
 _SECTIONS = children_of("laneSection", _SECTION)
 
 

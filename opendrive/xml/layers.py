@@ -17,14 +17,11 @@ PERMANENT = "permanent"
 
 
 def choose_layer(values: Values, root: Element, layer: str) -> None:
-    """Leave, for every road, the lanes of a layer first, and links between these lanes only."""
+    """Leave, for every road, the lanes of a layer first, and links between these lanes only.
+
+    Links may name a layer in files of any revision.
+    """
     roads = [(road, children(road, "lanes")) for road in root.iterchildren("road")]
-    if not (
-        layer != PERMANENT
-        or any(len(lanes) > 1 or "layer" in part.attrib for _, lanes in roads for part in lanes)
-        or _may_have_layers(root)
-    ):
-        return
     chosen: dict[str, list[tuple[Element, str]]] = {}
     is_there = False
     for road, lanes in roads:
@@ -56,12 +53,6 @@ def choose_layer(values: Values, root: Element, layer: str) -> None:
         values.warn(WarningKind.LAYER, root, message)
     for road, _ in roads:
         _keep_links(road, chosen)
-
-
-def _may_have_layers(root: Element) -> bool:
-    header = first(root, "header")
-    revision = "" if header is None else f"{header.get('revMajor', '')}.{header.get('revMinor', '')}"
-    return revision not in {f"1.{minor}" for minor in range(9)}
 
 
 def _replaced(

@@ -14,10 +14,11 @@ from opendrive.errors import MapContentError, MapWarning, WarningKind
 from opendrive.model import Deferred, Header, MapModel
 from opendrive.roads.road_records import RoadRecords
 from opendrive.xml.columns import read_geometry
-from opendrive.xml.document import parse
+from opendrive.xml.document import parse, read_bytes
 from opendrive.xml.file import CONTENT, HEADER
+from opendrive.xml.lanes import read_remaining
 from opendrive.xml.layers import PERMANENT, choose_layer
-from opendrive.xml.roads import read_road
+from opendrive.xml.roads import ROAD, read_known_road, read_road
 from opendrive.xml.values import Element, Values
 
 _Record = TypeVar("_Record")
@@ -35,8 +36,11 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         MapContentError: a required element or attribute is missing, or has an impossible value.
     """
     values = Values(str(Path(path)))
-    root = parse(Path(path))
-    choose_layer(values, root, layer)
+    data = read_bytes(Path(path))
+    root = parse(Path(path), data)
+    # A file of two bytes per letter has zeros.
+    if layer != PERMANENT or b"layer" in data or b"\0" in data:
+        choose_layer(values, root, layer)
     header: Header | None = None
     roads: dict[str, Element] = {}
     by_id: dict[str, dict[str, Any]] = {"junctions": {}, "controllers": {}}
@@ -62,15 +66,17 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         )
     if not roads:
         raise MapContentError(f"{path}: the map has no <road>; it may be truncated")
-    records = RoadRecords(roads, partial(read_road, values), read_geometry(root, list(roads.values())))
-    if records.geometry is None:
+    geometry = read_geometry(values, root, list(roads.values()))
+    read = read_road if geometry is None else read_known_road
+    records = RoadRecords(roads, partial(read, values), partial(ROAD.details, values), geometry)
+    if geometry is None:
         for road_id in roads:
             records[road_id]
     return MapModel(
         header=header,
         roads=records,
         junctions=by_id["junctions"],
-        noted=Deferred(partial(_all_warnings, values, records)),
+        noted=Deferred(partial(_all_warnings, values, roads)),
         controllers=by_id["controllers"],
         junction_groups=tuple(listed["junction_groups"]),
         stations=tuple(listed["stations"]),
@@ -86,19 +92,18 @@ def _add(values: Values, element: Element, records: dict[str, _Record], name: st
         records[name] = record
 
 
-def _all_warnings(values: Values, roads: RoadRecords) -> tuple[MapWarning, ...]:
-    """Read everything that was deferred, and return what was tolerated."""
+def _all_warnings(values: Values, roads: dict[str, Element]) -> tuple[MapWarning, ...]:
+    """Read what is left as far as it can be warned of, and return what was tolerated."""
     used: set[tuple[str, str]] = set()
-    for road in roads.values():
-        for tag, records in (("signal", road.signals), ("object", road.objects)):
-            for record in records:
-                if (tag, record.id) in used:
-                    message = f"{tag} id {record.id!r:.80} is used twice; both are kept"
-                    values.warnings.append(
-                        MapWarning(road.id, tag, message, WarningKind.DUPLICATE_ID, record.s_m)
-                    )
-                used.add((tag, record.id))
-        for section in road.sections:
-            for lane in section.lanes:
-                lane.details()
+    for road_id, element in roads.items():
+        if not values.is_plain(element, ROAD.names):
+            details = ROAD.details(values, element)()
+            for tag, records in (("signal", details.signals), ("object", details.objects)):
+                for record in records:
+                    if (tag, record.id) in used:
+                        message = f"{tag} id {record.id!r:.80} is used twice; both are kept"
+                        kind = WarningKind.DUPLICATE_ID
+                        values.warnings.append(MapWarning(road_id, tag, message, kind, record.s_m))
+                    used.add((tag, record.id))
+        read_remaining(values, element)
     return tuple(values.warnings)

@@ -270,3 +270,9 @@ def read_road(values: Values, element: Element) -> model.Road:
     if first(element, "lanes") is None:
         raise values.error(element, "<lanes> is missing; a road needs at least one lane section")
     return ROAD.read(values, element)
+
+
+def read_known_road(values: Values, element: Element) -> model.Road:
+    """Return a road whose geometry has been warned of already."""
+    with values.quietly():
+        return ROAD.read(values, element)

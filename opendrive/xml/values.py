@@ -1,16 +1,17 @@
 """Attributes of elements as checked values, and what is tolerated on the way."""
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from lxml import etree
 
 from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import MapContentError, MapWarning, WarningKind
-from opendrive.model import RoadMark
+from opendrive.model import Deferred, RoadMark
 
 Element: TypeAlias = etree._Element
 _Record = TypeVar("_Record")
@@ -37,6 +38,22 @@ SMALL_INTEGERS = {str(value): value for value in range(-30, 31)}
 """By their text: ids of lanes are converted thousands of times."""
 
 
+class Names(NamedTuple):
+    """Names of the children of an element.
+
+    Attributes:
+        plain: those that are read at once.
+        late: those that are read when first asked for.
+        parts: by those in which other children stand, the names of these.
+        single: those of which only the first is read.
+    """
+
+    plain: Collection[object]
+    late: Collection[object]
+    parts: Mapping[Any, Collection[object]]
+    single: Collection[object]
+
+
 class Values:
     """Reads values out of elements; collects warnings.
 
@@ -45,6 +62,9 @@ class Values:
         warnings: what was tolerated so far.
         left_out: elements that are kept as they are, since they say too little to be read.
         road_marks: road marks that were read, by their attributes.
+        details: what of roads and lanes is read when first asked for, by their element.
+        sound: names, attributes and content of children of lanes that gave no warning.
+        numbers: texts of numbers that can be meant.
     """
 
     def __init__(self, file: str) -> None:
@@ -53,9 +73,22 @@ class Values:
         self.warnings: list[MapWarning] = []
         self.left_out: set[Element] = set()
         self.road_marks: dict[tuple[tuple[str | bytes, str | bytes], ...], RoadMark] = {}
-        self._unknown: set[str] = set()
+        self.details: dict[Element, Deferred[Any]] = {}
+        self.sound: set[object] = set()
+        self.numbers: set[str] = set()
+        self._unknown: set[object] = set()
+        self._is_quiet = False
 
     # Where
+
+    @contextmanager
+    def quietly(self) -> Iterator[None]:
+        """Read again what has been warned of already."""
+        self._is_quiet = True
+        try:
+            yield
+        finally:
+            self._is_quiet = False
 
     def error(self, element: Element, message: str) -> MapContentError:
         """Return an error that says where `element` is."""
@@ -66,14 +99,31 @@ class Values:
         )
 
     def warn(
-        self, kind: WarningKind, element: Element, message: str, s_m: float | None = None, rule: str = ""
+        self,
+        kind: WarningKind,
+        element: Element,
+        message: str,
+        s_m: float | None = None,
+        rule: str = "",
+        amount_m: float | None = None,
     ) -> None:
-        """Note a tolerated defect."""
+        """Note a tolerated defect; where it lies is that of its element, unless `s_m` is given."""
+        if self._is_quiet:
+            return
         owner = _owner(element)
         owner_id = owner.get("id", "")[:80] if owner is not None else ""
+        at_m, lane_id = _place(element)
         self.warnings.append(
             MapWarning(
-                owner_id, str(element.tag)[:80], f"line {element.sourceline}: {message}", kind, s_m, rule=rule
+                owner_id,
+                str(element.tag)[:80],
+                f"line {element.sourceline}: {message}",
+                kind,
+                at_m if s_m is None else s_m,
+                lane_id,
+                amount_m,
+                "" if amount_m is None else "m",
+                rule,
             )
         )
 
@@ -133,6 +183,52 @@ class Values:
     def number(self, element: Element, name: str) -> float:
         """Return a required attribute as a finite number."""
         return self.to_number(element, name, self.text(element, name))
+
+    def is_number(self, text: str) -> bool:
+        """Return whether a text is a finite number that can be meant."""
+        if text in self.numbers:
+            return True
+        try:
+            sound = abs(float(text)) <= MAX_NUMBER
+        except ValueError:
+            return False
+        if sound:
+            self.numbers.add(text)
+        return sound
+
+    def content(self, element: Element) -> object:
+        """Return a key that elements share whose content is equal but for where they start."""
+        items = [*element.items()]
+        if items and items[0][0] == "sOffset" and self.is_number(str(items[0][1])):
+            items[0] = (str(element.tag), "")
+        else:
+            items.append((str(element.tag), ""))
+        if len(element):
+            return *items, *[self.content(child) for child in element]
+        return tuple(items)
+
+    def is_plain(self, element: Element, names: "Names") -> bool:
+        """Return whether an element has nothing that can be warned of once it is read."""
+        seen: set[object] = set()
+        for child in element:
+            tag = child.tag
+            if tag in names.parts:
+                read = names.parts[tag]
+                for member in child:
+                    if member.tag not in read and not self.is_known(member.tag):
+                        return False
+                if tag in names.late and len(child):
+                    return False
+            elif tag in names.late:
+                if self.content(child) not in self.sound:
+                    return False
+            elif tag not in names.plain and not self.is_known(tag):
+                return False
+            if tag in names.single:
+                if tag in seen:
+                    return False
+                seen.add(tag)
+        return True
 
     def to_number(self, element: Element, name: str, text: str) -> float:
         """Return the text of an attribute as a finite number."""
@@ -199,12 +295,16 @@ class Values:
             self.warn(WarningKind.ORDER, records[0], f"records are not in ascending {names[0]}; sorted")
         return read_only(np.array(ordered))
 
+    def is_known(self, tag: object) -> bool:
+        """Return whether elements of a name that nothing reads are kept without a further warning."""
+        return tag in _KEPT_AS_THEY_ARE or tag in self._unknown
+
     def extra(self, elements: Iterable[Element]) -> tuple[str, ...]:
         """Return the XML text of elements without record; unknown ones are warned about, once per name."""
         texts: list[str] = []
         for element in elements:
             tag = str(element.tag)
-            if tag not in self._unknown and tag not in _KEPT_AS_THEY_ARE and element not in self.left_out:
+            if not (self._is_quiet or self.is_known(tag) or element in self.left_out):
                 self._unknown.add(tag)
                 self.warn(
                     WarningKind.UNKNOWN_ELEMENT, element, f"<{tag:.80}> is kept, but has no meaning here"
@@ -236,6 +336,27 @@ def first(element: Element | None, tag: str) -> Element | None:
 def children_but(element: Element | None, tags: Collection[str]) -> list[Element]:
     """Return the children of any other name."""
     return [] if element is None else [child for child in element if child.tag not in tags]
+
+
+def _place(element: Element) -> tuple[float | None, int | None]:
+    """Return s and lane id of what an element stands in; None where they have no meaning or no number."""
+    lane_id: int | None = None
+    offset_m = 0.0
+    for outer in (element, *element.iterancestors()):
+        if outer.tag == "lane":
+            text = outer.get("id", "")
+            lane_id = int(text) if len(text) < 8 and text.lstrip("+-").isdecimal() else None
+        if outer.tag in ("road", "junction"):
+            break
+        try:
+            if outer.get("sOffset") is not None:
+                offset_m = float(outer.get("sOffset", ""))
+            elif outer.get("s") is not None:
+                s_m = float(outer.get("s", "")) + offset_m
+                return (s_m if abs(s_m) <= MAX_NUMBER else None), lane_id
+        except ValueError:
+            continue
+    return None, lane_id
 
 
 def _owner(element: Element) -> Element | None:

@@ -1,11 +1,14 @@
+import itertools
 import json
 
 import geopandas
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from opendrive import LaneKey, PositionError, write_mesh
+from opendrive import LaneKey, PositionError, load_map, write_mesh
 
 TOLERANCE_M = 0.02
 
@@ -63,10 +66,66 @@ def areas(network):
     return area, folds
 
 
+def ring_areas(network):
+    """Areas between the borders of lanes, from points every 5 cm; and where borders run back or cross."""
+    borders = network.sampled_borders(0.05)
+    area, runs_back = np.zeros(len(network.lanes)), np.zeros(len(network.lanes), dtype=bool)
+    for lane, (start, end) in enumerate(itertools.pairwise(borders.first.tolist())):
+        left, right = borders.left_m[start:end, :2], borders.right_m[start:end, :2]
+        x, y = np.concatenate([right, left[::-1]]).T
+        area[lane] = abs(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+        along = np.einsum("ij,ij->i", np.diff(left, axis=0), np.diff(right, axis=0))
+        runs_back[lane] = (along < 0.0).any()
+    return area, runs_back | (least_widths(network) < 0.0)
+
+
+def least_widths(network):
+    lanes = network.lanes
+    share = np.linspace(0.0, 1.0, 33)
+    s_m = lanes.s_start_m[:, None] + share * (lanes.s_end_m - lanes.s_start_m)[:, None]
+    lane = np.broadcast_to(np.arange(len(lanes))[:, None], s_m.shape)
+    return network.lane_width(lane, s_m).min(axis=1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    start=st.floats(-0.05, 0.05),
+    end=st.floats(-0.05, 0.05),
+    inner=st.floats(0.0, 3.0),
+    width=st.floats(0.5, 4.0),
+    more=st.floats(-0.4, 3.0),
+    side=st.sampled_from([-1, 1]),
+)
+def test_areas_of_lanes_beside_clothoids(text, tmp_path_factory, start, end, inner, width, more, side):
+    """In closed form: a cubic from one width to the other, and curvature linear in s; nothing folds."""
+    length = 60.0
+    shape = f'<spiral curvStart="{start!r}" curvEnd="{end!r}"/>'
+    plan = f'<geometry s="0" x="0" y="0" hdg="0.7" length="{length}">{shape}</geometry>'
+    opening = text.record("width", width, 0.0, 3.0 * more / length**2, -2.0 * more / length**3)
+    lanes = text.lane(side, text.record("width", inner)) + text.lane(2 * side, opening)
+    lanes = text.section(**{"left" if side > 0 else "right": lanes})
+    path = tmp_path_factory.getbasetemp() / "clothoid.xodr"
+    path.write_text(text.document(text.road(plan, lanes, length=length)), encoding="utf-8")
+    network = load_map(path)
+    lane = network.lane_index_of(("r", 0, 2 * side))
+    polygon = network.lane_polygons()[lane]
+    share = np.linspace(0.0, 1.0, 20_001)
+    across = width + more * (3.0 * share**2 - 2.0 * share**3)
+    near, far = inner * side, (inner + across) * side
+    bend = start + (end - start) * share
+    per_m = side * (far - near - 0.5 * bend * (far**2 - near**2))
+    assert polygon.is_valid
+    assert polygon.area == pytest.approx(np.trapezoid(per_m, share) * length, rel=1e-3)
+
+
 def test_every_outline_is_valid_and_as_large_as_its_lane(network_of, map_name):
     network = network_of(map_name)
     polygons = network.lane_polygons()
     assert shapely.is_valid(polygons).all()
+    own, runs_back = ring_areas(network)
+    # Town04 has lanes of micrometres.
+    long = (network.lanes.s_end_m - network.lanes.s_start_m > 1e-3) & ~runs_back
+    np.testing.assert_allclose(shapely.area(polygons)[long], own[long], rtol=1e-3, atol=1e-4)
     if not network._geometry.is_banked:
         area, folds = areas(network)
         # Single pieces of a few millimetres stand at an angle to each other in CARLA's towns.

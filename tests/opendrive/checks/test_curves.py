@@ -103,3 +103,24 @@ def test_strict_names_the_first_defect_and_their_number(load, text, tmp_path):
 def test_strict_passes_a_sound_map(load, text, tmp_path):
     assert warning_table(load(text.road()).warnings) == ["0 defects"]
     assert len(load_map(tmp_path / "map.xodr", strict=True).lanes) == 2
+
+
+def test_a_reference_line_that_starts_late(load, text):
+    plan = '<geometry s="10" x="10" y="0" hdg="0" length="90"><line/></geometry>'
+    (warning,) = load(text.road(plan)).warnings
+    assert (warning.kind, warning.s_m, warning.amount) == (WarningKind.LATE_RECORD, 10.0, 10.0)
+
+
+def test_gaps_and_kinks_have_their_amount(load, text):
+    """The second piece starts 3 m and 4 m away from the end of the first, turned by 0.2 rad."""
+    plan = (
+        '<geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry>'
+        '<geometry s="50" x="53" y="4" hdg="0.2" length="49"><line/></geometry>'
+    )
+    found = {w.kind: w for w in load(text.road(plan)).warnings}
+    amounts = {kind: (w.amount, w.unit) for kind, w in found.items()}
+    assert amounts == {
+        WarningKind.GAP: (pytest.approx(5.0), "m"),
+        WarningKind.HEADING_GAP: (pytest.approx(0.2), "rad"),
+        WarningKind.ROAD_LENGTH: (pytest.approx(1.0), "m"),
+    }

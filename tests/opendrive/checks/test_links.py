@@ -242,3 +242,45 @@ def test_signals_for_lanes_that_are_not_there(tmp_path, low, high, count):
     assert [(w.kind, w.road_id, w.s_m) for w in network.findings] == [
         (WarningKind.REFERENCE, "1", 10.0)
     ] * count
+
+
+TWO_LANES = "<right>{}{}</right>"
+
+
+def two_lanes(s_m: float, first: str, second: str) -> str:
+    """A lane section with two lanes, each with its links."""
+    centre = '<center><lane id="0" type="none"/></center>'
+    lanes = TWO_LANES.format(LANE.format(-1, first), LANE.format(-2, second))
+    return f'<laneSection s="{s_m}">{centre}{lanes}</laneSection>'
+
+
+SECOND, SECOND_BEFORE = '<successor id="-2"/>', '<predecessor id="-2"/>'
+
+
+@pytest.mark.parametrize("within", ["a road", "two roads"])
+def test_a_lane_that_goes_on_without_a_link(tmp_path, within):
+    """Lanes -1 are linked, lanes -2 meet with both borders."""
+    if within == "a road":
+        first = two_lanes(0, NEXT, "") + two_lanes(20, BEFORE + NEXT, SECOND)
+        network = chained(tmp_path, first, two_lanes(0, BEFORE, SECOND_BEFORE))
+    else:
+        network = chained(tmp_path, two_lanes(0, NEXT, ""), two_lanes(0, BEFORE, ""))
+    (finding,) = network.findings
+    assert (finding.kind, finding.lane_id) == (WarningKind.ONE_SIDED_LINK, -2)
+    assert (finding.road_id, finding.s_m) == ("1", 20.0 if within == "a road" else 50.0)
+
+
+def test_a_lane_that_ends_needs_no_link(tmp_path):
+    assert chained(tmp_path, two_lanes(0, NEXT, ""), section(0, BEFORE)).findings == ()
+
+
+@pytest.mark.parametrize("revision", ["1.4", "1.8", "1.9"])
+def test_links_to_another_layer_are_not_followed_in_any_revision(load, text, revision):
+    width = text.record("width", 3.0)
+    links = '<link><successor id="-1"/><successor id="-2" layer="temporary"/></link>'
+    before = text.section(right=text.lane(-1, links + width) + text.lane(-2, width, "shoulder"))
+    back = f'<link><predecessor id="-1"/></link>{width}'
+    after = text.section(50.0, right=text.lane(-1, back) + text.lane(-2, width, "shoulder"))
+    content = text.document(text.road(sections=before + after))
+    network = load(content.replace('revMinor="8"', f'revMinor="{revision[-1]}"'), whole=True)
+    assert network.successors(0) == (network.lane_index_of(("r", 1, -1)),)
