@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import parse_gate
 from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
+    from evaluation.results.gates import Side
     from evaluation.studies.drive.recordings import Source
 
 EXAMPLES = options.examples(
@@ -23,6 +25,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval compare --growth --out results/growth`",
     "`smartmot-eval compare --scenes 'people at the kerb' --logs --out results/kerb` and then",
     "`smartmot-eval report results/kerb/runs`",
+    "`smartmot-eval compare --strategies my_area:Corridor --fail-on 'avoided<0.9,needless_stops>0.05'`",
     "`smartmot-eval compare --drives argoverse_logs --vary rule=paper,cascade,rss --out results/drives`",
     "Scenes, parameters, measures and intervals: docs/study.md. "
     "A comparison that was killed goes on where it was.",
@@ -91,6 +94,8 @@ def command(
         str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
     ] = "png,svg",
     workers: options.Workers = None,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
     drives: Annotated[
         Path | None,
@@ -117,6 +122,8 @@ def command(
     from evaluation.runs.workers import available_cores
     from evaluation.studies.compare.command import compare
     from evaluation.studies.compare.study import SceneStudy
+    from evaluation.studies.compare.table import MEASURES, sides_of_summaries
+    from evaluation.studies.drive.tables import DRIVE_MEASURES
     from evaluation.studies.growth import GrowthStudy, compare_growth
     from scenarios.scenes.scenes import scene_names
 
@@ -128,7 +135,9 @@ def command(
         named = strategies if "strategies" in typed else None
         drive_preset = preset if "preset" in typed else "real"
         processes = workers or available_cores()
-        _compare_drives(source, named, vary or [], drive_preset, out, processes, quiet)
+        gate = parse_gate("compare", fail_on, junit, lambda: DRIVE_MEASURES)
+        sides = _compare_drives(source, named, vary or [], drive_preset, out, processes, quiet)
+        gate.close(lambda: sides)
         return
     if ablation + growth + bool(vary) > 1:
         raise ArgumentError("--vary, --ablation and --growth exclude one another; give one of them")
@@ -145,6 +154,9 @@ def command(
         raise ArgumentError("--maps: only --full runs scenes on outer maps; add --full")
     if maps is not None and not maps.is_dir():
         raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
+    if growth and fail_on:
+        raise ArgumentError("--fail-on: --growth measures times; there is nothing to fail on")
+    gate = parse_gate("compare", fail_on, junit, lambda: MEASURES)
     processes = workers or available_cores()
     with locked(writable_folder(out)):
         if growth:
@@ -164,7 +176,8 @@ def command(
             formats=formats,
             common=lidar,
         )
-        compare(study, out, processes, quiet, logs)
+        rows = compare(study, out, processes, quiet, logs)
+    gate.close(lambda: sides_of_summaries(rows))
 
 
 def _typed(context: typer.Context) -> set[str]:
@@ -197,8 +210,8 @@ def _compare_drives(
     out: Path,
     workers: int,
     quiet: bool,
-) -> None:
-    """Compare on recorded drives.
+) -> list[Side]:
+    """Compare on recorded drives; what each side came to.
 
     Raises:
         ArgumentError: an option cannot be read, or means nothing on drives.
@@ -207,6 +220,7 @@ def _compare_drives(
     from evaluation.studies.drive.side_by_side.command import compare_drives
     from evaluation.studies.drive.side_by_side.comparison import DriveComparison
     from evaluation.studies.drive.study import Options
+    from evaluation.studies.drive.tables import sides_of_drives
 
     varied = options.parse_vary(vary)
     asked = Options(
@@ -217,4 +231,5 @@ def _compare_drives(
         vary=varied,
     )
     with locked(writable_folder(out)):
-        compare_drives(DriveComparison(asked), out, workers, quiet)
+        compared = compare_drives(DriveComparison(asked), out, workers, quiet)
+    return sides_of_drives(compared.totals)

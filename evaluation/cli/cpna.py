@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import write_mcaps
+from evaluation.cli.output import parse_gate, write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 
 EXAMPLES = options.examples(
@@ -17,6 +17,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval cpna --map town.xodr --at 12,-1,140 --speeds 30,50 --impact-point 25`",
     "`smartmot-eval cpna --preset physical --sensor hdl32 --street furnished`",
     "`smartmot-eval cpna --tracker my_tracker:MyTracker --strategy map,my_area:Corridor`",
+    "`smartmot-eval cpna --strategy map --fail-on 'contacts>0,score<9' --junit cpna.xml`",
 )
 
 
@@ -61,9 +62,12 @@ def command(
         int, typer.Option(min=1, help="Processes; the results are the same for any number.")
     ] = 1,
     mcap: options.Mcap = False,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
+    from evaluation.results.gates import RUN_MEASURES, sides_of_runs
     from evaluation.runs.cpna import CpnaSuite
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
@@ -71,6 +75,7 @@ def command(
     from evaluation.views.traces.mcap import require_foxglove
 
     form = options.parse_format(form)
+    gate = parse_gate("cpna", fail_on, junit, lambda: RUN_MEASURES)
     suite = CpnaSuite(
         speeds_kmh=options.parse_speeds(speeds),
         conditions=Conditions(
@@ -92,6 +97,7 @@ def command(
     if mcap:
         require_foxglove()
     with locked(writable_folder(out)):
-        compare_cpna(suite, out, form if pictures else None, workers, quiet)
+        judged = compare_cpna(suite, out, form if pictures else None, workers, quiet)
         if mcap:
             write_mcaps(out, quiet, workers)
+    gate.close(lambda: sides_of_runs(judged))

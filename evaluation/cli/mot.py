@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import parse_gate
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot my_csv_folder --scores running`",
     "`smartmot-eval mot my_csv_folder --profile my_detector.json`",
     "`smartmot-eval mot my_csv_folder --offline`",
+    "`smartmot-eval mot kitti/training --config my_tracker:MyTracker --fail-on 'car/hota<80,id_switches>20'`",
     "`smartmot-eval mot my_csv_folder --detectors lidar=lidar.json,camera=camera.json`",
     "Formats, metrics and the files written: docs/mot.md. Metrics need trackeval: pip install trackeval.",
 )
@@ -130,6 +132,8 @@ def command(
             metavar="FILE.json",
         ),
     ] = None,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Track recorded detections, of a data set or a table; score them where there are labels."""
@@ -141,12 +145,13 @@ def command(
     from evaluation.studies.mot import run
     from evaluation.studies.mot.profile import described, write_profile
     from evaluation.studies.mot.score_scale import SCALES
-    from evaluation.studies.mot.tables import TRACK_FORMATS
+    from evaluation.studies.mot.tables import MOT_MEASURES, TRACK_FORMATS, sides_of_scores
     from scenarios.recorded.formats import FORMATS
     from smartmot.plugins import is_plugin, plugin
     from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
     from smartmot.tracking.profile import is_profile
 
+    gate = parse_gate("mot", fail_on, junit, lambda: MOT_MEASURES)
     form = options.parse_name(form, FORMATS, "--format") if form else None
     if not is_profile(config):
         config = options.parse_name(config, tuple(TRACKER_CONFIGS), "--config", own=True)
@@ -178,6 +183,7 @@ def command(
         console.print(f"written to {out}: {_listed(result.written)}", highlight=False, soft_wrap=True)
         for path, _ in films:
             console.print(f"film: {path}", highlight=False, soft_wrap=True)
+    gate.close(lambda: sides_of_scores(result.scores))
 
 
 def _print(

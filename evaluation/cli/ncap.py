@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import write_mcaps
+from evaluation.cli.output import parse_gate, write_mcaps
 
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
@@ -18,6 +18,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval ncap --protocol my.toml --strategy map`",
     "`smartmot-eval ncap --protocol paper --preset paper --weather dry,rain`",
     "`smartmot-eval ncap --protocol 2023 --sensor hdl64 --strategy map`",
+    "`smartmot-eval ncap cpna --protocol r152 --strategy my_area:Corridor --fail-on 'score_percent<100'`",
 )
 
 
@@ -63,6 +64,8 @@ def command(
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: options.Workers = None,
     mcap: options.Mcap = False,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Run every cell of a test protocol, score it, show its matrices."""
@@ -72,9 +75,10 @@ def command(
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
     from evaluation.runs.workers import available_cores
-    from evaluation.studies.ncap.run import run_grid
+    from evaluation.studies.ncap.run import NCAP_MEASURES, run_grid
     from evaluation.views.traces.mcap import require_foxglove
 
+    gate = parse_gate("ncap", fail_on, junit, lambda: NCAP_MEASURES)
     name = protocol
     if not is_file(name):
         name = options.parse_name(name, (*PROTOCOLS, *ALIASES), "--protocol")
@@ -97,7 +101,7 @@ def command(
     if mcap:
         require_foxglove()
     with locked(writable_folder(out)):
-        run_grid(
+        sides = run_grid(
             files or [],
             name,
             conditions,
@@ -110,3 +114,4 @@ def command(
         )
         if mcap:
             write_mcaps(out, quiet, workers or available_cores())
+    gate.close(lambda: sides)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -143,6 +144,25 @@ Mcap = Annotated[
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
+GATE = "Gate"
+"""Heading of the options that make results fail; docs/gates.md."""
+
+FailOn = Annotated[
+    str | None,
+    typer.Option(
+        "--fail-on",
+        help="Exit with status 3 if one of these rules is met, such as 'contacts>0,false_activations>0' or "
+        "'map/score<9': docs/gates.md.",
+        metavar="RULES",
+        rich_help_panel=GATE,
+    ),
+]
+Junit = Annotated[
+    Path | None,
+    typer.Option(
+        help="The rules of --fail-on as JUnit XML, for a CI.", metavar="FILE.xml", rich_help_panel=GATE
+    ),
+]
 
 
 ColumnPairs = Annotated[

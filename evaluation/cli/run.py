@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import write_mcaps
+from evaluation.cli.output import parse_gate, write_mcaps
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
@@ -17,6 +17,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`",
     "`smartmot-eval run cpfa --sensor mid70 --perception my_detector:Clouds --street furnished`",
     "`smartmot-eval run scenarios_of_others --check --roads maps`",
+    "`smartmot-eval run my_test.xosc --fail-on 'contacts>0,criteria_failed>0' --junit run.xml`",
     "Names and parameters of the shipped scenarios: smartmot-eval list",
 )
 
@@ -92,11 +93,18 @@ def command(
     form: options.PictureFormat = "png",
     workers: options.Workers = None,
     mcap: options.Mcap = False,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
+    from evaluation.results.gates import RUN_MEASURES, sides_of_runs
+
     if road is not None and not road.exists():
         raise ArgumentError(f"--road: {road} does not exist")
+    gate = parse_gate("run", fail_on, junit, lambda: RUN_MEASURES)
+    if check and gate.rules:
+        raise ArgumentError("--fail-on: --check scores nothing, and exits with 1 where a file is refused")
     if check:
         _check(scenario, road, to_end, as_markdown, quiet)
     if road is not None:
@@ -131,9 +139,10 @@ def command(
     if mcap:
         require_foxglove()
     with locked(writable_folder(out)):
-        compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
+        judged = compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
         if mcap:
             write_mcaps(out, quiet, workers or available_cores())
+    gate.close(lambda: sides_of_runs(judged))
 
 
 def _check(place: str, road: Path | None, to_end: bool, as_markdown: bool, quiet: bool) -> None:

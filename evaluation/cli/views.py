@@ -1,4 +1,4 @@
-"""`smartmot-eval plot`, `report` and `replay`: runs that are finished, looked at again."""
+"""`smartmot-eval plot`, `report`, `replay` and `diff`: runs that are finished, looked at again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, print_written
+from evaluation.cli.output import counting, parse_gate, print_written
 
 PLOT_EXAMPLES = options.examples(
     "`smartmot-eval plot results`",
@@ -23,6 +23,11 @@ REPLAY_EXAMPLES = options.examples(
     "`smartmot-eval replay results/logs/CPNA_map_dry_none_60kmh_seed0.parquet --mp4 map60.mp4 --speed 0.5`",
     "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --mcap map60.mcap`",
     "`smartmot-eval replay results/CPNA_map_dry_none_60kmh_seed0 --osi map60.osi`",
+)
+DIFF_EXAMPLES = options.examples(
+    "`smartmot-eval diff results/before results/after`",
+    "`smartmot-eval diff main/cpna branch/cpna --fail-on 'worse>0,only_first>0' --junit diff.xml`",
+    "What is compared, and how runs are matched: docs/gates.md.",
 )
 
 
@@ -134,3 +139,36 @@ def replay(
                 drawn, film_notes = film.replay(run, gif, mp4, fps, speed, done, allow_plugins)
         written, notes = written + drawn, notes + tuple(film_notes)
     print_written(written, dict.fromkeys(notes), quiet)
+
+
+def diff(
+    first: Annotated[
+        Path,
+        typer.Argument(help="Folder that cpna, run, ncap, compare or drive wrote.", metavar="FIRST"),
+    ],
+    second: Annotated[Path, typer.Argument(help="Another of the same command.", metavar="SECOND")],
+    out: Annotated[Path, typer.Option(help="Folder for page and tables.")] = Path("results/diff"),
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compare two folders of results: what determined their runs, and which outcomes and numbers differ."""
+    import rich.console
+
+    from evaluation.results.tables import rich_table
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.studies.diff.difference import DIFF_MEASURES, difference, sides_of_difference
+    from evaluation.studies.diff.report import summary, tables, write_report
+    from evaluation.studies.diff.results import read_results
+
+    gate = parse_gate("diff", fail_on, junit, lambda: DIFF_MEASURES)
+    folders = difference(read_results(first), read_results(second))
+    console = rich.console.Console(quiet=quiet)
+    with locked(writable_folder(out)):
+        written = write_report(folders, out)
+    for title, table in tables(folders):
+        console.print(rich_table(table, title, texts=len(table.header)), "")
+    console.print(f"{summary(folders)}.", highlight=False, soft_wrap=True)
+    names = ", ".join(path.name for path in written)
+    console.print(f"written to {out}: {names}", highlight=False, soft_wrap=True, markup=False)
+    gate.close(lambda: sides_of_difference(folders))

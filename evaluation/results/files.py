@@ -79,8 +79,7 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: it cannot be written; what was there before is as it was.
     """
-    if not path.name:  # "" is the working folder
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    _require_name(path)
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_bytes(content)
@@ -90,12 +89,19 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
+def _require_name(path: Path) -> None:
+    """Refuse a path without a name: "" and "." are the working folder."""
+    if not path.name:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+
+
 def check_writable(path: Path) -> None:
     """Refuse a place for a file before its content is made, which may take long; nothing is left there.
 
     Raises:
         OSError: `write_whole` could not write it.
     """
+    _require_name(path)
     part = path.with_name(f".{path.name}.part")
     part.touch()
     part.unlink()

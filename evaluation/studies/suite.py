@@ -12,7 +12,7 @@ import rich.console
 from evaluation.progress import progress_bar
 from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import Published, comparison_table, impact_table
-from evaluation.results.criteria import criteria_table, write_criteria
+from evaluation.results.criteria import Judged, criteria_table, write_criteria
 from evaluation.results.files import TABLE_MD, ResultsError, log_path, write_bytes
 from evaluation.results.logs import read_logs
 from evaluation.results.notes import told_notes, told_runs
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def compare_cpna(
     suite: CpnaSuite, out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
-) -> None:
+) -> Judged:
     """Run a CPNA comparison.
 
     Args:
@@ -45,11 +45,14 @@ def compare_cpna(
         pictures: their format; None: no pictures.
         workers: processes.
         quiet: print nothing.
+
+    Returns:
+        Every run with the pass criteria of its file.
     """
     site = load_site(suite)
     specs = suite.specs(site)
     console = rich.console.Console(quiet=quiet)
-    _compare(
+    judged = _compare(
         specs,
         suite_configuration(suite, site, out),
         out,
@@ -61,6 +64,7 @@ def compare_cpna(
     )
     for line in (placement(site), *_sensing(suite)):
         console.print(line, highlight=False)
+    return judged
 
 
 def placement(site: Site) -> str:
@@ -100,20 +104,21 @@ def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, ob
 
 def compare_files(
     specs: Sequence[RunSpec], out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
-) -> None:
+) -> Judged:
     """Run scenario files; see `compare_cpna`."""
     console = rich.console.Console(quiet=quiet)
     notes = perception_notes(specs)
     configuration = configuration_of(specs, out, notes)
-    rows = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
-    silent = sum(row.avoided and row.flag_time_s is None for row in rows)
+    judged = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
+    silent = sum(row.avoided and row.flag_time_s is None for row, _ in judged)
     if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
         notes.append(
-            f"{silent} of {len(rows)} runs needed no emergency brake: the ACC kept clear, or the way "
+            f"{silent} of {len(judged)} runs needed no emergency brake: the ACC kept clear, or the way "
             "was free; --hold-speed drives as Euro NCAP does, without ACC"
         )
     for line in notes:
         console.print(line, highlight=False)
+    return judged
 
 
 def _title(specs: Sequence[RunSpec]) -> str:
@@ -132,8 +137,8 @@ def _compare(
     console: rich.console.Console,
     title: str,
     published: Mapping[str, Published] | None = None,
-) -> list[RunRow]:
-    """Run, write, show; the rows of the table of runs."""
+) -> Judged:
+    """Run, write, show; every run with the pass criteria of its file."""
     if len({spec.log for spec in specs}) < len(specs):
         raise ResultsError("two runs have the same name; give them different values of Scenario_ID")
     with progress_bar(console) as progress:
@@ -155,7 +160,7 @@ def _compare(
     notes = told_notes([record.notes for record in records])
     for line in (*told_runs(rows), *notes, *told_without_conflict(specs, known)):
         console.print(line, highlight=False)
-    return rows
+    return judged
 
 
 def write_folder(

@@ -9,7 +9,7 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.lidar.detect import parse_method
-from evaluation.cli.output import counting
+from evaluation.cli.output import counting, parse_gate
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
@@ -37,11 +37,14 @@ def command(
     near: Annotated[float, typer.Option("--from", help="Least distance that counts, m.", min=0.0)] = 0.0,
     far: Annotated[float, typer.Option("--to", help="Greatest distance that counts, m.", min=0.0)] = 40.0,
     score: Annotated[float, typer.Option(help="Least score of a box.", min=0.0, max=1.0)] = 0.3,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Count right and false boxes of a detector on labelled clouds, from above."""
     import rich.console
 
+    from evaluation.results.gates import measures_of_table, sides_of_table
     from evaluation.results.tables import rich_table
     from evaluation.studies.datasets.reading import read_frames
     from evaluation.studies.detectors.quality import QualityOptions, Truth, measured_quality, quality_table
@@ -63,6 +66,7 @@ def command(
         boxes, count = measured_quality(frames, config, asked, done)
     if not count:
         raise ArgumentError(f"{data}: no frame" + (f" of the splits {split}" if split else ""))
-    rich.console.Console().print(
-        rich_table(quality_table(boxes, score, asked), f"{count} frames, {method}", texts=1)
-    )
+    table = quality_table(boxes, score, asked)
+    gate = parse_gate("lidar quality", fail_on, junit, lambda: measures_of_table(table))
+    rich.console.Console(quiet=quiet).print(rich_table(table, f"{count} frames, {method}", texts=1))
+    gate.close(lambda: sides_of_table(table))

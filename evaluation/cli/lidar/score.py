@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import one_line
+from evaluation.cli.output import one_line, parse_gate
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval lidar score label_02/0012.txt detections --protocol thesis --score 2 --by range`",
     "`smartmot-eval lidar score training/label_2 results --protocol nuscenes --by points "
     "--clouds training/velodyne --calib training/calib`",
+    "`smartmot-eval lidar score label_2 results --protocol thesis --fail-on 'pedestrian/f1<0.7'`",
     "Layouts of the files and rules of the protocols: docs/lidar.md.",
 )
 
@@ -53,12 +54,15 @@ def command(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the tables as CSV and Markdown.", metavar="DIR")
     ] = None,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Score boxes in space: KITTI's AP, the thesis' counts, nuScenes' mAP."""
     import rich.console
 
     from evaluation.metrics.detection.groups import GROUPINGS
+    from evaluation.results.gates import measures_of_table, sides_of_table
     from evaluation.results.tables import rich_table
     from evaluation.studies.lidar.score import PROTOCOLS, ScoreOptions, score_files
 
@@ -77,6 +81,8 @@ def command(
     if iou is not None and asked.protocol == "nuscenes":
         raise ArgumentError("--iou: nuScenes matches by distance; leave it out")
     scores = score_files(labels, detections, asked)
+    of_all = scores.tables[0][1]
+    gate = parse_gate("lidar score", fail_on, junit, lambda: measures_of_table(of_all))
     console = rich.console.Console(quiet=quiet)
     for note in scores.notes:
         console.print(one_line(note), highlight=False, soft_wrap=True, markup=False)
@@ -85,6 +91,7 @@ def command(
     if out is not None:
         _write(out, scores, asked.protocol, asked.by)
         console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
+    gate.close(lambda: sides_of_table(of_all, texts=3 if asked.protocol == "kitti" else 1))
 
 
 def _write(out: Path, scores: Scores, protocol: str, by: tuple[str, ...]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, print_written
+from evaluation.cli.output import counting, parse_gate, print_written
 from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval drive my_csv_folder --map town.xodr --strategy map --detections labels`",
     "`smartmot-eval drive argoverse_logs --strategy map,path --vary margin_m=0,1.8`",
     "`smartmot-eval drive kitti/training --vary ego_forecast=ctrv --vary way=area --vary standing=area`",
+    "`smartmot-eval drive kitti/training --strategy path --fail-on 'false_activations>0'`",
     "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --gif drive.gif`",
     "Formats: docs/mot.md. Verdicts, exposure and the files written: docs/drives.md.",
 )
@@ -95,6 +96,8 @@ def command(
     ] = True,
     out: Annotated[Path, typer.Option(help="Folder for tables and logs.")] = Path("results/drive"),
     mcap: options.Mcap = False,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """See and judge recorded drives: emergency requests, false activations among them, and exposure."""
@@ -103,8 +106,10 @@ def command(
     from evaluation.progress import study_progress
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.drive.study import Options, drive_all, prepare
+    from evaluation.studies.drive.tables import DRIVE_MEASURES, sides_of_drives, totals_of
     from evaluation.views.traces.mcap import require_foxglove
 
+    gate = parse_gate("drive", fail_on, junit, lambda: DRIVE_MEASURES)
     varied = options.parse_vary(vary or [])
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     asked = Options(
@@ -131,6 +136,7 @@ def command(
             _write_mcaps(out, quiet)
         if page:
             _write_page(out, len(result.drives), console)
+    gate.close(lambda: sides_of_drives(totals_of(result.rows)))
 
 
 def _print_notes(notes: Iterable[str], console: rich.console.Console) -> None:

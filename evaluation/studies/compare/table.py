@@ -12,6 +12,7 @@ import numpy as np
 from evaluation.metrics.intervals import Estimate, clustered_mean, clustered_rate, mean_t
 from evaluation.protocols.bands import WEIGHT, Colour
 from evaluation.protocols.paper import paper_score_max
+from evaluation.results.gates import Side
 from evaluation.results.tables import EMPTY, Table, csv_bytes, fixed
 from evaluation.studies.compare.grid import Point, shown_settings
 from evaluation.studies.compare.measures import RunMeasures, impact_kmh
@@ -156,6 +157,19 @@ def summaries(runs: Sequence[RunMeasures]) -> list[Summary]:
     for run in runs:
         groups.setdefault((run.weather, run.strategy, run.settings), []).append(run)
     return [summarise(group) for group in groups.values()]
+
+
+def sides_of_summaries(rows: Sequence[Summary]) -> list[Side]:
+    """What each strategy and settings came to, with `MEASURES` as `table.csv` has them."""
+    several = len({row.weather for row in rows}) > 1
+    return [
+        Side(
+            row.strategy,
+            {name: _value(getattr(row, name)) for name in MEASURES},
+            ", ".join(filter(None, (shown_settings(row.settings), row.weather if several else ""))),
+        )
+        for row in rows
+    ]
 
 
 AS_PRESET = "as the preset has it"

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+from evaluation.results.gates import Side
 from evaluation.results.tables import EMPTY, Table, csv_bytes
 from evaluation.studies.drive.measures import DriveRow, LoggedEvent, LoggedRow, total_of
 
@@ -83,6 +84,34 @@ def _bounds(rows: Sequence[DriveRow], own: dict[str, str]) -> list[str]:
     names = "; ".join(side_name(row.strategy, own[row.settings], row.rule) for row in quiet)
     return [
         f"No request ({names}): with 95 % confidence fewer than {bound:.2g} per km on such ways (3 / km)."
+    ]
+
+
+DRIVE_MEASURES = (
+    "requests", "false_activations", "undecided", "standing", "warnings", "false_warnings",
+    "undecided_warnings", "false_per_km", "km", "hours", "frames", "pedestrians",
+)  # fmt: skip
+"""Of a strategy, settings and rule over all drives, for `--fail-on`."""
+
+
+def sides_of_drives(rows: Iterable[DriveRow]) -> list[Side]:
+    """What strategies, settings and rules came to, with `DRIVE_MEASURES`.
+
+    Args:
+        rows: a row for each, of all its drives.
+    """
+    return [
+        Side(
+            row.strategy,
+            {
+                name: (row.false_activations / row.km if row.km else None)
+                if name == "false_per_km"
+                else getattr(row, name)
+                for name in DRIVE_MEASURES
+            },
+            side_name("", row.settings, row.rule),
+        )
+        for row in rows
     ]
 
 

@@ -14,6 +14,7 @@ from evaluation.errors import ArgumentError
 from evaluation.metrics.forecast_quality import FORECAST_COLUMNS, HORIZONS_S, ForecastScore
 from evaluation.metrics.mot import SCORE_COLUMNS, MotScore
 from evaluation.results.files import write_whole
+from evaluation.results.gates import Side
 from evaluation.results.tables import Table, csv_bytes, rich_table
 from evaluation.studies.mot.tracking import TrackedSequence
 from scenarios.errors import DatasetError
@@ -114,6 +115,19 @@ def write_scores(folder: Path, scores: Iterable[MotScore]) -> Path:
 def write_forecasts(folder: Path, scores: Iterable[ForecastScore]) -> Path:
     """Write `forecast.csv`."""
     return write_rows(folder / FORECAST_CSV, FORECAST_COLUMNS, scores)
+
+
+MOT_MEASURES = tuple(name for name in SCORE_COLUMNS if name not in ("sequence", "category", "similarity"))
+"""Of a category over all sequences, for `--fail-on`."""
+
+
+def sides_of_scores(scores: Iterable[MotScore]) -> list[Side]:
+    """What each category came to over all sequences, with `MOT_MEASURES`; none without labels."""
+    return [
+        Side(score.category, {name: getattr(score, name) for name in MOT_MEASURES}, score.similarity)
+        for score in scores
+        if score.sequence == "all"
+    ]
 
 
 _SHOWN = {

@@ -18,6 +18,7 @@ from evaluation.protocols.registry import is_file, named_protocol
 from evaluation.protocols.sheet import Sheet, make_sheet
 from evaluation.protocols.table import TOUCHED_KMH, measurements
 from evaluation.results.files import LOGS_FOLDER, write_bytes
+from evaluation.results.gates import RUN_MEASURES, Side, sides_of_runs
 from evaluation.results.notes import told_notes, told_runs
 from evaluation.results.rows import RunRow, write_runs
 from evaluation.runs.configuration import configuration_of
@@ -146,7 +147,7 @@ def run_grid(
     keep_logs: bool = False,
     form: str = "png",
     robustness: bool = True,
-) -> None:
+) -> list[Side]:
     """Run a protocol's grid behind a progress bar, write its files, print its matrices.
 
     Args:
@@ -159,6 +160,9 @@ def run_grid(
         keep_logs: whether to write the log of every run, for `report` and `replay`.
         form: of the picture: png, svg or pdf.
         robustness: whether to run the cells under robustness conditions too (2026).
+
+    Returns:
+        What each strategy came to, with `NCAP_MEASURES`.
     """
     import rich.progress
 
@@ -205,6 +209,32 @@ def run_grid(
         console.print(line, highlight=False, soft_wrap=True)
     done_line = f"{len(specs)} runs in {out}: runs.csv, runs.json, {', '.join(written)}"
     console.print(". ".join(filter(None, (done_line, told_invalid(assessments)))), soft_wrap=True)
+    sides = sides_of_runs([(record.row, record.criteria) for _, record in finished])
+    return [_with_assessment(side, assessments[side.name]) for side in sides]
+
+
+NCAP_MEASURES = (*RUN_MEASURES, "cells_invalid", "requirements_failed")
+"""Of a strategy; `score` and `score_percent` are of the protocol's last total, that of all scenarios."""
+
+
+def _with_assessment(side: Side, assessment: Assessment) -> Side:
+    """A strategy's runs with what the protocol gives them."""
+    total = assessment.totals[-1] if assessment.totals else None
+    failed = [gate.name for gate in assessment.gates if gate.passed is False]
+    invalid = [
+        str(cell)
+        for block in assessment.blocks
+        for cell, score in block.scores.items()
+        if score.measurement is not None and score.measurement.invalid
+    ]
+    values = {
+        "score": None if total is None else total.won,
+        "score_percent": None if total is None or not total.most else 100 * total.won / total.most,
+        "cells_invalid": len(invalid),
+        "requirements_failed": len(failed),
+    }
+    runs = {"cells_invalid": invalid, "requirements_failed": failed}
+    return replace(side, values={**side.values, **values}, runs={**side.runs, **runs})
 
 
 def _how_to_see(row: RunRow, out: Path) -> str:

@@ -1,0 +1,1 @@
+"""Two folders of results side by side: what determines them, and what came out."""
