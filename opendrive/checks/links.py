@@ -35,10 +35,11 @@ def link_warnings(
 ) -> Iterator[MapWarning]:
     """Yield what is wrong where roads, lanes and junctions are linked."""
     yield from _apart(geometry, joints)
-    yield from _reference_lines_apart(geometry, joints)
+    together = _joined_ends(geometry, joints)
+    yield from _reference_lines_apart(geometry, set(together))
     yield from _one_sided_roads(geometry, junctions)
     yield from _one_sided_lanes(geometry)
-    yield from _without_lane_links(geometry, joints)
+    yield from _without_lane_links(geometry, together)
     yield from _unlinked_lanes(geometry, joints)
     yield from _junction_members(geometry, junctions)
 
@@ -92,10 +93,11 @@ def _apart(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
             )
 
 
-def _reference_lines_apart(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
+def _reference_lines_apart(
+    geometry: NetworkGeometry, together: set[tuple[int, int, int, int]]
+) -> Iterator[MapWarning]:
     """Yield roads that link to each other directly, but by no lanes, and whose reference lines are apart."""
     roads = geometry.roads
-    together = _joined_ends(geometry, joints)
     road_of = {road_id: r for r, road_id in enumerate(roads.id)}
     for road, end, link in _road_links(geometry):
         other = road_of.get(link.element_id, -1)
@@ -131,8 +133,8 @@ def _joined_ends(geometry: NetworkGeometry, joints: Joints) -> set[tuple[int, in
     road = geometry.lanes.road
     together = set[tuple[int, int, int, int]]()
     for a, b in ((joints.first, joints.second), (joints.second, joints.first)):
-        columns = (road[a.lane], a.at_end.astype(np.int64), road[b.lane], b.at_end.astype(np.int64))
-        together |= set(zip(*(column.tolist() for column in columns), strict=True))
+        columns = np.stack([road[a.lane], a.at_end, road[b.lane], b.at_end])
+        together.update(map(tuple, np.unique(columns, axis=1).T.tolist()))
     return together
 
 
@@ -213,15 +215,18 @@ def _one_sided_lanes(geometry: NetworkGeometry) -> Iterator[MapWarning]:
     """Yield links between lanes of a road, or of directly linked roads, that only one side has."""
     roads, lanes = geometry.roads, geometry.lanes
     road_of = {road_id: r for r, road_id in enumerate(roads.id)}
-    sections = np.bincount(lanes.sections.road, minlength=len(roads.id))
+    sections = np.bincount(lanes.sections.road, minlength=len(roads.id)).tolist()
     links = {(road, end): link for road, end, link in _road_links(geometry)}
     sides: tuple[tuple[ContactPoint, tuple[tuple[int, ...], ...]], ...] = (
         ("start", lanes.predecessors),
         ("end", lanes.successors),
     )
+    road_of_lane = lanes.road.tolist()
     for lane, key in enumerate(lanes.key):
-        road = int(lanes.road[lane])
         for end, linked in sides:
+            if not linked[lane]:
+                continue
+            road = road_of_lane[lane]
             section = key.section + (1 if end == "end" else -1)
             other, at = road, "start" if end == "end" else "end"
             if not 0 <= section < sections[road]:
@@ -233,24 +238,22 @@ def _one_sided_lanes(geometry: NetworkGeometry) -> Iterator[MapWarning]:
                 # Inside a junction the lanes of the other road say nothing.
                 if back is None or back.element_type != "road" or back.element_id != key.road_id:
                     continue
-                section = 0 if at == "start" else int(sections[other]) - 1
+                section = 0 if at == "start" else sections[other] - 1
+            answers = lanes.predecessors if at == "start" else lanes.successors
             for lane_id in linked[lane]:
                 target = LaneKey(roads.id[other], section, lane_id)
-                if (warning := _unanswered(lanes, lane, end, target, at)) is not None:
-                    yield warning
+                met = lanes.lane_of_key.get(target)
+                if met is not None and key.lane_id not in answers[met]:
+                    warning = _unanswered(lanes, lane, end, target, answers[met])
+                    if warning is not None:
+                        yield warning
 
 
 def _unanswered(
-    lanes: LaneTable, lane: int, end: ContactPoint, target: LaneKey, at: str
+    lanes: LaneTable, lane: int, end: ContactPoint, target: LaneKey, answers: tuple[int, ...]
 ) -> MapWarning | None:
-    """Return a warning if the lane that a lane links to does not link back."""
+    """Return a warning of a lane that links to one which links back to others, or to none."""
     key = lanes.key[lane]
-    other = lanes.lane_of_key.get(target)
-    if other is None:
-        return None
-    answers = (lanes.predecessors if at == "start" else lanes.successors)[other]
-    if key.lane_id in answers:
-        return None
     name = lane_name(target, key.road_id)
     kind, message = WarningKind.ONE_SIDED_LINK, f"lane {key.lane_id} links to {name}, which links to no lane"
     if answers:
@@ -266,10 +269,13 @@ def _unanswered(
     return MapWarning(key.road_id, "lane/link", message, kind, s_m, key.lane_id, rule=ACROSS_RULE)
 
 
-def _without_lane_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[MapWarning]:
+def _without_lane_links(
+    geometry: NetworkGeometry, together: set[tuple[int, int, int, int]]
+) -> Iterator[MapWarning]:
     """Yield lane sections and linked roads that follow each other by no lane, though both have traffic."""
     roads, lanes = geometry.roads, geometry.lanes
     of_section: dict[tuple[int, int], list[int]] = {}
+    driving = (lanes.lane_type == "driving").tolist()
     for lane, road in enumerate(lanes.road.tolist()):
         of_section.setdefault((road, lanes.key[lane].section), []).append(lane)
     last_section = dict(sorted(of_section))
@@ -279,9 +285,7 @@ def _without_lane_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[M
         """Whether a section has traffic, and none of its lanes a link at an end."""
         members = of_section.get(section, [])
         links = lanes.successors if at == "end" else lanes.predecessors
-        return any(lanes.lane_type[lane] == "driving" for lane in members) and not any(
-            links[lane] for lane in members
-        )
+        return any(driving[lane] for lane in members) and not any(links[lane] for lane in members)
 
     def unlinked(road: int, s_m: float, what: str) -> MapWarning:
         message = f"no lane is linked to {what}; no traffic passes there"
@@ -293,7 +297,6 @@ def _without_lane_links(geometry: NetworkGeometry, joints: Joints) -> Iterator[M
         if is_open((road, section), "end") and is_open((road, section + 1), "start"):
             s_m = float(lanes.s_end_m[of_section[road, section][0]])
             yield unlinked(road, s_m, f"the lane section that begins at s = {s_m:.6g} m")
-    together = _joined_ends(geometry, joints)
     seen = set[tuple[int, str, int, str]]()
     for road, end, link in _road_links(geometry):
         other = road_of.get(link.element_id, -1)

@@ -198,37 +198,39 @@ class Values:
 
     def content(self, element: Element) -> object:
         """Return a key that elements share whose content is equal but for where they start."""
-        items = [*element.items()]
-        if items and items[0][0] == "sOffset" and self.is_number(str(items[0][1])):
-            items[0] = (str(element.tag), "")
-        else:
-            items.append((str(element.tag), ""))
+        items: list[object] = [element.tag, *element.items()]
+        start = element.get("sOffset")
+        if start is not None and (start in self.numbers or self.is_number(start)):
+            items.remove(("sOffset", start))
         if len(element):
-            return *items, *[self.content(child) for child in element]
+            items += [self.content(child) for child in element]
         return tuple(items)
 
     def is_plain(self, element: Element, names: "Names") -> bool:
         """Return whether an element has nothing that can be warned of once it is read."""
-        seen: set[object] = set()
+        plain, late, parts = names.plain, names.late, names.parts
         for child in element:
             tag = child.tag
-            if tag in names.parts:
-                read = names.parts[tag]
+            if tag in plain:
+                continue
+            if tag in parts:
+                read = parts[tag]
                 for member in child:
                     if member.tag not in read and not self.is_known(member.tag):
                         return False
-                if tag in names.late and len(child):
+                if tag in late and len(child):
                     return False
-            elif tag in names.late:
+            elif tag in late:
                 if self.content(child) not in self.sound:
                     return False
-            elif tag not in names.plain and not self.is_known(tag):
+            elif not self.is_known(tag):
                 return False
-            if tag in names.single:
-                if tag in seen:
-                    return False
-                seen.add(tag)
-        return True
+        return not names.single or not self._has_repeated(element, names.single)
+
+    @staticmethod
+    def _has_repeated(element: Element, tags: Collection[object]) -> bool:
+        single = [child.tag for child in element if child.tag in tags]
+        return len(single) != len(set(single))
 
     def to_number(self, element: Element, name: str, text: str) -> float:
         """Return the text of an attribute as a finite number."""

@@ -295,6 +295,11 @@ class Sequence:
         pose = self.world_SE3_ego
         return np.column_stack((pose[:, :2, 3], heading(pose)))
 
+    def ego_heights_m(self) -> FloatArray | None:
+        """(F,) heights of the recorded poses, which tell levels apart; None where all are 0: not recorded."""
+        heights = None if self.world_SE3_ego is None else self.world_SE3_ego[:, 2, 3]
+        return heights if heights is not None and heights.any() else None
+
 
 @dataclass(frozen=True, slots=True)
 class Dataset:

@@ -58,7 +58,8 @@ class Recorded:
         category: One of `smartmot.types.CATEGORIES`.
         size_m: Length, width and height.
         time_s: (K,) times since the first frame of the drive.
-        pose: (K, 3) x, y and unwrapped yaw of the middle of the box.
+        pose: (K, 3) x, y and unwrapped yaw of the middle of the box, or (K, 4) with the height of its
+            underside behind.
     """
 
     name: str
@@ -69,7 +70,7 @@ class Recorded:
     pose: FloatArray
 
     def vertices(self, run_out: bool = False) -> tuple[FloatArray, FloatArray]:
-        """(V,) times and (V, 3) poses that give all frames again; equal places are where it stands.
+        """(V,) times and (V, 3) or (V, 4) poses that give all frames again; equal places are where it stands.
 
         Args:
             run_out: Whether to go on beyond the last frame.
@@ -81,7 +82,7 @@ class Recorded:
             if math.dist(before[:2], row[:2]) < STANDS_M:
                 row[:2] = before[:2]
         if run_out:
-            beyond = np.append(pose[-1, :2] + RUN_OUT_S * self._last_velocity(), pose[-1, 2])
+            beyond = np.append(pose[-1, :2] + RUN_OUT_S * self._last_velocity(), pose[-1, 2:])
             time_s, pose = np.append(time_s, time_s[-1] + RUN_OUT_S), np.vstack((pose, beyond))
         return time_s, pose
 
@@ -129,7 +130,7 @@ def openscenario_bytes(
     if len(time_s) < 2 or np.any(np.diff(time_s) <= 0.0):
         raise DatasetError(f"sequence {sequence.name}: a scenario needs two frames at rising times or more")
     vehicle = _ego(sequence, time_s, ego)
-    others = _road_users(labels, time_s, names or {})
+    others = _road_users(labels, time_s, names or {}, sequence.ego_heights_m() is not None)
     if first is None:
         others.sort(key=lambda user: -_passed_s(user, vehicle))
     else:
@@ -164,6 +165,8 @@ def kept_frames(time_s: FloatArray, pose: FloatArray) -> IntArray:
 def _ego(sequence: Sequence, time_s: FloatArray, outline: Vehicle) -> Recorded:
     pose = center_poses(sequence, outline.center_ahead_m)
     pose[:, 2] = np.unwrap(pose[:, 2])
+    if (heights_m := sequence.ego_heights_m()) is not None:
+        pose = np.column_stack((pose, heights_m))
     size = (outline.length_m, outline.width_m, HEIGHT_M)
     vehicle = Recorded(EGO, -1, "car", size, time_s, pose)
     time, way = vehicle.vertices()
@@ -178,7 +181,9 @@ def _ego(sequence: Sequence, time_s: FloatArray, outline: Vehicle) -> Recorded:
     return vehicle
 
 
-def _road_users(labels: Objects, time_s: FloatArray, names: Mapping[int, str]) -> list[Recorded]:
+def _road_users(
+    labels: Objects, time_s: FloatArray, names: Mapping[int, str], has_heights: bool
+) -> list[Recorded]:
     """All others, one for each time that they are there."""
     users: list[Recorded] = []
     taken = {EGO}
@@ -191,7 +196,8 @@ def _road_users(labels: Objects, time_s: FloatArray, names: Mapping[int, str]) -
             name = _free_name(names.get(identity, f"{category}_{identity}"), taken)
             taken.add(name)
             size = (*np.median(labels.size_m[part], axis=0).tolist(), float(np.median(labels.height_m[part])))
-            pose = np.column_stack((labels.center_m[part], np.unwrap(labels.yaw_rad[part])))
+            columns = [labels.center_m[part], np.unwrap(labels.yaw_rad[part])]
+            pose = np.column_stack([*columns, labels.bottom_m[part]] if has_heights else columns)
             users.append(Recorded(name, identity, category, size, time_s[labels.frame[part]], pose))
     return users
 
@@ -347,10 +353,11 @@ def _teleport(private: etree._Element, pose: FloatArray) -> None:
 
 
 def _position(parent: etree._Element, pose: FloatArray) -> None:
-    x, y, yaw = pose.tolist()
+    x, y, yaw, *heights = pose.tolist()
     place = _add(parent, "Position")
     heading = f"{math.remainder(yaw, 2.0 * math.pi):.5f}"
-    _add(place, "WorldPosition", x=f"{x:.{_DIGITS}f}", y=f"{y:.{_DIGITS}f}", h=heading)
+    z = {"z": f"{heights[0]:.{_DIGITS}f}"} if heights else {}
+    _add(place, "WorldPosition", x=f"{x:.{_DIGITS}f}", y=f"{y:.{_DIGITS}f}", **z, h=heading)
 
 
 def _at(trigger: etree._Element, name: str, time_s: float) -> etree._Element:

@@ -15,7 +15,7 @@ from smartmot.decision.rules import Command
 from smartmot.geometry import wrap_angle
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
-from smartmot.types import Detections, EgoState, FloatArray
+from smartmot.types import Detections, EgoState, FloatArray, IntArray
 
 END_OF_RECORDING = "end_of_recording"
 """Why a recorded source ends."""
@@ -69,6 +69,7 @@ class RecordedSource:
             raise ScenarioError(f"recorded source: hindsight_s must be positive, got {hindsight_s}")
         pose = center_poses(sequence, center_ahead_m)
         self._ego = np.column_stack((pose, *pose_rates(sequence.stamp_s, pose)))
+        self._height_m = sequence.ego_heights_m()
         self._outline = (length_m, width_m)
         self._sequence, self._lane_map = sequence, lane_map
         self._hindsight_s = hindsight_s
@@ -120,12 +121,14 @@ class RecordedSource:
         window = int(elapsed_s[k] // self._hindsight_s)
         if window != self._window:
             first, last = (np.searchsorted(elapsed_s, (window + n) * self._hindsight_s) for n in (0, 2))
-            points = spaced(self._ego[first:last, :2], PATH_STEP_M)
+            rows = first + spaced(self._ego[first:last, :2], PATH_STEP_M)
+            points = self._ego[rows, :2]
             if len(points) < 2:
                 x_m, y_m, yaw_rad = self._ego[k, :3].tolist()
                 ahead = (x_m + PATH_STEP_M * math.cos(yaw_rad), y_m + PATH_STEP_M * math.sin(yaw_rad))
-                points = np.array([(x_m, y_m), ahead])
-            self._window, self._path = window, PlannedPath.through(points)
+                rows, points = np.array([k, k]), np.array([(x_m, y_m), ahead])
+            heights_m = None if self._height_m is None else self._height_m[rows]
+            self._window, self._path = window, PlannedPath.through(points, heights_m)
         return self._path
 
 
@@ -150,10 +153,11 @@ def pose_rates(stamp_s: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
     return np.concatenate((speed[:1], speed)), np.concatenate((yaw_rate[:1], yaw_rate))
 
 
-def spaced(points_m: FloatArray, least_m: float) -> FloatArray:
-    """The first of (P, 2) points, and each that is at least so far from the one kept before."""
-    kept: list[list[float]] = []
-    for point in points_m.tolist():
-        if not kept or math.dist(point, kept[-1]) >= least_m:
-            kept.append(point)
-    return np.array(kept).reshape(-1, 2)
+def spaced(points_m: FloatArray, least_m: float) -> IntArray:
+    """The first row of (P, 2) points, and that of each at least so far from the one kept before."""
+    points = points_m.tolist()
+    kept: list[int] = []
+    for row, point in enumerate(points):
+        if not kept or math.dist(point, points[kept[-1]]) >= least_m:
+            kept.append(row)
+    return np.array(kept, dtype=np.int64)

@@ -38,7 +38,7 @@ from evaluation.studies.drive.tables import (
 from evaluation.studies.mot.lanes import require_cover
 from scenarios.errors import ScenarioError
 from scenarios.presets import named_preset
-from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map
+from scenarios.recorded.maps.drive_map import DriveMap, load_drive_map, notes_on_levels
 from scenarios.settings import Setting, setting_text
 from scenarios.sources.pose_errors import NO_LOCALISATION_ERRORS
 from scenarios.strategies import STRATEGIES
@@ -145,6 +145,7 @@ def prepare(options: Options) -> DriveStudy:
         if (lane_map := maps.get(recording.map_path)) is not None:
             way_m = recording.sequence.ego_xy_yaw()[:, :2]
             require_cover(lane_map, way_m, f"way of sequence {recording.name}")
+            notes += notes_on_levels(lane_map, recording.sequence)
     return DriveStudy(options, recordings.items, maps, specs, tuple(notes))
 
 

@@ -80,7 +80,8 @@ def _areas(sequence: Sequence, network: DriveMap, config: MapAreaConfig) -> list
     speed = np.array([abs(ego.speed_mps) for ego in egos])
     monitored_m = np.maximum(config.min_front_m, config.front_time_s * speed)
     new_m = config.min_front_m + _NEW_ROUTE_FACTOR * config.front_time_s * np.maximum(speed, _NEW_ROUTE_MPS)
-    routes = routes_from_poses(network, place, monitored_m, new_m, config.vru_margin_m)
+    heights_m = sequence.ego_heights_m()
+    routes = routes_from_poses(network, place, monitored_m, new_m, config.vru_margin_m, z_m=heights_m)
     areas: list[MonitoredLanes | None] = []
     strategy: MapArea | None = None
     for ego, route in zip(egos, routes, strict=True):

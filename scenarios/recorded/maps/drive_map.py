@@ -30,6 +30,19 @@ def load_drive_map(path: Path) -> DriveMap:
     return read_vector_map(path) if path.suffix == ".json" else load_map(path)
 
 
+def notes_on_levels(lane_map: DriveMap, sequence: Sequence) -> list[str]:
+    """What a user should know about the heights of a drive, a line each: none where no roads overlap."""
+    pairs = lane_map.overlapping_roads if isinstance(lane_map, RoadNetwork) else ()
+    if not pairs or sequence.ego_heights_m() is not None:
+        return []
+    a, b = pairs[0]
+    more = f" and {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
+    return [
+        f"roads of the map lie above each other ({a} and {b}{more}), and sequence {sequence.name} has no "
+        "heights: lanes of all levels count"
+    ]
+
+
 def map_of(sequences: Iterable[Sequence], named: Path | None = None) -> Path | None:
     """The map that a user named, or else the recordings' own if all have the same; None: there is none."""
     if named is not None:

@@ -229,3 +229,20 @@ def test_kitti(tmp_path: Path, kitti: Path) -> None:
     sequence = next(s for s in read_dataset(kitti).sequences if s.name == "0012")
     engine, _ = played(tmp_path, sequence)
     assert_as_recorded(engine, sequence)
+
+
+def test_recorded_heights_are_the_z_of_places() -> None:
+    """The ego climbs 1 m on its way, somebody stands 6 m up; a recording without heights writes none."""
+    ego = poses(np.linspace(0.0, 40.0, 41))
+    way = np.column_stack((np.full(41, 60.0), np.zeros(41), np.zeros(41)))
+    others = replace(labels((1, "car", 0, way)), bottom_m=np.full(41, 6.0))
+    names = tuple(map(str, range(41)))
+    drive = Sequence("a", STAMP_S, names, Objects.empty(), others, ego)
+    flat = etree.fromstring(openscenario_bytes(drive))
+    assert not [place for place in flat.iter("WorldPosition") if "z" in place.attrib]
+    ego[:, 2, 3] = np.linspace(6.0, 7.0, 41)
+    places = list(etree.fromstring(openscenario_bytes(drive)).iter("WorldPosition"))
+    heights = {float(place.get("x", "")): float(place.get("z", "")) for place in places}
+    assert heights[0.0] == 6.0
+    assert heights[40.0] == 7.0
+    assert heights[60.0] == 6.0

@@ -16,10 +16,11 @@ from scenarios.errors import DatasetError, ScenarioError
 from scenarios.presets import PHYSICAL
 from scenarios.recorded.csv_files import read_csv
 from scenarios.recorded.dataset import Objects, Sequence
+from scenarios.recorded.maps.drive_map import notes_on_levels
 from scenarios.recorded.poses import rigid, turned_about
 from scenarios.simulation.log import RunLog
 from scenarios.sources import Frame, FrameSource, StepResult, frames
-from scenarios.sources.perception import AreaPipelines, Perception
+from scenarios.sources.perception import AreaPipelines, Perception, map_view
 from scenarios.sources.recorded import END_OF_RECORDING, RecordedSource, pose_rates, spaced
 from scenarios.strategies import STRATEGIES, NamedStrategy
 from smartmot.area import EverythingArea, MapArea, MapAreaConfig, MonitoredAreaStrategy
@@ -32,6 +33,7 @@ from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
 from smartmot.types import Boxes, EgoState
 
 MAPS = Path(__file__).parents[3] / "scenarios" / "maps"
+FIELD_MAPS = Path(__file__).parents[2] / "data" / "field" / "opendrive"
 FRAME_S = 0.1
 SPEED_MPS = 10.0
 PEDESTRIAN_X_M, SIDE_M = 150.03, 0.5
@@ -197,7 +199,34 @@ def test_the_path_of_a_vehicle_that_stands_is_straight_ahead() -> None:
 
 def test_points_of_a_path_keep_their_distance() -> None:
     points = np.column_stack((np.array([0.0, 0.1, 0.4, 0.6, 0.7, 1.3]), np.zeros(6)))
-    assert spaced(points, 0.5)[:, 0].tolist() == [0.0, 0.6, 1.3]
+    assert points[spaced(points, 0.5), 0].tolist() == [0.0, 0.6, 1.3]
+
+
+@pytest.mark.parametrize(("height_m", "road"), [(6.2, "2"), (0.2, "1")])
+def test_recorded_heights_choose_the_level(height_m: float, road: str) -> None:
+    """Road 2 crosses road 1 on a bridge, 6 m above it; the drive comes to where both are."""
+    network = load_map(FIELD_MAPS / "bridge_two_levels.xodr")
+    lane = next(i for i, key in enumerate(network.lanes.key) if key.road_id == road)
+    middle_m = 0.5 * float(network.lanes.s_start_m[lane] + network.lanes.s_end_m[lane])
+    time_s = np.arange(11) * FRAME_S
+    along = middle_m - 5.0 + SPEED_MPS * time_s
+    x, y, _, heading = network.center_line(lane, along)
+    forwards = int(network.lanes.direction[lane]) > 0
+    order = slice(None) if forwards else slice(None, None, -1)
+    drive = recording(time_s, x[order], y[order], heading[order])
+    assert drive.ego_heights_m() is None
+    assert [n.split(" (")[0] for n in notes_on_levels(network, drive)] == [
+        "roads of the map lie above each other"
+    ]
+    assert drive.world_SE3_ego is not None
+    drive.world_SE3_ego[:, 2, 3] = height_m
+    assert notes_on_levels(network, drive) == []
+    [first, *_] = frames(RecordedSource(drive, network, hindsight_s=1.0))
+    assert first.path is not None
+    assert first.path.height_m is not None
+    assert first.path.height_m.tolist() == [height_m] * len(first.path.center_m)
+    route = map_view(network, first.path).route
+    assert {network.lanes.key[lane].road_id for lane in route.lanes} == {road}
 
 
 # --- area, tracker, forecast, decision and log --------------------------------------------------------------
