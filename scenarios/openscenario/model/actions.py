@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only, Reference
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Reference
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model.entities import Controller, Environment
 from scenarios.openscenario.model.positions import Position, Route, System, Trajectory
@@ -167,6 +167,7 @@ class LateralDistanceAction(
         continuous: the action goes on until something stops it.
         left: on which side of the entity; None: where it is.
         constraints: None: at once.
+        system: across what the distance is measured.
     """
 
     entity: EntityName
@@ -175,7 +176,6 @@ class LateralDistanceAction(
     continuous: Annotated[bool, Attribute("continuous")]
     left: Annotated[
         bool | None,
-        Only("coordinateSystem", "entity lane road", "entity"),
         Attribute(
             "displacement",
             "any",
@@ -183,6 +183,9 @@ class LateralDistanceAction(
         ),
     ]
     constraints: Annotated[DynamicConstraints | None, Child("DynamicConstraints")] = None
+    system: Annotated[
+        Literal["entity", "lane", "road", "trajectory"], Attribute("coordinateSystem", "entity")
+    ] = "entity"
 
 
 class SteadyState(Element):

@@ -30,7 +30,10 @@ class WorldPosition(Element, attributes="x y z h p r"):
     z_m: Annotated[float | None, Attribute("z")] = None
 
 
-class GeoPosition(Element, attributes="latitudeDeg longitudeDeg altitude latitude longitude height"):
+class GeoPosition(
+    Element,
+    attributes="latitudeDeg longitudeDeg altitude latitude longitude height verticalRoadSelection",
+):
     """A point by latitude and longitude, WGS 84, which the map's geoReference places."""
 
     latitude_deg: float
@@ -167,6 +170,11 @@ class Polyline(Element, children="Vertex"):
     vertices: tuple[Vertex, ...]
     headed: bool = False
 
+    @property
+    def has_times(self) -> bool:
+        """Whether a vertex has a time."""
+        return any(vertex.time_s is not None for vertex in self.vertices)
+
 
 class ClothoidSegment(
     Element, tag="ClothoidSplineSegment", attributes="curvatureStart curvatureEnd length hOffset timeStart"
@@ -191,6 +199,11 @@ class ClothoidSpline(Element, attributes="timeEnd", children="ClothoidSplineSegm
     segments: tuple[ClothoidSegment, ...]
     time_end_s: float | None
 
+    @property
+    def has_times(self) -> bool:
+        """Whether it, or a piece of it, has a time."""
+        return self.time_end_s is not None or any(s.time_start_s is not None for s in self.segments)
+
 
 class Nurbs(Element, attributes="order", children="ControlPoint Knot"):
     """Non-uniform rational B-spline; `order` is degree + 1.
@@ -203,6 +216,11 @@ class Nurbs(Element, attributes="order", children="ControlPoint Knot"):
     weights: tuple[float, ...]
     knots: tuple[float, ...]
     times_s: tuple[float, ...] = ()
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the control points have times."""
+        return bool(self.times_s)
 
 
 Shape: TypeAlias = Polyline | ClothoidSpline | Nurbs

@@ -101,6 +101,7 @@ class Path(Immutable):
         "_table",
         "_yaw",
         "_yaw_table",
+        "both_ways",
         "first_z_m",
         "length_m",
         "on_road",
@@ -141,6 +142,8 @@ class Path(Immutable):
         self._circles: FloatArray | None = None
         self.on_road = False
         """Whether it follows lanes."""
+        self.both_ways = False
+        """Whether it also follows the lanes behind its arc length 0, as far as there are any."""
         self.track: Track | None = None
         """Roads below it, if it follows lanes all along."""
         self.vertex_places: list[int] | None = None
@@ -305,6 +308,15 @@ def straight(pose: Pose, length_m: float = 1000.0) -> Path:
     """A straight path from a pose."""
     end = pose.moved(length_m, 0.0)
     return Path([pose.x_m, end.x_m], [pose.y_m, end.y_m])
+
+
+def backwards(path: Path) -> Path:
+    """The same curve from its end to its beginning; arc length s becomes -s."""
+    yaw = path.yaw_at_points()
+    points, stations = path.points_m[::-1], -np.array(path.station_of_vertices())[::-1]
+    turned = Path(points[:, 0], points[:, 1], None if yaw is None else yaw[::-1] - math.pi, stations)
+    turned.on_road, turned.both_ways = path.on_road, path.both_ways
+    return turned
 
 
 def joined(pieces: Sequence[FloatArray]) -> tuple[Path, BoolArray]:

@@ -37,6 +37,9 @@ from scenarios.openscenario.motion.trajectories import build, starts_at_entity
 CLOSED_WAY_M = 10_000.0
 """A closed route is driven round for so long a way."""
 
+SHORTEST_ROUND_M = 0.1
+"""A closed route that is shorter has its waypoints at one place."""
+
 
 class Locator:
     """Turns positions into poses, routes into legs and trajectories into paths.
@@ -211,6 +214,8 @@ class Locator:
             places.append(place)
         legs = self.roads.route_legs([*places, places[0]] if route.closed else places)
         if route.closed:
+            if sum(leg.length_m for leg in legs) < SHORTEST_ROUND_M:
+                raise RunError(f"route '{route.name}': it is closed, and its waypoints are at one place")
             legs = legs * max(2, math.ceil(CLOSED_WAY_M / sum(leg.length_m for leg in legs)))
         if not referred(route):
             self._kept[route] = legs

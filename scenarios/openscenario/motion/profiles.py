@@ -71,7 +71,16 @@ class SpeedProfile(Immutable):
         pieces: changes of speed.
     """
 
-    __slots__ = ("_pieces", "_starts", "end_s", "fastest_mps", "final_mps", "length_m", "start_s")
+    __slots__ = (
+        "_pieces",
+        "_starts",
+        "end_s",
+        "fastest_mps",
+        "final_mps",
+        "goes_back",
+        "length_m",
+        "start_s",
+    )
 
     def __init__(self, start_s: float, speed_mps: float, pieces: Iterable[Piece] = ()) -> None:
         self.start_s = start_s
@@ -88,6 +97,10 @@ class SpeedProfile(Immutable):
         speeds = [abs(speed) for piece in self._pieces for speed in (piece.start_mps, piece.end_mps)]
         self.fastest_mps = max(speeds, default=abs(self.final_mps))
         """Greatest speed, as an amount."""
+        self.goes_back = self.final_mps < 0.0 or any(
+            min(piece.start_mps, piece.end_mps) < 0.0 for piece in self._pieces
+        )
+        """Whether a speed of it is negative."""
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Distance since the beginning, and speed."""

@@ -38,6 +38,7 @@ from scenarios.openscenario.model import (
     SteadyState,
     SynchronizeAction,
     TimeReference,
+    VisibilityAction,
 )
 from scenarios.openscenario.reading.document import Node
 from scenarios.openscenario.reading.elements import Context, allow, declared, one_of, read, reads
@@ -256,7 +257,20 @@ def _follow_trajectory(node: Node, context: Context) -> FollowTrajectoryAction:
     initial_distance_m = node.positive("initialDistanceOffset", 0.0)
     timing = node.need("TimeReference").one_of("None Timing")
     by_time = None if timing.tag == "None" else read(TimeReference, timing, context)
+    if by_time is not None and not curve.shape.has_times:
+        context.note(
+            timing, f"is not used: trajectory '{curve.name}' has no times; the entity's speed counts"
+        )
+        by_time = None
     return FollowTrajectoryAction(curve, initial_distance_m, by_time, steers)
+
+
+@reads(VisibilityAction)
+def _visibility(node: Node, context: Context) -> VisibilityAction:
+    node.allow("graphics sensors traffic", "SensorReferenceSet")
+    if node.get("SensorReferenceSet") is not None:
+        context.note(node, "names sensors: it holds for all that the ego has")
+    return declared(VisibilityAction, node, context)
 
 
 @reads(AssignRouteAction)
@@ -298,16 +312,19 @@ def environment(node: Node, context: Context) -> Environment:
     weather = node.get("Weather")
     if weather is not None:
         weather.allow(
-            "cloudState fractionalCloudCover atmosphericPressure temperature", "Sun Fog Precipitation Wind"
+            "cloudState fractionalCloudCover atmosphericPressure temperature",
+            "Sun Fog Precipitation Wind DomeImage",
         )
         sun, fog, rain = weather.get("Sun"), weather.get("Fog"), weather.get("Precipitation")
         if sun is not None:
             sun.allow("elevation azimuth illuminance intensity")
             elevation = sun.number("elevation")
-            light = sun.positive("illuminance" if sun.has("illuminance") else "intensity")
-            # CARLA's files of 1.0 give the intensity as a share of full sunlight
-            if sun.has("illuminance") or light > 1.0 or elevation <= 0.0:
-                values["illuminance_lx"] = light
+            name = next((name for name in ("illuminance", "intensity") if sun.has(name)), None)
+            if name is not None:  # 1.2 and later: neither has to be there
+                light = sun.positive(name)
+                # CARLA's files of 1.0 give the intensity as a share of full sunlight
+                if name == "illuminance" or light > 1.0 or elevation <= 0.0:
+                    values["illuminance_lx"] = light
             values["sun_elevation_rad"] = elevation
         if fog is not None:
             fog.allow("visualRange", "BoundingBox")
@@ -317,7 +334,9 @@ def environment(node: Node, context: Context) -> Environment:
             values["precipitation"] = rain.choice("precipitationType", "dry rain snow")
             if rain.has("precipitationIntensity"):
                 values["precipitation_mm_h"] = rain.positive("precipitationIntensity")
-            elif rain.positive("intensity") == 0.0:  # 1.0 has a share of an unknown greatest intensity
+            elif (
+                rain.has("intensity") and rain.positive("intensity") == 0.0
+            ):  # 1.0 has a share of an unknown greatest intensity
                 values["precipitation_mm_h"] = 0.0
     road = node.get("RoadCondition")
     if road is not None:

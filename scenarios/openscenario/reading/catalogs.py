@@ -54,10 +54,11 @@ class Catalogs:
 
     def _load(self, node: Node) -> None:
         directory = node.path("path")
-        if not directory.is_dir():
+        is_file = directory.is_file()  # openPASS names the file of a catalog
+        if not is_file and not directory.is_dir():
             self._missing.append(f"{node.where} catalog directory {directory} does not exist")
             return
-        for file in sorted(directory.glob("*.xosc")):
+        for file in [directory] if is_file else sorted(directory.glob("*.xosc")):
             if file in self.files:
                 continue
             self.files.append(file)

@@ -6,6 +6,7 @@ The parser expands no entities and opens no network connection.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from datetime import UTC, datetime
@@ -64,6 +65,10 @@ class _Parsed:
         return self._root
 
 
+MINOR = re.compile(r"[0-9]+")
+"""esmini's files have 1.1+ and the like where they use something of a later version."""
+
+
 @lru_cache(maxsize=256)
 def _parse(path: Path, _mtime_ns: int, _size: int) -> _Parsed:
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
@@ -80,7 +85,7 @@ def _parse(path: Path, _mtime_ns: int, _size: int) -> _Parsed:
     version = ("", "") if header is None else (header.get("revMajor", ""), header.get("revMinor", ""))
     # entries of catalogs are the same in 0.9, by which CARLA's still call themselves
     catalog = version == ("0", "9") and root.find("Catalog") is not None
-    if not catalog and (version[0] != "1" or not version[1].isdecimal()):
+    if not catalog and (version[0] != "1" or MINOR.match(version[1]) is None):
         raise FileReadError(
             f"{path}: FileHeader gives version '{version[0]}.{version[1]}'; "
             "OpenSCENARIO XML 1.0 to 1.3 is read, and later 1.x as far as it has the same elements"

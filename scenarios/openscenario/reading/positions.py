@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import cast
 
-from scenarios.openscenario.errors import ContentError
+from scenarios.openscenario.errors import ContentError, UnsupportedError
 from scenarios.openscenario.model import (
     ClothoidSegment,
     ClothoidSpline,
@@ -14,6 +15,9 @@ from scenarios.openscenario.model import (
     Polyline,
     Position,
     RelativeLanePosition,
+    RelativeObjectPosition,
+    RelativeRoadPosition,
+    RelativeWorldPosition,
     Route,
     RoutePosition,
     Shape,
@@ -38,9 +42,37 @@ def position(node: Node, context: Context) -> Position:
 @reads(RelativeLanePosition)
 def _relative_lane(node: Node, context: Context) -> RelativeLanePosition:
     allow(RelativeLanePosition, node)
-    if node.has("ds") == node.has("dsLane"):
+    if node.has("ds") and node.has("dsLane"):
         raise ContentError(f"{node.where} needs either 'ds' or 'dsLane'")
-    return declared(RelativeLanePosition, node, context, along_lane=node.has("dsLane"))
+    along_lane = node.has("dsLane")
+    given = _zeros(node, context, {"dLane": "d_lane"} if along_lane else {"dLane": "d_lane", "ds": "ds_m"})
+    return declared(RelativeLanePosition, node, context, along_lane=along_lane, **given)
+
+
+@reads(RelativeRoadPosition)
+def _relative_road(node: Node, context: Context) -> RelativeRoadPosition:
+    allow(RelativeRoadPosition, node)
+    given = _zeros(node, context, {"ds": "ds_m", "dt": "dt_m"})
+    return declared(RelativeRoadPosition, node, context, **given)
+
+
+@reads(RelativeObjectPosition)
+@reads(RelativeWorldPosition)
+def _relative_point(node: Node, context: Context) -> RelativeObjectPosition | RelativeWorldPosition:
+    kind = RelativeObjectPosition if node.tag == "RelativeObjectPosition" else RelativeWorldPosition
+    allow(kind, node)
+    given = _zeros(node, context, {"dx": "dx_m", "dy": "dy_m"})
+    if kind is RelativeObjectPosition:
+        return declared(RelativeObjectPosition, node, context, **given)
+    return declared(RelativeWorldPosition, node, context, **given)
+
+
+def _zeros(node: Node, context: Context, fields: Mapping[str, str]) -> dict[str, int]:
+    """Differences that a relative position does not give: 0, as in esmini."""
+    missing = [name for name in fields if not node.has(name)]
+    if missing:
+        context.note(node, f"gives no {' and no '.join(missing)}: 0")
+    return {fields[name]: 0 for name in missing}
 
 
 @reads(GeoPosition)
@@ -64,6 +96,8 @@ def _geographic(node: Node, context: Context) -> GeoPosition:
                 else f"{name}Deg: expected at most {most:g} degrees, got '{value:g}'"
             )
             raise ContentError(f"{node.where} {asked}")
+    if node.has("verticalRoadSelection") and node.integer("verticalRoadSelection") != 0:
+        raise UnsupportedError(f"{node.where} verticalRoadSelection is not supported; give the altitude")
     height = next((name for name in ("altitude", "height") if node.has(name)), None)
     z_m = None if height is None else node.number(height)
     return declared(GeoPosition, node, context, latitude_deg=degrees[0], longitude_deg=degrees[1], z_m=z_m)
@@ -118,6 +152,7 @@ def trajectory(parent: Node, context: Context, timed: bool = False) -> Trajector
     shape = node.need("Shape").one_of("Polyline ClothoidSpline Clothoid Nurbs")
     kind = {"Polyline": Polyline, "Nurbs": Nurbs}.get(shape.tag, ClothoidSpline)
     curve = cast(Shape, read(kind, shape, context))
+    timed = timed and curve.has_times
     if timed and isinstance(curve, Polyline) and all(map(_gives_heading, shape)):
         curve = Polyline(curve.vertices, headed=True)
     return Trajectory(node.text("name"), curve, closed)

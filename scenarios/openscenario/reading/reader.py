@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 
-from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError
+from scenarios.openscenario.errors import ContentError, FileReadError, ParameterError, UnsupportedError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     Act,
@@ -28,7 +28,7 @@ from scenarios.openscenario.reading import carla
 from scenarios.openscenario.reading.actions import global_action, private_action
 from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.conditions import entity_references, stop_trigger, trigger
-from scenarios.openscenario.reading.document import Node, parse
+from scenarios.openscenario.reading.document import MINOR, Node, parse
 from scenarios.openscenario.reading.elements import Context
 from scenarios.openscenario.reading.entities import scenario_objects
 from scenarios.openscenario.reading.parameters import Declarations, variables
@@ -85,9 +85,12 @@ def load(
     start_values = variables(root.get("VariableDeclarations"))
     catalogs = Catalogs(root.get("CatalogLocations"))
     catalogs.notes |= notes
-    minor = header.element.get("revMinor", "")
-    if int(minor) > NEWEST_MINOR:
-        catalogs.notes[f"{header.where} version 1.{minor} is read as 1.{NEWEST_MINOR}"] = None
+    given = header.element.get("revMinor", "")
+    digits = MINOR.match(given)
+    minor = int(digits.group()) if digits else 0
+    if minor > NEWEST_MINOR or str(minor) != given:
+        read_as = min(minor, NEWEST_MINOR)
+        catalogs.notes[f"{header.where} version 1.{given} is read as 1.{read_as}"] = None
     left_handed = header.text("description", "").startswith(carla.MARK)
     if left_handed:
         catalogs.notes[
@@ -192,7 +195,11 @@ def _story(node: Node, context: Context) -> Story:
 
 
 def _act(node: Node, context: Context) -> Act:
-    node.allow("name", "ManeuverGroup StartTrigger StopTrigger")
+    node.allow("name maximumExecutionCount", "ManeuverGroup StartTrigger StopTrigger")
+    if node.has("maximumExecutionCount"):  # from before 1.0; an act takes place once
+        if node.integer("maximumExecutionCount") != 1:
+            raise UnsupportedError(f"{node.where} maximumExecutionCount is not supported; leave it out")
+        context.note(node, "maximumExecutionCount is not used: an Act takes place once")
     return Act(
         node.text("name"),
         tuple(_group(child, context) for child in node.all("ManeuverGroup")),
@@ -214,11 +221,18 @@ def _group(node: Node, context: Context) -> ManeuverGroup:
             maneuvers.append(_maneuver(entry, entities, select, context))
         elif child.tag == "Maneuver":
             maneuvers.append(_maneuver(scoped(child), entities, select, context))
-    return ManeuverGroup(node.text("name"), _count(node), tuple(maneuvers))
+    return ManeuverGroup(node.text("name"), _count(node, context), tuple(maneuvers))
 
 
-def _count(node: Node) -> int:
+NO_LIMIT = 2**31 - 1
+"""Of executions: the greatest number that the attribute can have."""
+
+
+def _count(node: Node, context: Context) -> int:
     count = node.integer("maximumExecutionCount", 1)
+    if count == -1:  # as in esmini's files
+        context.note(node, "maximumExecutionCount -1 is taken as no limit")
+        return NO_LIMIT
     if count < 1:
         raise ContentError(f"{node.where} maximumExecutionCount: expected 1 or more, got {count}")
     return count
@@ -251,7 +265,7 @@ def _event(node: Node, entities: tuple[str, ...], select: bool, context: Context
     return Event(
         node.text("name"),
         "override" if priority == "overwrite" else priority,
-        _count(node),
+        _count(node, context),
         tuple(actions),
         trigger(node.get("StartTrigger"), context),
         select,

@@ -158,6 +158,7 @@ class Switch(RunningAction[model.Action]):
                 for actor in world.actors[action.entity].towed():
                     actor.exists = False
                 world.actors[action.entity].uncouple(time_s)
+                world.actors[action.entity].leave_scene(time_s)
             case model.SetParameterAction():
                 world.parameters[action.parameter] = action.value
             case model.ModifyParameterAction():

@@ -149,6 +149,9 @@ class Actor:
         self.controller: EgoController | None = None
         self.commanded = False
         self.standing_since_s: float | None = 0.0
+        self.paced_by: Actor | None = None  # whose speed it follows all the time
+        self.left_pose: Pose | None = None  # where it was when it was deleted
+        self.left_mps = 0.0
         self.set_off_s: float | None = None
         self._towed_path: Path | None = None
         self._towed_s = self._towed_m = self._towed_mps = 0.0
@@ -518,6 +521,10 @@ class Actor:
         """Go on alone with the present speed."""
         if self.tow is not None:
             self.keep_speed(time_s)
+
+    def leave_scene(self, time_s: float) -> None:
+        """Take note of the place and the speed with which it leaves: relative to these it comes back."""
+        self.left_pose, self.left_mps = self.pose(time_s), self.asked_mps(time_s)
 
     def keep_speed(self, time_s: float) -> None:
         """Go on with the speed that it has (or, while it is commanded, that the scenario asks for)."""

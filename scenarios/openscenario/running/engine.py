@@ -19,6 +19,7 @@ from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
+from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
@@ -195,6 +196,8 @@ class Engine:
         actor = self._actors[name]
         if not actor.placed:
             raise RunError(f"a position refers to '{name}' before that has one")
+        if not actor.exists and actor.left_pose is not None:
+            return actor.left_pose
         return actor.pose(self.time_s)
 
     def _find_target(self) -> str | None:
@@ -311,6 +314,9 @@ class Engine:
     def _process(self) -> None:
         """Carry out what follows from a change, and note what to watch from now on."""
         self.storyboard.process(self._now)
+        for actor in self._actors.values():
+            if actor.profile.goes_back and actor.path.on_road and not actor.path.both_ways:
+                actor.path = with_way_behind(self.world.locator.roads, actor.path)
         self._now = Instant(self.time_s, self._actors)
         self._first_contact(self._now)  # an action may have put somebody there
         self._watching = [watch for watch in self.storyboard.watches() if watch.varies]

@@ -69,7 +69,7 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
         self._join(joined)
         profile = timed_profile(action, table, time_s, own_station)
         if own_station is None:
-            station = profile.at(time_s)[0]
+            station = profile.at(time_s)[0] + (station if action.timing.relative else 0.0)
         self.who.follow(time_s, self._path, station, trajectory=True)
         self.drive(time_s, profile)
 
@@ -194,6 +194,14 @@ def timetable(trajectory: model.Trajectory, path: Path) -> list[tuple[float, flo
     return list(zip(given, stations, strict=True))
 
 
+def begun(table: list[tuple[float, float]], distance_m: float) -> list[tuple[float, float]]:
+    """Times of a way that begins further along it; at the time at which the whole one would have begun."""
+    times, stations = zip(*table, strict=True)
+    passed_s = float(np.interp(distance_m, stations, times)) - times[0]
+    ahead = [(t - passed_s, s) for t, s in table if s > distance_m]
+    return [(times[0], distance_m), *ahead]
+
+
 def timed_profile(
     action: model.FollowTrajectoryAction,
     table: list[tuple[float, float]],
@@ -211,6 +219,8 @@ def timed_profile(
     timing = action.timing
     assert timing is not None
     base = time_s if timing.relative else 0.0
+    if timing.relative and action.initial_distance_m > 0.0:
+        table = begun(table, action.initial_distance_m)
     points = [(base + timing.offset_s + timing.scale * t, s) for t, s in table]
     first_s = points[0][0]
     if here_m is not None:
@@ -329,7 +339,10 @@ class Teleport(RunningAction[model.TeleportAction]):
 
 
 class AddEntity(RunningAction[model.AddEntityAction]):
-    """AddEntityAction: it stands there until it is moved. One that exists already stays where it is."""
+    """AddEntityAction: it stands there until it is moved, and has the speed that it had if it was deleted.
+
+    One that exists already stays where it is.
+    """
 
     def start(self, time_s: float) -> None:
         """Be there."""
@@ -341,4 +354,4 @@ class AddEntity(RunningAction[model.AddEntityAction]):
             actor.exists = True
         who.route, who.on_trajectory = None, False
         put(who, self.world, time_s, pose)
-        who.drive(time_s, SpeedProfile(time_s, 0.0))
+        who.drive(time_s, SpeedProfile(time_s, who.left_mps))

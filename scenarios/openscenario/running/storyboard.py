@@ -375,10 +375,13 @@ class Storyboard:
                 started.append(part)
                 continue
             missing = sorted(name for name in referred(action) if not self._world.actors[name].exists)
+            if isinstance(action, model.AddEntityAction) and self._world.actors[action.entity].placed:
+                missing = [name for name in missing if name != action.entity]  # from where it was deleted
             if missing:
+                whose = "" if actor is None else f" of '{actor.name}'"
                 self._world.note(
-                    f"{type(action).__name__} of '{part.who.name}' at {instant.time_s:.3f} s is not carried "
-                    f"out: it refers to '{missing[0]}', which is deleted"
+                    f"{type(action).__name__}{whose} at {instant.time_s:.3f} s is not carried out: it refers "
+                    f"to '{missing[0]}', which is deleted"
                 )
                 part.over = part.stopped = True
                 started.append(part)

@@ -20,12 +20,13 @@ from scenarios.openscenario.motion.lateral import (
     count_of,
     too_steep,
 )
-from scenarios.openscenario.motion.paths import Path
+from scenarios.openscenario.motion.paths import Path, backwards, straight
 from scenarios.openscenario.motion.profiles import SLOPES, SpeedProfile
+from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actions import LATERAL, RunningAction
-from scenarios.openscenario.running.actors import STANDING_MPS
+from scenarios.openscenario.running.actors import STANDING_MPS, Actor
 from scenarios.openscenario.running.following import go_on
-from scenarios.openscenario.running.world import Instant
+from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import FloatArray
 
 NO_OFFSET_M = 1e-6
@@ -52,16 +53,21 @@ class _Sideways(RunningAction[LateralT_co]):
         """Begin a change to an offset from a curve over a time."""
         who = self.who
         pose = who.pose(time_s)
-        self._curve, self._begin_s, self._duration_s = curve, time_s, duration_s
-        self._station, self._left = curve.project(pose.x_m, pose.y_m)
-        self._target = target_m
+        # in reverse the same happens along the curve as it is seen in a mirror: backwards, left for right
+        self._along = -1.0 if who.asked_mps(time_s) < -STANDING_MPS else 1.0
+        self._ahead, self._begin_s, self._duration_s = curve, time_s, duration_s
+        if self._along < 0.0:
+            self._curve = backwards(with_way_behind(self.world.locator.roads, curve))
+        else:
+            self._curve = curve
+        self._station, self._left = self._curve.project(pose.x_m, pose.y_m)
+        self._target = self._along * target_m
         self._swerve: Swerve | None = None
         self._profile: SpeedProfile | None = None
         self._by_way = False
         if abs(self._target - self._left) <= NO_OFFSET_M or duration_s <= 0.0:
             self._jump(time_s)
             return
-        self._require_forward(time_s)
         self._plan(time_s)
 
     def _begin_over_way(self, time_s: float, curve: Path, target_m: float, way_m: float) -> None:
@@ -69,12 +75,6 @@ class _Sideways(RunningAction[LateralT_co]):
         self._begin(time_s, curve, target_m, 0.0 if way_m <= 0.0 else math.inf)
         if self._duration_s > 0.0 and abs(self._target - self._left) > NO_OFFSET_M:
             self._over_way(time_s, way_m)
-
-    def _require_forward(self, time_s: float) -> None:
-        if self.who.asked_mps(time_s) < -STANDING_MPS:
-            raise RunError(
-                f"'{self.who.name}' is to move sideways in reverse at {time_s:.3f} s: not carried out"
-            )
 
     def _jump(self, time_s: float) -> None:
         """Be beside the curve at once."""
@@ -85,7 +85,11 @@ class _Sideways(RunningAction[LateralT_co]):
     def _take(self, time_s: float, swerve: Swerve) -> None:
         self._swerve = swerve
         self._end_m = float(swerve.gone_m[-1])
-        self.who.follow(time_s, swerve.path, 0.0, trajectory=False)
+        path = swerve.path
+        if self._along < 0.0:
+            path = backwards(path)
+            path.both_ways = True
+        self.who.follow(time_s, path, 0.0, trajectory=False)
 
     def _done(self, part: FloatArray) -> FloatArray:
         """Offsets after shares of the time or way."""
@@ -100,16 +104,18 @@ class _Sideways(RunningAction[LateralT_co]):
         station = self._station_now(time_s)
         self._profile = who.profile
         left_s = self._duration_s * (1.0 - gone_share)
-        speed_mps = who.progress_mps(who.state(time_s))
+        speed_mps = self._along * who.progress_mps(who.state(time_s))
         follows = who.tow is None and not who.commanded
         length = (
-            who.profile.at(time_s + left_s)[0] - who.profile.at(time_s)[0] if follows else speed_mps * left_s
+            self._along * (who.profile.at(time_s + left_s)[0] - who.profile.at(time_s)[0])
+            if follows
+            else speed_mps * left_s
         )
         part = np.linspace(gone_share, 1.0, count_of(abs(length)))
         if follows:
             before = who.profile.at(time_s)[0]
             times = time_s + (part - gone_share) * self._duration_s
-            gone = np.array([who.profile.at(t)[0] for t in times.tolist()]) - before
+            gone = self._along * (np.array([who.profile.at(t)[0] for t in times.tolist()]) - before)
         else:
             gone = speed_mps * (part - gone_share) * self._duration_s
         left = self._done(part)
@@ -139,7 +145,7 @@ class _Sideways(RunningAction[LateralT_co]):
         """Arc length on the curve beside the entity."""
         if self._swerve is None:
             return self._station
-        gone = self.who.state(time_s).station_m
+        gone = self._along * self.who.state(time_s).station_m
         return float(np.interp(gone, self._swerve.gone_m, self._swerve.station_m))
 
     def update(self, instant: Instant) -> bool:
@@ -163,12 +169,13 @@ class _Sideways(RunningAction[LateralT_co]):
 
     def ended(self, instant: Instant) -> bool:
         """At the offset."""
-        return instant.state(self.who.name).station_m >= self._end_m - NO_OFFSET_M
+        return self._along * instant.state(self.who.name).station_m >= self._end_m - NO_OFFSET_M
 
     def finish(self, time_s: float) -> None:
         """Go on along the curve itself where there is no offset from it."""
         if self._target == 0.0:
-            self.who.follow(time_s, self._curve, self._station_now(time_s), trajectory=False)
+            station = self._along * self._station_now(time_s)
+            self.who.follow(time_s, self._ahead, station, trajectory=False)
         super().finish(time_s)
 
     def leave(self, time_s: float) -> None:
@@ -240,9 +247,13 @@ class _Kept(_Sideways[LateralT_co]):
 
     def start(self, time_s: float) -> None:
         """Begin the change to the offset."""
-        self._place_now = self._place(self.who.name, time_s)
-        self._middle = self._lane_curve(self._place_now, self._place_now.lane)
+        self._middle = self._beside_what(time_s)
         self._begin(time_s, self._middle, *self._asked(time_s))
+
+    def _beside_what(self, time_s: float) -> Path:
+        """The curve from which the offset counts: the middle of the entity's lane."""
+        self._place_now = self._place(self.who.name, time_s)
+        return self._lane_curve(self._place_now, self._place_now.lane)
 
     def _asked(self, time_s: float) -> tuple[float, float]:
         """The offset from the lane, and how long the change to it takes."""
@@ -266,7 +277,7 @@ class _Kept(_Sideways[LateralT_co]):
         """Follow the other entity."""
         if self._follows() and instant.time_s > self._begin_s:
             offset, duration = self._asked(instant.time_s)
-            if abs(offset - self._target) > NO_OFFSET_M and self._reached(instant):
+            if abs(offset - self._along * self._target) > NO_OFFSET_M and self._reached(instant):
                 self._begin(instant.time_s, self._middle, offset, duration)
                 return True
         return super().update(instant)
@@ -314,10 +325,34 @@ class LateralDistance(_Kept[model.LateralDistanceAction]):
 
     shape = "cubic"
 
+    def __init__(self, world: World, actor: Actor, action: model.LateralDistanceAction) -> None:
+        super().__init__(world, actor, action)
+        # what it follows ends when this begins
+        self._trajectory = actor.path if actor.on_trajectory else None
+
     def start(self, time_s: float) -> None:
         """Find the side, and begin the change to the distance."""
         self._side: float | None = None
         super().start(time_s)
+
+    def _beside_what(self, time_s: float) -> Path:
+        """The entity's trajectory, or the middle of its lane; beside all lanes straight ahead of it.
+
+        Raises:
+            RunError: it follows no trajectory, or is in no lane, where one is needed.
+        """
+        who, system = self.who, self.action.system
+        if system == "trajectory":
+            if self._trajectory is None:
+                raise RunError(
+                    f"'{who.name}' is to keep a distance across its trajectory, and follows none at "
+                    f"{time_s:.3f} s"
+                )
+            return self._trajectory
+        pose = who.pose(time_s)
+        if system == "entity" and self.world.locator.roads.place(pose) is None:
+            return straight(pose)
+        return super()._beside_what(time_s)
 
     def _target_m(self, time_s: float) -> float:
         action = self.action

@@ -8,7 +8,7 @@ from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile, transition
 from scenarios.openscenario.running.actions import LONGITUDINAL, RunningAction, target_speed_mps
-from scenarios.openscenario.running.actors import STANDING_MPS
+from scenarios.openscenario.running.actors import STANDING_MPS, Actor
 from scenarios.openscenario.running.world import Instant
 
 CONTROL_S = 0.01
@@ -34,6 +34,15 @@ class ContinuousSpeed(RunningAction[model.SpeedAction]):
         self._other = self.world.actors[target.entity]
         if self._other is self.who:
             raise RunError(f"'{self.who.name}' is to keep a speed relative to its own")
+        pacer: Actor | None = self._other
+        while pacer is not None and pacer is not self.who:
+            pacer = pacer.paced_by
+        if pacer is not None:
+            raise RunError(
+                f"'{self.who.name}' is to keep a speed relative to that of '{self._other.name}', which "
+                f"follows that of '{self.who.name}'"
+            )
+        self.who.paced_by = self._other
         self._begin_s, self._goal_mps = time_s, math.nan
         self._changing = self.action.shape != "step"
         self._seen: SpeedProfile | None = None
@@ -47,6 +56,11 @@ class ContinuousSpeed(RunningAction[model.SpeedAction]):
     def ended(self, instant: Instant) -> bool:
         """Never by itself."""
         return False
+
+    def leave(self, time_s: float) -> None:
+        """Go on with the present speed."""
+        self.who.paced_by = None
+        super().leave(time_s)
 
     def needs(self) -> frozenset[str]:
         """Whose speed it follows."""

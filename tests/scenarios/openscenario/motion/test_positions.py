@@ -146,7 +146,7 @@ def test_refused(write):
     with pytest.raises(RunError, match="refers to 'Other' before that has one"):
         place(write, '<RelativeObjectPosition entityRef="Other" dx="1" dy="1"/>')
     with pytest.raises(ContentError, match="either 'ds' or 'dsLane'"):
-        place(write, '<RelativeLanePosition entityRef="Ego" dLane="0"/>')
+        place(write, '<RelativeLanePosition entityRef="Ego" dLane="0" ds="1" dsLane="1"/>')
 
 
 def test_lanes_go_on_where_the_road_ends(play):

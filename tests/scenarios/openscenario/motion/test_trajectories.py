@@ -90,8 +90,31 @@ def test_times(play):
     assert at(run, "Other", 0.0) == pytest.approx((10, 20, 0, 10))
     with pytest.raises(RunError, match="growing times throughout"):
         other(play, follow(polyline((0, 0), (1, 0), times=(1, 1)), timing.format("absolute", 1, 0)))
+    some = polyline((0, 0), (1, 0), times=(1, 2)).replace(' time="2"', "")
     with pytest.raises(RunError, match="growing times throughout"):
-        other(play, follow(polyline((0, 0), (1, 0)), timing.format("absolute", 1, 0)))
+        other(play, follow(some, timing.format("absolute", 1, 0)))
+
+
+def test_times_that_no_vertex_has(play):
+    """The entity's own speed counts, as in esmini."""
+    timing = '<TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>'
+    for shape in (polyline((0, 20), (90, 20)), polyline((0, 20), (90, 20)).replace("y=", 'h="1" y=')):
+        run = other(play, follow(shape, timing), speed(10))
+        assert at(run, "Other", 2.0) == pytest.approx((20, 20, 0, 10))
+
+
+@pytest.mark.parametrize(("scale", "wait"), [(1, 0), (2, 1)])
+def test_times_of_who_begins_along_the_way(play, scale, wait):
+    """From 15 m on, where half of the first three seconds would be gone: there at once, on after the wait."""
+    shape = polyline((0, 20), (30, 20), (30, 60), times=(0, 3, 5))
+    timing = (
+        f'<TimeReference><Timing domainAbsoluteRelative="relative" scale="{scale}" offset="{wait}"/>'
+        "</TimeReference>"
+    )
+    run = other(play, follow(shape, timing, offset=' initialDistanceOffset="15"'))
+    assert at(run, "Other", 0.0)[:2] == pytest.approx((15, 20))
+    assert at(run, "Other", wait + 0.9 * scale)[:2] == pytest.approx((24, 20))
+    assert at(run, "Other", wait + 2.0 * scale) == pytest.approx((30, 30, math.pi / 2, 20 / scale))
 
 
 def headed(*rows):

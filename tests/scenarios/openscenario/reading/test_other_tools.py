@@ -3,7 +3,18 @@
 import pytest
 
 from scenarios.openscenario import CatalogError, Engine, OpenScenarioError, ParameterError, load
-from tests.scenarios.openscenario.conftest import CAR, act, at, event, maneuver, speed
+from tests.scenarios.openscenario.conftest import (
+    CAR,
+    EGO_AT_START,
+    OTHER_AHEAD,
+    act,
+    at,
+    event,
+    maneuver,
+    private,
+    speed,
+    teleport,
+)
 
 TRAILER = CAR.replace("</Vehicle>", "{}</Vehicle>")
 
@@ -92,3 +103,86 @@ def test_other_versions_are_refused(write, major, minor):
     path.write_text(text)
     with pytest.raises(OpenScenarioError, match=f"gives version '{major}.{minor}'"):
         load(path)
+
+
+def test_a_minor_version_with_a_sign_behind_it(write):
+    definition = load(changed(write(), 'revMinor="3"', 'revMinor="1+"'))
+    assert any("version 1.1+ is read as 1.1" in note for note in definition.notes)
+    with pytest.raises(OpenScenarioError, match=r"FileHeader gives version '1\.x'"):
+        load(changed(write(), 'revMinor="3"', 'revMinor="x"'))
+
+
+def test_no_limit_of_executions(write):
+    event_text = event("e", speed(5), count=1).replace(
+        'maximumExecutionCount="1"', 'maximumExecutionCount="-1"'
+    )
+    definition = load(write(act(maneuver(event_text))))
+    assert definition.stories[0].acts[0].groups[0].maneuvers[0].events[0].max_executions > 10**9
+    assert any("maximumExecutionCount -1 is taken as no limit" in note for note in definition.notes)
+    with pytest.raises(OpenScenarioError, match="expected 1 or more, got -2"):
+        load(write(act(maneuver(event_text.replace("-1", "-2")))))
+
+
+def test_an_act_that_takes_place_once(write):
+    path = changed(
+        write(act(maneuver(event("e", speed(5))))),
+        '<Act name="act">',
+        '<Act name="act" maximumExecutionCount="{}">',
+    )
+    assert any("an Act takes place once" in note for note in load(changed(path, "{}", "1")).notes)
+    with pytest.raises(OpenScenarioError, match="maximumExecutionCount is not supported; leave it out"):
+        load(changed(path, 'name="act" maximumExecutionCount="1"', 'name="act" maximumExecutionCount="2"'))
+
+
+@pytest.mark.parametrize("tag", ["RelativeLane", "RelativeRoad", "RelativeObject", "RelativeWorld"])
+def test_differences_that_are_left_out_are_none(play, tag):
+    place = f'<Position><{tag}Position entityRef="Ego"/></Position>'
+    engine, run = play(init=EGO_AT_START + private("Other", teleport(place)))
+    assert at(run, "Other", 0.0)[:3] == pytest.approx((10, -1.75, 0))
+    assert any(": 0" in note and "gives no" in note for note in engine.notes)
+
+
+def test_a_catalog_by_its_file(write, tmp_path):
+    (tmp_path / "shelf").mkdir()
+    for name in ("cars", "more"):
+        (tmp_path / "shelf" / f"{name}.xosc").write_text(
+            f'<OpenSCENARIO><FileHeader revMajor="1" revMinor="0"/><Catalog name="{name}">{CAR}</Catalog>'
+            "</OpenSCENARIO>"
+        )
+    reference = '<CatalogReference catalogName="{}" entryName="car"/>'
+    catalogs = '<VehicleCatalog><Directory path="shelf/cars.xosc"/></VehicleCatalog>'
+    definition = load(write(other=reference.format("cars"), catalogs=catalogs))
+    assert definition.entities[1].width_m == 2.0
+    assert [file.name for file in definition.files if "shelf" in str(file)] == ["cars.xosc"]
+    with pytest.raises(CatalogError, match="no catalog 'more'; catalogs found: cars"):
+        load(write(other=reference.format("more"), catalogs=catalogs))
+
+
+def environment(weather):
+    inner = f'<Environment name="e"><Weather>{weather}</Weather></Environment>'
+    return f"<GlobalAction><EnvironmentAction>{inner}</EnvironmentAction></GlobalAction>"
+
+
+@pytest.mark.parametrize(
+    "weather",
+    [
+        '<Sun azimuth="0" elevation="1"/>',
+        '<Precipitation precipitationType="rain"/>',
+        '<DomeImage azimuthOffset="0"><DomeFile filepath="sky.png"/></DomeImage>',
+    ],
+)
+def test_weather_without_amounts(play, weather):
+    """Since 1.2 neither illuminance nor intensity has to be there."""
+    engine, _ = play(init=environment(weather) + EGO_AT_START + OTHER_AHEAD)
+    assert engine.world.environment.illuminance_lx is None
+
+
+def test_sensors_by_name(play):
+    names = '<SensorReferenceSet><SensorReference name="radar"/></SensorReferenceSet>'
+    hidden = (
+        '<PrivateAction><VisibilityAction graphics="true" sensors="false" traffic="true">'
+        f"{names}</VisibilityAction></PrivateAction>"
+    )
+    engine, _ = play(act(maneuver(event("e", hidden))))
+    assert engine.entities.seen.tolist() == [True, False]
+    assert any("names sensors: it holds for all that the ego has" in note for note in engine.notes)

@@ -293,3 +293,129 @@ def test_lateral_distance_within_limits(play):
     half = 1 + math.sqrt(3.0) / 2
     x = np.interp(half, run.time_s, run.y_m[:, 1])
     assert x == pytest.approx(-5.0, abs=1e-3)
+
+
+BEND_M = 100.0
+
+
+@pytest.fixture
+def bend(write, tmp_path):
+    """A run on a road that bends to the left around (0, 100) with a radius of 100 m at t = 0."""
+
+    def play(*acts, init):
+        path = write(*acts, init=init + private("Other", teleport(lane_position(290))))
+        file = tmp_path / "two_roads.xodr"
+        text = file.read_text(encoding="utf-8")
+        head, tail = text.split("<line/>", 1)
+        file.write_text(f'{head}<arc curvature="0.01"/>{tail}', encoding="utf-8")
+        return Engine(load(path)).run()
+
+    return play
+
+
+def on_bend(run, time_s):
+    """Radius, angle along the road, and heading less that of the road."""
+    x, y, yaw, _ = at(run, "Ego", time_s)
+    angle = math.atan2(x, BEND_M - y) % (2 * math.pi)
+    return math.hypot(x, y - BEND_M), angle, math.remainder(yaw - angle, 2 * math.pi)
+
+
+def test_who_goes_back_follows_the_lanes_behind_it(bend):
+    """In reverse from the start, and after a stop: lane -1 has a radius of 101.75 m."""
+    radius = BEND_M + 1.75
+    run = bend(init=private("Ego", teleport(lane_position(150)), speed(-10)))
+    assert on_bend(run, 10.0) == pytest.approx((radius, 1.5 - 100 / radius, 0), abs=1e-3)
+    stop = event("stop", speed(-10, "linear", "time", 4), trigger(condition(at_time(2))))
+    run = bend(
+        act(maneuver(stop), actors="Ego"), init=private("Ego", teleport(lane_position(150)), speed(10))
+    )
+    # 20 m ahead, from 10 to -10 m/s on the spot, then 40 m back
+    assert on_bend(run, 10.0) == pytest.approx((radius, 1.5 - 20 / radius, 0), abs=1e-3)
+
+
+def test_a_lane_change_in_reverse_on_a_bend(bend):
+    """4 s at 10 m/s: half of 3.5 m after 2 s, when it heads across the lane by asin of its slope."""
+    swap = event(
+        "swap", change("cubic", "time", 4, '<AbsoluteTargetLane value="1"/>'), trigger(condition(at_time(2)))
+    )
+    run = bend(
+        act(maneuver(swap), actors="Ego"), init=private("Ego", teleport(lane_position(200)), speed(-10))
+    )
+    radius, _, turned = on_bend(run, 4.0)
+    assert radius == pytest.approx(BEND_M, abs=1e-3)
+    # backwards to the left: the front points to the right
+    assert turned == pytest.approx(-math.asin(1.5 * 3.5 / 40), abs=1e-3)
+    assert on_bend(run, 8.0)[0] == pytest.approx(BEND_M - 1.75, abs=1e-3)
+    assert on_bend(run, 8.0)[2] == pytest.approx(0.0, abs=1e-6)
+
+
+def beside(
+    system, value=4.0, side="leftToReferencedEntity", limits='<DynamicConstraints maxSpeed="2.8125"/>'
+):
+    return lateral(
+        f'<LateralDistanceAction entityRef="Ego" distance="{value}" freespace="false" continuous="false" '
+        f'displacement="{side}" coordinateSystem="{system}">{limits}</LateralDistanceAction>'
+    )
+
+
+@pytest.mark.parametrize("system", ["entity", "lane", "road"])
+def test_a_lateral_distance_across_the_lane(play, system):
+    """4 m to the left of the ego, which is in the middle of lane -1 (y = -1.75): at y = 2.25."""
+    init = EGO_AT_START + private("Other", teleport(lane_position(60, lane=-2)), speed(10))
+    _, run = play(act(maneuver(event("e", beside(system)))), init=init)
+    # 7.5 m at up to 2.8125 m/s: 4 s, as 1.5 is the greatest slope of a cubic
+    assert at(run, "Other", 2.0)[1] == pytest.approx(0.5 * (2.25 - 5.25), abs=1e-3)
+    assert at(run, "Other", 4.0)[1] == pytest.approx(2.25, abs=1e-6)
+
+
+def test_a_lateral_distance_beside_all_lanes_counts_from_straight_ahead(play):
+    init = EGO_AT_START + private(
+        "Other", teleport('<Position><WorldPosition x="60" y="80" h="0.5"/></Position>'), speed(10)
+    )
+    action = beside("entity", 20, "any", "")
+    _, run = play(act(maneuver(event("e", action))), init=init)
+    x, y, yaw, _ = at(run, "Other", 0.0)
+    # the ego is at (10, -1.75): across the line ahead of the other it is now 20 m away
+    assert -(10 - x) * math.sin(yaw) + (-1.75 - y) * math.cos(yaw) == pytest.approx(-20, abs=1e-6)
+    with pytest.raises(RunError, match="'Other' is on no road at"):
+        play(act(maneuver(event("e", beside("lane", 20, "any", "")))), init=init)
+
+
+def test_a_lateral_distance_across_a_trajectory(play):
+    """Along a line of slope 3 to 4 from (60, -20): 5 m to the left of it passes the ego's place by 5 m."""
+    points = "".join(
+        f'<Vertex><Position><WorldPosition x="{60 + 40 * k}" y="{-20 + 30 * k}"/></Position></Vertex>'
+        for k in (0, 4)
+    )
+    line = (
+        '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" '
+        f'closed="false"><Shape><Polyline>{points}</Polyline></Shape></Trajectory></TrajectoryRef>'
+        '<TimeReference><None/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+        "</FollowTrajectoryAction></RoutingAction></PrivateAction>"
+    )
+    init = private("Ego", teleport(lane_position(10))) + private("Other", speed(10), line)
+    later = trigger(condition(at_time(2)))
+    _, run = play(act(maneuver(event("e", beside("trajectory", 5, "any", ""), later))), init=init)
+    x, y, yaw, _ = at(run, "Other", 4.0)
+    across = (-(10 - x) * 0.6 + (-1.75 - y) * 0.8, math.atan2(3, 4))
+    assert (abs(across[0]), yaw) == pytest.approx((5.0, across[1]), abs=1e-6)
+    with pytest.raises(RunError, match="across its trajectory, and follows none at"):
+        play(act(maneuver(event("e", beside("trajectory", 5, "any", "")))))
+
+
+def test_speeds_that_follow_one_another_in_a_circle_are_refused(play):
+    def paced(other):
+        target = (
+            f'<RelativeTargetSpeed entityRef="{other}" value="1" speedTargetValueType="delta" '
+            'continuous="true"/>'
+        )
+        return speed(0).replace('<AbsoluteTargetSpeed value="0"/>', target)
+
+    ego = act(maneuver(event("e", paced("Other"))), actors="Ego", name="first")
+    with pytest.raises(RunError, match="relative to that of 'Ego', which follows that of 'Other'"):
+        play(ego, act(maneuver(event("o", paced("Ego")), name="n")))
+    # one that has stopped to follow is followed again
+    stop = event("stop", speed(5), trigger(condition(at_time(1))))
+    back = event("o", paced("Ego"), trigger(condition(at_time(2))))
+    _, run = play(ego, act(maneuver(stop, name="s"), actors="Ego", name="s"), act(maneuver(back, name="n")))
+    assert at(run, "Other", 3.0)[3] == 6.0
