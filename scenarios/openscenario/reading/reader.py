@@ -151,23 +151,45 @@ def _map_path(node: Node, road: Path | None) -> Path | None:
 
 def _signals(node: Node | None) -> tuple[SignalController, ...]:
     controllers: list[SignalController] = []
-    for child in () if node is None else node.some("TrafficSignalController"):
+    if node is None:
+        return ()
+    node.allow(children="TrafficSignalController")
+    for child in node.all("TrafficSignalController"):
         child.allow("name delay reference", "Phase")
         phases: list[SignalPhase] = []
         for phase in child.all("Phase"):
             phase.allow("name duration", "TrafficSignalState TrafficSignalGroupState")
-            states = [(s.text("trafficSignalId"), s.text("state")) for s in phase.all("TrafficSignalState")]
-            phases.append(SignalPhase(phase.text("name"), phase.positive("duration"), tuple(states)))
+            states = _signal_states(phase)
+            phases.append(SignalPhase(phase.text("name"), phase.positive("duration"), states))
         reference = child.text("reference") if child.has("reference") else None
         controllers.append(
             SignalController(child.text("name"), child.positive("delay", 0.0), reference, tuple(phases))
         )
-    names = [held.name for held in controllers]
+    by_name: dict[str, SignalController] = {}
     for held in controllers:
-        if held.reference is not None and held.reference not in names:
-            assert node is not None
-            raise ContentError(f"{node.where} '{held.name}' refers to '{held.reference}', which is none")
+        if by_name.setdefault(held.name, held) is not held:
+            raise ContentError(f"{node.where} has two controllers of the name '{held.name}'")
+    for held in controllers:
+        chain = [held.name]
+        while (name := by_name[chain[-1]].reference) is not None:
+            if name not in by_name:
+                raise ContentError(f"{node.where} '{chain[-1]}' refers to '{name}', which is none")
+            if name in chain:
+                raise ContentError(f"{node.where} '{chain[-1]}' refers to '{name}', which waits for it")
+            chain.append(name)
     return tuple(controllers)
+
+
+def _signal_states(phase: Node) -> tuple[tuple[str, str], ...]:
+    """What each signal shows in a phase."""
+    states: dict[str, str] = {}
+    for child in phase.all("TrafficSignalState"):
+        signal, state = child.text("trafficSignalId"), child.text("state")
+        if not state.strip():
+            raise ContentError(f"{child.where} state: expected a word for what '{signal}' shows, got ''")
+        if states.setdefault(signal, state) != state:
+            raise ContentError(f"{child.where} '{signal}' shows '{states[signal]}' in this phase already")
+    return tuple(states.items())
 
 
 # Storyboard

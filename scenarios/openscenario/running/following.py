@@ -285,8 +285,11 @@ def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name:
                 "once a trajectory has brought it there"
             )
             return
+    station = path.project(pose.x_m, pose.y_m)[0]
+    if speed_mps != 0.0 and math.cos(path.pose(station)[2] - pose.yaw_rad) < 0.0:
+        raise RunError(f"'{actor.name}' heads against {name}, which it is assigned, at {time_s:.3f} s")
     actor.route = legs
-    actor.follow(time_s, path, path.project(pose.x_m, pose.y_m)[0], trajectory=False)
+    actor.follow(time_s, path, station, trajectory=False)
 
 
 def _led_to(roads: Roads, legs: list[Leg], pose: Pose, speed_mps: float) -> tuple[list[Leg], Path]:

@@ -137,8 +137,8 @@ def test_a_trailer_that_is_the_entry_that_holds_it(write):
         load(path)
 
 
-@pytest.mark.parametrize("system", ["trajectory", "banana"])
-def test_lateral_distances_have_three_systems(write, system):
+@pytest.mark.parametrize("system", ["world", "banana"])
+def test_lateral_distances_have_four_systems(write, system):
     action = (
         '<PrivateAction><LateralAction><LateralDistanceAction entityRef="Ego" distance="1" freespace="false" '
         f'continuous="false" coordinateSystem="{system}"/></LateralAction></PrivateAction>'

@@ -13,7 +13,19 @@ from scenarios.openscenario.motion.route_changes import (
     length_of_change_m,
     with_room,
 )
-from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport
+from tests.scenarios.openscenario.conftest import (
+    act,
+    at,
+    at_time,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    speed,
+    teleport,
+    trigger,
+)
 
 WIDTH_M = 3.5
 DURATION_S = math.sqrt(6.0 * WIDTH_M / LATERAL_MPS2)
@@ -163,3 +175,16 @@ def test_who_is_past_the_place_of_a_change_changes_from_there(play):
 def test_who_has_no_room_left_for_a_change_goes_on_in_its_lane(play):
     _, run = play(init=drives(-1, 248, 10, route(lane_position(20), lane_position(250, -2))))
     assert np.abs(run.y_m[:, 0] + 0.5 * WIDTH_M).max() < 1e-9
+
+
+def test_who_moves_against_a_route_does_not_turn_round(play):
+    """Lane -1 is driven eastwards, and the route leads west along lane 1 beside it."""
+    points = "".join(
+        f'<Waypoint routeStrategy="shortest">{lane_position(s, 1)}</Waypoint>' for s in (250, 20)
+    )
+    assign = (
+        '<PrivateAction><RoutingAction><AssignRouteAction><Route name="back" closed="false">'
+        f"{points}</Route></AssignRouteAction></RoutingAction></PrivateAction>"
+    )
+    with pytest.raises(RunError, match="'Ego' heads against route 'back', which it is assigned, at 1"):
+        play(act(maneuver(event("e", assign, trigger(condition(at_time(1))))), actors="Ego"))
