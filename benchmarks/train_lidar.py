@@ -186,7 +186,8 @@ def check(count: int) -> None:
     ):
         boxes, _ = measured_quality(frames, shipped_network(least_score=0.05), asked)
         for name, each in boxes.items():
-            right, false = each.counts(0.3)
+            counts = each.counts(0.3)
+            right, false = counts.true_positives, counts.false_positives
             best, at = each.best()
             low, high = asked.range_m
             print(

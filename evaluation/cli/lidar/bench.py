@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.lidar.detect import NETWORK_ENDING, Clouds, Topic, parse_method
+from evaluation.cli.lidar.detect import NETWORK_ENDING, Ahead, Clouds, Topic, parse_ahead, parse_method
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar bench training/velodyne`",
@@ -23,6 +23,7 @@ def command(
         str, typer.Option(help="classical, pillars, plain, or FILE.onnx; comma-separated.")
     ] = "classical",
     rounds: Annotated[int, typer.Option(help="How often each cloud is taken.", min=1)] = 10,
+    ahead: Ahead = None,
     topic: Topic = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -43,7 +44,7 @@ def command(
     console = rich.console.Console()
     read, spent_s = [], []
     start_s = time.thread_time()
-    for named in clouds_of(clouds, topic):
+    for named in clouds_of(clouds, topic, parse_ahead(ahead)):
         spent_s.append(time.thread_time() - start_s)
         read.append(named)
         start_s = time.thread_time()

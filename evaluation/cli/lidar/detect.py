@@ -37,6 +37,14 @@ Clouds = Annotated[
 Method = Annotated[
     str, typer.Option(help="classical, pillars: the shipped network, plain: the thesis' chain, or FILE.onnx.")
 ]
+Ahead = Annotated[
+    str | None,
+    typer.Option(
+        help="Axis of the sensor that points ahead: x, y, -x or -y. Default: y for .pcd.bin (nuScenes), "
+        "x for others.",
+        metavar="AXIS",
+    ),
+]
 Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]
 
 
@@ -67,10 +75,12 @@ def command(
         Path | None,
         typer.Option(help="KITTI tracking labels of the clouds: scores the tracks.", metavar="FILE"),
     ] = None,
+    ahead: Ahead = None,
     topic: Topic = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Detect cars, pedestrians and cyclists in point clouds."""
+    import numpy as np
     import rich.console
 
     from evaluation.results.tables import rich_table
@@ -86,20 +96,25 @@ def command(
         write_labels,
     )
     from evaluation.views.clouds import write_stages
+    from smartmot.lidar import LearnedConfig
 
     if labels is not None and (calib is None or not track):
         raise ArgumentError("--labels: needs --track and --calib, which says where the camera is")
+    ahead = parse_ahead(ahead)
     config = parse_method(method, score_min)
     calibrations = None if calib is None else Calibrations(calib)
-    account = Account()
+    account, seen = Account(), 0
+    grid = config.network.grid if isinstance(config, LearnedConfig) else None
     out = writable_folder(out)
     console = rich.console.Console(quiet=quiet)
     with locked(out):
         writer = DetectionWriter(out, calibrations, account)
         total = cloud_count(clouds)
         with counting("detecting", quiet) as done:
-            for detected in detected_clouds(clouds, topic, config, account):
+            for detected in detected_clouds(clouds, topic, config, account, ahead):
                 writer.add(detected)
+                if grid is not None:
+                    seen += int(np.count_nonzero(grid.covers(detected.cloud.xyz_m)))
                 if stages:
                     write_stages(out / STAGES_FOLDER, detected.name, detected.cloud, detected.detections)
                 done(account.clouds, total)
@@ -116,9 +131,27 @@ def command(
             highlight=False,
             soft_wrap=True,
         )
+        if grid is not None:
+            console.print(
+                f"the network looked {grid.place}; {100.0 * seen / max(account.points, 1):.0f} % of the "
+                "points are there",
+                highlight=False,
+                soft_wrap=True,
+            )
         if track:
             _track(out, console)
         console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
+
+
+def parse_ahead(ahead: str | None) -> str | None:
+    """An axis that points ahead.
+
+    Raises:
+        ArgumentError: there is no such axis.
+    """
+    from scenarios.recorded.clouds.axes import AHEAD
+
+    return None if ahead is None else options.parse_name(ahead, AHEAD, "--ahead")
 
 
 def parse_method(method: str, score_min: float | None) -> DetectorConfig:

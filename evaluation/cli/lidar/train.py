@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.lidar.detect import NETWORK_ENDING
 from evaluation.cli.output import counting, one_line
 from evaluation.errors import ArgumentError
 
@@ -19,7 +20,8 @@ EXAMPLES = options.examples(
 )
 
 EXPORT_EXAMPLES = options.examples(
-    "`smartmot-eval lidar export results/network --int8 --data data --calibrate 300 --out network_int8.onnx`",
+    "`smartmot-eval lidar export pillars --int8 --calibrate 300 --out pillars_int8.onnx`",
+    "`smartmot-eval lidar export results/network --int8 --data data --out network_int8.onnx`",
     "`smartmot-eval lidar detect clouds --method network_int8.onnx`",
 )
 
@@ -89,35 +91,51 @@ def command(
 
 
 def export_command(
-    network: Annotated[Path, typer.Argument(help="Folder of a training.", metavar="DIR")],
+    network: Annotated[
+        Path,
+        typer.Argument(help="Folder of a training, FILE.onnx, or pillars.", metavar="DIR|FILE.onnx|NAME"),
+    ],
     out: Annotated[Path, typer.Option(help="The file.", metavar="FILE.onnx")],
     int8: Annotated[bool, typer.Option("--int8", help="Convolutions on integers of 8 bits.")] = False,
     data: Annotated[
         Path | None,
-        typer.Option(help="Data set whose frames show the ranges of values, for --int8.", metavar="DIR"),
+        typer.Option(
+            help="Data set whose split train shows the ranges of values, for --int8. Default: simulated "
+            "streets.",
+            metavar="DIR",
+        ),
     ] = None,
-    calibrate: Annotated[int, typer.Option(help="Clouds of it that are looked at.", min=1)] = 300,
+    calibrate: Annotated[
+        int | None, typer.Option(help="Clouds that are looked at, for --int8. Default: 300.", min=1)
+    ] = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Write a trained network as an ONNX file."""
     from evaluation.results.files import write_bytes
-    from evaluation.studies.training import NETWORK
+    from evaluation.studies.training import CALIBRATION_CLOUDS, NETWORK
+    from smartmot.lidar.learned import SHIPPED, LearnedConfig, shipped_path
 
-    if int8 != (data is not None):
-        raise ArgumentError("--int8 needs --data, and --data is for --int8")
-    if data is None:
-        source = network / NETWORK
+    for name, value in (("--data", data), ("--calibrate", calibrate)):
+        if value is not None and not int8:
+            raise ArgumentError(f"{name} is for --int8")
+    source = shipped_path(str(network)) if str(network) in SHIPPED else network
+    if source.suffix != NETWORK_ENDING:
+        source /= NETWORK
         if not source.is_file():
             raise ArgumentError(f"{source}: no network; finish the training first (lidar train)")
-        write_bytes(out, source.read_bytes())
-    else:
-        require_torch()
-        from evaluation.studies.training.study import CLASSES, export, read_labelled
-        from smartmot.lidar.learned import Decoder, PillarGrid
+    if source.resolve() == out.resolve():
+        raise ArgumentError(f"--out {out}: is the network itself")
+    config = LearnedConfig(source)
+    if int8:
+        require(("onnx", "onnxruntime"), "--int8")
+        from evaluation.studies.training.calibration import dataset_clouds, drawn_clouds, export_integers
 
-        with counting("reading", quiet) as done:
-            frames = read_labelled(data, Decoder(PillarGrid(), CLASSES), done)
-        export(network, frames.train[:calibrate], out)
+        count = calibrate or CALIBRATION_CLOUDS
+        clouds = drawn_clouds(count) if data is None else dataset_clouds(data, count)
+        with counting("calibrating", quiet) as done:
+            export_integers(config, clouds, out, lambda number: done(number, count))
+    else:
+        write_bytes(out, source.read_bytes())
     if not quiet:
         typer.echo(f"written to {out}")
 
@@ -128,12 +146,17 @@ def require_torch() -> None:
     Raises:
         ArgumentError: PyTorch or what writes networks is not installed.
     """
+    require(("torch", "onnx", "onnxscript", "onnxruntime"), "training")
+
+
+def require(names: tuple[str, ...], purpose: str) -> None:
+    """See that packages are installed.
+
+    Raises:
+        ArgumentError: one is not.
+    """
     import importlib.util
 
-    missing = [
-        name
-        for name in ("torch", "onnx", "onnxscript", "onnxruntime")
-        if importlib.util.find_spec(name) is None
-    ]
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
-        raise ArgumentError(f"training needs {', '.join(missing)}: pip install 'smartmot[train]'")
+        raise ArgumentError(f"{purpose} needs {', '.join(missing)}: pip install 'smartmot[train]'")

@@ -25,6 +25,14 @@ RECALLS = np.arange(1, 41) / 40.0
 """At which precision is averaged (Simonelli et al., "Disentangling Monocular 3D Object Detection", 2019)."""
 
 
+LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
+"""IoU from above that a right box exceeds: half of it for cars; a person is two cells of a detector's grid
+wide, so that a shift by one leaves a third."""
+
+LEAST_SCORES = tuple(round(0.05 * k, 2) for k in range(1, 19))
+"""That are tried for the greatest F1 at a round score."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredBoxes:
     """Boxes and labels of one class, matched; of one frame, or of several.
@@ -54,6 +62,23 @@ class ScoredBoxes:
         false = int(np.count_nonzero((self.score >= least_score) & ~self.is_true))
         count = int(np.count_nonzero(every))
         return DetectionCounts(right, false, count - right, count - touched)
+
+    @property
+    def labels(self) -> int:
+        """How many count."""
+        return len(self.label_score)
+
+    def f1(self, least_score: float) -> float:
+        """Harmonic mean of precision and recall of the boxes of at least a score; 0: there is none."""
+        counts = self.counts(least_score)
+        boxes = counts.true_positives + counts.false_positives
+        return 2.0 * counts.true_positives / max(boxes + self.labels, 1)
+
+    def best(self) -> tuple[float, float]:
+        """The greatest F1 at one of `LEAST_SCORES`, and the least of them that reaches it."""
+        values = [self.f1(least) for least in LEAST_SCORES]
+        at = int(np.argmax(values))
+        return values[at], LEAST_SCORES[at]
 
     @property
     def best_score(self) -> float:

@@ -14,7 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.metrics.detection.from_above import ScoredBoxes, joined, match_from_above
+from evaluation.metrics.detection.from_above import (
+    LEAST_OVERLAP,
+    ScoredBoxes,
+    joined,
+    match_from_above,
+)
 from evaluation.results.files import configuration_json, write_files
 from evaluation.results.tables import EMPTY, Table, csv_bytes, markdown_table
 from evaluation.runs.execution import FrameTime, frame_time
@@ -32,10 +37,6 @@ from smartmot.arrays import BoolArray, FloatArray
 from smartmot.lidar import METHODS, BoxDetections, ClassicalConfig, DetectorConfig, detect
 from smartmot.lidar.learned import SHIPPED, LearnedConfig, shipped_network
 from smartmot.pointcloud import Boxes3D
-
-LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
-"""IoU from above that a right box exceeds: half of it for cars; a person is two cells of a detector's grid
-wide, so that a shift by one leaves a third."""
 
 FARTHEST_M, ASIDE_RAD = 40.0, math.radians(40.0)
 """Of labels and boxes that count. KITTI labels what its camera sees, 40 degrees to each side of straight

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes, joined
 from evaluation.results.tables import Table, fixed
-from evaluation.studies.training.quality import (
-    FARTHEST_M,
-    LEAST_OVERLAP,
-    ClassBoxes,
-    joined,
-    match_frame,
-)
+from evaluation.studies.training.quality import FARTHEST_M, match_frame
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
-from smartmot.lidar import DetectorConfig, detect
+from smartmot.lidar import BoxDetections, DetectorConfig, detect
 from smartmot.lidar.learned import PillarGrid
 from smartmot.pointcloud import Boxes3D, PointCloud
 
@@ -60,41 +55,38 @@ def measured_quality(
     config: DetectorConfig,
     asked: QualityOptions,
     done: Callable[[int, int | None], None] = lambda k, n: None,
-) -> tuple[dict[str, ClassBoxes], int]:
+) -> tuple[dict[str, ScoredBoxes], int]:
     """By class, a detector's boxes against the labels, and the number of frames.
 
     Raises:
         DatasetError: a frame cannot be read.
         ConfigError: a network cannot be loaded.
     """
-    parts: dict[str, list[tuple[FloatArray, BoolArray, BoolArray, int]]] = {n: [] for n in LEAST_OVERLAP}
+    parts: dict[str, list[ScoredBoxes]] = {n: [] for n in LEAST_OVERLAP}
     number = 0
     for number, frame in enumerate(frames, 1):
-        made = detect(frame.cloud, config)
-        labels, kinds, least = frame.boxes, frame.category, asked.least_points
-        counts: IntArray = labels.point_counts(frame.cloud.xyz_m, 0.05)
-        # farther or nearer labels are as those with too few points: whoever finds them is not wrong
-        counts = np.where(_within(labels.center_m, asked.range_m), counts, -1)
-        unlabelled = ~_within(made.boxes.center_m, asked.range_m)
-        if frame.unlabelled is not None:
-            unlabelled |= frame.unlabelled(made.boxes)
-        for name, part in parts.items():
-            part.append(
-                match_frame(
-                    name,
-                    made.boxes,
-                    made.score,
-                    made.category,
-                    labels,
-                    kinds,
-                    counts,
-                    least,
-                    GRID,
-                    unlabelled,
-                )
-            )
+        for name, matched in matched_frame(frame, detect(frame.cloud, config), asked).items():
+            parts[name].append(matched)
         done(number, None)
     return {name: joined(part) for name, part in parts.items() if part}, number
+
+
+def matched_frame(frame: Truth, made: BoxDetections, asked: QualityOptions) -> dict[str, ScoredBoxes]:
+    """By class, detections of a frame against its labels."""
+    labels = frame.boxes
+    counts: IntArray = labels.point_counts(frame.cloud.xyz_m, 0.05)
+    # farther or nearer labels are as those with too few points: whoever finds them is not wrong
+    counts = np.where(_within(labels.center_m, asked.range_m), counts, -1)
+    unlabelled = ~_within(made.boxes.center_m, asked.range_m)
+    if frame.unlabelled is not None:
+        unlabelled |= frame.unlabelled(made.boxes)
+    return {
+        name: match_frame(
+            name, made.boxes, made.score, made.category, labels, frame.category, counts,
+            asked.least_points, GRID, unlabelled,
+        )
+        for name in LEAST_OVERLAP
+    }  # fmt: skip
 
 
 def _within(center_m: FloatArray, range_m: tuple[float, float]) -> BoolArray:
@@ -103,11 +95,12 @@ def _within(center_m: FloatArray, range_m: tuple[float, float]) -> BoolArray:
     return inside
 
 
-def quality_table(boxes: dict[str, ClassBoxes], least_score: float, asked: QualityOptions) -> Table:
+def quality_table(boxes: dict[str, ScoredBoxes], least_score: float, asked: QualityOptions) -> Table:
     """Right, false and missed boxes of each class at a least score, and the best F1 at any."""
     rows = []
     for name, each in boxes.items():
-        right, false = each.counts(least_score)
+        counts = each.counts(least_score)
+        right, false = counts.true_positives, counts.false_positives
         f1, at = each.best() if each.labels else (math.nan, math.nan)
         rows.append(
             (

@@ -7,7 +7,7 @@ import statistics
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from evaluation.results.files import write_bytes
 from evaluation.results.tables import Table, csv_bytes, fixed
 from scenarios.errors import DatasetError
 from scenarios.recorded.camera import image_boxes
+from scenarios.recorded.clouds.arrays import AXES_KEPT
+from scenarios.recorded.clouds.axes import boxes_ahead, boxes_of_sensor, cloud_ahead
 from scenarios.recorded.clouds.fields import NamedCloud
 from scenarios.recorded.clouds.files import cloud_files, read_clouds
 from scenarios.recorded.csv_files import DETECTIONS, LABELS
@@ -50,12 +52,14 @@ class DetectedCloud:
         cloud: its points.
         detections: boxes in its frame.
         spent_s: processor time of the detector.
+        ahead: axis of the sensor that points ahead: cloud and boxes are turned so that it is x.
     """
 
     name: str
     cloud: PointCloud
     detections: BoxDetections
     spent_s: float
+    ahead: str = "x"
 
 
 @dataclass(slots=True)
@@ -92,8 +96,13 @@ class Account:
         self.spent_s.append(detected.spent_s)
 
 
-def clouds_of(paths: Sequence[Path], topic: str | None) -> Iterator[NamedCloud]:
-    """Clouds of files, folders and bags, one at a time.
+def clouds_of(paths: Sequence[Path], topic: str | None, ahead: str | None = None) -> Iterator[NamedCloud]:
+    """Clouds of files, folders and bags, one at a time, turned so that x is ahead and y left.
+
+    Args:
+        paths: what to read.
+        topic: of bags.
+        ahead: axis of the sensor that points ahead; None: as the format says it, x where it does not.
 
     Raises:
         DatasetError: there is no cloud, none has a point, or a file is damaged.
@@ -102,9 +111,16 @@ def clouds_of(paths: Sequence[Path], topic: str | None) -> Iterator[NamedCloud]:
     for path in paths:
         for named in read_clouds(path, topic):
             points += len(named.cloud)
-            yield named
+            yield _turned(named, ahead or named.ahead)
     if not points:
         raise DatasetError(f"{', '.join(map(str, paths))}: no cloud has a point")
+
+
+def _turned(named: NamedCloud, ahead: str) -> NamedCloud:
+    notes = tuple(note for note in named.notes if note != AXES_KEPT)
+    if ahead != "x":
+        notes = (*notes, f"the sensor's {ahead} points ahead: clouds and boxes turned, x ahead and y left")
+    return replace(named, cloud=cloud_ahead(named.cloud, ahead), notes=notes, ahead=ahead)
 
 
 def cloud_count(paths: Iterable[Path]) -> int | None:
@@ -118,15 +134,19 @@ def cloud_count(paths: Iterable[Path]) -> int | None:
 
 
 def detected_clouds(
-    paths: Sequence[Path], topic: str | None, config: DetectorConfig, account: Account
+    paths: Sequence[Path],
+    topic: str | None,
+    config: DetectorConfig,
+    account: Account,
+    ahead: str | None = None,
 ) -> Iterator[DetectedCloud]:
-    """Detections of files, folders and bags, one cloud at a time.
+    """Detections of files, folders and bags, one cloud at a time; see `clouds_of`.
 
     Raises:
         DatasetError: there is no cloud, two have one name, or a file is damaged.
     """
     names: set[str] = set()
-    for named in clouds_of(paths, topic):
+    for named in clouds_of(paths, topic, ahead):
         if named.name in names:
             raise DatasetError(
                 f"two clouds are named {named.name}: name files of one format, or folders one by one"
@@ -146,7 +166,8 @@ def detected_cloud(named: NamedCloud, config: DetectorConfig) -> DetectedCloud:
     """The detections of one cloud."""
     start_s = time.thread_time()
     detections = detect(named.cloud, config)
-    return DetectedCloud(named.name, named.cloud, detections, time.thread_time() - start_s)
+    spent_s = time.thread_time() - start_s
+    return DetectedCloud(named.name, named.cloud, detections, spent_s, named.ahead)
 
 
 def stage_table(account: Account) -> Table:
@@ -187,13 +208,15 @@ class DetectionWriter:
         self.rows: list[tuple[int, tuple[object, ...]]] = []
         self.names: list[str] = []
         self.stamps: list[float | None] = []
+        self.ahead: list[str] = []
 
     def add(self, detected: DetectedCloud) -> None:
         """Write one cloud's result lines and keep its rows of the table."""
         detections = detected.detections
         self.names.append(detected.name)
         self.stamps.append(detected.cloud.stamp_s)
-        text = self._kitti_text(detected.name, detections)
+        self.ahead.append(detected.ahead)
+        text = self._kitti_text(detected)
         write_bytes(self.folder / KITTI_FOLDER / f"{detected.name}.txt", text.encode())
         cloud = len(self.names) - 1
         columns = (
@@ -221,19 +244,22 @@ class DetectionWriter:
         self.account.notes["clouds have neither times nor numbers: frames are counted from 0"] += 1
         return "frame", list(range(len(self.names)))
 
-    def _kitti_text(self, name: str, detections: BoxDetections) -> str:
+    def _kitti_text(self, detected: DetectedCloud) -> str:
+        detections = detected.detections
         types = [TYPE_OF_CATEGORY[category] for category in detections.category.tolist()]
         if self.calibrations is None:
             return object_text(detections.boxes, types, SENSOR_AXES, detections.score, image=False)
-        calibration = self.calibrations.of(name)
-        ahead = calibration.to_camera(detections.boxes.center_m)[:, 2] > 0.0
-        pixels = image_boxes(calibration.boxes_to_camera(detections.boxes), calibration.projection[2])
+        calibration = self.calibrations.of(detected.name)
+        # a calibration is of the sensor as it is mounted
+        boxes = boxes_of_sensor(detections.boxes, detected.ahead)
+        ahead = calibration.to_camera(boxes.center_m)[:, 2] > 0.0
+        pixels = image_boxes(calibration.boxes_to_camera(boxes), calibration.projection[2])
         seen = ahead & (pixels[:, 2] > pixels[:, 0]) & (pixels[:, 3] > pixels[:, 1])
         if not seen.all():
             self.account.notes["boxes outside the image are not in KITTI's result lines"] += 1
         kept = np.flatnonzero(seen)
         return object_text(
-            detections.boxes[kept], [types[k] for k in kept.tolist()], calibration, detections.score[kept]
+            boxes[kept], [types[k] for k in kept.tolist()], calibration, detections.score[kept]
         )
 
 
@@ -283,6 +309,7 @@ def write_labels(path: Path, calibrations: Calibrations, writer: DetectionWriter
         raise ArgumentError("--labels: clouds need the numbers of their frames as names, such as 000100.bin")
     table = read_table(path, TRACKING_COLUMNS, ("type",), optional=1)
     time_of = dict(zip((int(cloud) for cloud in writer.names), times, strict=True))
+    ahead_of = dict(zip((int(cloud) for cloud in writer.names), writer.ahead, strict=True))
     known = np.array([category in CATEGORY_OF_TYPE for category in table["type"].tolist()])
     inside = np.isin(table.whole("frame"), list(time_of))
     if not inside.any():
@@ -290,9 +317,8 @@ def write_labels(path: Path, calibrations: Calibrations, writer: DetectionWriter
     rows: list[tuple[object, ...]] = []
     for number in sorted(time_of):
         chosen = table.rows(known & (table.whole("frame") == number))
-        boxes = calibrations.of(f"{number:06d}").boxes_to_lidar(
-            chosen.stacked("h", "w", "l", "x", "y", "z", "ry")
-        )
+        camera_boxes = chosen.stacked("h", "w", "l", "x", "y", "z", "ry")
+        boxes = boxes_ahead(calibrations.of(f"{number:06d}").boxes_to_lidar(camera_boxes), ahead_of[number])
         # as `mot` reads KITTI's own folders
         ignored = np.isin(chosen["type"], NEIGHBOURS)
         ignored |= (chosen["truncated"] > MAX_TRUNCATION) | (chosen["occluded"] > MAX_OCCLUSION)

@@ -1,8 +1,7 @@
-"""Networks as ONNX files for `smartmot.lidar.learned`, in float32 or with integers of 8 bits."""
+"""A trained network as an ONNX file for `smartmot.lidar.learned`."""
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
@@ -12,8 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from evaluation.errors import ArgumentError
-from evaluation.results.files import write_bytes
+from evaluation.studies.training.graphs import streamlined
 from evaluation.studies.training.network import PillarNetwork
 from evaluation.studies.training.samples import LabelledFrame
 from smartmot.lidar.learned import Decoder
@@ -63,57 +61,7 @@ def onnx_bytes(
     for entry in (model, graph, *noted):
         del entry.metadata_props[:]
     onnx.helper.set_model_props(model, {METADATA: metadata(decoder, list(scale), list(offset), origin)})
-    content: bytes = model.SerializeToString(deterministic=True)
-    return content
-
-
-def quantised(content: bytes, frames: Sequence[LabelledFrame], decoder: Decoder) -> bytes:
-    """The network with convolutions on integers of 8 bits.
-
-    Args:
-        content: of an ONNX file.
-        frames: clouds by which the ranges of values are found.
-        decoder: its grid.
-
-    Raises:
-        ArgumentError: there is no frame.
-    """
-    import onnx
-    from onnxruntime import quantization
-
-    if not frames:
-        raise ArgumentError("--int8: no clouds to find the ranges of values by; name a data set with frames")
-
-    class Reader(quantization.CalibrationDataReader):  # type: ignore[misc]
-        """Pillars of the frames, one after another."""
-
-        def __init__(self) -> None:
-            self.seen = _seen(frames, decoder)
-
-        def get_next(self) -> dict[str, Any] | None:
-            """The inputs of the next frame."""
-            seen = next(self.seen, None)
-            return None if seen is None else dict(zip(INPUTS, (seen.features, seen.cell), strict=True))
-
-    with tempfile.TemporaryDirectory() as folder:
-        source, made = Path(folder) / "float.onnx", Path(folder) / "int8.onnx"
-        source.write_bytes(content)
-        quantization.quantize_static(
-            source, made, Reader(), quant_format=quantization.QuantFormat.QDQ, per_channel=True,
-            activation_type=quantization.QuantType.QUInt8, weight_type=quantization.QuantType.QInt8,
-            op_types_to_quantize=["Conv"], calibrate_method=quantization.CalibrationMethod.MinMax,
-        )  # fmt: skip
-        model = onnx.load(made)
-    held = {entry.key: entry.value for entry in onnx.load_from_string(content).metadata_props}
-    onnx.helper.set_model_props(model, held)
-    result: bytes = model.SerializeToString(deterministic=True)
-    return result
-
-
-def write_network(path: Path, content: bytes) -> str:
-    """Write a network's file; the SHA-256 of it in hexadecimal digits."""
-    write_bytes(path, content)
-    return hashlib.sha256(content).hexdigest()
+    return streamlined(model.SerializeToString(deterministic=True))
 
 
 def greatest_difference(

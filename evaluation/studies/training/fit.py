@@ -14,9 +14,10 @@ import numpy as np
 import torch
 
 from evaluation.errors import ArgumentError
+from evaluation.metrics.detection.from_above import ScoredBoxes, joined
 from evaluation.results.files import write_bytes
 from evaluation.studies.training.network import PillarNetwork, loss_of
-from evaluation.studies.training.quality import ClassBoxes, joined, match_frame
+from evaluation.studies.training.quality import match_frame
 from evaluation.studies.training.samples import Batch, Changes, LabelledFrame, batch, changed_window
 from smartmot.lidar.learned import Decoder
 
@@ -150,15 +151,15 @@ class Training:
                 self.progress.rows.append(row)
             report(self.progress, self.share)
 
-    def boxes(self, frames: Sequence[LabelledFrame], least_score: float = 0.05) -> dict[str, ClassBoxes]:
+    def boxes(self, frames: Sequence[LabelledFrame], least_score: float = 0.05) -> dict[str, ScoredBoxes]:
         """By class, the boxes of frames against their labels."""
         return self._looked_at(frames, least_score)[0]
 
     def _looked_at(
         self, frames: Sequence[LabelledFrame], least_score: float
-    ) -> tuple[dict[str, ClassBoxes], list[float]]:
+    ) -> tuple[dict[str, ScoredBoxes], list[float]]:
         """By class, the boxes of frames against their labels; and the loss of each frame."""
-        parts: dict[str, list[Any]] = {name: [] for name in self.decoder.classes}
+        parts: dict[str, list[ScoredBoxes]] = {name: [] for name in self.decoder.classes}
         losses = []
         least_points = self.options.least_points
         self.network.eval()

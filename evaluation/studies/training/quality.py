@@ -1,60 +1,17 @@
-"""How good boxes of frames are: right and missed ones by class, F1, and scores turned into probabilities."""
+"""Boxes of frames against their labels where a network looks, and scores turned into probabilities."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
 
+from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes, match_from_above
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
 from smartmot.lidar.learned import PillarGrid
-from smartmot.overlap import bev_iou
 from smartmot.pointcloud import Boxes3D
-
-LEAST_OVERLAP = {"car": 0.5, "pedestrian": 0.3, "cyclist": 0.3}
-"""IoU from above of a right box."""
-
-LEAST_SCORES = tuple(round(0.05 * k, 2) for k in range(1, 19))
-"""That are tried for the greatest F1."""
 
 FARTHEST_M = 40.0
 """Of labels and boxes that count, which lie in the cells of the network, too."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClassBoxes:
-    """All boxes of one class over some frames.
-
-    Args:
-        score: (N,) of each box.
-        is_right: (N,) whether it is the surest box on a label that counts.
-        is_ignored: (N,) whether it is on a label that does not count.
-        labels: that count.
-    """
-
-    score: FloatArray
-    is_right: BoolArray
-    is_ignored: BoolArray
-    labels: int
-
-    def counts(self, least_score: float) -> tuple[int, int]:
-        """Right and false boxes of at least a score."""
-        taken = (self.score >= least_score) & ~self.is_ignored
-        right = int((self.is_right & taken).sum())
-        return right, int(taken.sum()) - right
-
-    def f1(self, least_score: float) -> float:
-        """Harmonic mean of precision and recall of the boxes of at least a score; 0 without labels."""
-        right, false = self.counts(least_score)
-        return 2.0 * right / max(right + false + self.labels, 1)
-
-    def best(self) -> tuple[float, float]:
-        """The greatest F1, and the least score at which it is reached."""
-        values = [self.f1(least) for least in LEAST_SCORES]
-        at = int(np.argmax(values))
-        return values[at], LEAST_SCORES[at]
 
 
 def match_frame(
@@ -68,28 +25,23 @@ def match_frame(
     least_points: int,
     grid: PillarGrid,
     is_unlabelled: BoolArray | None = None,
-) -> tuple[FloatArray, BoolArray, BoolArray, int]:
-    """One class of one frame; see `ClassBoxes`.
+) -> ScoredBoxes:
+    """One class of one frame.
 
     Boxes beyond `FARTHEST_M` or off the grid are left out, and labels there do not count: a network sees
     nothing there. `is_unlabelled`: (N,) boxes that count only if they are right.
     """
-    own = np.flatnonzero((category == name) & _counts_at(boxes.center_m, grid))
-    own = own[np.argsort(-score[own], kind="stable")]
-    those = np.flatnonzero(kinds == name)
-    counting = _counts_at(labels.center_m[those], grid) & (counts[those] >= least_points)
-    right, ignored = np.zeros(len(own), dtype=np.bool_), np.zeros(len(own), dtype=np.bool_)
-    if len(own) and len(those):
-        iou = bev_iou(boxes[own].on_ground, labels[those].on_ground)
-        free = counting.copy()
-        for row in range(len(own)):
-            best = int(np.where(free, iou[row], -1.0).argmax())
-            if free[best] and iou[row, best] > LEAST_OVERLAP[name]:
-                right[row], free[best] = True, False
-        ignored = ~right & (iou[:, ~counting].max(axis=1, initial=0.0) > LEAST_OVERLAP[name])
-    if is_unlabelled is not None:
-        ignored |= ~right & is_unlabelled[own]
-    return score[own], right, ignored, int(counting.sum())
+    own = (category == name) & _counts_at(boxes.center_m, grid)
+    of_class = kinds == name
+    counting = _counts_at(labels.center_m[of_class], grid) & (counts[of_class] >= least_points)
+    return match_from_above(
+        boxes[own].on_ground,
+        score[own],
+        labels[of_class].on_ground,
+        counting,
+        LEAST_OVERLAP[name],
+        None if is_unlabelled is None else is_unlabelled[own],
+    )
 
 
 def _counts_at(center_m: FloatArray, grid: PillarGrid) -> BoolArray:
@@ -99,12 +51,6 @@ def _counts_at(center_m: FloatArray, grid: PillarGrid) -> BoolArray:
     for value, (low, high) in ((x, grid.ahead_m), (y, grid.left_m)):
         counts &= (value >= low) & (value < high)
     return counts
-
-
-def joined(parts: Sequence[tuple[FloatArray, BoolArray, BoolArray, int]]) -> ClassBoxes:
-    """Boxes of all frames as one."""
-    score, right, ignored = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return ClassBoxes(score, right, ignored, sum(part[3] for part in parts))
 
 
 def calibrated(score: FloatArray, is_right: BoolArray) -> tuple[float, float]:

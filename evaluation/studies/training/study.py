@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,21 +13,20 @@ import numpy as np
 import torch
 
 from evaluation.errors import ArgumentError
+from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes
 from evaluation.results.tables import Table, fixed
 from evaluation.studies.datasets.reading import read_frames
 from evaluation.studies.training import NETWORK
-from evaluation.studies.training.export import greatest_difference, onnx_bytes, quantised, write_network
+from evaluation.studies.training.export import greatest_difference, onnx_bytes
 from evaluation.studies.training.fit import CHECKPOINT, Progress, Training, TrainingOptions
-from evaluation.studies.training.quality import LEAST_OVERLAP, ClassBoxes, calibrated
+from evaluation.studies.training.graphs import write_network
+from evaluation.studies.training.quality import calibrated
 from evaluation.studies.training.samples import LabelledFrame, labelled_frame
 from smartmot.lidar.learned import Decoder, PillarGrid
 
 CARD = "card.json"
 
 CLASSES = ("car", "pedestrian", "cyclist")
-
-CALIBRATION_FRAMES = 300
-"""Clouds by which the ranges of integers are found, unless others are asked for."""
 
 TOLERANCE = 1e-4
 """Greatest difference between a network and its file."""
@@ -86,7 +85,7 @@ def train(
     options: TrainingOptions,
     report: Callable[[Progress, float], None],
     start: Mapping[str, torch.Tensor] | None = None,
-) -> tuple[Training, dict[str, ClassBoxes]]:
+) -> tuple[Training, dict[str, ScoredBoxes]]:
     """Train to the end, or go on where a training of the same frames and options stopped; write the network.
 
     Returns:
@@ -100,11 +99,9 @@ def train(
     return training, boxes
 
 
-def write_card(folder: Path, training: Training, boxes: dict[str, ClassBoxes]) -> None:
+def write_card(folder: Path, training: Training, boxes: dict[str, ScoredBoxes]) -> None:
     """Write the network as ONNX, with scores calibrated on the held-out frames, and what is known of it."""
-    pairs = [
-        calibrated(each.score[~each.is_ignored], each.is_right[~each.is_ignored]) for each in boxes.values()
-    ]
+    pairs = [calibrated(each.score, each.is_true) for each in boxes.values()]
     scale, offset = [a for a, _ in pairs], [b for _, b in pairs]
     origin = {
         "training": training.key,
@@ -134,26 +131,13 @@ def write_card(folder: Path, training: Training, boxes: dict[str, ClassBoxes]) -
     (folder / CARD).write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
 
 
-def export(folder: Path, frames: Iterable[LabelledFrame], out: Path) -> str:
-    """Write a trained network with integers of 8 bits; its SHA-256.
-
-    Raises:
-        ArgumentError: the folder holds no network.
-    """
-    source = folder / NETWORK
-    if not source.is_file():
-        raise ArgumentError(f"{source}: no network; finish the training first (lidar train)")
-    decoder = Decoder(PillarGrid(), CLASSES)
-    return write_network(out, quantised(source.read_bytes(), list(frames), decoder))
-
-
-def _best(boxes: ClassBoxes) -> dict[str, float]:
+def _best(boxes: ScoredBoxes) -> dict[str, float]:
     """The greatest F1 over least scores, and at which score."""
     f1, least = boxes.best()
     return {"labels": boxes.labels, "f1": round(f1, 4), "least_score": least}
 
 
-def quality_table(boxes: dict[str, ClassBoxes]) -> Table:
+def quality_table(boxes: dict[str, ScoredBoxes]) -> Table:
     """F1 of each class at the least score that is best for it."""
     rows = []
     for name, each in boxes.items():
@@ -174,4 +158,4 @@ def quality_table(boxes: dict[str, ClassBoxes]) -> Table:
     return Table(("class", "IoU", "labels", "F1", "least score"), tuple(rows), (), caption)
 
 
-__all__ = ["CHECKPOINT", "Frames", "export", "quality_table", "read_labelled", "train"]
+__all__ = ["CHECKPOINT", "Frames", "quality_table", "read_labelled", "train"]

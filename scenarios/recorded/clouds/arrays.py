@@ -21,6 +21,9 @@ KITTI_FIELDS = ("x", "y", "z", "intensity")
 NUSCENES_FIELDS = (*KITTI_FIELDS, "ring")
 """Source: nuscenes-devkit, `LidarPointCloud.from_file`."""
 
+AXES_KEPT = "axes of nuScenes kept: x right, y ahead"
+"""Note of a reader, which turns nothing."""
+
 SIMBEV_POINTS = "data"
 """Source: SimBEV (GoodarzMehr/SimBEV, 2026), the files of `sweeps/LIDAR`."""
 
@@ -67,8 +70,7 @@ def read_bin(path: Path) -> NamedCloud:
         named = cloud_from_rows(rows, name)
     except DatasetError as error:
         raise DatasetError(f"{path}: {error}") from None
-    axes = ("axes of nuScenes kept: x right, y ahead",) if nuscenes else ()
-    return replace(named, notes=(*named.notes, *axes))
+    return replace(named, notes=(*named.notes, AXES_KEPT), ahead="y") if nuscenes else named
 
 
 def bin_bytes(cloud: PointCloud, nuscenes: bool = False) -> bytes:

@@ -32,12 +32,14 @@ class NamedCloud:
         cloud: the points.
         dropped: points with a value that is not finite.
         notes: what else was not kept or was assumed.
+        ahead: axis of the sensor that points ahead, out of `clouds.axes.AHEAD`, as far as the format says it.
     """
 
     name: str
     cloud: PointCloud
     dropped: int = 0
     notes: tuple[str, ...] = ()
+    ahead: str = "x"
 
 
 def cloud_from_rows(

@@ -92,13 +92,14 @@ class Decoder:
 def _peaks(maps: NDArray[np.float32], least_score: float) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """Map, row, column and logit of each cell that is as high as its eight neighbours and high enough."""
     least = np.log(max(least_score, 1e-6) / max(1.0 - least_score, 1e-9))
-    which, row, column = np.nonzero(maps >= least)
-    around = np.pad(maps, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
+    which, row, column = np.unravel_index(np.flatnonzero(maps.ravel() >= least), maps.shape)
     logit = maps[which, row, column]
     is_peak = np.ones(len(logit), dtype=np.bool_)
-    for i in range(3):
-        for j in range(3):
-            is_peak &= logit >= around[which, row + i, column + j]
+    for i in range(-1, 2):
+        # beyond an edge is the edge itself, which is no higher than its own neighbour or cell
+        next_row = np.clip(row + i, 0, maps.shape[1] - 1)
+        for j in range(-1, 2):
+            is_peak &= logit >= maps[which, next_row, np.clip(column + j, 0, maps.shape[2] - 1)]
     value = np.clip(logit[is_peak].astype(np.float64), -500.0, 500.0)
     return which[is_peak], row[is_peak], column[is_peak], value
 

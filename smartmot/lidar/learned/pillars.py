@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmot.arrays import IntArray
+from smartmot.arrays import BoolArray, IntArray
 from smartmot.errors import ConfigError
 from smartmot.pointcloud.cloud import RealArray
 
@@ -74,6 +74,19 @@ class PillarGrid:
         ahead, left = self.ahead_m, self.left_m
         return round((ahead[1] - ahead[0]) / self.cell_m), round((left[1] - left[0]) / self.cell_m)
 
+    @property
+    def place(self) -> str:
+        """Where the cells are, in words."""
+        (near, far), (right, left) = self.ahead_m, self.left_m
+        return f"from {near:g} to {far:g} m ahead, {left:g} m to the left and {-right:g} m to the right"
+
+    def covers(self, xy_m: RealArray) -> BoolArray:
+        """(P,) whether points, (P, 2) or with more columns, are over a cell."""
+        x, y = xy_m[:, 0], xy_m[:, 1]
+        (near, far), (right, left) = self.ahead_m, self.left_m
+        inside: BoolArray = (x >= near) & (x < far) & (y >= right) & (y < left)
+        return inside
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pillars:
@@ -108,32 +121,42 @@ def pillars_of(xy_m: RealArray, height_m: RealArray, grid: PillarGrid) -> Pillar
     inside = (ahead >= 0.0) & (ahead < rows) & (left >= 0.0) & (left < columns)
     inside &= (height_m >= grid.heights_m[0]) & (height_m <= grid.heights_m[1])
     point = np.flatnonzero(inside)
+    most = grid.most_points
+    if not len(point):
+        empty = np.zeros((0, most, len(FEATURES)), dtype=np.float32)
+        return Pillars(empty, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
     row, column = ahead[point].astype(np.int32), left[point].astype(np.int32)
     # by cell, then in the order of the cloud: one sort of both as one number
     key = np.sort(((row * np.int32(columns) + column).astype(np.int64) << 32) | np.arange(len(point)))
     order, cell = key & 0xFFFFFFFF, key >> 32
     point = point[order]
-    first = np.flatnonzero(np.diff(cell, prepend=-1))
-    count = np.diff(first, append=len(cell))
-    if not len(first):
-        empty = np.zeros((0, grid.most_points, len(FEATURES)), dtype=np.float32)
-        return Pillars(empty, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    x, y = ahead[point].astype(np.float32), left[point].astype(np.float32)
-    z = height_m[point].astype(np.float32)
-    owner = np.repeat(np.arange(len(first)), count)
+    is_first = np.ones(len(point), dtype=np.bool_)
+    np.not_equal(cell[1:], cell[:-1], out=is_first[1:])
+    first = np.flatnonzero(is_first)
+    count = np.diff(first, append=len(point))
+    pillar = np.repeat(np.arange(len(first)), count)
+    x, y, z = (value[point].astype(np.float32) for value in (ahead, left, height_m))
     own_count = count.astype(np.float32)
-    feature = np.empty((len(point), len(FEATURES)), dtype=np.float32)
+    # a row of memory for each of `FEATURES`, turned at the end: numpy is quick along rows
+    by_feature = np.empty((len(FEATURES), len(point)), dtype=np.float32)
+    np.subtract(x, row[order] + np.float32(0.5), out=by_feature[0], casting="same_kind")
+    np.subtract(y, column[order] + np.float32(0.5), out=by_feature[1], casting="same_kind")
+    by_feature[2] = z
     for axis, (value, unit) in enumerate(((x, grid.cell_m), (y, grid.cell_m), (z, 1.0))):
         mean = np.add.reduceat(value, first) / own_count
-        feature[:, 3 + axis] = (value - mean[owner]) * unit
-    feature[:, 0] = x - (row[order] + np.float32(0.5))
-    feature[:, 1] = y - (column[order] + np.float32(0.5))
-    feature[:, 2] = z
-    feature[:, 6] = np.hypot(x * grid.cell_m + grid.ahead_m[0], y * grid.cell_m + grid.left_m[0]) / FAR_M
-    feature[:, 7] = (np.log1p(own_count) / 4.0)[owner]
-    most = grid.most_points
-    slot = np.arange(most)
+        np.subtract(value, mean[pillar], out=by_feature[3 + axis])
+        by_feature[3 + axis] *= unit
+    np.hypot(x * grid.cell_m + grid.ahead_m[0], y * grid.cell_m + grid.left_m[0], out=by_feature[6])
+    by_feature[6] /= FAR_M
+    by_feature[7] = (np.log1p(own_count) / 4.0)[pillar]
+    feature = np.ascontiguousarray(by_feature.T)
+    # the point in each place of a pillar: its first one, then the others
+    taken = np.repeat(first, most)
+    rank = np.arange(len(point)) - first[pillar]
+    few = (count <= most)[pillar]
+    taken[(pillar * most + rank)[few]] = np.flatnonzero(few)
     # pillar k takes points floor(slot * count / most) where it has more than `most`
-    wide = (slot * count[:, None]) // most
-    taken = np.where(count[:, None] > most, wide, np.where(slot < count[:, None], slot, 0))
-    return Pillars(feature[first[:, None] + taken], cell[first], point)
+    many = np.flatnonzero(count > most)
+    taken.reshape(-1, most)[many] = first[many, None] + (np.arange(most) * count[many, None]) // most
+    features = np.take(feature, taken, axis=0, mode="clip").reshape(len(first), most, len(FEATURES))
+    return Pillars(features, cell[first], point)

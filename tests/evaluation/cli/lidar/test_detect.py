@@ -185,3 +185,64 @@ def test_a_cloud_far_from_any_road_user_has_no_boxes(tmp_path: Path) -> None:
     assert call("lidar", "detect", tmp_path / "a.bin", "--out", tmp_path / "out", "-q") == 0
     assert (tmp_path / "out" / "kitti" / "a.txt").read_text() == ""
     assert rows_of(tmp_path / "out" / "detections.csv") == []
+
+
+def sweep(velodyne: Path, path: Path) -> Path:
+    """The first cloud as a raw sweep of nuScenes: x right, y ahead."""
+    rows = np.fromfile(velodyne / "000000.bin", dtype="<f4").reshape(-1, 4)
+    raw = np.column_stack((-rows[:, 1], rows[:, 0], rows[:, 2], 255.0 * rows[:, 3], 0.0 * rows[:, 0]))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    raw.astype("<f4").tofile(path)
+    return path
+
+
+@pytest.mark.parametrize("method", ["classical", "plain", "pillars"])
+def test_sweeps_of_nuscenes_are_looked_at_ahead(
+    velodyne: Path, tmp_path: Path, method: str, capsys: Capture
+) -> None:
+    """A network sees nothing behind and little aside: with x to the right it would look to the right."""
+    pytest.importorskip("onnxruntime")
+    raw = sweep(velodyne, tmp_path / "raw" / "000000.pcd.bin")
+    words = ("--method", method)
+    assert call("lidar", "detect", velodyne / "000000.bin", *words, "--out", tmp_path / "a") == 0
+    assert ("the network looked from 0 to 44.8 m ahead, 28.8 m to the left" in capsys.readouterr().out) == (
+        method == "pillars"
+    )
+    assert call("lidar", "detect", raw, *words, "--out", tmp_path / "b") == 0
+    assert "the sensor's y points ahead: clouds and boxes turned" in capsys.readouterr().err
+    rows, turned = (rows_of(tmp_path / name / "detections.csv") for name in "ab")
+    assert rows
+    assert turned == rows
+    # the same in a file that does not say it
+    assert call("lidar", "convert", raw, tmp_path / "c.bin") == 0
+    assert call("lidar", "detect", tmp_path / "c.bin", *words, "--ahead", "y", "--out", tmp_path / "c") == 0
+    again = [{**row, "frame": "0"} for row in rows_of(tmp_path / "c" / "detections.csv")]
+    assert again == rows
+
+
+def test_a_calibration_is_of_the_sensor_as_it_is_mounted(velodyne: Path, tmp_path: Path) -> None:
+    raw = sweep(velodyne, tmp_path / "raw" / "000000.pcd.bin")
+    (tmp_path / "calib.txt").write_text(
+        CALIBRATION.replace("0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27", "1 0 0 0 0 0 -1 -0.08 0 1 0 -0.27")
+    )
+    first, calib = velodyne / "000000.bin", velodyne.parent / "calib.txt"
+    assert call("lidar", "detect", first, "--calib", calib, "--out", tmp_path / "a") == 0
+    assert call("lidar", "detect", raw, "--calib", tmp_path / "calib.txt", "--out", tmp_path / "b") == 0
+    lines, turned = (read_objects(tmp_path / name / "kitti", results=True, scored=True) for name in "ab")
+    assert len(lines) == 2
+    assert turned.type_name.tolist() == lines.type_name.tolist()
+    np.testing.assert_allclose(turned.camera_box, lines.camera_box, atol=1e-9)
+    np.testing.assert_allclose(turned.image_box_px, lines.image_box_px, atol=1e-6)
+
+
+def test_bench_turns_sweeps_too_and_no_other_axis_is_ahead(
+    velodyne: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    raw = sweep(velodyne, tmp_path / "raw" / "000000.pcd.bin")
+    assert call("lidar", "bench", velodyne / "000000.bin", "--rounds", 1) == 0
+    plain = capsys.readouterr().out
+    assert call("lidar", "bench", raw, "--rounds", 1) == 0
+    wanted = next(line for line in plain.splitlines() if "boxes of all" in line)
+    assert wanted in capsys.readouterr().out.splitlines()
+    assert call("lidar", "detect", raw, "--ahead", "z", "--out", tmp_path / "out") == 2
+    assert "--ahead: unknown 'z'; use one of: x, y, -x, -y" in capsys.readouterr().err

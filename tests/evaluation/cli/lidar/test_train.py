@@ -1,15 +1,20 @@
-"""`lidar export` where nothing has to be computed."""
+"""`lidar export`: copies, and networks with integers made without PyTorch."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from benchmarks.train_lidar import fresh_streets
 from evaluation.cli.lidar.train import export_command
 from evaluation.errors import ArgumentError
+from evaluation.studies.detectors.quality import QualityOptions, measured_quality
 from evaluation.studies.training import NETWORK
+from smartmot.errors import ConfigError
+from smartmot.lidar.learned import LearnedConfig, shipped_network, shipped_path
 
 
 def test_a_trained_network_is_copied_without_pytorch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,3 +26,47 @@ def test_a_trained_network_is_copied_without_pytorch(tmp_path: Path, monkeypatch
     (tmp_path / NETWORK).write_bytes(b"weights")
     export_command(tmp_path, out, quiet=True)
     assert out.read_bytes() == b"weights"
+
+
+def test_the_shipped_network_gets_integers_without_pytorch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few frames: that F1 differs by less than 0.02 is measured by benchmarks.lidar_int8 on many."""
+    pytest.importorskip("onnx")
+    monkeypatch.setitem(sys.modules, "torch", None)
+    folder = tmp_path / "Größe und Maß"
+    folder.mkdir()
+    out = folder / "klein 8.onnx"
+    export_command(Path("pillars"), out, int8=True, calibrate=6, quiet=True)
+    assert out.stat().st_size < 0.4 * shipped_path("pillars").stat().st_size
+    small = LearnedConfig(out)
+    assert small.network.decoder == shipped_network().network.decoder
+    frames = list(fresh_streets(12, 999))
+    counted = [
+        measured_quality(frames, config, QualityOptions(10))[0] for config in (shipped_network(), small)
+    ]
+    labels = sum(each.labels for each in counted[0].values())
+    right = [sum(each.counts(0.3).true_positives for each in boxes.values()) for boxes in counted]
+    false = [sum(each.counts(0.3).false_positives for each in boxes.values()) for boxes in counted]
+    f1 = 2.0 * np.array(right) / (np.array(right) + false + labels)
+    assert labels > 60
+    assert f1[0] > 0.5
+    assert abs(f1[1] - f1[0]) < 0.1
+    with pytest.raises(ArgumentError, match="has integers of 8 bits already"):
+        export_command(out, tmp_path / "again.onnx", int8=True, calibrate=1, quiet=True)
+    assert not (tmp_path / "again.onnx").exists()
+
+
+def test_a_network_of_a_file_is_copied_and_what_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "copy.onnx"
+    export_command(shipped_path("pillars"), out, quiet=True)
+    assert out.read_bytes() == shipped_path("pillars").read_bytes()
+    with pytest.raises(ArgumentError, match="--calibrate is for --int8"):
+        export_command(out, tmp_path / "b.onnx", calibrate=3, quiet=True)
+    with pytest.raises(ArgumentError, match="--data is for --int8"):
+        export_command(out, tmp_path / "b.onnx", data=tmp_path, quiet=True)
+    with pytest.raises(ArgumentError, match="is the network itself"):
+        export_command(out, out, quiet=True)
+    with pytest.raises(ConfigError, match=r"missing\.onnx: cannot be read"):
+        export_command(tmp_path / "missing.onnx", tmp_path / "b.onnx", quiet=True)
+    assert not (tmp_path / "b.onnx").exists()

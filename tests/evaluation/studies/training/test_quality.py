@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.studies.training.quality import ClassBoxes, calibrated, joined, match_frame
+from evaluation.metrics.detection.from_above import ScoredBoxes, joined
+from evaluation.studies.training.quality import calibrated, match_frame
 from smartmot.lidar.learned import PillarGrid
 from smartmot.pointcloud import Boxes3D
 
@@ -22,7 +23,7 @@ def people(*places: tuple[float, float]) -> Boxes3D:
     )
 
 
-def matched(found: Boxes3D, score: list[float], labels: Boxes3D, counts: list[int]) -> ClassBoxes:
+def matched(found: Boxes3D, score: list[float], labels: Boxes3D, counts: list[int]) -> ScoredBoxes:
     names = np.full(len(found), "pedestrian"), np.full(len(labels), "pedestrian")
     return joined(
         [
@@ -37,7 +38,7 @@ def test_the_surest_box_on_a_label_is_right_and_the_second_is_not() -> None:
     found = people((10.0, 0.05), (10.0, 0.0), (20.0, 5.0))
     each = matched(found, [0.5, 0.9, 0.7], people((10.0, 0.0), (30.0, 0.0)), [50, 50])
     assert each.score.tolist() == [0.9, 0.7, 0.5]
-    assert each.is_right.tolist() == [True, False, False]
+    assert each.is_true.tolist() == [True, False, False]
     assert each.labels == 2
     assert each.f1(0.0) == pytest.approx(2 * 1 / (3 + 2))
     assert each.f1(0.8) == pytest.approx(2 * 1 / (1 + 2))
@@ -48,7 +49,7 @@ def test_labels_with_few_points_or_too_far_away_count_neither_way() -> None:
     found = people((10.0, 0.0), (20.0, 0.0), (45.0, 0.0))
     each = matched(found, [0.9, 0.9, 0.9], people((10.0, 0.0), (20.0, 0.0), (45.0, 0.0)), [4, 50, 50])
     assert each.labels == 1
-    assert each.is_ignored.tolist() == [True, False]
+    assert each.score.tolist() == [0.9]  # on the label with few points lies a box that counts neither way
     assert each.f1(0.5) == 1.0
 
 
@@ -57,7 +58,7 @@ def test_labels_and_boxes_off_the_grid_count_neither_way() -> None:
     labels = people((10.0, 0.0), (-5.0, 0.0), (5.0, 30.0), (5.0, -28.9))
     each = matched(people((10.0, 0.0), (5.0, -28.9)), [0.9, 0.9], labels, [50] * 4)
     assert each.labels == 1
-    assert each.is_right.tolist() == [True]
+    assert each.is_true.tolist() == [True]
     assert each.f1(0.5) == 1.0
 
 
