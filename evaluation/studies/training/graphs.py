@@ -59,8 +59,8 @@ class _Graph:
         self.nodes: list[Any] = list(proto.node)
         self.constants = {entry.name: numpy_helper.to_array(entry) for entry in proto.initializer}
 
-    def maker(self, name: str) -> Any | None:
-        """The node with an output of that name."""
+    def maker(self, name: str) -> Any:
+        """The node with an output of that name; None: there is none."""
         return next((node for node in self.nodes if name in node.output), None)
 
     def user(self, name: str, kind: str) -> Any | None:

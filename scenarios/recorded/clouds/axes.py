@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from smartmot.arrays import FloatArray
 from smartmot.geometry import wrap_angle
 from smartmot.pointcloud import Boxes3D, PointCloud
 
@@ -52,7 +53,7 @@ def _boxes(boxes: Boxes3D, quarters: int) -> Boxes3D:
     return Boxes3D(_turned(boxes.center_m, quarters), boxes.size_m, yaw)
 
 
-def _turned(xyz_m: FloatArray, quarters: int) -> FloatArray:
+def _turned(xyz_m: NDArray[Any], quarters: int) -> NDArray[Any]:
     """(N, 3) points of axes that are so many quarters further to the left; exact, of the same kind."""
     turned = np.array(xyz_m)
     for column, (of_x, of_y) in enumerate(_OURS_OF_QUARTERS[quarters]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +82,7 @@ def _view(
     """See `detect_learned`."""
     xyz = cloud.xyz_m.astype(np.float64)
     distance = np.hypot(xyz[:, 0], xyz[:, 1])
-    reach = float(np.hypot(*(max(map(abs, span)) for span in (grid.ahead_m, grid.left_m))))
+    reach = math.hypot(max(map(abs, grid.ahead_m)), max(map(abs, grid.left_m)))
     near = np.flatnonzero((distance <= reach) & (xyz[:, 0] >= grid.ahead_m[0]))
     xyz, distance = xyz[near], distance[near]
     ground, height = ground_under(xyz, np.arctan2(xyz[:, 1], xyz[:, 0]), distance, reach, sensor_height_m)

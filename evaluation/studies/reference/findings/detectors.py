@@ -6,13 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from evaluation.metrics.detection.from_above import LEAST_OVERLAP
 from evaluation.results.tables import EMPTY, Table
-from evaluation.studies.detectors.comparison import (
-    LEAST_OVERLAP,
-    LEAST_SCORE,
-    DetectorComparison,
-    DetectorScores,
-)
+from evaluation.studies.detectors.comparison import LEAST_SCORE, DetectorComparison, DetectorScores
 from evaluation.studies.reference.kept import read_records, read_rows
 
 
