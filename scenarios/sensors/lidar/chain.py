@@ -54,7 +54,9 @@ NETWORK_FORM = "FILE.onnx"
 """How a network is named, unless it is shipped and has a name; with `_monitored` behind it, it gets the
 points on the monitored area alone."""
 
-_NETWORK_NAME = re.compile(rf"(.+\.onnx|{'|'.join(SHIPPED)})(_monitored)?(?:@([0-9a-f]{{12,64}}))?")
+_NETWORK_NAME = re.compile(rf"(.+\.onnx|{'|'.join(SHIPPED)})(_monitored)?(?:@(.*))?")
+
+_DIGITS = re.compile("[0-9a-f]{12,64}")
 
 LEAST_NETWORK_SCORE = 0.1
 """Boxes of a network with lower scores are peaks of its noise, a hundred in a frame; no shipped tracker with
@@ -132,9 +134,14 @@ def network_file(name: str) -> NetworkFile:
     match = _NETWORK_NAME.fullmatch(name)
     if match is None:
         raise ConfigError(f"{name}: expected {NETWORK_FORM} or {', '.join(SHIPPED)}")
-    path, monitored, digits = match.groups()
+    path, monitored, typed = match.groups()
+    digits = "" if typed is None else typed.lower()
+    if typed is not None and not _DIGITS.fullmatch(digits):
+        raise ConfigError(
+            f"{name}: expected the first 12 to 64 hexadecimal digits of the file's SHA-256 after @, got {typed!r}"
+        )
     config = shipped_network(path) if path in SHIPPED else LearnedConfig(Path(path))
-    if not config.digest.startswith(digits or ""):
+    if not config.digest.startswith(digits):
         raise ConfigError(
             f"{path}: is not the network with SHA-256 {digits}..., but {config.digest[:12]}...; "
             "it has changed since it was named"

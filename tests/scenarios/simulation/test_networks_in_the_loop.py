@@ -208,12 +208,40 @@ def test_two_networks_in_one_process_do_not_share_frames(path: str) -> None:
     ("name", "is_one"),
     [
         ("net.onnx", True), ("a b/net.onnx_monitored", True), ("net.onnx@0123456789ab", True),
-        ("C:\\nets\\net.onnx", True), ("net.onnx_unscored", False), ("net.onnx@0123", False),
+        ("C:\\nets\\net.onnx", True), ("net.onnx_unscored", False), ("net.onnx@0123", True),
         ("net.pt", False), ("module:net.onnx", False), ("classical", False), (".onnx", False),
     ],
 )  # fmt: skip
 def test_names_of_networks(name: str, is_one: bool) -> None:
     assert is_network(name) is is_one
+
+
+def test_digits_of_a_hash_are_read_in_either_case_and_need_their_form(path: str) -> None:
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    assert network_file(f"{path}@{digest[:20].upper()}").name == f"{path}@{digest[:12]}"
+    for typed in ("123", "", "0123456789ag", digest + "0", f"{digest[:12]} "):
+        with pytest.raises(ConfigError, match=r"expected the first 12 to 64 hexadecimal digits .* after @"):
+            preset_with(PHYSICAL, (("sensor", "hdl64"), ("perception", f"{path}@{typed}")))
+
+
+def test_names_may_have_umlauts_spaces_and_signs(tmp_path: Path) -> None:
+    folder = tmp_path / "Größe @ Maß, 2"
+    folder.mkdir()
+    file = folder / "müde straße.onnx"
+    file.write_bytes(upright_network(SMALL))
+    network = network_file(str(file))
+    assert network.path == str(file)
+    assert network_path(network.name) == file
+    assert network_file(network.name) == network
+    detections = CloudDetector(network).detect(post())
+    assert detections.category.tolist() == ["pedestrian"]
+
+
+def test_a_run_whose_network_is_gone_says_so(path: str) -> None:
+    given = spec(PARAMETERS["perception"].known_as(path))
+    Path(path).unlink()
+    with pytest.raises(ConfigError, match=r"upright.onnx: cannot be read: No such file"):
+        simulation_of(given)
 
 
 def test_what_is_no_network_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
