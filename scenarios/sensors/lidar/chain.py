@@ -138,7 +138,8 @@ def network_file(name: str) -> NetworkFile:
     digits = "" if typed is None else typed.lower()
     if typed is not None and not _DIGITS.fullmatch(digits):
         raise ConfigError(
-            f"{name}: expected the first 12 to 64 hexadecimal digits of the file's SHA-256 after @, got {typed!r}"
+            f"{name}: expected the first 12 to 64 hexadecimal digits of the file's SHA-256 after @, "
+            f"got {typed!r}"
         )
     config = shipped_network(path) if path in SHIPPED else LearnedConfig(Path(path))
     if not config.digest.startswith(digits):
