@@ -11,7 +11,7 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.motion.profiles import SpeedProfile, transition
 from scenarios.openscenario.reading.document import as_number
-from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.world import TIME_EPSILON_S, Clock, Instant, World
 
 LONGITUDINAL, LATERAL = "longitudinal", "lateral"
@@ -35,6 +35,9 @@ class RunningAction(ABC, Generic[ActionT_co]):
 
     domains: frozenset[str] = frozenset()
     """Actions that share an entity and a domain replace each other."""
+
+    goes_on = False
+    """Whether `update` leaves place and speed at its instant as they are, and changes only later ones."""
 
     def __init__(self, world: World, actor: Actor | None, action: ActionT_co) -> None:
         self.world, self.actor, self.action = world, actor, action
@@ -70,27 +73,26 @@ class RunningAction(ABC, Generic[ActionT_co]):
         if LONGITUDINAL in self.domains:
             self.who.keep_speed(time_s)
 
-    def drive(self, time_s: float, profile: SpeedProfile) -> SpeedProfile:
+    def drive(self, time_s: float, profile: SpeedProfile, state: State | None = None) -> SpeedProfile:
         """Give the entity a speed profile, within its Performance if that is to be applied; the one it has.
 
-        A profile that asks for more is noted.
+        A profile that asks for more is noted. `state` is that of the entity now, if it is known.
         """
         who, limits = self.who, self.who.definition.performance
         if limits is not None:
-            name = f"'{who.name}' ({who.definition.model})"
             allowed = (limits.max_speed_mps, limits.max_acceleration_mps2, limits.max_deceleration_mps2)
             for asked, most, unit, what in zip(profile.demands(), allowed, UNITS, ASKED, strict=True):
                 if asked > most * (1.0 + PERFORMANCE_ROUNDED):
                     self.world.note(
-                        f"the file asks for {asked:.3g} {unit} of {name}, whose "
-                        f"Performance allows {what} {most:.3g}"
+                        f"the file asks for {asked:.3g} {unit} of '{who.name}' ({who.definition.model}), "
+                        f"whose Performance allows {what} {most:.3g}"
                         + (": limited to that" if self.world.apply_performance else ""),
                         (who.name, what),
                         asked,
                     )
             if self.world.apply_performance:
                 profile = profile.limited(limits)
-        who.drive(time_s, profile)
+        who.drive(time_s, profile, state)
         return profile
 
     @property

@@ -57,7 +57,7 @@ class State(NamedTuple):
         return self
 
 
-_state = partial(tuple.__new__, State)
+state_of = partial(tuple.__new__, State)
 """A state from a tuple, in half the time of its constructor."""
 
 
@@ -66,11 +66,15 @@ class Kept(Protocol):
 
     gap_s: float | None
 
+    def left_m(self, own: State, seen: State) -> float:
+        """How far the place is ahead; NaN if there is none."""
+        ...
+
     def on(self, path: Path, own: State, seen: State) -> State | None:
         """The state of an entity there, near a state of it; None if there is no such place."""
         ...
 
-    def rates(self, path: Path, own: State, seen: State) -> tuple[float, float]:
+    def rates(self, path: Path, own: State, seen: State, left_m: float) -> tuple[float, float]:
         """By how much what is left shrinks per metre of way, and the speed at which the place moves."""
         ...
 
@@ -188,12 +192,12 @@ class Actor:
         gone = abs(distance)
         station = self._anchor_station + (gone if self.on_trajectory else distance)
         if pose is not None:
-            return _state((pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone))
+            return state_of((pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone))
         x, y, yaw = self.path.pose(station)
         yaw += self._yaw_offset
         if self.on_trajectory and (speed < 0.0 or (speed == 0.0 and self._reversed)):
             yaw += math.pi
-        return _state((x, y, yaw, speed, station, self._anchor_travelled + gone))
+        return state_of((x, y, yaw, speed, station, self._anchor_travelled + gone))
 
     def _towed(self, time_s: float) -> State:
         assert self.tow is not None
@@ -210,7 +214,7 @@ class Actor:
             x, y, yaw = path.pose(station)
         else:
             x, y, yaw, _, station, _ = there
-            along = tow.place.rates(path, there, leader)[1]
+            along = tow.place.rates(path, there, leader, tow.place.left_m(there, leader))[1]
             if tow.place.gap_s is not None:  # the gap changes with the leader's speed
                 later = tow.leader.state(time_s + MOMENT_S)
                 smooth = abs(later.speed_mps - leader.speed_mps) <= MAX_ACCELERATION_MPS2 * MOMENT_S
@@ -351,9 +355,9 @@ class Actor:
             stops = self.standing_since_s is None and abs(state.speed_mps) <= STANDING_MPS
             self._note(time_s, state.speed_mps, self.standing_since(time_s, state) if stops else None)
 
-    def anchor(self, time_s: float) -> State:
+    def anchor(self, time_s: float, state: State | None = None) -> State:
         """Anchor the motion at a time, after which earlier states are no longer asked for."""
-        state = self.state(time_s)
+        state = state or self.state(time_s)
         self._anchor(time_s, state)
         return state
 
@@ -489,17 +493,17 @@ class Actor:
         trailer._note(time_s, trailer.state(time_s).speed_mps, time_s)
         trailer._pull(time_s)
 
-    def drive(self, time_s: float, profile: SpeedProfile) -> None:
-        """Give it a new speed profile from a time on."""
+    def drive(self, time_s: float, profile: SpeedProfile, state: State | None = None) -> None:
+        """Give it a new speed profile from a time on; `state` is that of this time, if it is known."""
         before = self.steady_since_s(time_s)
-        state = self.anchor(time_s)
+        state = self.anchor(time_s, state)
         self.tow = None
         self.profile = profile
-        self._anchor_distance = profile.at(time_s)[0]
-        same = before is not None and abs(profile.at(time_s)[1] - state.speed_mps) < STANDING_MPS
+        self._anchor_distance, speed_mps = profile.at(time_s)
+        same = before is not None and abs(speed_mps - state.speed_mps) < STANDING_MPS
         self._steady_s = before if same and before is not None else time_s
         if not self.commanded:
-            self._note(time_s, profile.at(time_s)[1], time_s)
+            self._note(time_s, speed_mps, time_s)
 
     def attach(self, time_s: float, leader: Actor, place: Kept, ahead_m: float) -> None:
         """Keep a distance from another entity from a time on."""

@@ -23,11 +23,11 @@ from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
+from scenarios.openscenario.running.driving.contacts import Contacts
 from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
 from scenarios.openscenario.running.initial import come_later, in_order, is_used
-from scenarios.openscenario.running.relative import Touching
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
@@ -106,11 +106,8 @@ class Engine:
         self.contact: Contact | None = None
         self._names = tuple(entity.name for entity in definition.entities)
         self._categories = tuple(entity.category for entity in definition.entities)
-        self._touches = [
-            (other, Observed(Touching(self.ego, other)))
-            for other in self._actors.values()
-            if other is not self.ego
-        ]
+        self._contacts = Contacts(self.ego, list(self._actors.values()))
+        self._meets = False
         self._watching: list[Observed] = []
         self._open: list[Observed] = []
         self._looks = 0
@@ -221,7 +218,7 @@ class Engine:
                     action.action, model.SpeedAction | model.FollowTrajectoryAction | model.LaneChangeAction
                 ):
                     moved.extend(action.entities)
-        names.extend((*moved, *(other.name for other, _ in self._touches)))
+        names.extend((*moved, *self._names))
         return next((name for name in names if name != self.ego.name), None)
 
     @property
@@ -270,18 +267,20 @@ class Engine:
             repeats = False
             if self.storyboard.update(self._now):
                 self._unsettle()
-            if controllers.decide(self._driven(), self.world, self._now):
+            if controllers.decide(self._driven(), self._now):
                 self._unsettle()
             if self._kink_s <= self.time_s + TOLERANCE_S:
                 self._kink_s = self._next_kink_s()
             until = min(end, self._kink_s, self._command_s())
             ahead = Instant(until if until < end - TOLERANCE_S else end, self._actors)
-            self._open = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
+            unsettled = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
+            contacts = self._contacts.may_change(self._now, ahead.time_s) if self._meets else []
+            self._open = unsettled + contacts
             self._looks = 0
             change = self._first_change(self._now, ahead)
             if change is None:
                 self._move(ahead)
-                for watch in self._open:
+                for watch in unsettled:
                     watch.settle(ahead)
             else:
                 self._move(change)
@@ -320,10 +319,11 @@ class Engine:
         self._now = Instant(self.time_s, self._actors)
         self._first_contact(self._now)  # an action may have put somebody there
         self._watching = [watch for watch in self.storyboard.watches() if watch.varies]
-        if self.contact is None and self.ego.exists:
-            self._watching += [w for other, w in self._touches if other.exists and not other.definition.flat]
         for watch in self._watching:
             watch.begin(self._now)
+        self._meets = self.contact is None and self.ego.exists
+        if self._meets:
+            self._contacts.begin(self._now)
         self._kink_s = self._next_kink_s()
 
     def _unsettle(self) -> None:
@@ -331,6 +331,7 @@ class Engine:
         self._now = Instant(self.time_s, self._actors)
         for watch in self._watching:
             watch.unsettle()
+        self._contacts.unsettle()
         self._kink_s = self._next_kink_s()
 
     def _next_kink_s(self) -> float:
@@ -398,12 +399,7 @@ class Engine:
         """Take note of the ego's first contact, if this is it."""
         if self.contact is not None or not self.ego.exists:
             return
-        touched = (
-            other
-            for other, watch in self._touches
-            if other.exists and not other.definition.flat and watch.holding.holds(instant)
-        )
-        other = next(touched, None)
+        other = self._contacts.touched(instant)
         if other is None:
             return
         name = other.name
@@ -425,11 +421,10 @@ class Engine:
     # Results
 
     def _sample(self) -> None:
-        self._samples.time_s.append(self.time_s)
         now = self._now
-        self._samples.states.append([now.state(name) for name in self._actors])
+        states = [now.state(name) for name in self._actors]
+        self._samples.add(self.time_s, states, [actor.exists for actor in self._actors.values()])
         self._criteria.look(self.time_s, now.state(self.ego.name))
-        self._samples.exists.append([actor.exists for actor in self._actors.values()])
 
     @property
     def ego_speed_mps(self) -> float:
@@ -471,7 +466,7 @@ class Engine:
         steady = (
             self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
         )
-        table = np.array(self._samples.states)
+        time_s, table, exists = self._samples.columns()
         return Run(
             contact_time_s=contact.time_s if contact else None,
             contact_entity=contact.entity if contact else None,
@@ -484,10 +479,10 @@ class Engine:
             end_time_s=self.time_s,
             stopped=self.over,
             names=read_only(self._names),
-            time_s=np.array(self._samples.time_s),
+            time_s=time_s,
             x_m=table[..., 0],
             y_m=table[..., 1],
             yaw_rad=table[..., 2],
             speed_mps=table[..., 3],
-            exists=np.array(self._samples.exists),
+            exists=exists,
         )

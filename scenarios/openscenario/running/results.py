@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -95,17 +97,40 @@ class Run:
     exists: BoolArray
 
 
+def _column() -> array[float]:
+    return array("d")
+
+
 @dataclass(slots=True)
 class Samples:
-    """What a run came to so far, one entry for each sampling time: times, states, who exists."""
+    """What a run came to so far, as columns that grow: no object is kept of a time or an entity.
 
-    time_s: list[float] = field(default_factory=list)
-    states: list[list[State]] = field(default_factory=list)
-    exists: list[list[bool]] = field(default_factory=list)
+    Args:
+        time_s: sampling times.
+        states: x, y, yaw and speed of each entity, time by time.
+        exists: which of them are there, time by time.
+    """
+
+    time_s: array[float] = field(default_factory=_column)
+    states: array[float] = field(default_factory=_column)
+    exists: bytearray = field(default_factory=bytearray)
+
+    def add(self, time_s: float, states: Iterable[State], exists: Iterable[bool]) -> None:
+        """Take a sample."""
+        self.time_s.append(time_s)
+        for state in states:
+            self.states.extend(state[:4])
+        self.exists.extend(exists)
+
+    def columns(self) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """(T,) times, (T, N, 4) x, y, yaw and speed, (T, N) who is there."""
+        times = np.array(self.time_s)
+        states = np.array(self.states).reshape(len(times), -1, 4)
+        return times, states, np.array(self.exists, dtype=np.bool_).reshape(len(times), -1)
 
     def __deepcopy__(self, memo: dict[int, object]) -> Samples:
-        """Lists of its own, of the same samples, which are never changed."""
-        return Samples(self.time_s.copy(), self.states.copy(), self.exists.copy())
+        """Columns of its own."""
+        return Samples(self.time_s[:], self.states[:], self.exists[:])
 
 
 @lru_cache(maxsize=64)

@@ -404,7 +404,10 @@ class Storyboard:
         """Let running actions adapt at the beginning of a step; whether something is new."""
         new = False
         for part in self._running:
-            new |= part.update(instant)
+            if part.update(instant):
+                new = True
+                if not part.goes_on:  # those that follow it see what it has changed
+                    instant = Instant(instant.time_s, self._world.actors)
         return new
 
     # Observation

@@ -20,10 +20,10 @@ from scenarios.openscenario.control import Motion
 from scenarios.openscenario.errors import RunError, UnsupportedError
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.running.actions import RunningAction
-from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.maps.lane_map import LEVEL_M
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 DRIVERS = ("acc", "alks", "idm", "naturaldriver", "followroute")
 """Whole words in the names of controllers that keep a distance from who is ahead, such as esmini's."""
@@ -42,8 +42,9 @@ NAMING = ("name", "esminicontroller", "module", "controllertype")
 ACCEL_MPS2, DECEL_MPS2, HEADWAY_S, STANDSTILL_M = 0.73, 1.67, 1.6, 2.0
 """Intelligent Driver Model: Treiber, Hennecke, Helbing (2000), Physical Review E 62, table I; exponent 4."""
 
-LOOK_AHEAD_M = 300.0
-"""Who is further ahead makes no difference: less than 0.001 m/s2 at 30 m/s."""
+NEAR_M, LOOK_AHEAD_M = 100.0, 300.0
+"""Who is ahead is looked for near by first, which is enough in dense traffic, where few are that near; who is
+further ahead than the second makes no difference: less than 0.001 m/s2 at 30 m/s."""
 
 SEARCH_S = 0.1
 """How often a driver looks who is ahead; in between it watches that one. Nobody cuts in by much meanwhile."""
@@ -200,7 +201,7 @@ class Driver:
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
         """Go on from the speed that it has."""
         self._speed_mps = speed_mps
-        self.decide(time_s, Traffic(self._world, time_s))
+        self.decide(Traffic(Instant(time_s, self._world.actors)))
 
     def motion(self, time_s: float, duration_s: float) -> Motion:
         """On with the acceleration that was decided, to a standstill at most."""
@@ -215,49 +216,65 @@ class Driver:
         """Take over the speed at the end; what follows is decided there."""
         self._speed_mps = self.motion(time_s, duration_s).speed_mps
 
-    def decide(self, time_s: float, traffic: Traffic) -> None:
+    def decide(self, traffic: Traffic) -> None:
         """Choose the acceleration of the step that begins."""
-        speed = self._speed_mps
+        speed, time_s = self._speed_mps, traffic.now.time_s
         desired = self._actor.asked_mps(time_s) if self._desired_mps is None else self._desired_mps
         free = 1.0 - (speed / desired) ** 4 if desired > 0.0 else -1.0 if speed > 0.0 else 0.0
-        gap_m, leader_mps = self._ahead(time_s, traffic)
+        gap_m, leader_mps = self._ahead(traffic)
         wanted = STANDSTILL_M + speed * self._headway_s
         wanted += speed * (speed - leader_mps) / (2.0 * math.sqrt(ACCEL_MPS2 * DECEL_MPS2))
         crowded = (max(wanted, STANDSTILL_M) / max(gap_m, 0.1)) ** 2 if math.isfinite(gap_m) else 0.0
         # nobody brakes harder than a car can, however near another one appears
         self._accel_mps2 = max(ACCEL_MPS2 * (free - crowded), -9.0)
 
-    def _ahead(self, time_s: float, traffic: Traffic) -> tuple[float, float]:
+    def _ahead(self, traffic: Traffic) -> tuple[float, float]:
         """Free distance to the nearest one on the way, and its speed along it; infinite if there is none."""
-        path, leader = self._actor.path, self._leader
+        path, leader, time_s = self._actor.path, self._leader, traffic.now.time_s
         if path is self._path and time_s < self._search_s - 1e-9:
             if leader is None:
                 return math.inf, 0.0
-            gap = self._gap(leader, self._leader_m, time_s) if leader.exists else None
+            gap = self._gap(leader, self._leader_m, traffic.now) if leader.exists else None
             if gap is not None:
                 return gap
         self._path, self._search_s = path, time_s + SEARCH_S
-        return self._search(time_s, traffic)
+        return self._search(traffic)
 
-    def _search(self, time_s: float, traffic: Traffic) -> tuple[float, float]:
-        """Find who is ahead, and how far and how fast that one is."""
-        own, path, nearest = self._actor.state(time_s), self._actor.path, (math.inf, 0.0)
-        self._leader = None
-        away = np.hypot(*(traffic.places_m - (own.x_m, own.y_m)).T)
-        near = np.flatnonzero(away <= LOOK_AHEAD_M)
-        if len(near) <= 1:  # it sees itself
-            return nearest
-        stations = own.station_m + np.arange(0.0, LOOK_AHEAD_M + COARSE_M, COARSE_M)
+    def _search(self, traffic: Traffic) -> tuple[float, float]:
+        """Find who is ahead, how far and how fast that one is: first near by, then as far as it counts."""
+        own, actor = traffic.now.state(self._actor.name), self._actor
+        away_m = np.hypot(traffic.places_m[:, 0] - own.x_m, traffic.places_m[:, 1] - own.y_m)
+        gap = math.inf, 0.0
+        for look_m in (NEAR_M, LOOK_AHEAD_M):
+            near = np.flatnonzero(away_m <= look_m)
+            self._leader = None
+            if len(near) <= 1:  # it sees itself
+                continue
+            gap, reach_m = self._nearest(traffic, own, near, look_m)
+            rear_m = float(traffic.rear_m[near].max())
+            if gap[0] <= look_m - COARSE_M - reach_m - rear_m - actor.front_m:
+                break  # whoever is further ahead is not nearer, however far it reaches back
+        return gap
+
+    def _nearest(
+        self, traffic: Traffic, own: State, near: IntArray, look_m: float
+    ) -> tuple[tuple[float, float], float]:
+        """Free distance to the nearest of some others, and its speed along the way; how wide was looked."""
+        path, nearest = self._actor.path, (math.inf, 0.0)
+        stations = own.station_m + np.arange(0.0, look_m + COARSE_M, COARSE_M)
         points = path.poses(stations)
-        begin, step = points[:-1, :2], np.diff(points[:, :2], axis=0)
-        offset = traffic.places_m[near][:, None, :] - begin
-        part = np.clip((offset * step).sum(axis=2) / (step**2).sum(axis=1), 0.0, 1.0)
-        miss = np.hypot(*np.moveaxis(offset - part[..., None] * step, 2, 0))
+        x, y = points[:-1, 0], points[:-1, 1]
+        dx, dy = points[1:, 0] - x, points[1:, 1] - y
+        away_x, away_y = traffic.places_m[near, 0, None] - x, traffic.places_m[near, 1, None] - y
+        part = ((away_x * dx + away_y * dy) / (dx * dx + dy * dy)).clip(0.0, 1.0)
+        miss = np.hypot(away_x - part * dx, away_y - part * dy)
         chord = miss.argmin(axis=1)
         rows = np.arange(len(near))
         ahead = COARSE_M * (chord + part[rows, chord])
         # an arc departs from its chord by an eighth of chord times turn
-        bulge = COARSE_M / 8.0 * float(np.abs(np.diff(np.unwrap(points[:, 2]))).max(initial=0.0))
+        turn = points[1:, 2] - points[:-1, 2]
+        turn -= 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+        bulge = COARSE_M / 8.0 * float(np.abs(turn).max())
         reach = 0.5 * self._actor.definition.width_m + traffic.half_width_m[near] + BESIDE_M + bulge
         in_way = np.flatnonzero(miss[rows, chord] <= reach)
         for k in in_way[ahead[in_way].argsort(kind="stable")].tolist():
@@ -265,15 +282,15 @@ class Driver:
             if other is self._actor or ahead[k] - other.rear_m - self._actor.front_m > nearest[0] + COARSE_M:
                 continue
             station = own.station_m + float(ahead[k])
-            gap = self._gap(other, station, time_s)
+            gap = self._gap(other, station, traffic.now)
             if gap is not None and gap[0] < nearest[0]:
                 nearest, self._leader, self._leader_m = gap, other, station
-        return nearest
+        return nearest, float(reach.max())
 
-    def _gap(self, other: Actor, near_m: float, time_s: float) -> tuple[float, float] | None:
+    def _gap(self, other: Actor, near_m: float, now: Instant) -> tuple[float, float] | None:
         """Free distance to another on the way, and its speed along it; None if it is not on it, or behind."""
         actor = self._actor
-        own, state = actor.state(time_s), other.state(time_s)
+        own, state = now.state(actor.name), now.state(other.name)
         station, left = actor.path.project_from(state.x_m, state.y_m, near_m)
         self._leader_m = station
         reach = 0.5 * (other.definition.width_m + actor.definition.width_m) + BESIDE_M
@@ -290,31 +307,35 @@ class Driver:
 
 
 class Traffic:
-    """Everybody who is there at a time, worked out once for all drivers that look then.
+    """Everybody who is there at an instant, worked out once for all drivers that look then.
 
     Args:
-        world: in which they are.
-        time_s: when.
+        now: the instant.
     """
 
-    def __init__(self, world: World, time_s: float) -> None:
-        self._world, self._time_s = world, time_s
+    def __init__(self, now: Instant) -> None:
+        self.now = now
 
     @cached_property
     def actors(self) -> list[Actor]:
         """Entities."""
-        return [actor for actor in self._world.actors.values() if actor.exists and actor.placed]
+        return [actor for actor in self.now.actors.values() if actor.exists and actor.placed]
 
     @cached_property
     def places_m(self) -> FloatArray:
         """(N, 2) reference points."""
-        states = [actor.state(self._time_s) for actor in self.actors]
+        states = [self.now.state(actor.name) for actor in self.actors]
         return np.array([(state.x_m, state.y_m) for state in states])
 
     @cached_property
     def half_width_m(self) -> FloatArray:
         """(N,) half widths."""
         return np.array([0.5 * actor.definition.width_m for actor in self.actors])
+
+    @cached_property
+    def rear_m(self) -> FloatArray:
+        """(N,) from reference points back to the rear ends."""
+        return np.array([actor.rear_m for actor in self.actors])
 
 
 def _settings(controller: model.Controller) -> tuple[float | None, float | None]:
@@ -335,11 +356,11 @@ def _number(text: str | None, controller: model.Controller) -> float | None:
     return number
 
 
-def decide(actors: Iterator[Actor], world: World, instant: Instant) -> bool:
+def decide(actors: Iterator[Actor], instant: Instant) -> bool:
     """Let drivers choose what they do in the step that begins; whether one of them does."""
-    driven, traffic = False, Traffic(world, instant.time_s)
+    driven, traffic = False, Traffic(instant)
     for actor in actors:
         if isinstance(actor.controller, Driver) and actor.commanded:
-            actor.controller.decide(instant.time_s, traffic)
+            actor.controller.decide(traffic)
             driven = True
     return driven

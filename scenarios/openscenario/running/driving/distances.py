@@ -118,6 +118,8 @@ class LongitudinalDistance(_Kept):
 class Approach(_Kept):
     """LongitudinalDistanceAction with limits of acceleration: the distance is approached and kept."""
 
+    goes_on = True
+
     def start(self, time_s: float) -> None:
         """Find the side, and choose the first acceleration."""
         limits = self.action.constraints
@@ -128,27 +130,27 @@ class Approach(_Kept):
         self._rates = limits.max_acceleration_rate_mps3, limits.max_deceleration_rate_mps3
         self._accel = 0.0
         self._find(time_s)
-        self._choose(time_s)
+        self._choose(Instant(time_s, self.world.actors))
 
-    def _left_m(self, time_s: float) -> tuple[float, float]:
+    def _left_m(self, own: State, seen: State) -> tuple[float, float]:
         """How far the place to be is ahead, NaN if no way leads there, and the speed at which it moves."""
-        own, seen, place = self.who.state(time_s), self._other.state(time_s), self._place
+        place = self._place
         place.distance_m = self._distance_m(own, seen, place.leads)
         self._tell(own, seen)
         left = place.left_m(own, seen)
         if math.isnan(left):
             return left, own.speed_mps
-        shrinks, along = place.rates(self.who.path, own, seen)
+        shrinks, along = place.rates(self.who.path, own, seen, left)
         return left / shrinks, own.speed_mps if math.isnan(along) else along
 
-    def _choose(self, time_s: float) -> None:
+    def _choose(self, instant: Instant) -> None:
         """Choose the acceleration until the next look."""
-        actor = self.who
-        left, along = self._left_m(time_s)
+        time_s, own = instant.time_s, instant.state(self.who.name)
+        left, along = self._left_m(own, instant.state(self._other.name))
         if math.isnan(left):  # on as it is
             self._nowhere()
             left = 0.0
-        speed = actor.state(time_s).speed_mps
+        speed = own.speed_mps
         brake = BRAKING * min(self._up, self._down)
         jerk = min((rate for rate in self._rates if rate), default=math.inf)
         brake = min(brake, jerk / NEAR_PER_S)
@@ -179,21 +181,22 @@ class Approach(_Kept):
         after = min(max(after, 0.0), max(self._fastest, speed))
         self._accel = (after - speed) / CONTROL_S
         self._next_s = time_s + CONTROL_S
-        self.drive(time_s, SpeedProfile(time_s, after, (Piece(CONTROL_S, speed, after),)))
+        self.drive(time_s, SpeedProfile(time_s, after, (Piece(CONTROL_S, speed, after),)), own)
 
     def update(self, instant: Instant) -> bool:
         """Choose again."""
         if instant.time_s < self._next_s - 1e-9:
             return False
-        self._choose(instant.time_s)
+        self._choose(instant)
         return True
 
     def ended(self, instant: Instant) -> bool:
         """At the distance, unless it is to be kept."""
         if self.action.continuous:
             return False
-        left, along = self._left_m(instant.time_s)
-        return abs(left) <= REACHED_M and abs(instant.state(self.who.name).speed_mps - along) <= REACHED_MPS
+        own = instant.state(self.who.name)
+        left, along = self._left_m(own, instant.state(self._other.name))
+        return abs(left) <= REACHED_M and abs(own.speed_mps - along) <= REACHED_MPS
 
     def finish(self, time_s: float) -> None:
         """Go on with the present speed."""

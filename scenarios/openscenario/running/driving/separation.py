@@ -14,7 +14,7 @@ from typing import TypeAlias
 from scenarios.openscenario import model
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.road_distances import NO_DISTANCE_M
-from scenarios.openscenario.running.actors import Actor, State
+from scenarios.openscenario.running.actors import Actor, State, state_of
 from scenarios.openscenario.running.world import World
 
 LITTLE_M, LITTLE_S = 1e-3, 1e-4
@@ -124,6 +124,8 @@ def overhang_m(actor: Actor, turn_rad: float, lateral: bool) -> tuple[float, flo
         turn_rad: its heading less the direction of the axis.
         lateral: for the axis to the left of that one.
     """
+    if turn_rad == 0.0 and not lateral:  # as along its own axis
+        return actor.rear_m, actor.front_m
     d = actor.definition
     c, s = math.cos(turn_rad), math.sin(turn_rad)
     if lateral:
@@ -155,12 +157,17 @@ class Station:
         over = self._separation.gap_m(own, seen, self.leads, self._freespace) - distance_m
         return -over if self.leads else over
 
-    def rates(self, path: Path, own: State, seen: State) -> tuple[float, float]:
+    def rates(self, path: Path, own: State, seen: State, left_m: float) -> tuple[float, float]:
         """By how much what is left shrinks per metre of way, and the speed at which the place moves.
 
         From one side where no way leads to the other one; the speed is NaN where none leads to either.
+
+        Args:
+            path: of the entity.
+            own: its state.
+            seen: that of the other.
+            left_m: what is left there, see `left_m`.
         """
-        left_m = self.left_m(own, seen)
         before = self.left_m(_at(path, own, own.station_m - LITTLE_M), seen)
         further = self.left_m(_at(path, own, own.station_m + LITTLE_M), seen)
         shrinks = -_slope(before, left_m, further, LITTLE_M)
@@ -196,11 +203,13 @@ def _slope(before: float, middle: float, after: float, step: float) -> float:
 
 def _at(path: Path, state: State, station_m: float) -> State:
     x, y, yaw = path.pose(station_m)
-    return state._replace(x_m=x, y_m=y, yaw_rad=yaw, station_m=station_m)
+    return state_of((x, y, yaw, state.speed_mps, station_m, state.travelled_m))
 
 
 def moved(actor: Actor, state: State, time_s: float) -> State:
     """Where an entity would be that goes straight on at its speed."""
     way_m = state.speed_mps * time_s
-    x_m, y_m = state.x_m + way_m * math.cos(state.yaw_rad), state.y_m + way_m * math.sin(state.yaw_rad)
-    return state._replace(x_m=x_m, y_m=y_m, station_m=state.station_m + actor.progress_mps(state) * time_s)
+    x, y, yaw, speed_mps, station_m, travelled_m = state
+    station_m += actor.progress_mps(state) * time_s
+    x, y = x + way_m * math.cos(yaw), y + way_m * math.sin(yaw)
+    return state_of((x, y, yaw, speed_mps, station_m, travelled_m))

@@ -13,6 +13,7 @@ from scenarios.openscenario.running.driving.controllers import (
     Driver,
     Traffic,
 )
+from scenarios.openscenario.running.world import Instant
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     act,
@@ -130,5 +131,5 @@ def test_a_driver_sees_the_one_ahead_that_a_search_of_all_finds(tmp_path):
             station, left = actor.path.project(*other.state(0.01)[:2])
             if abs(left) < 1.8 and station > own.station_m + 1.0:
                 gaps.append(station - own.station_m - other.rear_m - actor.front_m)
-        gap_m, _ = actor.controller._ahead(0.01, Traffic(engine.world, 0.01))
+        gap_m, _ = actor.controller._ahead(Traffic(Instant(0.01, engine.world.actors)))
         assert gap_m == pytest.approx(min(gaps), abs=1e-6)
