@@ -142,8 +142,8 @@ def entity_references(node: Node, context: Context) -> tuple[str, ...]:
     names: list[str] = []
     for child in node:
         child.allow("entityRef")
-        names.append(context.entity(child))
-    return tuple(names)
+        names += context.members(child)
+    return tuple(dict.fromkeys(names))
 
 
 @reads(CollisionCondition)

@@ -35,6 +35,7 @@ class Context:
         variables: start values by name.
         notes: lines about what is read and not used, each once.
         left_handed: whether the file is in CARLA's coordinates.
+        selections: names of the entities of each EntitySelection, by its name.
     """
 
     catalogs: Catalogs
@@ -42,6 +43,7 @@ class Context:
     variables: Mapping[str, Value]
     notes: dict[str, None] = dataclasses.field(default_factory=dict)
     left_handed: bool = False
+    selections: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
     def note(self, node: Node, line: str) -> None:
         """Take note of what an element has that is not used, at its place."""
@@ -54,6 +56,15 @@ class Context:
             ContentError: it does not.
         """
         return _known(node, attribute, "entity", "entities", self.entities)
+
+    def members(self, node: Node) -> tuple[str, ...]:
+        """Names of the entities that an element refers to: of one entity, or of a selection of some.
+
+        Raises:
+            ContentError: there is neither of that name.
+        """
+        chosen = self.selections.get(node.text("entityRef"))
+        return (self.entity(node),) if chosen is None else chosen
 
     def variable(self, node: Node) -> str:
         """Name of a variable that exists.

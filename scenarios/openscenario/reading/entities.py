@@ -203,3 +203,34 @@ def check_coupling(tower: EntityDefinition, trailer: EntityDefinition, where: st
         raise ContentError(
             f"{where} '{trailer.name}' is a trailer and has no TrailerCoupler ahead of its axle (dx > 0)"
         )
+
+
+def selections(nodes: Sequence[Node], entities: Sequence[EntityDefinition]) -> dict[str, tuple[str, ...]]:
+    """Names of the entities of each EntitySelection, by its name.
+
+    Raises:
+        ContentError: a name is there twice, or a member is no entity.
+    """
+    names = [entity.name for entity in entities]
+    chosen: dict[str, tuple[str, ...]] = {}
+    for node in nodes:
+        node.allow("name", "Members")
+        name, members = node.text("name"), list[str]()
+        if name in names or name in chosen:
+            raise ContentError(f"{node.where} name: '{name}' is there already")
+        for child in node.need("Members").some("EntityRef ByType ByObjectType"):
+            if child.tag == "EntityRef":
+                child.allow("entityRef")
+                if child.text("entityRef") not in names:
+                    raise ContentError(
+                        f"{child.where} entityRef: no entity '{child.text('entityRef')}'; "
+                        f"entities: {', '.join(names)}"
+                    )
+                members.append(child.text("entityRef"))
+                continue
+            attribute = "objectType" if child.tag == "ByType" else "type"
+            child.allow(attribute)
+            kind = child.choice(attribute, "vehicle pedestrian miscellaneous")
+            members += [entity.name for entity in entities if entity.object_type == kind]
+        chosen[name] = tuple(dict.fromkeys(members))
+    return chosen

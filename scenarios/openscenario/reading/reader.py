@@ -30,7 +30,7 @@ from scenarios.openscenario.reading.catalogs import Catalogs
 from scenarios.openscenario.reading.conditions import entity_references, stop_trigger, trigger
 from scenarios.openscenario.reading.document import MINOR, Node, parse
 from scenarios.openscenario.reading.elements import Context
-from scenarios.openscenario.reading.entities import scenario_objects
+from scenarios.openscenario.reading.entities import scenario_objects, selections
 from scenarios.openscenario.reading.parameters import Declarations, variables
 from scenarios.openscenario.reading.positions import scoped
 from scenarios.openscenario.reading.references import qualified
@@ -98,10 +98,15 @@ def load(
             "headings clockwise"
         ] = None
     bare = Context(catalogs, (), start_values, catalogs.notes, left_handed)
-    objects = root.need("Entities").some("ScenarioObject", "ScenarioObject: the scenario has no road user")
+    there = root.need("Entities")
+    there.allow(children="ScenarioObject EntitySelection")
+    objects = there.all("ScenarioObject")
+    if not objects:
+        raise ContentError(f"{there.where} needs at least one ScenarioObject: the scenario has no road user")
     entities = scenario_objects(objects, bare)
     names = [entity.name for entity in entities]
-    context = Context(catalogs, names, start_values, catalogs.notes, left_handed)
+    chosen = selections(there.all("EntitySelection"), entities)
+    context = Context(catalogs, names, start_values, catalogs.notes, left_handed, chosen)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
@@ -205,8 +210,8 @@ def _init(node: Node, context: Context) -> list[tuple[str | None, Action]]:
             initial.append((None, global_action(child, context)))
             continue
         child.allow("entityRef", "PrivateAction")
-        entity = context.entity(child)
-        initial.extend((entity, private_action(action, context)) for action in child)
+        for entity in context.members(child):
+            initial.extend((entity, private_action(action, context)) for action in child)
     return initial
 
 
