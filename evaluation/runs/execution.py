@@ -88,7 +88,7 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     spent = frame_time(outcome.frame_time_ms)
     # a car that has stopped may have stood between two entries of the log
     slowest_mps = 0.0 if outcome.end_reason is EndReason.STOPPED else outcome.log.slowest_mps
-    row = _row(spec, outcome, keep_log)
+    row = row_of(spec, outcome, keep_log)
     warned = outcome.warning_time_s is not None
     warning_ttc_s = outcome.warning_ttc_s if warned else outcome.flag_ttc_s
     return RunRecord(
@@ -110,7 +110,14 @@ def impact_speed_kmh(outcome: Outcome) -> float | None:
     return None if outcome.end_reason in CUT_OFF else outcome.impact_speed_mps * 3.6
 
 
-def _row(spec: RunSpec, outcome: Outcome, has_log: bool) -> RunRow:
+def row_of(spec: RunSpec, outcome: Outcome, has_log: bool = False) -> RunRow:
+    """A finished run as a row of `runs.csv`.
+
+    Args:
+        spec: what was run.
+        outcome: what came of it.
+        has_log: whether its log is kept.
+    """
     contact = outcome.contact
     return RunRow(
         scenario=spec.scenario,

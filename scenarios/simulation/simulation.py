@@ -40,7 +40,7 @@ from scenarios.places import MapView
 from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
 from scenarios.sensors.interfaces import SensorChain
 from scenarios.sensors.suite import Arrival, SensorSuite
-from scenarios.sensors.world import reversed_course
+from scenarios.sensors.world import World, reversed_course
 from scenarios.simulation.counts import DetectionCounts
 from scenarios.simulation.drive import EgoDrive
 from scenarios.simulation.driver import DriverBrake
@@ -57,7 +57,7 @@ from smartmot.decision.rules import Command
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineConfig
-from smartmot.types import Detections, EgoState
+from smartmot.types import Boxes, Detections, EgoState
 
 WAY_STEP_M = 2.0
 """Spacing at which the ego's way is laid over the perception's map."""
@@ -262,6 +262,14 @@ class Simulation:
             braking_time_s=self._drive.braking_time_s,
             criteria=engine.criteria,
         )
+
+    def world(self) -> World:
+        """Ground truth now: every object but the ego. For rewards and pictures; perception never gets it."""
+        return self._truth.world(self._now_s)
+
+    def ego_box(self) -> Boxes:
+        """The ego's true outline now, a single box."""
+        return self._truth.entities.boxes[[self._truth.own]]
 
     def map_view(self) -> MapView:
         """Map and route of perception for the way that the ego is on now.
