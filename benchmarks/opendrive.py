@@ -34,6 +34,11 @@ PEER = "carla==0.9.16"
 POINTS = 10_000
 ROUNDS = 7
 STEP_M = 1.0
+SINGLES = 1_000
+"""Points and poses that are asked for one by one."""
+
+FAR_M = 500.0
+"""How far points lie from the longest road."""
 
 _MEMORY = """
 import gc, sys
@@ -60,7 +65,16 @@ def spent(work):
     start = time.process_time()
     result = work(sys.argv[1])
     return time.process_time() - start
-rows = [(spent(etree.parse), spent(load_map)) for _ in range(int(sys.argv[2]) + 1)][1:]
+networks = []
+rows = [
+    (
+        spent(etree.parse),
+        spent(lambda path: networks.append(load_map(path))),
+        spent(lambda path: networks[-1].model.warnings),
+        spent(lambda path: networks.pop().findings),
+    )
+    for _ in range(int(sys.argv[2]) + 1)
+][1:]
 print(*(statistics.median(column) for column in zip(*rows)))
 """
 
@@ -101,7 +115,7 @@ def places_of(network: RoadNetwork) -> list[tuple[int, int, float]]:
 
 def ours(path: Path, rounds: int) -> dict[str, float]:
     """Seconds of each task on one map; the first query of a network includes making its index."""
-    parsing, loading = load_times(path, rounds)
+    parsing, loading, reading, checking = load_times(path, rounds)
     network = load_map(path)
     points = points_of(network)
     first: dict[str, list[float]] = {}
@@ -120,6 +134,10 @@ def ours(path: Path, rounds: int) -> dict[str, float]:
         "lanes": len(network.lanes),
         "lxml_s": parsing,
         "load_s": loading,
+        "warnings_s": reading,
+        "findings_s": checking,
+        **singles(network, points, rounds),
+        "far_s": far_off(network, rounds),
         "inside_s": seconds(lambda: network.locate(points), rounds),
         "nearest_s": seconds(lambda: network.nearest_lane(points), rounds),
         "borders_s": seconds(lambda: network.sampled_borders(STEP_M), rounds),
@@ -127,12 +145,35 @@ def ours(path: Path, rounds: int) -> dict[str, float]:
     }
 
 
-def load_times(path: Path, rounds: int) -> tuple[float, float]:
-    """Median seconds of lxml's parsing and of loading, in turns, in a process of their own."""
+def singles(network: RoadNetwork, points: np.ndarray, rounds: int) -> dict[str, float]:
+    """Seconds of a single query, asked after each other."""
+    some = [point[None] for point in points[:: len(points) // SINGLES]]
+    lanes = network.lanes
+    every = range(0, len(lanes), max(1, len(lanes) // SINGLES))
+    poses = [(i, float(0.5 * (lanes.s_start_m[i] + lanes.s_end_m[i]))) for i in every]
+    return {
+        "single_inside_s": seconds(lambda: [network.locate(point) for point in some], rounds) / len(some),
+        "single_nearest_s": seconds(lambda: [network.nearest_lane(p) for p in some], rounds) / len(some),
+        "single_pose_s": seconds(lambda: [network.center_line(*pose) for pose in poses], rounds) / len(poses),
+    }
+
+
+def far_off(network: RoadNetwork, rounds: int) -> float:
+    """Seconds per point of coordinates along the longest road, of points far off it."""
+    road = max(network.roads.values(), key=lambda road: road.length_m)
+    rng = np.random.default_rng(0)
+    at = road.point(rng.uniform(0.0, road.length_m, POINTS), np.zeros(POINTS))
+    angle = rng.uniform(0.0, 2.0 * np.pi, POINTS)
+    points = np.stack([at.x_m + FAR_M * np.cos(angle), at.y_m + FAR_M * np.sin(angle)], axis=1)
+    return seconds(lambda: road.coordinates(points), rounds) / POINTS
+
+
+def load_times(path: Path, rounds: int) -> tuple[float, float, float, float]:
+    """Median seconds of lxml's parsing, loading, warnings of reading and checks, in a process apart."""
     command = [sys.executable, "-c", _LOAD, str(path), str(rounds)]
     result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
-    parsing, loading = (float(value) for value in result.stdout.split())
-    return parsing, loading
+    parsing, loading, reading, checking = (float(value) for value in result.stdout.split())
+    return parsing, loading, reading, checking
 
 
 def memory_mb(path: Path) -> tuple[float, float] | None:
@@ -209,6 +250,12 @@ def report(path: Path, rounds: int, python: str | None) -> dict[str, float]:
         f"  load                 {1e3 * our_values['load_s']:8.1f} ms   "
         f"{our_values['load_s'] / our_values['lxml_s']:6.2f} x lxml"
     )
+    for name, label in (("warnings", "warnings of reading"), ("findings", "checks")):
+        spent = our_values[f"{name}_s"]
+        print(f"  {label:<20} {1e3 * spent:8.1f} ms   {spent / our_values['lxml_s']:6.2f} x lxml")
+    for name, label in (("inside", "one point"), ("nearest", "nearest to one"), ("pose", "one pose")):
+        print(f"  {label:<20} {1e6 * our_values[f'single_{name}_s']:8.2f} us")
+    print(f"  far off a long road  {1e6 * our_values['far_s']:8.2f} us per point")
     for name, label in (("inside", "lanes at a point"), ("nearest", "nearest driving lane")):
         steady, first = (per_point * our_values[f"{name}{suffix}"] for suffix in ("_s", "_first_s"))
         print(f"  {label:<20} {steady:8.2f} us   {first:6.2f} us with the index made")
@@ -234,7 +281,12 @@ def report(path: Path, rounds: int, python: str | None) -> dict[str, float]:
             ("inside", "lanes at a point"),
             ("nearest", "nearest driving lane"),
             ("borders", "borders at 1 m"),
+            ("pose", "one pose"),
         ):
+            if name == "pose":
+                ratio = peer["pose_s"] / our_values["single_pose_s"]
+                print(f"    {label:<20} {1e6 * peer['pose_s']:6.1f} us, {ratio:5.1f} x ours")
+                continue
             ratio = peer[f"{name}_s"] / our_values[f"{name}_s"]
             unit = 1e3 * peer[f"{name}_s"] if name == "borders" else per_point * peer[f"{name}_s"]
             print(f"    {label:<20} {unit:6.1f} {'ms' if name == 'borders' else 'us'}, {ratio:5.1f} x ours")

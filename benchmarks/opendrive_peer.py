@@ -39,6 +39,10 @@ def main() -> None:
     driving = carla.LaneType.Driving
     places = request["places"]
 
+    def pose(road: int, lane: int, s: float) -> Any:
+        waypoint = town.get_waypoint_xodr(road, lane, s)
+        return None if waypoint is None else waypoint.transform
+
     def borders() -> list[Any]:
         corners = []
         for road, lane, s in places:
@@ -68,6 +72,7 @@ def main() -> None:
                     rounds,
                 ),
                 "borders_s": seconds(borders, rounds),
+                "pose_s": seconds(lambda: [pose(*place) for place in places], rounds) / len(places),
             }
         )
     )

@@ -24,6 +24,8 @@ _UNIT_NODES, _UNIT_WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _PANEL_TURN_RAD = 1.5
 _CELLS = 32
 _NEWTON_STEPS = 6
+_ROUNDING = 4e-16
+"""Parameters up to 1 differ by this much after another step that changes nothing."""
 
 
 class Poses(NamedTuple):
@@ -110,8 +112,11 @@ class CubicCurves:
             travelled = (q - q_base) * (np.hypot(slope_of(u, at), slope_of(v, at)) @ _UNIT_WEIGHTS)
             speed = np.hypot(slope_of(self.u[curve], q), slope_of(self.v[curve], q))
             excess = base + travelled - ds_m
+            before = q
             q = q - np.divide(excess, speed, out=np.zeros_like(speed), where=speed > 0.0)
             q = np.clip(q, q_base, q_base + 1.0 / _CELLS)
+            if np.abs(q - before).max(initial=0.0) <= _ROUNDING:
+                break
         return q
 
     def evaluate(

@@ -29,6 +29,16 @@ _FOOT_M = 1e-6
 _MANY_CHORDS = 32
 """Of so many chords a tree finds the nearest in the time of comparing them all."""
 
+_CHORD_RAD = 0.2
+"""A chord of a reference line spans no greater turn."""
+
+_CUBIC_SAMPLES = np.linspace(0.0, 1.0, 17)
+_CUBIC_MARGIN = 1.5
+"""By how much a cubic's curvature may be greater between its samples."""
+
+_GREATEST_BEND_PER_M = 2.0
+"""A cubic's cusp is not followed further."""
+
 _SHAPE_STEPS = 12
 _KINK_STEP_M = 1e-7
 _SLOPE_STEP_M = 1e-3
@@ -373,16 +383,20 @@ class NetworkGeometry:
     def _chords(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return first chord of each road (R + 1,), and the s (C,) and xy (C, 2) of the chords' ends."""
         roads: list[FloatArray] = []
+        curves = self.curves
+        greatest = np.abs(curves.curvature_per_m) + np.abs(curves.rate_per_m2) * curves.length_m
+        cubic = np.flatnonzero(curves.kind == CUBIC)
+        inside_m = curves.start_m[cubic] + _CUBIC_SAMPLES[:, None] * curves.length_m[cubic]
+        many = np.broadcast_to(cubic, inside_m.shape)
+        bends = curves.evaluate_pieces(many.ravel(), inside_m.ravel()).curvature_per_m.reshape(inside_m.shape)
+        bends = np.abs(bends).max(axis=0, initial=0.0)
+        greatest[cubic] = np.minimum(_CUBIC_MARGIN * bends, _GREATEST_BEND_PER_M)
         for r, length in enumerate(self.length_m.tolist()):
             pieces = slice(self.curves.first[r], self.curves.first[r + 1])
             starts = self.curves.start_m[pieces]
             ends = np.append(starts[1:], max(length, starts[-1]))
             span = ends - starts
-            bend = (
-                np.abs(self.curves.curvature_per_m[pieces]) + np.abs(self.curves.rate_per_m2[pieces]) * span
-            )
-            bend[self.curves.kind[pieces] == CUBIC] = 0.1
-            count = np.clip(np.ceil(span * bend / 0.2), 1, 10_000).astype(np.int64)
+            count = np.clip(np.ceil(span * greatest[pieces] / _CHORD_RAD), 1, 10_000).astype(np.int64)
             s = [
                 low + (high - low) * np.arange(n) / n
                 for low, high, n in zip(starts, ends, count, strict=True)

@@ -2,7 +2,6 @@
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import atan2, cos, pi, sin
 from typing import TypeAlias
 
@@ -39,12 +38,12 @@ class LanePoses:
     Attributes:
         geometry: geometry of the network.
         asked: how many poses were asked for before any stretch was made.
-        stretches: those of the lanes that were asked for.
+        stretches: those of each lane, none where the arrays have to tell; empty before they are made.
     """
 
     geometry: NetworkGeometry
     asked: int = 0
-    stretches: dict[int, _Stretches] = field(default_factory=dict)
+    stretches: list[_Stretches] = field(default_factory=list)
 
     def pose(self, lane: object, s_m: object) -> Pose | None:
         """Return the pose in the middle of a lane; None if the arrays have to tell, as off the lane."""
@@ -54,12 +53,11 @@ class LanePoses:
             if isinstance(lane, bool) or isinstance(s_m, bool):
                 return None
             lane, s_m = int(lane), float(s_m)
-        known = self.stretches.get(lane)
-        if known is None:
-            known = self._of_lane(lane)
-            if known is None:
+        if not 0 <= lane < len(self.stretches):
+            if self.stretches or not self._is_worth_it():
                 return None
-        starts, numbers = known
+            return self.pose(lane, s_m)
+        starts, numbers = self.stretches[lane]
         if not numbers or not starts[0] <= s_m < starts[-1]:
             return None
         row = numbers[bisect_right(starts, s_m) - 1]
@@ -87,18 +85,18 @@ class LanePoses:
         heading += atan2(b + ds * (2.0 * c + ds * 3.0 * d), 1.0 - k * t) + turn
         return x, y, za + ds * (zb + ds * (zc + ds * zd)), pi - (pi - heading) % (2.0 * pi)
 
-    def _of_lane(self, lane: int) -> _Stretches | None:
-        """Return the stretches of a lane, none if the arrays have to tell; None as long as few are asked."""
+    def _is_worth_it(self) -> bool:
+        """Make the stretches of all lanes after a few poses; return whether they are there."""
         self.asked += 1
-        if self.asked <= _FEW or not 0 <= lane < len(self.geometry.lanes):
-            return None
-        first, rows = self._table
-        numbers = rows[first[lane] : first[lane + 1]].tolist()
-        end_m = float(self.geometry.lanes.s_end_m[lane])
-        known = self.stretches[lane] = [*(row[0] for row in numbers), end_m], numbers
-        return known
+        if self.asked <= _FEW:
+            return False
+        first, rows = self._table()
+        numbers, ends_m = rows.tolist(), self.geometry.lanes.s_end_m.tolist()
+        for low, high, end_m in zip(first[:-1].tolist(), first[1:].tolist(), ends_m, strict=True):
+            of_lane = numbers[low:high]
+            self.stretches.append(([*(row[0] for row in of_lane), end_m], of_lane))
+        return bool(self.stretches)
 
-    @cached_property
     def _table(self) -> tuple[IntArray, FloatArray]:
         """Return first row of each lane (L + 1,) and the numbers (K, 15) of all stretches.
 
