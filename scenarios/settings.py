@@ -34,6 +34,7 @@ from smartmot.maps.faulty import LANES, SIDEWALKS, TYPES
 from smartmot.plugins import Plugin, is_plugin, plugin
 from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
 from smartmot.tracking.profile import is_profile
+from smartmot.tracking.settings import TrackerConfig
 
 T = TypeVar("T")
 
@@ -257,6 +258,19 @@ def _tracker_sigma_of(preset: Preset) -> Setting:
     return OF_SENSOR if preset.tracker_sigma_m is None else preset.tracker_sigma_m
 
 
+def _sigmas_of(preset: Preset) -> Setting:
+    tracker = preset.pipeline.tracker
+    return tracker.dynamic_sigmas if isinstance(tracker, TrackerConfig) else math.nan
+
+
+def _put_sigmas(preset: Preset, value: Setting) -> Preset:
+    tracker = preset.pipeline.tracker
+    if not isinstance(tracker, TrackerConfig):
+        name = tracker.name if isinstance(tracker, Plugin) else "your own"
+        raise ConfigError(f"dynamic_sigmas is a parameter of the shipped trackers, not of {name}")
+    return _with(preset, ("pipeline", "tracker"), replace(tracker, dynamic_sigmas=float(value)))
+
+
 def _put_tracker_sigma(preset: Preset, value: Setting) -> Preset:
     if value != OF_SENSOR and not 0.0 < float(value) < math.inf:
         raise ConfigError(f"tracker_sigma_m must be positive and finite, got {value}")
@@ -414,6 +428,14 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             _tracker_sigma_of,
             _put_tracker_sigma,
             numeric=True,
+        ),
+        "dynamic_sigmas": Parameter(
+            "standard deviations of its speed at which who moves counts as moving",
+            "",
+            STRATEGIES,
+            (),
+            _sigmas_of,
+            _put_sigmas,
         ),
         # after the rate of the sensor, of which one of them needs to know
         "rule": Parameter("brake rule", "", STRATEGIES, tuple(RULES), _rule_of, _put_rule, own=True),

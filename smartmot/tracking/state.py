@@ -30,7 +30,8 @@ COLUMNS = (
     *(f"evidence_{name}" for name in CATEGORIES),
 )
 """What is known of a track besides its filter state. Times are stamps, `inside_s` that of the last time
-inside the monitored area; `score_sum` and `hits` count the matched detections. `front` is the evidence that
+inside the monitored area; `score_sum` and `hits` count the matched detections, each
+by the trust in its detector. `front` is the evidence that
 the object faces where its heading says and not backwards, `evidence_...` that for each category; both fade
 with time. `existence` is the probability that there is an object; NaN where it is not estimated."""
 

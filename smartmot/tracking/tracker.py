@@ -186,6 +186,7 @@ class Tracker:
         detections: Detections,
         monitored: Monitored | None = None,
         together: bool = False,
+        trust: float = 1.0,
     ) -> tuple[TrackerState, Tracks]:
         """Process one frame: a function of its arguments and the configuration.
 
@@ -194,6 +195,8 @@ class Tracker:
             detections: The frame's detections, map frame.
             monitored: The monitored area; None when everything is monitored.
             together: Whether the frame may have the time of the one before, being another detector's.
+            trust: What scores were multiplied by, the trust in the detector: over 0, at most 1. Its scores
+                count for so much less in the mean of a track's scores.
 
         Returns:
             The new state and the tracks that `TrackerConfig.report` chooses, oldest first; by default all
@@ -208,6 +211,7 @@ class Tracker:
         if not (together and state.stamp_s == detections.stamp_s):
             dt_s = _elapsed_s(state.stamp_s, detections.stamp_s)
         measured = self._measured(detections, state.scores)
+        measured.trust = trust
         if len(state) == 0 and len(measured.score) == 0:
             nothing = unchecked(
                 TrackerState,
@@ -352,10 +356,10 @@ class Tracker:
         if self._evidence is not None:
             detected = measured.code.take(detection)
             self._evidence.weigh(frame, matched, track, code, detected, measurement[:, YAW], score, dt_s)
-        matched[:, SCORE] = score
+        matched[:, SCORE] = score if measured.trust == 1.0 else score / measured.trust
         score_sum, hits = matched[:, SCORE_SUM], matched[:, HITS]
         score_sum += score
-        hits += 1.0
+        hits += measured.trust
         matched[:, MATCHED_S] = measured.stamp_s
         if frame.coasting:
             rows[track] = matched
@@ -391,8 +395,8 @@ class Tracker:
         rows = np.zeros((n, len(COLUMNS)))
         code, score = measured.code.take(new), measured.score.take(new)
         rows[:, CODE] = code
-        rows[:, SCORE] = rows[:, SCORE_SUM] = score
-        rows[:, HITS] = 1.0
+        rows[:, SCORE], rows[:, SCORE_SUM] = score / measured.trust, score
+        rows[:, HITS] = measured.trust
         rows[:, BIRTH_S] = rows[:, MATCHED_S] = measured.stamp_s
         rows[:, INSIDE_S] = -np.inf
         rows[:, FRONT] = score

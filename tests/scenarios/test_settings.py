@@ -262,10 +262,18 @@ def test_a_tracker_of_ones_own_is_given_the_sensor_if_it_asks_for_it(
         sensor = getattr(make(), "sensor", None)
         assert (None if sensor is None else sensor.position_sigma_m) == expected
         assert PARAMETERS["tracker"].of(preset) == f"own_trackers:{name}"
-    with pytest.raises(
-        ConfigError, match=r"tracker_sigma_m is .* shipped trackers, not of own_trackers:plain"
-    ):
-        preset_with(PHYSICAL, (("tracker_sigma_m", 0.5), ("tracker", "own_trackers:plain")))
+    for name in ("tracker_sigma_m", "dynamic_sigmas"):
+        with pytest.raises(ConfigError, match=rf"{name} is .* shipped trackers, not of own_trackers:plain"):
+            preset_with(PHYSICAL, ((name, 0.5), ("tracker", "own_trackers:plain")))
+
+
+def test_when_a_speed_counts_is_a_parameter() -> None:
+    for settings in (("dynamic_sigmas", 1.5),), (("dynamic_sigmas", 1.5), ("tracker", "default")):
+        tracker = preset_with(PHYSICAL, settings).pipeline.tracker
+        assert isinstance(tracker, TrackerConfig)
+        assert tracker.dynamic_sigmas == 1.5
+    with pytest.raises(ConfigError, match="dynamic_sigmas"):
+        preset_with(PHYSICAL, (("dynamic_sigmas", 11.0),))
 
 
 def test_names_and_numbers_of_one_parameter() -> None:

@@ -249,7 +249,7 @@ def _is_number(text: str, optional: bool) -> bool:
         return False
 
 
-_OF_DECISIONS = ("rule", "tracker", "tracker_sigma_m", "near_m", *TRIGGERS.values())
+_OF_DECISIONS = ("rule", "tracker", "tracker_sigma_m", "dynamic_sigmas", "near_m", *TRIGGERS.values())
 """Settings that change no area; rule and tracker may be code of the user's own."""
 
 

@@ -221,8 +221,9 @@ class FusedTracker:
     ) -> _Measurement:
         """A measurement after those before it."""
         name = detections.detector
-        weighed, scale = self._weighings[name].weighed(detections, before.scales.get(name))
-        state, tracks = self._tracker.step(before.tracker, weighed, monitored, together=True)
+        weighing = self._weighings[name]
+        weighed, scale = weighing.weighed(detections, before.scales.get(name))
+        state, tracks = self._tracker.step(before.tracker, weighed, monitored, True, weighing.trust)
         scales = before.scales if scale is None else {**before.scales, name: scale}
         return _Measurement(
             detections.stamp_s, place, detections, monitored, FusedState(state, scales), tracks

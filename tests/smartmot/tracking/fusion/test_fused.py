@@ -199,6 +199,20 @@ def test_a_detector_that_is_hardly_trusted_starts_no_track_and_follows_those_of_
     np.testing.assert_allclose(tracker.state.tracker.rows[0, 7], 5.9)  # matched at the last frame
 
 
+@pytest.mark.parametrize("category", ["car", "cyclist"])
+@pytest.mark.parametrize("trust", [0.05, 0.3, 1.0])
+def test_sure_boxes_of_little_trust_hide_no_track(category: str, trust: float) -> None:
+    """Nine in ten boxes are the camera's: the track is shown in every frame once it is confirmed."""
+    camera = DetectorProfile("camera", 20.0, {category: CategoryProfile(9, 0.9)}, trust=trust)
+    tracker = FusedTracker(CONFIG, {"lidar": LIDAR, "camera": camera})
+    for k in range(100):
+        frame = _frame("camera" if k % 10 else "lidar", 0.05 * k, [[0.5 * k, 0.0]], 0.9, category)
+        tracks = tracker.update(frame)
+        assert len(tracks) == (k >= 3 or category == "car"), k  # cyclists are confirmed after 0.15 s
+        # the score is that of the last detection on the common scale, whatever the trust
+        np.testing.assert_allclose(tracks.score, np.minimum(0.9 / (0.9 if k % 10 else 1.0), 1.0), atol=0.11)
+
+
 def test_scores_count_by_each_detectors_own_scale() -> None:
     """A detector whose sure scores are 0.3 starts tracks beside one whose sure scores are 0.95."""
     low = DetectorProfile("camera", 10.0, {"car": CategoryProfile(9, 0.3)})
