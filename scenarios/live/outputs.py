@@ -54,6 +54,7 @@ class TrackedBoxes:
         yaw_rad: (M,) headings about z.
         velocity_mps: (M, 2) over ground, along the frame's axes.
         dynamic: (M,) whether they move.
+        existence: (M,) probability that there is an object; None: the tracker does not tell.
     """
 
     track_id: IntArray
@@ -64,6 +65,7 @@ class TrackedBoxes:
     yaw_rad: FloatArray
     velocity_mps: FloatArray
     dynamic: BoolArray
+    existence: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -82,6 +84,7 @@ class TrackedBoxes:
             np.arctan2(ahead[:, 1], ahead[:, 0]),
             self.velocity_mps @ turn[:2, :2].T,
             self.dynamic,
+            self.existence,
         )
 
 
@@ -180,12 +183,16 @@ def track_markers(tracks: TrackedBoxes, lifetime_s: float) -> list[Marker]:
     """A box and a text of every track, and an arrow of those that move.
 
     The namespace of a box is the track's class; arrows and texts have namespaces of their own, because a
-    namespace and a number name one marker.
+    namespace and a number name one marker. The text has class, score, the probability that there is an object
+    where the tracker tells it, and number.
     """
     end = tracks.center_m.copy()
     end[:, :2] += AHEAD_S * tracks.velocity_mps
     top = tracks.center_m[:, 2] + 0.5 * tracks.size_m[:, 2] + LABEL_ABOVE_M
     markers = []
+    existence = [""] * len(tracks)
+    if tracks.existence is not None:
+        existence = [f" p {probability:.2f}" for probability in tracks.existence.tolist()]
     rows = zip(
         tracks.track_id.tolist(),
         tracks.category.tolist(),
@@ -196,9 +203,10 @@ def track_markers(tracks: TrackedBoxes, lifetime_s: float) -> list[Marker]:
         end.tolist(),
         top.tolist(),
         tracks.dynamic.tolist(),
+        existence,
         strict=True,
     )
-    for number, name, score, center, size, yaw, tip, label_z, moves in rows:
+    for number, name, score, center, size, yaw, tip, label_z, moves, exists in rows:
         colour = _COLOURS[name]
         markers.append(
             Marker(
@@ -220,7 +228,7 @@ def track_markers(tracks: TrackedBoxes, lifetime_s: float) -> list[Marker]:
                 position_m=(center[0], center[1], label_z),
                 scale_m=(0.0, 0.0, LABEL_HEIGHT_M),
                 colour=(*_WHITE, _SOLID),
-                text=f"{name} {score:.2f} #{number}",
+                text=f"{name} {score:.2f}{exists} #{number}",
                 lifetime_s=lifetime_s,
             )
         )

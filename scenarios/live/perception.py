@@ -339,6 +339,7 @@ class LivePerception:
             tracks.boxes.yaw_rad[shown],
             tracks.velocity_mps[shown],
             tracks.dynamic[shown],
+            None if tracks.existence is None else tracks.existence[shown],
         )
 
     def _output(

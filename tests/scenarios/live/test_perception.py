@@ -212,6 +212,19 @@ def test_arrows_end_where_a_mover_is_in_two_seconds() -> None:
     assert texts == {"car 0.90 #1", "car 0.90 #2"}
 
 
+@pytest.mark.parametrize("output_frame", ["map", "sensor"])
+def test_texts_tell_the_existence_where_the_tracker_does(output_frame: str) -> None:
+    seen = replace(SETTINGS, settings=(("tracker", "default"),), output_frame=output_frame)
+    frames, _ = frames_of(straight(10, lambda t: [car(50.0, -4.0)]), seen)
+    shown = [frame.tracks.existence for frame in frames]
+    probable = [float(existence[0]) for existence in shown if existence is not None]
+    assert len(probable) == 10
+    assert probable[0] == pytest.approx(0.5)  # a new track: the share of births that are true
+    assert min(probable[2:]) > 0.99
+    (text,) = (m.text for m in frames[0].markers if m.kind == TEXT)
+    assert text == "car 0.90 p 0.50 #1"
+
+
 def test_without_odometry_tracks_are_in_the_sensors_frame_and_nothing_is_decided() -> None:
     messages = [boxes(k * 0.05, [car(20.0 - k * 0.5, 0.0)]) for k in range(20)]
     outputs, perception = outputs_of(messages, SETTINGS)
