@@ -32,8 +32,8 @@ class Limits:
 class Measured:
     """The frame's detections over the score threshold, as the filter takes them: N rows each.
 
-    `limits` are the thresholds of the frame, `scores` the score scale that they follow from. Scores are already
-    multiplied by `trust`, which says how much each counts in a mean.
+    `limits` are the thresholds of the frame, `scores` the score scale that they follow from. Scores are
+    already multiplied by `trust`, which says how much each counts in a mean.
     """
 
     stamp_s: float
