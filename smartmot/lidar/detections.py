@@ -79,12 +79,17 @@ class BoxDetections:
     @property
     def distance_m(self) -> FloatArray:
         """(N,) horizontal distances from the sensor to the nearest points of the boxes; 0 inside of one."""
-        center, size, yaw = self.boxes.center_m, self.boxes.size_m, self.boxes.yaw_rad
-        c, s = np.cos(yaw), np.sin(yaw)
-        along, across = c * center[:, 0] + s * center[:, 1], c * center[:, 1] - s * center[:, 0]
-        beyond = np.maximum(np.abs(np.column_stack((along, across))) - 0.5 * size[:, :2], 0.0)
-        distance: FloatArray = np.hypot(beyond[:, 0], beyond[:, 1])
-        return distance
+        return distance_to(self.boxes)
+
+
+def distance_to(boxes: Boxes3D) -> FloatArray:
+    """(N,) horizontal distances from the sensor to the nearest points of boxes; 0 inside of one."""
+    center, size, yaw = boxes.center_m, boxes.size_m, boxes.yaw_rad
+    c, s = np.cos(yaw), np.sin(yaw)
+    along, across = c * center[:, 0] + s * center[:, 1], c * center[:, 1] - s * center[:, 0]
+    beyond = np.maximum(np.abs(np.column_stack((along, across))) - 0.5 * size[:, :2], 0.0)
+    distance: FloatArray = np.hypot(beyond[:, 0], beyond[:, 1])
+    return distance
 
 
 class StageClock:

@@ -34,6 +34,9 @@ _COLUMNS = ("intensity", "ring", "time_offset_s")
 
 _PLAUSIBLE_M = (1e-6, 1e6)
 """Coordinates other than 0 of any LiDAR: resolution and range of real ones are three powers of ten inside."""
+_MOST_RINGS, _FEWEST_ROWS = 256, 100
+"""More than any LiDAR has lines; and rows from which on every last number is not whole by chance."""
+
 _MOST_IMPLAUSIBLE = 0.1
 """Share beyond which a file holds something else. Of float64 read as float32, two of three coordinates have
 an exponent of random bits, of which one in six is plausible; of text none is."""
@@ -57,6 +60,11 @@ def read_bin(path: Path) -> NamedCloud:
         hint = "" if nuscenes or len(data) % 20 else f"; name nuScenes' sweeps {NUSCENES_SUFFIX}"
         raise DatasetError(f"{path}: {len(data)} bytes are no whole number of points of {size} bytes{hint}")
     rows = np.frombuffer(data, dtype=[(name, "<f4") for name in fields])
+    if not nuscenes and _has_rings(data):
+        raise DatasetError(
+            f"{path}: every fifth number is a small whole one: rows of five numbers, as nuScenes' sweeps "
+            f"have them; name the file {NUSCENES_SUFFIX}"
+        )
     xyz = np.abs(np.stack([rows[axis] for axis in "xyz"]))
     low, high = _PLAUSIBLE_M
     implausible = np.count_nonzero(((xyz > 0.0) & (xyz < low)) | (xyz > high))
@@ -71,6 +79,17 @@ def read_bin(path: Path) -> NamedCloud:
     except DatasetError as error:
         raise DatasetError(f"{path}: {error}") from None
     return replace(named, notes=(*named.notes, AXES_KEPT), ahead="y") if nuscenes else named
+
+
+def _has_rings(data: bytes) -> bool:
+    """Whether numbers are rows of five with a ring at the end: of rows of four that is a mix of columns."""
+    if len(data) % 20 or len(data) < 20 * _FEWEST_ROWS:
+        return False
+    rows = np.frombuffer(data, dtype="<f4").reshape(-1, 5)
+    last = rows[:, 4]
+    are_rings = ((last >= 0.0) & (last < _MOST_RINGS) & (np.trunc(last) == last)).all()
+    # of a cloud with whole coordinates nothing can be said
+    return bool(are_rings and (last != last[0]).any() and (np.trunc(rows[:, :3]) != rows[:, :3]).any())
 
 
 def bin_bytes(cloud: PointCloud, nuscenes: bool = False) -> bytes:

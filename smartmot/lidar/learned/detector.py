@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.arrays import IntArray
-from smartmot.lidar.detections import GROUND, OFF_AREA, OUT_OF_REACH, BoxDetections, StageClock
+from smartmot.lidar.detections import (
+    GROUND,
+    OFF_AREA,
+    OUT_OF_REACH,
+    BoxDetections,
+    StageClock,
+    distance_to,
+)
 from smartmot.lidar.ground import Ground, ground_under
 from smartmot.lidar.learned.network_file import LearnedConfig
 from smartmot.lidar.learned.pillars import PillarGrid, Pillars, pillars_of
@@ -24,6 +31,8 @@ def detect_learned(
     sensor_height_m: float | None = None,
 ) -> BoxDetections:
     """Boxes of a cloud by a network, sensor's frame; they lie in the field of the network's grid.
+
+    A box in which the sensor is, as seen from above, is left out.
 
     Args:
         cloud: P points.
@@ -45,11 +54,12 @@ def detect_learned(
     boxes, score, category = network.decoder.decode(output, config.least_score)
     center = boxes.center_m.copy()
     center[:, 2] += view.ground.level_m(center[:, :2])
-    boxes = Boxes3D(center, boxes.size_m, boxes.yaw_rad)
+    # a box with the sensor in it is the vehicle that carries it
+    others = distance_to(boxes) > 0.0
+    boxes = Boxes3D(center, boxes.size_m, boxes.yaw_rad)[others]
     clock.note("boxes", len(boxes), "boxes")
-    return BoxDetections(
-        boxes, score, category, clock.stages, view.point_cluster, np.arange(len(boxes), dtype=np.int64)
-    )
+    rows = np.arange(len(boxes), dtype=np.int64)
+    return BoxDetections(boxes, score[others], category[others], clock.stages, view.point_cluster, rows)
 
 
 def seen_in(cloud: PointCloud, grid: PillarGrid) -> Pillars:

@@ -207,3 +207,28 @@ def test_bags_bring_every_number_back(tmp_path: Path, name: str) -> None:
     assert len(back[2].cloud) == 0
     with pytest.raises(DatasetError, match="no topic /other with clouds; there are /points"):
         list(read_clouds(path, "/other"))
+
+
+@pytest.mark.parametrize("count", [100, 400, 401])
+def test_rows_of_five_numbers_are_not_taken_for_points_of_four(tmp_path: Path, count: int) -> None:
+    """400 rows of five are 500 whole points of four: the length alone does not tell them apart."""
+    rng = np.random.default_rng(count)
+    rows = np.column_stack(
+        (rng.normal(0.0, 9.0, (count, 3)), rng.integers(0, 256, count), np.arange(count) % 32)
+    )
+    path = tmp_path / "sweep.bin"
+    path.write_bytes(rows.astype("<f4").tobytes())
+    with pytest.raises(DatasetError, match=r"sweep\.bin: .*name (the file|nuScenes' sweeps) \.pcd\.bin"):
+        read_cloud(path)
+    renamed = path.rename(tmp_path / "sweep.pcd.bin")
+    np.testing.assert_array_equal(read_cloud(renamed).cloud.ring, rows[:, 4])
+
+
+def test_points_of_four_numbers_are_never_taken_for_rows_of_five(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    points = np.column_stack((rng.normal(0.0, 9.0, (500, 3)), np.zeros(500)))
+    whole = np.column_stack((np.arange(500), np.arange(500) % 7, np.zeros(500), np.zeros(500)))
+    for name, rows in (("drawn", points), ("whole", whole)):
+        path = tmp_path / f"{name}.bin"
+        path.write_bytes(rows.astype("<f4").tobytes())
+        assert len(read_cloud(path).cloud) == 500
