@@ -4,8 +4,8 @@
     python -m benchmarks.train_lidar --check [--check-frames N]
 
 All frames are drawn here: LiDARs of `SOURCES` at heights from 1.4 to 2.1 m, pitched by up to 1.5 degrees, on
-the maps of `TRAINED_ON`. No recording is looked at. `frames.npz` in the folder keeps what was drawn; the same
-command goes on where a stopped training was. `--ship` copies network and card into
+the maps of `TRAINED_ON`. No recording is looked at. `frames_*.npz` in the folder keep what was drawn, and a
+second run goes on where a training was stopped. `--ship` copies network and card into
 `smartmot/lidar/learned/weights`. The result depends on the kind of processor, on the number of threads
 (`OMP_NUM_THREADS`), which the card says, and on the version of PyTorch. `--check` measures the shipped
 network on streets of other maps and another seed, which needs neither PyTorch nor what was drawn.
@@ -53,20 +53,24 @@ class Source:
         sensor: its name.
         field_deg: horizontal field of view ahead, of spinning sensors.
         count: of frames, a multiple of `FRAMES_PER_STREET`.
+        rough: crowded streets and poor sensors, see `drawn_frames`.
     """
 
     sensor: str
     field_deg: float
     count: int
+    rough: bool = False
 
 
 SOURCES = (
     Source("hdl64", 180.0, 800), Source("hdl64", 85.0, 480), Source("hdl32", 180.0, 400),
     Source("mid70", 70.4, 160),
+    Source("hdl64", 180.0, 600, rough=True), Source("hdl64", 85.0, 920, rough=True),
+    Source("hdl32", 180.0, 240, rough=True), Source("mid70", 70.4, 80, rough=True),
 )  # fmt: skip
 """What is learned from. 85 degrees are the field of a camera's lens: clouds are often cut to it."""
 
-HELD_OUT = (Source("hdl64", 180.0, 80), Source("hdl64", 85.0, 40))
+HELD_OUT = (Source("hdl64", 180.0, 80), Source("hdl64", 85.0, 40), Source("hdl64", 85.0, 80, rough=True))
 """For the curves and for calibrating the scores, from other streets on the same maps."""
 
 SEED = 1
@@ -83,10 +87,20 @@ def street_frames(source: Source, seed: int, number: int) -> list[LabelledFrame]
         config = replace(config, pattern=replace(pattern, field_rad=math.radians(source.field_deg)))
     reach = math.hypot(grid.ahead_m[1], max(map(abs, grid.left_m)))
     first = FRAMES_PER_STREET * number
-    frames = drawn_frames(TRAINED_ON, config, FRAMES_PER_STREET, seed, first=first, in_turn=True, varied=True)
+    frames = drawn_frames(
+        TRAINED_ON,
+        config,
+        FRAMES_PER_STREET,
+        seed,
+        first=first,
+        in_turn=True,
+        varied=True,
+        rough=source.rough,
+    )
+    kind = f"{source.sensor}_{source.field_deg:g}{'_rough' if source.rough else ''}"
     return [
         labelled_frame(
-            f"{source.sensor}_{source.field_deg:g}_{first + k}",
+            f"{kind}_{first + k}",
             frame.cloud,
             frame.boxes,
             frame.category,
@@ -96,15 +110,14 @@ def street_frames(source: Source, seed: int, number: int) -> list[LabelledFrame]
     ]
 
 
-def drawn(sources: tuple[Source, ...], seed: int, workers: int) -> list[LabelledFrame]:
-    """The frames of all sources; each has a seed of its own."""
-    frames: list[LabelledFrame] = []
-    for number, source in enumerate(sources):
-        job = partial(street_frames, source, seed + 1000 * number)
-        for street in execute_all(job, list(range(source.count // FRAMES_PER_STREET)), workers):
-            frames += street
-        print(f"{source.sensor} {source.field_deg:g} degrees: {source.count} frames", flush=True)
-    return frames
+def drawn(source: Source, seed: int, workers: int) -> list[LabelledFrame]:
+    """The frames of a source."""
+    streets = list(range(source.count // FRAMES_PER_STREET))
+    return [
+        frame
+        for street in execute_all(partial(street_frames, source, seed), streets, workers)
+        for frame in street
+    ]
 
 
 _COLUMNS = ("points", "line", "center_m", "size_m", "yaw_rad", "category", "counts")
@@ -146,24 +159,36 @@ def unpacked(columns: dict[str, np.ndarray]) -> list[LabelledFrame]:
 
 
 def frames_in(out: Path, seed: int, workers: int) -> tuple[list[LabelledFrame], list[LabelledFrame]]:
-    """Frames to learn from and held out ones, drawn, or as they were kept."""
-    path = out / "frames.npz"
-    recipe = json.dumps([seed, *(asdict(source) for source in (*SOURCES, *HELD_OUT))])
-    count = sum(source.count for source in SOURCES)
+    """Frames to learn from and held out ones; each source has a seed of its own."""
+    train, held_out = (
+        [
+            frame
+            for number, source in enumerate(sources)
+            for frame in _kept_or_drawn(
+                out / f"frames_{name}_{number}.npz", source, first + seed + 1000 * number, workers
+            )
+        ]
+        for name, first, sources in (("train", 100_000, SOURCES), ("held_out", 200_000, HELD_OUT))
+    )
+    return train, held_out
+
+
+def _kept_or_drawn(path: Path, source: Source, seed: int, workers: int) -> list[LabelledFrame]:
+    """The frames of a source, drawn, or as they were kept."""
+    recipe = json.dumps([seed, asdict(source)])
     if not path.is_file():
         start_s = time.perf_counter()
-        frames = drawn(SOURCES, 100_000 + seed, workers) + drawn(HELD_OUT, 200_000 + seed, workers)
-        out.mkdir(parents=True, exist_ok=True)
-        np.savez(path, recipe=np.array(recipe), **packed(frames))
-        print(f"{len(frames)} frames drawn in {time.perf_counter() - start_s:.0f} s", flush=True)
+        frames = drawn(source, seed, workers)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(".part.npz")
+        np.savez(unfinished, recipe=np.array(recipe), **packed(frames))
+        unfinished.replace(path)
+        print(f"{source}: drawn in {time.perf_counter() - start_s:.0f} s", flush=True)
     with np.load(path) as content:
         columns = {name: content[name] for name in content.files}
     if str(columns.pop("recipe")) != recipe:
-        raise SystemExit(
-            f"{path}: was drawn for other sources or another seed; delete it or name another folder"
-        )
-    frames = unpacked(columns)
-    return frames[:count], frames[count:]
+        raise SystemExit(f"{path}: was drawn for another source or seed; delete it or name another folder")
+    return unpacked(columns)
 
 
 def fresh_streets(count: int, seed: int = 300_001) -> Iterator[Truth]:

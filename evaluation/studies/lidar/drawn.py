@@ -15,7 +15,8 @@ import numpy as np
 
 from evaluation.studies.lidar.cars import drawn_car
 from evaluation.studies.lidar.clutter import FARTHEST_M, clutter_beside
-from evaluation.studies.lidar.echoes import Echoes, smeared
+from evaluation.studies.lidar.echoes import Echoes, miscalibrated, on_waves, smeared, too_weak
+from evaluation.studies.lidar.people import drawn_person, drawn_rider
 from opendrive import RoadNetwork, load_map
 from scenarios.sensors.lidar import LidarConfig, LidarSensor, Mount, Street, furnished_street
 from scenarios.sensors.lidar.shapes import Bodies, joined
@@ -68,6 +69,7 @@ def drawn_frames(
     mount: Mount | None = None,
     in_turn: bool = False,
     varied: bool = False,
+    rough: bool = False,
 ) -> Iterator[DrawnFrame]:
     """Frames on maps by turns.
 
@@ -84,6 +86,9 @@ def drawn_frames(
             repeats.
         varied: whether cars have many shapes (`cars`), people many sizes, and parked cars stand at sidewalks
             too; else they are those of the sensor in the closed loop.
+        rough: whether streets, varied ones, are as crowded and sensors as poor as they can be: people and
+            riders of many shapes, more clutter, road users farther away, ground that is not flat, and lines
+            and echoes with errors of their own.
     """
     for number in range(first, first + count):
         rng = np.random.default_rng((seed, number))
@@ -99,17 +104,19 @@ def drawn_frames(
         drawn_mount = mount or Mount(rng.uniform(1.4, 2.1), 0.0, math.radians(rng.uniform(-1.5, 1.5)))
         sensor_config = replace(config, mount=drawn_mount)
         ego = _ego(network, rng)
-        world = _world(network, surface, street, ego, in_the_way, rng, _VARIED if varied else _USUAL)
+        sizes = _VARIED if varied else _USUAL
+        world = _world(network, surface, street, ego, in_the_way, rng, sizes, spread=rough)
         if in_turn:
             world = replace(world, time_s=number / config.pattern.rate_hz)
         extra = [street.bodies]
         if clutter:
-            extra.append(clutter_beside(network, surface, street, ego, world, rng))
+            extra.append(clutter_beside(network, surface, street, ego, world, rng, rough=rough))
         cast_world = world
         if varied:
-            cars = np.flatnonzero(world.category == "car")
-            extra.append(_cars(world, cars, street, rng))
-            cast_world = replace(world, seen=world.category != "car")
+            drawn = SHAPED if rough else SHAPED[:1]
+            rows = np.flatnonzero(np.isin(world.category, drawn))
+            extra.append(_shaped(world, rows, street, rng))
+            cast_world = replace(world, seen=~np.isin(world.category, drawn))
         own_street = replace(street, bodies=joined(extra))
         sensor = LidarSensor(sensor_config, int(rng.integers(2**31)), own_street)
         cloud = smeared(sensor.measure(cast_world, ego).cloud, rng)
@@ -118,7 +125,11 @@ def drawn_frames(
         lost = echoes.through_bicycles(category, rng)
         if varied:
             lost |= echoes.of_dark_cars(category, rng)
+        if rough:
+            lost |= too_weak(cloud, rng)
         cloud = cloud[~lost]
+        if rough:
+            cloud, boxes = on_waves(miscalibrated(cloud, rng), boxes, rng)
         points = boxes.point_counts(cloud.xyz_m, 0.05).astype(np.float64)
         yield DrawnFrame(cloud, boxes, category, points, drawn_mount.height_m, network, ego)
 
@@ -191,13 +202,18 @@ def _world(
     in_the_way: float,
     rng: np.random.Generator,
     sizes: tuple[_Kind, ...],
+    *,
+    spread: bool = False,
 ) -> World:
-    """People anywhere on and beside the road, riders and cars along lanes; none touches another."""
+    """People anywhere on and beside the road, riders and cars along lanes; none touches another.
+
+    `spread`: twice as many people, and riders and cars ahead at any distance, not most of them near.
+    """
     adult, child, cyclist, car, van = sizes
     place: list[FloatArray] = []
     yaw: list[float] = []
     kinds: list[_Kind] = []
-    people = int(rng.integers(2, 10))
+    people = int(rng.integers(2, 10)) * (2 if spread else 1)
     while len(kinds) < people:
         # most of them where a vehicle looks: ahead
         distance, angle = rng.uniform(4.0, 45.0), float(np.clip(rng.normal(0.0, 0.4), -0.9, 0.9))
@@ -220,7 +236,8 @@ def _world(
         (van, rng.integers(0, 3)),
     ):
         for _ in range(int(many)):
-            x, y, heading = _on_lane_near(network, usable, ego, rng)
+            aim = rng.uniform(5.0, 48.0) if spread else None
+            x, y, heading = _on_lane_near(network, usable, ego, rng, aim)
             aside = rng.uniform(-4.0, 4.0) if kind is cyclist else rng.normal(0.0, 0.2)
             turn = rng.normal(0.0, 0.1) if rng.random() < 0.8 else rng.uniform(-math.pi, math.pi)
             kinds.append(kind)
@@ -246,15 +263,30 @@ def _world(
     return World(0.0, boxes, speed, size[kept, 2], np.arange(count), category, everyone, everyone, surface)
 
 
+AHEAD_RAD = math.radians(60.0)
+"""Bearing up to which a road user is ahead."""
+
+
 def _on_lane_near(
-    network: RoadNetwork, usable: IntArray, ego: EgoState, rng: np.random.Generator
+    network: RoadNetwork,
+    usable: IntArray,
+    ego: EgoState,
+    rng: np.random.Generator,
+    aim_m: float | None = None,
 ) -> tuple[float, float, float]:
-    """Place and heading on the middle of a lane, the nearest of some that is at least 5 m away."""
-    lane = rng.choice(usable, 8)
+    """Place and heading on the middle of a lane, the nearest of some that is at least 5 m away.
+
+    `aim_m`: of more of them the one ahead whose distance is nearest to it.
+    """
+    lane = rng.choice(usable, 8 if aim_m is None else 64)
     s = rng.uniform(network.lanes.s_start_m[lane], network.lanes.s_end_m[lane])
     x, y, _, heading = network.center_line(lane, s)
     distance = np.hypot(x - ego.x_m, y - ego.y_m)
-    row = int(np.where(distance < 5.0, np.inf, distance).argmin())
+    off = distance
+    if aim_m is not None:
+        aside = wrap_angle(np.arctan2(y - ego.y_m, x - ego.x_m) - ego.yaw_rad)
+        off = np.abs(distance - aim_m) + np.where(np.abs(aside) > AHEAD_RAD, FARTHEST_M, 0.0)
+    row = int(np.where(distance < 5.0, np.inf, off).argmin())
     return float(x[row]), float(y[row]), float(heading[row])
 
 
@@ -317,12 +349,17 @@ def _varied_parked(
     return _Parked(position, yaw, size), varied
 
 
-def _cars(world: World, rows: IntArray, street: Street, rng: np.random.Generator) -> Bodies:
-    """Bodies of many shapes for the cars of a world."""
+SHAPED = ("car", "pedestrian", "cyclist")
+_MAKES = {"car": drawn_car, "pedestrian": drawn_person, "cyclist": drawn_rider}
+
+
+def _shaped(world: World, rows: IntArray, street: Street, rng: np.random.Generator) -> Bodies:
+    """Bodies of many shapes for road users of a world."""
     boxes = world.boxes[rows]
     size = np.column_stack((boxes.size_m, world.height_m[rows]))
     bottom = world.bottom_m[rows] + street.raised_m(boxes.center_m)
-    parts = [drawn_car(each, rng) for each in size]
+    category = world.category[rows].tolist()
+    parts = [_MAKES[name](each, rng) for name, each in zip(category, size, strict=True)]
     position = np.column_stack((boxes.center_m, bottom))
     return Bodies.of(parts, position, boxes.yaw_rad, world.velocity_mps[rows])
 

@@ -1,4 +1,8 @@
-"""Echoes of drawn clouds as real beams have them: smeared at edges, lost in bicycles and on dark cars."""
+"""Echoes of drawn clouds as real beams have them.
+
+They are smeared at edges, lost in bicycles, on dark cars and where too little light comes back, and off by
+what the laser of their line is off; and the ground under them is not as flat as a map's.
+"""
 
 from __future__ import annotations
 
@@ -97,3 +101,71 @@ def smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
     moved = order[edge & (rng.random(len(xyz)) < SMEARED)]
     xyz[moved] *= (1.0 + SMEAR_M * rng.random(len(moved)) ** 2 / distance[moved])[:, None]
     return replace(cloud, xyz_m=xyz.astype(np.float32))
+
+
+WEAKEST = (5e-7, 1e-5)
+"""Least and greatest of the weakest echoes, reflectivity times cosine over distance squared. An HDL-64E has
+echoes of pavement, reflectivity 0.1, up to 50 m (its User's Manual): 1.4e-6 at 1.73 m over it. Others see as
+far as the first or no farther than a third of that."""
+
+FADING = 0.7
+"""Standard deviation of the logarithm of an echo's strength: speckle and paint, assumed."""
+
+
+def too_weak(cloud: PointCloud, rng: np.random.Generator) -> BoolArray:
+    """(P,) echoes of which too little light comes back, for a sensor that is drawn."""
+    distance2 = np.square(cloud.xyz_m.astype(np.float64)).sum(axis=1)
+    weakest = math.exp(rng.uniform(*np.log(WEAKEST)))
+    faded = cloud.intensity * np.exp(FADING * rng.standard_normal(len(cloud)))
+    lost: BoolArray = faded < weakest * distance2
+    return lost
+
+
+LINE_SIGMA_M = 0.02
+"""Greatest standard deviation over lines of the error of a line's ranges: planes in clouds of an HDL-64E are
+off by 3 cm before a calibration and 1.3 cm after (Glennie, Lichti, "Static calibration and analysis of the
+Velodyne HDL-64E S2 for high accuracy mobile scanning", Remote Sensing 2, 2010)."""
+
+LINE_SIGMA_RAD = math.radians(0.03)
+"""The same of its elevation, assumed: a third of the finest spacing."""
+
+
+def miscalibrated(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
+    """The cloud of a sensor each line of which has an error of its own."""
+    if cloud.ring is None or not len(cloud):
+        return cloud
+    lines = int(cloud.ring.max()) + 1
+    share = rng.random()
+    xyz = cloud.xyz_m.astype(np.float64)
+    level, distance = np.hypot(xyz[:, 0], xyz[:, 1]), np.linalg.norm(xyz, axis=1)
+    off = share * LINE_SIGMA_M * rng.standard_normal(lines)[cloud.ring]
+    up = share * LINE_SIGMA_RAD * rng.standard_normal(lines)[cloud.ring]
+    grown = 1.0 + off / np.maximum(distance, 0.1)
+    # turned upwards by a small angle: the level part loses z, the height gains the level distance
+    shrunk = grown * (1.0 - up * xyz[:, 2] / np.maximum(level, 0.1))
+    made = np.column_stack((xyz[:, :2] * shrunk[:, None], xyz[:, 2] * grown + up * level))
+    return replace(cloud, xyz_m=made.astype(np.float32))
+
+
+WAVES = 6
+WAVE_M, WAVE_SLOPE = (6.0, 50.0), 0.02
+"""Lengths of the waves of the ground, and the standard deviation of the slope of each (assumed): together
+5 %, as off the road or where drives and crossings meet it."""
+
+
+def on_waves(cloud: PointCloud, boxes: Boxes3D, rng: np.random.Generator) -> tuple[PointCloud, Boxes3D]:
+    """The cloud and its labels on ground that is not flat; what stands on it is moved up and down with it."""
+    length = np.exp(rng.uniform(*np.log(WAVE_M), WAVES))
+    turn, phase = rng.uniform(-math.pi, math.pi, (2, WAVES))
+    height = rng.random() * WAVE_SLOPE * rng.standard_normal(WAVES) * length / (2.0 * math.pi)
+
+    def raised(xy_m: FloatArray) -> FloatArray:
+        """(N,) height of the ground; 0 under the sensor."""
+        along = xy_m[:, :1] * np.cos(turn) + xy_m[:, 1:] * np.sin(turn)
+        waves: FloatArray = (np.sin(2.0 * math.pi * along / length + phase) - np.sin(phase)) @ height
+        return waves
+
+    xyz, center = cloud.xyz_m.copy(), boxes.center_m.copy()
+    xyz[:, 2] += raised(xyz[:, :2].astype(np.float64)).astype(np.float32)
+    center[:, 2] += raised(center[:, :2])
+    return replace(cloud, xyz_m=xyz), replace(boxes, center_m=center)

@@ -15,7 +15,7 @@ from smartmot.lidar.learned.pillars import FEATURES
 if TYPE_CHECKING:
     from evaluation.studies.training.samples import Targets
 
-PILLAR, WIDTHS, BLOCKS, JOINED, HEAD = 16, (24, 48, 96), (1, 2, 3), 24, 32
+PILLAR, WIDTHS, BLOCKS, JOINED, HEAD = 24, (32, 48, 96), (1, 2, 3), 16, 32
 """Features of a pillar; channels and further convolutions at half, a quarter and an eighth of the grid;
 channels of each of the three where they are joined, and of the head: as many as 25 ms of one thread allow."""
 
