@@ -155,7 +155,8 @@ WAVE_M, WAVE_SLOPE = (6.0, 50.0), 0.02
 
 def on_waves(cloud: PointCloud, boxes: Boxes3D, rng: np.random.Generator) -> tuple[PointCloud, Boxes3D]:
     """The cloud and its labels on ground that is not flat; what stands on it is moved up and down with it."""
-    length = np.exp(rng.uniform(*np.log(WAVE_M), WAVES))
+    shortest, longest = np.log(WAVE_M)
+    length = np.exp(rng.uniform(shortest, longest, WAVES))
     turn, phase = rng.uniform(-math.pi, math.pi, (2, WAVES))
     height = rng.random() * WAVE_SLOPE * rng.standard_normal(WAVES) * length / (2.0 * math.pi)
 

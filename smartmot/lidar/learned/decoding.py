@@ -90,16 +90,22 @@ class Decoder:
 
 
 def _peaks(maps: NDArray[np.float32], least_score: float) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Map, row, column and logit of each cell that is as high as its eight neighbours and high enough."""
+    """Map, row, column and logit of each cell that is high enough and as high as the four beside it.
+
+    Cells at its corners may be higher: two people of a group are often in such cells. Where both are of one
+    body their boxes overlap.
+    """
     least = np.log(max(least_score, 1e-6) / max(1.0 - least_score, 1e-9))
     which, row, column = np.unravel_index(np.flatnonzero(maps.ravel() >= least), maps.shape)
     logit = maps[which, row, column]
     is_peak = np.ones(len(logit), dtype=np.bool_)
-    for i in range(-1, 2):
-        # beyond an edge is the edge itself, which is no higher than its own neighbour or cell
-        next_row = np.clip(row + i, 0, maps.shape[1] - 1)
-        for j in range(-1, 2):
-            is_peak &= logit >= maps[which, next_row, np.clip(column + j, 0, maps.shape[2] - 1)]
+    for i, j in ((0, -1), (-1, 0), (1, 0), (0, 1)):
+        # beyond an edge is the cell itself
+        next_row, next_column = (
+            np.clip(at + by, 0, size - 1)
+            for at, by, size in ((row, i, maps.shape[1]), (column, j, maps.shape[2]))
+        )
+        is_peak &= logit >= maps[which, next_row, next_column]
     value = np.clip(logit[is_peak].astype(np.float64), -500.0, 500.0)
     return which[is_peak], row[is_peak], column[is_peak], value
 

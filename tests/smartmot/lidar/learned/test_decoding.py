@@ -66,6 +66,19 @@ def test_of_overlapping_boxes_the_surest_stays_and_neighbours_are_no_peaks() -> 
     assert len(DECODER.decode(made, 1.0)[1]) == 0
 
 
+def test_two_people_in_cells_that_touch_at_a_corner_are_two() -> None:
+    """And a body whose centre is between such cells is one."""
+    first, second = values(-0.3, 0.3, 0.9, (0.5, 0.6, 1.8), 0.0), values(0.3, -0.3, 0.9, (0.5, 0.6, 1.8), 0.0)
+    boxes, _, category = DECODER.decode(output((1, 5, 5, 2.0, first), (1, 6, 4, 1.0, second)), 0.3)
+    assert category.tolist() == ["pedestrian", "pedestrian"]
+    assert boxes.center_m[:, 0] == pytest.approx([5.2, 6.8])
+    here, there = values(0.5, -0.5, 0.9, (0.5, 0.6, 1.8), 0.0), values(-0.5, 0.5, 0.9, (0.5, 0.6, 1.8), 0.0)
+    boxes, _, _ = DECODER.decode(output((1, 5, 5, 2.0, here), (1, 6, 4, 1.0, there)), 0.3)
+    assert len(boxes) == 1
+    beside = values(-0.5, 0.0, 0.9, (0.5, 0.6, 1.8), 0.0)
+    assert len(DECODER.decode(output((1, 5, 5, 2.0, first), (1, 6, 5, 1.0, beside)), 0.3)[0]) == 1
+
+
 def test_nonsense_of_a_network_gives_no_boxes() -> None:
     huge = values(0, 0, 0.8, (4.0, 1.8, 1.5), 0.0)
     made = output((0, 5, 5, 2.0, huge), (0, 10, 10, 2.0, huge))
