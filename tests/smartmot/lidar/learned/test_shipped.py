@@ -58,5 +58,5 @@ def test_it_finds_road_users_on_fresh_streets() -> None:
     boxes, count = measured_quality(fresh_streets(24, 4242), shipped_network(), QualityOptions(10))
     assert count == 24
     assert {name: each.labels >= 20 for name, each in boxes.items()} == dict.fromkeys(boxes, True)
-    least = {"car": 0.7, "pedestrian": 0.45, "cyclist": 0.45}
+    least = {"car": 0.85, "pedestrian": 0.7, "cyclist": 0.7}
     assert {name: each.f1(0.3) > least[name] for name, each in boxes.items()} == dict.fromkeys(boxes, True)
