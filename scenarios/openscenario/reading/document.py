@@ -273,8 +273,10 @@ class Node:
         return text.strip().removeprefix("$")
 
     def path(self, name: str) -> Path:
-        """Attribute as a path, which counts from the folder of the file."""
-        return self.file.parent / self.text(name)
+        """Attribute as a path, which counts from the folder of the file; also as it is written on Windows."""
+        given = self.text(name)
+        path = self.file.parent / given
+        return path if "\\" not in given or path.exists() else self.file.parent / given.replace("\\", "/")
 
     def number(self, name: str, default: Value | None = None) -> float:
         """Attribute as a finite number.

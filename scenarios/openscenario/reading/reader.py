@@ -139,6 +139,8 @@ def _map_path(node: Node, road: Path | None) -> Path | None:
     if file is None:
         return None
     file.allow("filepath")
+    if not file.text("filepath").strip():
+        return road if road is not None and road.is_file() else None
     path = file.path("filepath")
     if path.is_file():
         return path

@@ -186,3 +186,21 @@ def test_sensors_by_name(play):
     engine, _ = play(act(maneuver(event("e", hidden))))
     assert engine.entities.seen.tolist() == [True, False]
     assert any("names sensors: it holds for all that the ego has" in note for note in engine.notes)
+
+
+def test_paths_with_backslashes(write, tmp_path):
+    path = changed(write(), 'filepath="two_roads.xodr"', 'filepath="..\\maps\\two.xodr"')
+    (tmp_path.parent / "maps").mkdir(exist_ok=True)
+    (tmp_path / "two_roads.xodr").replace(tmp_path.parent / "maps" / "two.xodr")
+    assert load(path).map_path.name == "two.xodr"
+    with pytest.raises(OpenScenarioError, match=r"maps/three\.xodr does not exist"):
+        load(changed(path, "two.xodr", "three.xodr"))
+
+
+def test_a_logic_file_without_a_name_is_none(write, tmp_path):
+    here = '<Position><WorldPosition x="{}" y="0"/></Position>'
+    init = private("Ego", teleport(here.format(0)), speed(10)) + private("Other", teleport(here.format(60)))
+    path = changed(write(init=init), 'filepath="two_roads.xodr"', 'filepath=""')
+    assert load(path).map_path is None
+    assert at(Engine(load(path)).run(1.0), "Ego", 1.0) == pytest.approx((10, 0, 0, 10))
+    assert load(path, road=tmp_path / "two_roads.xodr").map_path == tmp_path / "two_roads.xodr"
