@@ -24,7 +24,7 @@ from opendrive.xml.fields import (
     row,
     text,
 )
-from opendrive.xml.signals import VALIDITY
+from opendrive.xml.signals import ORIENTATION, VALIDITY
 from opendrive.xml.values import Element, Values, children
 
 MATERIAL = Table(
@@ -169,7 +169,7 @@ OBJECT = Table(
     heading_rad=number("hdg", 0.0),
     pitch_rad=number("pitch", 0.0).lenient(),
     roll_rad=number("roll", 0.0).lenient(),
-    orientation=text("orientation", "none"),
+    orientation=ORIENTATION,
     length_m=number("length", None),
     width_m=number("width", None),
     height_m=number("height", None).lenient(),
@@ -196,7 +196,7 @@ OBJECT_REFERENCE = Table(
     t_m=number("t"),
     z_offset_m=number("zOffset", None).lenient(),
     valid_length_m=number("validLength", None).lenient(),
-    orientation=text("orientation", "none"),
+    orientation=ORIENTATION,
     object_id=text("id", REQUIRED),
     validity=VALIDITY,
     extra=REST,

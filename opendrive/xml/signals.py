@@ -19,6 +19,14 @@ from opendrive.xml.fields import (
 )
 from opendrive.xml.values import Element, Values, first
 
+
+def _orientation(values: Values, element: Element, name: str, text: str) -> str:
+    if text not in ("+", "-", "none"):
+        raise values.unexpected(element, name, text, "'+', '-' or 'none'")
+    return text
+
+
+ORIENTATION = text("orientation", "none", convert=_orientation).lenient()
 VALIDITY = each("validity", Table(model.LaneRange, from_lane=integer("fromLane"), to_lane=integer("toLane")))
 
 _POSITIONS = {
@@ -76,7 +84,7 @@ SIGNAL = Table(
     width_m=number("width", None).lenient(),
     length_m=number("length", None).lenient(),
     id=text("id", REQUIRED),
-    orientation=text("orientation", "none"),
+    orientation=ORIENTATION,
     attributes=OTHER_ATTRIBUTES,
     validity=VALIDITY,
     dependencies=each(
@@ -100,7 +108,7 @@ SIGNAL_REFERENCE = Table(
     s_m=number("s"),
     t_m=number("t"),
     signal_id=text("id", REQUIRED),
-    orientation=text("orientation", "none"),
+    orientation=ORIENTATION,
     validity=VALIDITY,
     extra=REST,
 )

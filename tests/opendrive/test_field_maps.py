@@ -131,6 +131,18 @@ def test_signals_keep_type_and_place_whatever_their_value(load, text, attributes
     assert set(kinds(network)) == {WarningKind.UNKNOWN_VALUE}
 
 
+@pytest.mark.parametrize(("word", "read"), [("+", "+"), ("-", "-"), ("none", "none"), ("both", "none")])
+def test_an_unknown_orientation_is_that_of_both_directions(load, text, word, read):
+    sign = f'<signals><signal s="50" t="-2" id="7" type="205" orientation="{word}"/></signals>'
+    thing = f'<objects><object s="50" t="-2" id="8" orientation="{word}"/></objects>'
+    network = load(text.road(extra=sign + thing))
+    (signal,), (item,) = network.signals_of("r"), network.model.roads["r"].objects
+    assert (signal.orientation, item.orientation) == (read, read)
+    assert [(w.kind, w.s_m) for w in network.warnings] == [(WarningKind.UNKNOWN_VALUE, 50.0)] * 2 * (
+        word != read
+    )
+
+
 def test_a_bad_part_of_a_signal_leaves_out_the_part(load, text):
     parts = "<validity/><dependency/><reference/>"
     sign = f'<signals><signal s="5" t="0" id="7" type="205">{parts}</signal></signals>'
