@@ -163,9 +163,19 @@ def detected_clouds(
 
 
 def detected_cloud(named: NamedCloud, config: DetectorConfig) -> DetectedCloud:
-    """The detections of one cloud."""
+    """The detections of one cloud, without the vehicle that carries the sensor."""
     start_s = time.thread_time()
     detections = detect(named.cloud, config)
+    # a box with the sensor in it is the vehicle that carries it, of which real sensors see parts
+    others = detections.distance_m > 0.0
+    if not others.all():
+        detections = replace(
+            detections,
+            boxes=detections.boxes[others],
+            score=detections.score[others],
+            category=detections.category[others],
+            box_cluster=detections.box_cluster[others],
+        )
     spent_s = time.thread_time() - start_s
     return DetectedCloud(named.name, named.cloud, detections, spent_s, named.ahead)
 

@@ -14,7 +14,6 @@ from smartmot.lidar.detections import (
     OUT_OF_REACH,
     BoxDetections,
     StageClock,
-    distance_to,
 )
 from smartmot.lidar.ground import Ground, ground_under
 from smartmot.lidar.learned.network_file import LearnedConfig
@@ -31,8 +30,6 @@ def detect_learned(
     sensor_height_m: float | None = None,
 ) -> BoxDetections:
     """Boxes of a cloud by a network, sensor's frame; they lie in the field of the network's grid.
-
-    A box in which the sensor is, as seen from above, is left out.
 
     Args:
         cloud: P points.
@@ -54,12 +51,10 @@ def detect_learned(
     boxes, score, category = network.decoder.decode(output, config.least_score)
     center = boxes.center_m.copy()
     center[:, 2] += view.ground.level_m(center[:, :2])
-    # a box with the sensor in it is the vehicle that carries it
-    others = distance_to(boxes) > 0.0
-    boxes = Boxes3D(center, boxes.size_m, boxes.yaw_rad)[others]
+    boxes = Boxes3D(center, boxes.size_m, boxes.yaw_rad)
     clock.note("boxes", len(boxes), "boxes")
     rows = np.arange(len(boxes), dtype=np.int64)
-    return BoxDetections(boxes, score[others], category[others], clock.stages, view.point_cluster, rows)
+    return BoxDetections(boxes, score, category, clock.stages, view.point_cluster, rows)
 
 
 def seen_in(cloud: PointCloud, grid: PillarGrid) -> Pillars:

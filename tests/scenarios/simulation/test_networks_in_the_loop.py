@@ -28,7 +28,6 @@ from scenarios.settings import PARAMETERS, preset_with
 from scenarios.simulation.ends import StopRule
 from scenarios.spec import RunSpec, simulation_of
 from smartmot.errors import ConfigError
-from smartmot.lidar import detect
 from smartmot.lidar.learned import Decoder, PillarGrid, shipped_card
 from smartmot.pointcloud import PointCloud
 from smartmot.types import EgoState
@@ -236,15 +235,6 @@ def test_names_may_have_umlauts_spaces_and_signs(tmp_path: Path) -> None:
     assert network_file(network.name) == network
     detections = CloudDetector(network).detect(post())
     assert detections.category.tolist() == ["pedestrian"]
-
-
-def test_the_vehicle_that_carries_the_sensor_is_not_detected(path: str) -> None:
-    """Points of its roof or bonnet make a box around the sensor, such as in raw sweeps of nuScenes."""
-    own, other = ([[x, 0.05, z] for z in np.linspace(-1.6, 0.1, 20)] for x in (0.05, 7.5))
-    ground = [[x, y, -1.7] for x in np.arange(1.0, 20.0) for y in np.arange(-6.0, 7.0)]
-    config = CloudDetector(network_file(path)).config
-    boxes = detect(PointCloud(np.array(own + other + ground)), config).boxes
-    assert boxes.center_m[:, 0].tolist() == pytest.approx([7.4], abs=0.3)
 
 
 def test_a_run_whose_network_is_gone_says_so(path: str) -> None:
