@@ -149,8 +149,11 @@ class _Sideways(RunningAction[LateralT_co]):
         return float(np.interp(gone, self._swerve.gone_m, self._swerve.station_m))
 
     def update(self, instant: Instant) -> bool:
-        """Follow a speed that is new."""
+        """Follow a speed that is new; on from here where the entity has turned back."""
         time_s, who = instant.time_s, self.who
+        if self._along * who.asked_mps(time_s) < -STANDING_MPS and not who.commanded and who.tow is None:
+            self._turn_back(time_s)
+            return True
         if self._profile is None:
             return False
         if self._by_way and time_s > self._planned_s:
@@ -166,6 +169,16 @@ class _Sideways(RunningAction[LateralT_co]):
             self._plan(time_s)
             return True
         return False
+
+    def _turn_back(self, time_s: float) -> None:
+        """What is left of the change, the other way along the curve."""
+        curve, target = with_way_behind(self.world.locator.roads, self._ahead), self._along * self._target
+        left_s = self._begin_s + self._duration_s - time_s
+        if math.isfinite(left_s) and left_s > 0.0 and not self._by_way:
+            self._begin(time_s, curve, target, left_s)
+        else:
+            gone_m = self._along * self.who.state(time_s).station_m
+            self._begin_over_way(time_s, curve, target, max(self._end_m - gone_m, 0.0))
 
     def ended(self, instant: Instant) -> bool:
         """At the offset."""

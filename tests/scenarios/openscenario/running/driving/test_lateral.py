@@ -419,3 +419,20 @@ def test_speeds_that_follow_one_another_in_a_circle_are_refused(play):
     back = event("o", paced("Ego"), trigger(condition(at_time(2))))
     _, run = play(ego, act(maneuver(stop, name="s"), actors="Ego", name="s"), act(maneuver(back, name="n")))
     assert at(run, "Other", 3.0)[3] == 6.0
+
+
+@pytest.mark.parametrize("first", [-5, 5])
+def test_who_turns_back_within_a_lane_change_goes_on_with_it(play, first):
+    """From one direction to the other on the spot, 2 s after the beginning of a change of 6 s."""
+    swap = event("swap", change("cubic", "time", 6), trigger(condition(at_time(1))))
+    back = event("back", speed(-first), trigger(condition(at_time(3))))
+    init = private("Ego", teleport(lane_position(10))) + private(
+        "Other", teleport(lane_position(150, lane=-2)), speed(first)
+    )
+    _, run = play(act(maneuver(swap, back)), init=init)
+    x, y, _, _ = at(run, "Other", 3.0)
+    assert y == pytest.approx(-5.25 + 3.5 * PART["cubic"][0](2 / 6), abs=0.01)
+    # the rest of the change begins anew within the 4 s that are left
+    assert at(run, "Other", 5.0)[1] == pytest.approx(0.5 * (y - 1.75), abs=0.02)
+    assert at(run, "Other", 8.0)[1] == pytest.approx(-1.75, abs=1e-3)
+    assert (at(run, "Other", 8.0)[0] - x) * first < -4.0 * 5.0
