@@ -107,12 +107,7 @@ class Simulation:
         backwards = drives_backwards(definition, ego.name)
         self._drive = EgoDrive(preset.brakes, ego.length_m, adapts, driver)
         self.engine = Engine(
-            definition,
-            self._drive,
-            roads=roads,
-            until_contact=True,
-            apply_performance=apply_performance,
-            samples=False,  # the log has what is kept of a run
+            definition, self._drive, roads=roads, until_contact=True, apply_performance=apply_performance
         )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy

@@ -364,6 +364,8 @@ def quantised(content: bytes, clouds: Iterable[Pillars]) -> bytes:
                 activation_type=quantization.QuantType.QUInt8, weight_type=quantization.QuantType.QInt8,
                 reduce_range=True, op_types_to_quantize=list(INTEGERS),
                 calibrate_method=quantization.CalibrationMethod.MinMax,
+                # the mean range of a cloud: that of all of them grows with their number, and steps with it
+                extra_options={"CalibMovingAverage": True},
             )  # fmt: skip
         finally:
             root.setLevel(level)

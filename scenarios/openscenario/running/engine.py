@@ -67,7 +67,6 @@ class Engine:
         until_contact: whether the ego's first contact ends the run.
         apply_performance: whether vehicles stay within the Performance that their catalog gives them, as in
             esmini; else it is noted where the file asks for more.
-        samples: whether states are kept for the result; without them its columns are empty.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -82,7 +81,6 @@ class Engine:
         roads: Roads | None = None,
         until_contact: bool = False,
         apply_performance: bool = False,
-        samples: bool = True,
     ) -> None:
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
@@ -114,7 +112,7 @@ class Engine:
         self._open: list[Observed] = []
         self._looks = 0
         self._kink_s = math.inf
-        self._samples = Samples() if samples else None
+        self._samples = Samples()
         self._criteria = Criteria(definition.criteria, self.ego, locator.roads)
         self._target_at_contact: float | None = None
         try:
@@ -424,9 +422,8 @@ class Engine:
 
     def _sample(self) -> None:
         now = self._now
-        if self._samples is not None:
-            states = [now.state(name) for name in self._actors]
-            self._samples.add(self.time_s, states, [actor.exists for actor in self._actors.values()])
+        states = [now.state(name) for name in self._actors]
+        self._samples.add(self.time_s, states, [actor.exists for actor in self._actors.values()])
         self._criteria.look(self.time_s, now.state(self.ego.name))
 
     @property
@@ -469,7 +466,7 @@ class Engine:
         steady = (
             self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
         )
-        time_s, table, exists = (self._samples or Samples()).columns(len(self._actors))
+        time_s, table, exists = self._samples.columns()
         return Run(
             contact_time_s=contact.time_s if contact else None,
             contact_entity=contact.entity if contact else None,

@@ -563,7 +563,8 @@ def test_runs_without_an_emergency_brake_are_told(
 ) -> None:
     """Behind whoever is ahead the ACC may leave nothing to do, which a table of zeros does not tell."""
     rows = [
-        SimpleNamespace(flag_time_s=flag, avoided=not hit) for flag, hit in zip(flags, collided, strict=True)
+        (SimpleNamespace(flag_time_s=flag, avoided=not hit), ())
+        for flag, hit in zip(flags, collided, strict=True)
     ]
     monkeypatch.setattr("evaluation.studies.suite._compare", lambda *_, **__: rows)
     answer = command("run", "crossing", *options)

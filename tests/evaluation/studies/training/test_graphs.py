@@ -183,8 +183,8 @@ def test_integers_are_close_small_and_the_same_each_time() -> None:
     assert not is_quantised(content)
     assert not set(kinds(made[0])) & {"MatMul"}
     wanted, got = output_of(content, clouds[0]), output_of(made[0], clouds[0])
-    # 7 bits of weights and 8 of values through six layers
-    assert 0.0 < np.abs(got - wanted).mean() < 0.05 * np.abs(wanted).mean()
+    # 7 bits of weights and 8 of values through six layers; values beyond the mean range of a cloud are cut
+    assert 0.0 < np.abs(got - wanted).mean() < 0.1 * np.abs(wanted).mean()
     held = {entry.key: entry.value for entry in onnx.load_from_string(made[0]).metadata_props}
     assert METADATA in held
 

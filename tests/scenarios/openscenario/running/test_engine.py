@@ -207,13 +207,3 @@ def test_what_happens_at_the_end_of_a_step_is_sampled_there(play, when_s):
     row = round(when_s / 0.01)
     assert run.time_s[row] == when_s
     assert run.x_m[row - 1 : row + 1, 1] == pytest.approx([60.0, 250.0])
-
-
-def test_a_run_without_samples_comes_to_the_same(small):
-    kept, left_out = (Engine(small, BrakeAt(2.0, 4.0), samples=samples).run() for samples in (True, False))
-    columns = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "exists")
-    for name in kept.__dataclass_fields__:
-        if name not in columns:
-            assert np.array_equal(getattr(kept, name), getattr(left_out, name)), name
-    assert left_out.time_s.shape == (0,)
-    assert left_out.x_m.shape == left_out.exists.shape == (0, 2)
