@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,4 +78,4 @@ def scenes(
     """
     chosen = choose_scenes(tuple(names))
     items = study_runs([Point(strategy)], chosen, preset, (weather,), 1)
-    return BrakingEnv([replace(item.spec, phase_s=0.0) for item in items], **options)
+    return BrakingEnv([item.spec for item in items], **options)

@@ -215,7 +215,7 @@ def _of_comparison(folder: Path, content: Mapping[str, Any]) -> Results:
         identity: dict[str, Value] = {name: _plain(row[name]) for name in _COMPARED_IDENTITY}
         scene = scenes[row["scene"], row["variant"]]
         settings = f"{row['strategy']} {row['settings'] or ''} {row['weather']}"
-        preset = content["presets"].get(settings, {})
+        preset = content["presets"][settings]
         facts = dict(flat(scene["parameters"], "parameters")) | dict(flat(preset, "preset"))
         files = _files(folder, scene["files"], content["files"])
         runs.append(Run(identity, facts, files, _compared(row), _numbers(row, _COMPARED_MEASURES), None))
