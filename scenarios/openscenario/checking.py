@@ -122,7 +122,10 @@ def _result(held: FileCheck, base: Path) -> str:
     if held.outcome or not held.lines:
         return held.outcome + _judged(held)
     text = held.lines[0].removeprefix(f"{held.path}:").strip().replace(f"{base}/", "")
-    return text if held.verdict == "refused" else f"{len(held.lines)} notes, the first: {text}{_judged(held)}"
+    if held.verdict == "refused":
+        return text
+    notes = f"{len(held.lines)} notes, the first" if len(held.lines) > 1 else "1 note"
+    return f"{notes}: {text}{_judged(held)}"
 
 
 def _judged(held: FileCheck) -> str:

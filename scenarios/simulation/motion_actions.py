@@ -17,7 +17,13 @@ from scenarios.openscenario.model import (
 
 
 def ego_of(definition: ScenarioDefinition) -> EntityDefinition:
-    """The entity under test: the one called Ego, or the first."""
+    """The entity under test: the one called Ego, or the first.
+
+    Raises:
+        ScenarioError: there is none.
+    """
+    if not definition.entities:
+        raise ScenarioError(f"{definition.path}: no road user in <Entities>, thus no vehicle under test")
     return next((e for e in definition.entities if e.name == "Ego"), definition.entities[0])
 
 

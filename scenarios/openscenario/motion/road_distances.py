@@ -14,6 +14,9 @@ from scenarios.openscenario.motion.roads import Roads
 NO_DISTANCE_M = math.nan
 """Between places that no lanes join: no rule but `notEqualTo` holds for it."""
 
+AGAINST = math.cos(0.75 * math.pi)
+"""Who heads further away from its way than 135 degrees looks back along it; who is across it, ahead."""
+
 
 class _Stretch(NamedTuple):
     """A road on the way ahead: where it is entered, which way, and how far ahead of the lane's end."""
@@ -73,7 +76,7 @@ class RoadDistances:
             x, y, yaw = path.pose(station_m)
             if abs(x - pose.x_m) + abs(y - pose.y_m) < ON_PATH_M:
                 lane, s, along = known
-                facing = 1 if math.cos(yaw - pose.yaw_rad) >= 0.0 else -1
+                facing = -1 if math.cos(yaw - pose.yaw_rad) < AGAINST else 1
                 key = self._roads.network.lanes.key[lane]
                 return LanePlace(lane, key.road_id, key.lane_id, s, math.nan, math.nan, along * facing)
         return self.place(pose)

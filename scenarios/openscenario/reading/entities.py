@@ -38,7 +38,7 @@ def scenario_objects(nodes: Sequence[Node], context: Context) -> tuple[EntityDef
     """Entities of a scenario: each, and after it the trailers that its description holds.
 
     Args:
-        nodes: the ScenarioObject elements, at least one.
+        nodes: the ScenarioObject elements.
         context: catalogs and notes.
 
     Raises:
@@ -51,7 +51,8 @@ def scenario_objects(nodes: Sequence[Node], context: Context) -> tuple[EntityDef
     for name in names:
         if names.count(name) > 1:
             raise ContentError(f"{nodes[0].where} two entities have the same name, '{name}'")
-    _coupled(entities, nodes[0].where)
+    if nodes:
+        _coupled(entities, nodes[0].where)
     return tuple(entities)
 
 

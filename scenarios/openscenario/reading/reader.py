@@ -102,7 +102,7 @@ def load(
     there.allow(children="ScenarioObject EntitySelection")
     objects = there.all("ScenarioObject")
     if not objects:
-        raise ContentError(f"{there.where} needs at least one ScenarioObject: the scenario has no road user")
+        bare.note(there, "is empty: there is no road user, and nothing can meet")
     entities = scenario_objects(objects, bare)
     names = [entity.name for entity in entities]
     chosen = selections(there.all("EntitySelection"), entities)

@@ -20,7 +20,7 @@ from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
 from scenarios.openscenario.motion.trajectories import starts_at_entity
 from scenarios.openscenario.motion.way_behind import with_way_behind
-from scenarios.openscenario.running.actors import Actor
+from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.driving.contacts import Contacts
@@ -52,6 +52,10 @@ MAX_SPLITS = 1000
 """More changes within one step are a fault of the scenario."""
 
 
+ABSENT = model.EntityDefinition("an absent ego", "", "unknown", 1.0, 1.0, 1.0, 0.0, 0.0)
+"""The ego of a scenario without entities, which is never there."""
+
+
 class Engine:
     """One run of a scenario. A copy (`copy.deepcopy`, `pickle`) goes on with the same bytes.
 
@@ -61,7 +65,7 @@ class Engine:
     Args:
         definition: the scenario.
         ego_controller: drives the ego from the instant on that it says; None: the scenario does throughout.
-        ego: name of the ego; the first entity if there is none of that name.
+        ego: name of the ego; the first entity if there is none of that name; without entities an absent one.
         step_s: step.
         roads: the network, if it is already loaded.
         until_contact: whether the ego's first contact ends the run.
@@ -86,7 +90,8 @@ class Engine:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
         self.definition, self.step_s, self.until_contact = definition, step_s, until_contact
         self._actors = {entity.name: Actor(entity) for entity in definition.entities}
-        self.ego = self._actors.get(ego) or next(iter(self._actors.values()))
+        first = next(iter(self._actors.values()), None)
+        self.ego = self._actors.get(ego) or first or Actor(ABSENT)
         locator = Locator(roads or load_roads(definition.map_path), self._pose_now)
         self.world = World(
             self._actors,
@@ -152,6 +157,7 @@ class Engine:
                     )
                 actor.exists = False
         self.ego.controller = controller
+        self.ego.exists = self.ego.exists and bool(self._actors)
         for actor in self._actors.values():
             actor.heed(0.0)
         self._check_places()
@@ -229,7 +235,7 @@ class Engine:
     @property
     def criteria(self) -> tuple[Criterion, ...]:
         """What the file judges the ego's run by (CARLA's `criteria_...`), so far."""
-        driven_m = self._now.state(self.ego.name).travelled_m
+        driven_m = self._now.state(self.ego.name).travelled_m if self._actors else 0.0
         return self._criteria.judged(self.contact is not None, driven_m)
 
     # Stepping
@@ -424,7 +430,8 @@ class Engine:
         now = self._now
         states = [now.state(name) for name in self._actors]
         self._samples.add(self.time_s, states, [actor.exists for actor in self._actors.values()])
-        self._criteria.look(self.time_s, now.state(self.ego.name))
+        if states:
+            self._criteria.look(self.time_s, states[self._names.index(self.ego.name)])
 
     @property
     def ego_speed_mps(self) -> float:
@@ -437,7 +444,7 @@ class Engine:
         actors, now = list(self._actors.values()), self._now
         states = [now.state(name) for name in self._actors]
         boxes = np.array([actor.box(state) for actor, state in zip(actors, states, strict=True)])
-        table = np.array(states)
+        boxes, table = boxes.reshape(-1, 5), np.array(states).reshape(-1, len(State._fields))
         return Entities(
             time_s=self.time_s,
             name=read_only(self._names),

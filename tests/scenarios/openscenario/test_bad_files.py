@@ -1,9 +1,11 @@
 """Files that are refused: one line each, with the place, before anything runs."""
 
+import copy
 import re
 
 import pytest
 
+from scenarios.errors import ScenarioError
 from scenarios.openscenario import (
     ContentError,
     Engine,
@@ -15,10 +17,12 @@ from scenarios.openscenario import (
     UnsupportedError,
     load,
 )
+from scenarios.simulation.motion_actions import ego_of
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
     OTHER_AHEAD,
     act,
+    at_time,
     by_value,
     condition,
     event,
@@ -135,11 +139,26 @@ def test_text_cannot_be_ordered(write):
     refused(path, ParameterError, ":10: <VariableCondition> '0' and 'much' cannot be ordered by lessThan")
 
 
-def test_a_scenario_without_anybody_is_refused(write):
-    path = write(init="")
+def test_a_scenario_without_anybody_takes_place_and_has_nobody_under_test(write):
+    """What needs no road user goes on: a variable that an event at 2 s sets ends it."""
+    change = event("e", set_variable("n", 3), trigger(condition(at_time(2))))
+    stop = trigger(
+        condition(by_value('<VariableCondition variableRef="n" value="3" rule="equalTo"/>')),
+        kind="StopTrigger",
+    )
+    path = write(act(maneuver(change), actors=""), init="", stop=stop)
     text = path.read_text(encoding="utf-8")
     path.write_text(re.sub("<ScenarioObject.*</ScenarioObject>", "", text), encoding="utf-8")
-    refused(path, ContentError, ":7: <Entities> needs at least one ScenarioObject")
+    engine = Engine(load(path))
+    run = engine.run()
+    assert (run.stopped, run.end_time_s, run.contact_time_s) == (True, pytest.approx(2.0), None)
+    assert run.x_m.shape == (len(run.time_s), 0)
+    assert len(engine.entities.name) == 0
+    assert any("<Entities> is empty" in note for note in engine.notes)
+    copied = copy.deepcopy(Engine(load(path)))
+    assert copied.run().end_time_s == pytest.approx(2.0)
+    with pytest.raises(ScenarioError, match="no road user in <Entities>, thus no vehicle under test"):
+        ego_of(load(path))
 
 
 def test_places_are_checked_before_the_run(write):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from scenarios.openscenario import model
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
@@ -43,13 +44,31 @@ class _Kept(RunningAction[model.LongitudinalDistanceAction]):
         """Find the side, and the place that moves with the other."""
         action, actor = self.action, self.who
         self._other = self.world.actors[action.entity]
-        own, seen = actor.state(time_s), self._other.state(time_s)
+        seen = self._other.state(time_s)
+        if action.system in ("road", "lane"):
+            self._face_the_road(time_s, seen)
+        own = actor.state(time_s)
         separation = Separation(self.world, actor, self._other, action.system)
         leads = action.ahead
         if leads is None:
             leads = not separation.axes(own, seen, False, False)[0] > 0.0
         self._place = Station(separation, self._distance_m(own, seen, leads), leads, action.freespace)
         self._tell(own, seen)
+
+    def _face_the_road(self, time_s: float, seen: State) -> None:
+        """Let who stands across its lane go along it, the way of the other, with the heading that it has."""
+        actor, roads = self.who, self.world.locator.roads
+        if actor.path.on_road or actor.on_trajectory or actor.commanded or actor.coupling is not None:
+            return
+        pose = actor.pose(time_s)
+        place = roads.place(pose)
+        if place is None:
+            return
+        along = roads.point(place.road_id, place.s_m, place.t_m).yaw_rad
+        against = math.cos(along - seen.yaw_rad) < 0.0
+        path = roads.way(replace(pose, yaw_rad=along + math.pi if against else along))
+        if path.on_road:
+            actor.teleport(time_s, path, path.project(pose.x_m, pose.y_m)[0], pose.yaw_rad, pose.z_m)
 
     def _distance_m(self, own: State, seen: State, leads: bool) -> float:
         """The distance asked for; a gap in time is driven by who is behind."""

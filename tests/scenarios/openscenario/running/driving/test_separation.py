@@ -125,6 +125,27 @@ def test_a_distance_is_kept_in_its_coordinates(bend, system, angle, limits):
     assert math.hypot(other[0], other[1] - RADIUS_M) == pytest.approx(OWN_M, abs=1e-3)
 
 
+@pytest.mark.parametrize("limits", ["", '<DynamicConstraints maxAcceleration="4" maxDeceleration="4"/>'])
+@pytest.mark.parametrize("system", ["road", "lane"])
+@pytest.mark.parametrize("turned", [1.57, 1.6, -1.57])
+def test_who_stands_across_its_lane_goes_along_it(bend, system, limits, turned):
+    """As a bicycle on a car's carrier: 50 m behind by s (by the lane), and across the lane as it was put."""
+    behind = (
+        '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Other" freespace="false" '
+        f'distance="{50 if system == "road" else PHI * OWN_M}" continuous="true" coordinateSystem="{system}">'
+        f"{limits}</LongitudinalDistanceAction></LongitudinalAction></PrivateAction>"
+    )
+    across = teleport(lane_position(5, inner=f'<Orientation type="relative" h="{turned}"/>'))
+    init = private("Other", teleport(lane_position(60)), speed(10)) + private("Ego", across, behind)
+    run = Engine(load(bend(init=init))).run(20.0)
+    x, y, yaw, _ = at(run, "Ego", 18.0)
+    angle = (60 + 18 * 10 / OWN_M * RADIUS_M) / RADIUS_M - PHI
+    assert (x, y) == pytest.approx(
+        (OWN_M * math.sin(angle), RADIUS_M - OWN_M * math.cos(angle)), abs=0.02 if limits else 1e-3
+    )
+    assert math.remainder(yaw - angle - turned, 2 * math.pi) == pytest.approx(0.0, abs=1e-3)
+
+
 def test_a_distance_along_an_axis_that_the_other_crosses_is_noted(bend):
     init = private("Ego", teleport(lane_position(150)), speed(0)) + private(
         "Other", teleport(lane_position(10)), speed(5)
