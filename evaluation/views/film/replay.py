@@ -45,13 +45,17 @@ def replay(
         ArgumentError: the folder has no such run, or a file cannot be written.
     """
     directory, name = split_run(run)
-    if is_log_alone(run):
-        drawing, notes = _log_alone(run)
-    else:
-        drawing, notes = _run_of_folder(directory, name, allow_plugins)
+    drawing, notes = drawing_of(run, allow_plugins)
     # without a file name a GIF in the folder of results
     files = asked_files(gif, mp4) or [(directory / f"{name}.gif", "--gif")]
     return write_films(drawing, files, fps, speed, progress), notes
+
+
+def drawing_of(run: Path, allow_plugins: bool = False) -> tuple[RunDrawing, tuple[str, ...]]:
+    """What draws a run, and what is missing; see `replay`."""
+    if is_log_alone(run):
+        return _log_alone(run)
+    return _run_of_folder(*split_run(run), allow_plugins)
 
 
 def asked_files(gif: Path | None, mp4: Path | None) -> list[tuple[Path, str]]:

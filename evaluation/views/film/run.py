@@ -39,9 +39,9 @@ from evaluation.views.plots.polygons import draw_polygons
 from evaluation.views.plots.style import BLACK, GREY, SMALL_PT, plain_figure
 from scenarios.recorded.maps.drive_map import DriveMap
 from smartmot.geometry import corners
+from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.collections import PathCollection, PolyCollection
     from matplotlib.figure import Figure
@@ -65,6 +65,7 @@ _STATUS_GAP = 0.02
 _STORY_TOP, _STORY_GAP = 0.06, 0.01
 """Of a picture's height: where the story begins below the view, and what stays free above the legend."""
 _LEGEND_COLUMNS = 6
+_MOVING_TEXTS = ("speed", "seen", "story")
 _SMALLEST_PT, _STEP_PT = 5.5, 0.5
 """Texts that are too long become smaller, to this size."""
 
@@ -116,6 +117,8 @@ def film_times(frames: LogFrames, fps: float, speed: float) -> FilmTimes:
 class RunDrawing:
     """Draws frames of one run onto one figure whose artists are moved, not made again.
 
+    What stays is drawn once; a picture is a copy of that, with what moves drawn over it.
+
     Args:
         frames: the run.
         account: what happens, in words.
@@ -129,7 +132,7 @@ class RunDrawing:
     network: DriveMap | None
     title: str
     colour: str = ""
-    _figure: Figure = field(init=False)
+    figure: Figure = field(init=False)
     _legend_top: float = field(init=False, default=0.0)
     _axes: Axes = field(init=False)
     _ego_SE2_map: Affine2D = field(init=False)  # noqa: N815
@@ -137,29 +140,55 @@ class RunDrawing:
     _layers: dict[str, PolyCollection] = field(init=False, default_factory=dict)
     _texts: dict[str, Any] = field(init=False, default_factory=dict)
     _lamps: dict[str, tuple[Any, Any]] = field(init=False, default_factory=dict)
+    _boxes: dict[str, _LayerBoxes] = field(init=False, default_factory=dict)
+    _story: str = field(init=False, default="")
+    _still: Any = field(init=False, default=None)
+    _told: tuple[tuple[str, ...], Any] = field(init=False, default=((), None))
 
     def __post_init__(self) -> None:
         from matplotlib.transforms import Affine2D
 
-        self._figure = plain_figure(_SIZE_IN, _DPI)
+        self.figure = plain_figure(_SIZE_IN, _DPI)
         left, right, low, high = _VIEW
         height = (high - low) / (right - left) * _SIZE_IN[0] / _SIZE_IN[1]
-        axes = self._figure.add_axes((0.0, 0.935 - height, 1.0, height))
+        axes = self.figure.add_axes((0.0, 0.935 - height, 1.0, height))
         axes.set_xlim(left, right)
         axes.set_ylim(low, high)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.xaxis.set_visible(False)
+        axes.yaxis.set_visible(False)
         axes.spines[["left", "right"]].set_visible(False)
         self._axes, self._ego_SE2_map = axes, Affine2D()
         self._add_ground()
         self._add_layers()
         self._add_texts(0.935 - height)
+        self._boxes = _boxes_by_layer(self.frames)
+        # animated artists are those that the canvas itself does not draw
+        for artist in (axes, *(self._texts[name] for name in _MOVING_TEXTS)):
+            artist.set_animated(True)
 
     def picture(self, frame: int) -> Image:
         """The picture of one frame."""
         self._move_to(frame)
-        self._figure.canvas.draw()
-        return pixels(self._figure)
+        canvas: Any = self.figure.canvas
+        canvas.restore_region(self._background())
+        for artist in (self._axes, self._texts["speed"]):
+            self.figure.draw_artist(artist)
+        return pixels(self.figure)
+
+    def _background(self) -> Any:
+        """Heading and legend, drawn once, with the words that last for several pictures."""
+        canvas: Any = self.figure.canvas
+        if self._still is None:
+            canvas.draw()
+            self._still = canvas.copy_from_bbox(self.figure.bbox)
+        lasting = self._texts["story"], self._texts["seen"]
+        state = tuple(f"{text.get_fontsize()} {text.get_text()}" for text in lasting)
+        if self._told[0] != state:
+            canvas.restore_region(self._still)
+            for text in lasting:
+                self.figure.draw_artist(text)
+            self._told = state, canvas.copy_from_bbox(self.figure.bbox)
+        return self._told[1]
 
     @property
     def _map_frame(self) -> Transform:
@@ -215,7 +244,7 @@ class RunDrawing:
         for signal, x_m, y_m in rows[["category", "x_m", "y_m"]].itertuples(index=False):
             # one below the other where several stand on one pole
             above = places[x_m, y_m] = places.get((x_m, y_m), -1) + 1
-            size = self._figure.dpi_scale_trans
+            size = self.figure.dpi_scale_trans
             at, beside = (ScaledTranslation(right_pt / 72, -above * 11 / 72, size) for right_pt in (0, 7))
             (lamp,) = self._axes.plot([x_m], [y_m], "o", markersize=8, markeredgewidth=2, zorder=6.5,
                 markeredgecolor=HOUSING_COLOUR, transform=self._map_frame + at)  # fmt: skip
@@ -233,8 +262,8 @@ class RunDrawing:
         from matplotlib.patches import Patch, Rectangle
 
         if self.colour:
-            self._figure.add_artist(Rectangle((0.01, 0.99), 0.98, 0.01, color=self.colour))
-        write = self._figure.text
+            self.figure.add_artist(Rectangle((0.01, 0.99), 0.98, 0.01, color=self.colour))
+        write = self.figure.text
         size = 10.0
         title = write(0.5, 0.963, self.title, ha="center", va="center", fontsize=size, weight="bold")
         while self._share(title)[0] > _TEXT_WIDTH and size > _SMALLEST_PT:
@@ -258,17 +287,17 @@ class RunDrawing:
 
     def _add_legend(self, handles: Sequence[Patch]) -> None:
         """Legend at the foot, in as many columns as fit; the story keeps above it."""
-        canvas: Any = self._figure.canvas
+        canvas: Any = self.figure.canvas
         for columns in range(_LEGEND_COLUMNS, 0, -1):
-            legend = self._figure.legend(
+            legend = self.figure.legend(
                 handles=handles, loc="lower center", ncols=columns, fontsize=6.5, frameon=False,
                 columnspacing=1.2, handlelength=1.4, borderaxespad=0.2,
             )  # fmt: skip
             box = legend.get_window_extent(canvas.get_renderer())
-            if box.width <= _TEXT_WIDTH * self._figure.bbox.width or columns == 1:
+            if box.width <= _TEXT_WIDTH * self.figure.bbox.width or columns == 1:
                 break
             legend.remove()
-        self._legend_top = box.y1 / self._figure.bbox.height
+        self._legend_top = box.y1 / self.figure.bbox.height
 
     def _move_to(self, frame: int) -> None:
         """Put every artist where it belongs in a frame."""
@@ -278,15 +307,11 @@ class RunDrawing:
         paths = area_paths(frames.areas(frame))
         for role, area in self._areas.items():
             area.set_paths([paths[role]] if role in paths else [])
-        detections, tracks = frames.rows("detection", frame), frames.rows("track", frame)
-        forecasts = frames.rows("forecast", frame)
-        for label in DETECTION_COLOURS:
-            self._show(f"detection {label}", detections[detections["label"] == label])
-        for state in TRACK_COLOURS:
-            own = tracks[tracks["label"] == state]
-            self._show(f"track {state}", own)
-            self._show(f"forecast {state}", forecasts[forecasts["id"].isin(own["id"])])
-        self._show("ego forecast", frames.rows("ego_forecast", frame))
+            area.set_visible(role in paths)
+        for name, layer in self._layers.items():
+            outlines = self._boxes[name].at(frame)
+            layer.set_verts(list(outlines))
+            layer.set_visible(len(outlines) > 0)
         now = frames.signals_at(frame)
         lit = dict(zip(now["category"], map(signal_lamp, now["label"]), strict=True))
         for signal, (lamp, word) in self._lamps.items():
@@ -294,15 +319,15 @@ class RunDrawing:
             lamp.set_visible(bool(state))
             lamp.set_markerfacecolor(SIGNAL_COLOURS.get(state, SIGNAL_COLOURS["off"]))
             word.set_text(f"{signal}: {state}" if state else "")
-        self._show("ground truth", frames.rows("actor", frame))
-        self._show("ego", frames.ego.iloc[[frame]])
-        threats = tracks[tracks["label"] == "threat"]
-        self._texts["ring"].set_data(threats["x_m"].to_numpy(), threats["y_m"].to_numpy())
+        # between opposite corners
+        self._texts["ring"].set_data(*self._boxes["track threat"].at(frame)[:, ::2].mean(axis=1).T)
         speed, _, seen = self.account.status[frame].partition(" · ")
         self._texts["speed"].set_text(f"t = {ego.stamp_s:.2f} s, {speed}")
         self._texts["seen"].set_text(seen)
         self._fit_status()
-        self._tell(self.account.story[frame])
+        if self._story != self.account.story[frame]:
+            self._story = self.account.story[frame]
+            self._tell(self._story)
 
     def _fit_status(self) -> None:
         """Write speed and perception side by side, as large as they fit on their line."""
@@ -333,12 +358,47 @@ class RunDrawing:
 
     def _share(self, text: Any) -> tuple[float, float]:
         """Width and height of a text as shares of the picture's."""
-        canvas: Any = self._figure.canvas
+        canvas: Any = self.figure.canvas
         box = text.get_window_extent(canvas.get_renderer())
-        return box.width / self._figure.bbox.width, box.height / self._figure.bbox.height
+        return box.width / self.figure.bbox.width, box.height / self.figure.bbox.height
 
-    def _show(self, name: str, rows: pd.DataFrame) -> None:
-        self._layers[name].set_verts(list(corners(*boxes_of(rows))) if len(rows) else [])
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LayerBoxes:
+    """Outlines of one layer of a film, by frame.
+
+    Args:
+        outlines_m: (N, 4, 2) corners, map frame, in the order of the frames.
+        starts: (F + 1,) where each frame begins.
+    """
+
+    outlines_m: FloatArray
+    starts: NDArray[np.int64]
+
+    def at(self, frame: int) -> FloatArray:
+        """(M, 4, 2) corners in one frame."""
+        return self.outlines_m[self.starts[frame] : self.starts[frame + 1]]
+
+
+def _boxes_by_layer(frames: LogFrames) -> dict[str, _LayerBoxes]:
+    """What each layer of boxes shows, over the run."""
+    objects, ends = frames.objects, np.arange(len(frames) + 1)
+    detections, tracks, forecasts = objects["detection"], objects["track"], objects["forecast"]
+    rows = {f"detection {label}": detections[detections["label"] == label] for label in DETECTION_COLOURS}
+    # a forecast has the state of its track in the same frame
+    forecast_of = forecasts.set_index(["frame", "id"]).index
+    for state in TRACK_COLOURS:
+        rows[f"track {state}"] = own = tracks[tracks["label"] == state]
+        rows[f"forecast {state}"] = forecasts[forecast_of.isin(own.set_index(["frame", "id"]).index)]
+    rows |= {
+        "ego forecast": objects["ego_forecast"],
+        "ground truth": objects["actor"],
+        "ego": frames.ego.assign(frame=ends[:-1]),
+    }
+    return {
+        name: _LayerBoxes(corners(*boxes_of(own)), np.searchsorted(own["frame"].to_numpy(), ends))
+        for name, own in rows.items()
+    }
 
 
 def film_of(drawing: RunDrawing, times: FilmTimes) -> maker.Film:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.film import whole_picture
 from evaluation.errors import ArgumentError
 from evaluation.results.files import log_path
 from evaluation.results.logs import read_log
@@ -21,7 +22,7 @@ from evaluation.results.rows import read_runs
 from evaluation.runs.folder import read_folder
 from evaluation.views.account.explain import explain
 from evaluation.views.film import maker
-from evaluation.views.film.replay import replay, split_run
+from evaluation.views.film.replay import drawing_of, replay, split_run
 from evaluation.views.film.run import HOLD_S, RunDrawing, film_times
 from evaluation.views.frames import frames_of
 from evaluation.views.page.page import write_page
@@ -98,6 +99,16 @@ def test_pictures_move_with_the_run(folder: Path, name: str) -> None:
     assert np.array_equal(film.picture(0), first)
 
 
+def test_what_moves_over_what_stays_is_the_whole_picture(folder: Path, name: str) -> None:
+    """Equal in every pixel to the figure drawn anew; forwards, backwards, and with another story between."""
+    drawing, _ = drawing_of(folder / name)
+    last = len(drawing.frames) - 1
+    stories = drawing.account.story
+    assert len(set(stories)) > 1
+    for frame in (0, 1, last // 2, last, next(k for k in range(last) if stories[k] != stories[0]), 0):
+        assert np.array_equal(drawing.picture(frame), whole_picture(drawing)), frame
+
+
 def test_a_log_alone_is_a_film(folder: Path, name: str, tmp_path: Path) -> None:
     """As of a recorded drive: no table of runs, no scenario, no map. Boxes are drawn, lanes are not."""
     alone = tmp_path / "drive.parquet"
@@ -160,7 +171,7 @@ def test_texts_do_not_stand_over_each_other(folder: Path, name: str, strategy: A
     )
     film = RunDrawing(dataclasses.replace(frames, strategy=strategy), account, None, LONG_TITLE, "#d55e00")
     film.picture(0)
-    assert text_faults(film._figure) == []
+    assert text_faults(film.figure) == []
     # the strategy's colour, above the heading
     assert film.picture(0)[3, 480].tolist() == [0xD5, 0x5E, 0x00]
 
