@@ -297,6 +297,11 @@ class Path(Immutable):
         """(K,) headings at the points; None where those of the chords hold."""
         return None if self._yaw is None else self._yaw_table
 
+    @property
+    def first_m(self) -> float:
+        """Arc length at the first point: 0, or less where the way also follows the lanes behind."""
+        return self._station[0]
+
     def station_of_vertices(self) -> list[float]:
         """Arc length at every point, or at every vertex of a polyline."""
         if self.vertex_places is None:

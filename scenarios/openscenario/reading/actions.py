@@ -73,7 +73,7 @@ def global_action(node: Node, context: Context) -> Action:
         case "ParameterAction":
             return _parameter(child)
         case "InfrastructureAction":
-            return _signal(child.one_of("TrafficSignalAction"))
+            return _signal(child.one_of("TrafficSignalAction"), context)
     return _variable(child, context)
 
 
@@ -90,13 +90,13 @@ def _parameter(node: Node) -> SetParameterAction | ModifyParameterAction:
     return ModifyParameterAction(name, "add" if rule.tag == "AddValue" else "multiply", rule.number("value"))
 
 
-def _signal(node: Node) -> SignalStateAction | SignalPhaseAction:
+def _signal(node: Node, context: Context) -> SignalStateAction | SignalPhaseAction:
     child = node.one_of("TrafficSignalStateAction TrafficSignalControllerAction")
     if child.tag == "TrafficSignalStateAction":
         child.allow("name state")
         return SignalStateAction(child.text("name"), child.text("state"))
     child.allow("trafficSignalControllerRef phase", "Phase")
-    return SignalPhaseAction(child.text("trafficSignalControllerRef"), child.text("phase"))
+    return SignalPhaseAction(*context.phase(child))
 
 
 @reads(SpeedAction)

@@ -18,6 +18,7 @@ from scenarios.openscenario.model import (
     StoryboardElementStateCondition,
     TimeOfDayCondition,
     TimeToCollisionCondition,
+    TrafficSignalControllerCondition,
     Trigger,
     ValueConditionKind,
     VariableCondition,
@@ -117,11 +118,21 @@ def _time_of_day(node: Node, context: Context) -> TimeOfDayCondition:
     return declared(TimeOfDayCondition, node, context, value_s=node.date_time("dateTime"))
 
 
+@reads(TrafficSignalControllerCondition)
+def _phase(node: Node, context: Context) -> TrafficSignalControllerCondition:
+    allow(TrafficSignalControllerCondition, node)
+    return TrafficSignalControllerCondition(*context.phase(node))
+
+
 @reads(StoryboardElementStateCondition)
 def _element_state(node: Node, context: Context) -> StoryboardElementStateCondition:
     allow(StoryboardElementStateCondition, node)
     path = node.text("storyboardElementRef").replace("::", "/").strip("/").split("/")
     return declared(StoryboardElementStateCondition, node, context, path=tuple(path))
+
+
+ROUTING = "assignedRoute fastest leastIntersections shortest undefined"
+"""How the way of a distance along roads may be chosen."""
 
 
 @reads(EntityCondition)
@@ -133,6 +144,15 @@ def _by_entity(node: Node, context: Context) -> EntityCondition:
     if not entities:
         raise ContentError(f"{who.where} needs at least one EntityRef")
     kind, child = chosen(EntityConditionKind, node.need("EntityCondition"))
+    if child.has("routingAlgorithm"):
+        algorithm = child.choice("routingAlgorithm", ROUTING)
+        along = child.text("coordinateSystem", "entity") in ("road", "lane")
+        if along and algorithm not in ("shortest", "undefined"):
+            context.note(
+                child,
+                f"routingAlgorithm='{algorithm}' is not used: the distance is that along the lanes ahead or "
+                "back, at forks along the straightest",
+            )
     every = who.choice("triggeringEntitiesRule", "any all") == "all"
     return EntityCondition(entities, every, cast(EntityConditionKind, read(kind, child, context)))
 

@@ -36,6 +36,7 @@ class Context:
         notes: lines about what is read and not used, each once.
         left_handed: whether the file is in CARLA's coordinates.
         selections: names of the entities of each EntitySelection, by its name.
+        phases: names of the phases of each controller of traffic signals, by its name.
     """
 
     catalogs: Catalogs
@@ -44,6 +45,7 @@ class Context:
     notes: dict[str, None] = dataclasses.field(default_factory=dict)
     left_handed: bool = False
     selections: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+    phases: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
     def note(self, node: Node, line: str) -> None:
         """Take note of what an element has that is not used, at its place."""
@@ -73,6 +75,15 @@ class Context:
             ContentError: it does not.
         """
         return _known(node, "variableRef", "variable", "variables", self.variables)
+
+    def phase(self, node: Node) -> tuple[str, str]:
+        """A controller of traffic signals and a phase of it.
+
+        Raises:
+            ContentError: there is no such controller, or it has no such phase.
+        """
+        name = _known(node, "trafficSignalControllerRef", "controller", "controllers", self.phases)
+        return name, _known(node, "phase", "phase", f"phases of '{name}'", self.phases[name])
 
 
 def _known(node: Node, attribute: str, kind: str, kinds: str, names: Collection[str]) -> str:

@@ -7,6 +7,7 @@ out is refused with file, line and element.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from scenarios.openscenario.model import (
     SignalController,
     SignalPhase,
     Story,
+    TrafficSignalCondition,
 )
 from scenarios.openscenario.reading import carla
 from scenarios.openscenario.reading.actions import global_action, private_action
@@ -106,7 +108,9 @@ def load(
     entities = scenario_objects(objects, bare)
     names = [entity.name for entity in entities]
     chosen = selections(there.all("EntitySelection"), entities)
-    context = Context(catalogs, names, start_values, catalogs.notes, left_handed, chosen)
+    signals, grouped = _signals(root.need("RoadNetwork").get("TrafficSignals"))
+    phases = {held.name: tuple(phase.name for phase in held.phases) for held in signals}
+    context = Context(catalogs, names, start_values, catalogs.notes, left_handed, chosen, phases)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
@@ -115,7 +119,7 @@ def load(
     map_path = _map_path(root.need("RoadNetwork"), None if road is None else Path(road))
     init = tuple(_init(storyboard.need("Init"), context))
     catalogs.note_missing()
-    return ScenarioDefinition(
+    definition = ScenarioDefinition(
         path=file,
         description=header.text("description", ""),
         parameters=dict(scope),
@@ -128,8 +132,17 @@ def load(
         files=(file, *catalogs.files, *(() if map_path is None else (map_path,))),
         notes=tuple(catalogs.notes),
         criteria=criteria,
-        signals=_signals(root.need("RoadNetwork").get("TrafficSignals")),
+        signals=signals,
     )
+    asked = any(isinstance(condition.kind, TrafficSignalCondition) for condition in definition.conditions())
+    if grouped is None:
+        return definition
+    if asked:
+        raise UnsupportedError(
+            f"{grouped.where} is not supported where a TrafficSignalCondition asks what a signal shows; "
+            "give a TrafficSignalState for each signal"
+        )
+    return replace(definition, notes=(*definition.notes, f"{grouped.where} is not used: {GROUP}"))
 
 
 def _map_path(node: Node, road: Path | None) -> Path | None:
@@ -156,16 +169,22 @@ def _map_path(node: Node, road: Path | None) -> Path | None:
     )
 
 
-def _signals(node: Node | None) -> tuple[SignalController, ...]:
+GROUP = "which signals are of the group, the file does not say"
+
+
+def _signals(node: Node | None) -> tuple[tuple[SignalController, ...], Node | None]:
+    """Controllers of traffic signals, and the first state that a file gives to a group of them."""
     controllers: list[SignalController] = []
+    grouped: Node | None = None
     if node is None:
-        return ()
+        return (), None
     node.allow(children="TrafficSignalController")
     for child in node.all("TrafficSignalController"):
         child.allow("name delay reference", "Phase")
         phases: list[SignalPhase] = []
         for phase in child.all("Phase"):
             phase.allow("name duration", "TrafficSignalState TrafficSignalGroupState")
+            grouped = grouped or phase.get("TrafficSignalGroupState")
             states = _signal_states(phase)
             phases.append(SignalPhase(phase.text("name"), phase.positive("duration"), states))
         reference = child.text("reference") if child.has("reference") else None
@@ -184,7 +203,7 @@ def _signals(node: Node | None) -> tuple[SignalController, ...]:
             if name in chain:
                 raise ContentError(f"{node.where} '{chain[-1]}' refers to '{name}', which waits for it")
             chain.append(name)
-    return tuple(controllers)
+    return tuple(controllers), grouped
 
 
 def _signal_states(phase: Node) -> tuple[tuple[str, str], ...]:

@@ -195,7 +195,7 @@ class Actor:
             return state_of((pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone))
         x, y, yaw = self.path.pose(station)
         yaw += self._yaw_offset
-        if self.on_trajectory and (speed < 0.0 or (speed == 0.0 and self._reversed)):
+        if self.on_trajectory and self._backwards(speed):
             yaw += math.pi
         return state_of((x, y, yaw, speed, station, self._anchor_travelled + gone))
 
@@ -238,6 +238,13 @@ class Actor:
         station = self._anchor_station + way_m
         gone = self._anchor_travelled + abs(way_m)
         return State(pose.x_m, pose.y_m, pose.yaw_rad, speed_mps, station, gone)
+
+    def _backwards(self, speed_mps: float) -> bool:
+        return speed_mps < 0.0 or (speed_mps == 0.0 and self._reversed)
+
+    def goes_back(self, state: State) -> bool:
+        """Whether it drives in reverse, or stands and did so before."""
+        return self._backwards(state.speed_mps)
 
     def moves(self, yaw_rad: float, time_s: float) -> tuple[float, float]:
         """Speed along the heading, m/s, and turn rate, rad/s; of a trailer as its hitch draws it."""

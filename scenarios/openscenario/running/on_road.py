@@ -59,15 +59,19 @@ class Lasting(Holding):
 
 
 class EndOfRoad(Lasting):
-    """EndOfRoadCondition: at or beyond the end of its way, where the road ends."""
+    """EndOfRoadCondition: at or beyond the end of its way, where the road ends; in reverse the end behind."""
 
     def is_so(self, instant: Instant) -> bool:
         """Whether it is there."""
         actor = self._actor
         state, path = instant.state(actor.name), actor.path
-        if actor.on_trajectory or not path.on_road or state.station_m < path.length_m - 1e-6:
+        if actor.on_trajectory or not path.on_road:
             return False
-        beyond = Pose(*path.pose(path.length_m)).moved(0.01, 0.0)
+        back = actor.goes_back(state)
+        end_m = path.first_m if back else path.length_m
+        if (end_m - state.station_m) * (-1.0 if back else 1.0) > 1e-6:
+            return False
+        beyond = Pose(*path.pose(end_m)).moved(-0.01 if back else 0.01, 0.0)
         return self._world.locator.roads.place(beyond) is None
 
 

@@ -111,6 +111,30 @@ def test_the_end_of_the_road(write, duration):
     assert first_s(write, kind, init) == pytest.approx(20.0 + duration, abs=0.051)
 
 
+@pytest.mark.parametrize("duration", [0.0, 2.0])
+def test_the_end_of_the_road_behind_who_drives_in_reverse(write, duration):
+    """From x = 90 back at 30 m/s: road A begins at x = 0, where nothing joins it."""
+    init = private("Ego", teleport(lane_position(90)), speed(-30)) + private(
+        "Other", teleport(lane_position(60, lane=1))
+    )
+    kind = by_entity(f'<EndOfRoadCondition duration="{duration}"/>')
+    assert first_s(write, kind, init) == pytest.approx(3.0 + duration, abs=0.051)
+    # who begins there and drives away from it is not at an end
+    away = private("Ego", teleport(lane_position(0)), speed(30)) + private(
+        "Other", teleport(lane_position(60))
+    )
+    assert first_s(write, kind, away) is None or first_s(write, kind, away) > 20.0
+
+
+def test_who_stops_at_the_end_behind_stays_there(write):
+    """From 20 m/s in reverse with 4 m/s2 over 50 m: at x = 0 after 5 s, and 1 s later."""
+    init = private("Ego", teleport(lane_position(50)), speed(-20), speed(0, "linear", "rate", 4)) + private(
+        "Other", teleport(lane_position(60, lane=1))
+    )
+    kind = by_entity('<EndOfRoadCondition duration="1"/>')
+    assert first_s(write, kind, init) == pytest.approx(6.0, abs=0.051)
+
+
 def test_off_the_road(write):
     """Across the road (two lanes of 3.5 m) from its middle at 2 m/s."""
     walks = '<Position><WorldPosition x="100" y="0" h="1.5707963267948966"/></Position>'
