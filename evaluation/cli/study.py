@@ -157,7 +157,7 @@ def _question(
     from evaluation.studies.answers.break_even import BreakEven
     from evaluation.studies.answers.gain import Gain
     from evaluation.studies.answers.lidar import LidarGain
-    from evaluation.studies.answers.rivals import MAP, PATH, RIVALS, Rival
+    from evaluation.studies.answers.rivals import ADAPTIVE, MAP, PATH, RIVALS, Rival
     from evaluation.studies.answers.sensor import SensorErrors
     from evaluation.studies.answers.trigger import Trigger
     from evaluation.studies.answers.tune import Tuning
@@ -172,7 +172,7 @@ def _question(
     if strategies and name == "break-even":
         raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
     chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
-    shipped = {rival.name: rival for rival in RIVALS}
+    shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE)}
     if name == "lidar":
         if tuned is not None or strategies or rules != ("paper",):
             raise ArgumentError("lidar: takes no --tuned, --strategies and --rule; it has its own")
@@ -184,7 +184,7 @@ def _question(
         if name == "sensor":
             return SensorErrors(sample, formats, rival=rival, rule=rules[0])
         return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules, tuned=chosen_settings)
-    own = options.parse_names(strategies, (), "--strategies", own=True) if strategies else ()
+    own = options.parse_names(strategies, (ADAPTIVE.name,), "--strategies", own=True) if strategies else ()
     if name == "tune":
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
     if name == "break-even":
