@@ -46,7 +46,7 @@ def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStra
     if name == "path":
         return PathArea(preset.path_area)
     if name == "adaptive":
-        return AdaptiveArea(view.network, preset.adaptive_area)
+        return AdaptiveArea(view.lane_map, preset.adaptive_area)
     raise ScenarioError(f"unknown strategy {name!r}; use one of: {', '.join(STRATEGIES)}")
 
 

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
-from scipy.special import expit, logit, ndtr
 
 from smartmot.area.monitored import MonitoredArea, Relevance, is_vulnerable
 from smartmot.area.path import corridor
@@ -102,7 +102,7 @@ class _Reaching:
             return counts
         free, normal = self._beside(seen)
         sigma = np.maximum(seen.sigma_m(normal), _LEAST_SIGMA_M)
-        by_time = ndtr(-free / sigma)
+        by_time = _special().ndtr(-free / sigma)
         reach = by_time.max(axis=1)
         # the odds of going to the path at all can only lower it; the map is asked for few
         rows = np.flatnonzero(reach > self.config.probability)
@@ -143,6 +143,13 @@ class _Reaching:
         return before
 
 
+def _special() -> ModuleType:
+    """SciPy's functions: imported when an area is made, not with the tracker and not in a frame."""
+    from scipy import special
+
+    return special
+
+
 def entering(
     before: FloatArray, moved_m: FloatArray, noise_m: FloatArray, across_m: FloatArray
 ) -> FloatArray:
@@ -154,23 +161,24 @@ def entering(
         noise_m: (N,) standard deviations of those of who stays: errors of the estimate.
         across_m: (N,) standard deviations of the true ways of who goes.
     """
+    special = _special()
     noise = np.maximum(noise_m, _LEAST_SIGMA_M) ** 2
     spread = noise + across_m**2
     # logarithms: what walks has odds beyond any number
     of_motion = 0.5 * moved_m**2 * (1.0 / noise - 1.0 / spread) + 0.5 * np.log(noise / spread)
     goes = (moved_m > 0.0) | (before >= 1.0)
-    return np.asarray(np.where(goes, expit(logit(before) + of_motion), 0.0))
+    return np.asarray(np.where(goes, special.expit(special.logit(before) + of_motion), 0.0))
 
 
 def _inside(lane_map: LaneMap, xy_m: FloatArray, types: tuple[str, ...], sigma_m: float) -> FloatArray:
     """(N,) probabilities that points, (N, 2), are inside a lane of some types, given the border's error."""
-    found = lane_map.nearest_lane(xy_m, types)
-    depth = np.where(found.found, -found.distance_m, -np.inf)
+    nearest = lane_map.nearest_lane(xy_m, types)
+    depth = np.where(nearest.found, -nearest.distance_m, -np.inf)
     lane_type = lane_map.lanes.lane_type
     placed = lane_map.locate(xy_m)
     of_types = np.isin(lane_type[placed.lane], types)
     np.maximum.at(depth, placed.point[of_types], placed.margin_m[of_types])
-    return np.asarray(ndtr(depth / sigma_m))
+    return np.asarray(_special().ndtr(depth / sigma_m))
 
 
 class AdaptiveArea:
@@ -189,6 +197,7 @@ class AdaptiveArea:
     def __init__(self, lane_map: LaneMap | None, config: AdaptiveAreaConfig | None = None) -> None:
         self.config = config or AdaptiveAreaConfig()
         self._map = lane_map
+        _special()
 
     def at(self, ego: EgoState, path: PlannedPath | None = None) -> MonitoredArea:
         """The area ahead of `ego`."""
