@@ -31,8 +31,9 @@ from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray
 
-_LANE_TYPES = ("driving", "biking", "parking", "shoulder", "stop", "restricted", "border")
-"""Lanes beside the ego's in which vehicles stay."""
+_LANE_TYPES = ("driving", "biking")
+"""Lanes beside the ego's in which vehicles stay. Who moves on a parking lane or a shoulder is about to leave
+it, or has just come."""
 
 _ACROSS_MPS = 1.34
 """Standard deviation of the velocity across the path of who goes to it: the mean walking speed. Source: U.
