@@ -135,15 +135,15 @@ def subset_simulation(
     while True:
         failed = margin <= 0.0
         last = np.count_nonzero(failed) >= begun or len(levels) + 1 == most_levels
-        order = np.argsort(margin, kind="stable")[:begun]
-        threshold = 0.0 if last else float(margin[order[-1]])
+        threshold = 0.0 if last else float(np.partition(margin, begun - 1)[begun - 1])
         below = failed if last else margin <= threshold
         levels.append(
             Level(threshold, float(below.mean()), _variation(below, chains), accepted, sample, margin)
         )
         if last:
             return RareFailure(tuple(levels), runs, drawn, vain)
-        start = rng.permutation(order)
+        # of equal margins at the threshold all are below it: who begins is drawn from all of them
+        start = rng.choice(np.flatnonzero(below), begun, replace=False)
         sample, margin, accepted, tried, lost = _chains(
             margins, sample[start], margin[start], threshold, length, apart, rng
         )
@@ -201,7 +201,7 @@ def _chains(
     for number in range(1, length):
         moved = math.sqrt(1.0 - steps**2) * sample + steps * rng.standard_normal(sample.shape)
         if apart:
-            again = rng.random(count) < _REDRAWN
+            again = np.less(rng.random(count), _REDRAWN)
             fresh = rng.standard_normal((count, apart))
             moved[:, dimension - apart :] = np.where(again[:, None], fresh, sample[:, dimension - apart :])
         of_moved = margins(moved)
