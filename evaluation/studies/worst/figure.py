@@ -58,6 +58,10 @@ def boundary(searched: Searched, across: str, up: str) -> Figure:
             linewidths=1,
         )
         axes.plot([], [], color=BLACK, lw=1, label=f"half of the {_NEIGHBOURS} nearest have a contact")
+        for values, limits in ((x, axes.set_xlim), (y, axes.set_ylim)):
+            low_end, high_end = float(values[known].min()), float(values[known].max())
+            room = 0.03 * (high_end - low_end)
+            limits(low_end - room, high_end + room)
     axes.set_xlabel(_label(across))
     axes.set_ylabel(_label(up))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=SMALL_PT)

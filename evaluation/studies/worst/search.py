@@ -104,9 +104,9 @@ def search(
             cases = {case.key: case for case in family.cases(sample)}
             bar.begin(f"{family.name}: {len(tried)} scenes so far", len(cases))
             kept, _ = journal.carry_out(come, cases, workers, steps)
-            came = [kept[key][0] for key in cases]
-            tried.update({key: (case, one) for (key, case), one in zip(cases.items(), came, strict=True)})
-            return np.array([np.nan if one.margin is None else one.margin for one in came])
+            outcomes = [kept[key][0] for key in cases]
+            tried.update({key: (cases[key], came) for key, came in zip(cases, outcomes, strict=True)})
+            return np.array([np.nan if came.margin is None else came.margin for came in outcomes])
 
         failure = subset_simulation(
             margins, family.dimension, samples=samples, share=share, seed=seed, apart=1
@@ -199,7 +199,7 @@ def write(searched: Searched, out: Path, formats: Sequence[str] = FORMATS, worke
     Raises:
         ResultsError: the folder cannot be written.
     """
-    told = answer(searched)
+    result = answer(searched)
     family, failure = searched.family, searched.failure
     asked = {
         "schema": SCHEMA,
@@ -215,13 +215,13 @@ def write(searched: Searched, out: Path, formats: Sequence[str] = FORMATS, worke
         "runs": failure.runs,
     }
     contents = {
-        "answer.md": told.markdown(form=formats[0] if formats else FORMATS[0]),
+        "answer.md": result.markdown(form=formats[0] if formats else FORMATS[0]),
         "runs.csv.gz": gzip.compress(_runs_csv(searched), mtime=0),
         "study.json": json_bytes(asked, indent=1),
-        **told.files,
+        **result.files,
     }
     written = write_files(out, contents)
-    for name, figure in told.figures.items() if formats else ():
+    for name, figure in result.figures.items() if formats else ():
         written += save(figure, out / name, formats)
     if searched.nearest:
         folder = out / "nearest"
