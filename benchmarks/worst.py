@@ -38,7 +38,8 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=500)
     parser.add_argument("--repeats", type=int, default=200)
     given = parser.parse_args()
-    print(f"{'failure':12} {'probability':>12} {'mean':>10} {'variation':>10} {'coverage':>9} {'runs':>7} ratio")
+    header = ("failure", "probability", "mean", "variation", "coverage", "runs", "ratio")
+    print("{:12} {:>12} {:>10} {:>10} {:>9} {:>7} {}".format(*header))
     for name, made, sides in (("plane", plane, 1), ("two planes", two_planes, 2)):
         for probability in (1e-2, 1e-3, 1e-4, 1e-5):
             margin = made(float(norm.isf(probability / sides)))

@@ -48,13 +48,13 @@ def test_a_scene_of_numbers_is_the_scene_that_a_generator_with_these_numbers_dra
     for seed in range(6):
         numbers = np.random.default_rng(seed).random(NUMBERS).tolist()
         try:
-            one = scene_of("one", situation, numbers, tmp_path, grounds)
+            scene_of("one", situation, numbers, tmp_path, grounds)
         except RejectedDraw:
             continue
         drawn += 1
         with monkeypatch.context() as patched:
             patched.setattr(draw, "Given", lambda numbers, seed=seed: np.random.default_rng(seed))
-            other = scene_of("two", situation, numbers, tmp_path, grounds)
+            scene_of("two", situation, numbers, tmp_path, grounds)
         assert (tmp_path / "one.xosc").read_bytes() == (tmp_path / "two.xosc").read_bytes()
     assert drawn >= 2
 
