@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class ArgumentError(ValueError):
-    """An argument of the command line is wrong; the message names the option and what to write instead."""
+    """An option, or an argument in Python, is wrong; the message names it and says what to write instead."""
 
 
 class WorkerError(RuntimeError):

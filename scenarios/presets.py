@@ -25,7 +25,8 @@ from scenarios.sources.pose_errors import (
     PoseErrors,
 )
 from scenarios.weather import DRY_FRICTION, Light, Weather
-from smartmot.area import AdaptiveAreaConfig, MapAreaConfig, PathAreaConfig, RectangularConfig
+from smartmot.area import MapAreaConfig, PathAreaConfig, RectangularConfig
+from smartmot.errors import suggestion
 from smartmot.filters.motion_models import PerCategory, Setting
 from smartmot.maps.faulty import MapErrors
 from smartmot.pipeline import PipelineConfig
@@ -67,7 +68,6 @@ class Preset:
     tracker_sigma_m: float | None = None
     detector: Plugin | None = None
     path_area: PathAreaConfig = field(default_factory=PathAreaConfig)
-    adaptive_area: AdaptiveAreaConfig = field(default_factory=AdaptiveAreaConfig)
     path_from: str = "planner"
     localisation: LocalisationErrors = field(default_factory=LocalisationErrors)
     odometry: OdometryErrors = field(default_factory=OdometryErrors)
@@ -225,7 +225,9 @@ def named_preset(name: str) -> Preset:
         ScenarioError: there is none of that name.
     """
     if name not in PRESETS:
-        raise ScenarioError(f"unknown preset {name!r}; use one of: {', '.join(PRESETS)}")
+        raise ScenarioError(
+            f"unknown preset {name!r}{suggestion(name, PRESETS)}; use one of: {', '.join(PRESETS)}"
+        )
     return PRESETS[name]
 
 

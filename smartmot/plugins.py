@@ -1,12 +1,18 @@
-"""Objects of the user's own, named `package.module:name`: tracker, detector, monitored area, brake rule."""
+"""Objects of the user's own: tracker, detector, monitored area, brake rule.
+
+They are named `package.module:name`, or given as objects in Python: see `name_for`.
+"""
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import importlib
 import importlib.util
+import re
 import sys
 import traceback
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -69,6 +75,100 @@ class Plugin:
             raise failure(self.name, error) from error
 
 
+OBJECT = "object"
+"""In the place of a module: an object that this process alone has; see `name_for`."""
+
+_OBJECTS: dict[str, _Object] = {}
+"""Objects of this process by their names."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Object:
+    """An object of this process.
+
+    Args:
+        given: What the user gave.
+        make: Makes, or gives, what a run uses.
+        digest: No other object has it, in whichever process: what it does cannot be known from outside.
+    """
+
+    given: object
+    make: Callable[..., Any]
+    digest: str
+
+
+def name_for(given: object, method: str) -> str:
+    """The name by which runs know an object that a user gives in Python.
+
+    A class or function that others can import has the name that the command line would have,
+    `package.module:name`. Anything else, as of a notebook, gets one that this process alone knows:
+    `object:NAME`. Nothing that it does is taken for the same later.
+
+    Args:
+        given: A class or function, called once for every run; or an object with `method`: the brake rules
+            and monitored areas themselves, copies of others, since these remember.
+        method: What the object must have, such as `update`.
+
+    Returns:
+        What `plugin` takes.
+
+    Raises:
+        PluginError: It is neither, or an object that cannot be copied.
+    """
+    makes = isinstance(given, type) or (callable(given) and not callable(getattr(given, method, None)))
+    if makes:
+        name = f"{getattr(given, '__module__', None)}:{getattr(given, '__qualname__', None)}"
+        if _is_importable(name, given):
+            return name
+        for known, entry in _OBJECTS.items():
+            if entry.given is given:
+                return known
+        return _register(given, given)  # type: ignore[arg-type]  # it is callable
+    parts = given if isinstance(given, (list, tuple)) else (given,)
+    if not parts or not all(callable(getattr(part, method, None)) for part in parts):
+        raise PluginError(
+            f"{given!r} is neither a class or function, nor an object with {method}(); see docs/plugins.md"
+        )
+    if method in ("at", "decide"):
+        return _register(given, lambda *_: given)
+    try:
+        kept = copy.deepcopy(given)
+    except Exception as error:  # whatever a user's object may raise
+        raise PluginError(
+            f"{type(given).__name__}: cannot be copied for each run ({type(error).__name__}: "
+            f"{_one_line(error)}); give its class, or a function that makes it"
+        ) from error
+    return _register(given, lambda *_: copy.deepcopy(kept))
+
+
+def is_of_process(name: str) -> bool:
+    """Whether a name is that of an object that this process alone has; see `name_for`."""
+    return name.partition(":")[0] == OBJECT
+
+
+def _register(given: object, make: Callable[..., Any]) -> str:
+    """A new name of this process for an object."""
+    kind = given if isinstance(given, type) or hasattr(given, "__name__") else type(given)
+    stem = re.sub(r"\W+", "", str(getattr(kind, "__name__", ""))) or "own"
+    name, number = f"{OBJECT}:{stem}", 1
+    while name in _OBJECTS:
+        number += 1
+        name = f"{OBJECT}:{stem}_{number}"
+    _OBJECTS[name] = _Object(given, make, uuid.uuid4().hex[:24])
+    return name
+
+
+def _is_importable(name: str, given: object) -> bool:
+    """Whether any process would get an object by a name."""
+    if name.startswith("__main__:"):
+        return False
+    try:
+        _digest(name.partition(":")[0])
+        return _named_object(name) is given
+    except PluginError:
+        return False
+
+
 def is_plugin(name: str) -> bool:
     """Whether a name is of the form of a plug-in's; a file on a drive of Windows is none."""
     return ":" in name and not PureWindowsPath(name).is_absolute()
@@ -86,7 +186,7 @@ def plugin(name: str) -> Plugin:
     """
     if not callable(_named_object(name)):
         raise PluginError(f"{name}: is no class or function; name one that makes the object")
-    return Plugin(name, _digest(name.partition(":")[0]))
+    return Plugin(name, _OBJECTS[name].digest if name in _OBJECTS else _digest(name.partition(":")[0]))
 
 
 def source_digest(name: str) -> str:
@@ -95,6 +195,8 @@ def source_digest(name: str) -> str:
     Raises:
         PluginError: There is no such module, or two of that name.
     """
+    if name in _OBJECTS:
+        return _OBJECTS[name].digest
     module_name = _parts(name)[0]
     _search_current_folder(name, module_name.partition(".")[0])
     return _digest(module_name)
@@ -152,7 +254,14 @@ def failure(name: str, error: Exception | SystemExit) -> PluginError:
 
 
 def _named_object(name: str) -> Any:
+    if name in _OBJECTS:
+        return _OBJECTS[name].make
     module_name, path = _parts(name)
+    if module_name == OBJECT:
+        raise PluginError(
+            f"{name}: an object of the Python process that made the run; no other process has it. Put its "
+            "class or function into a module that can be imported"
+        )
     _search_current_folder(name, module_name.partition(".")[0])
     try:
         named: Any = importlib.import_module(module_name)

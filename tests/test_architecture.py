@@ -1,5 +1,7 @@
 """What holds for the project as a whole: who imports whom, what is installed, what start-up may load."""
 
+import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -12,6 +14,8 @@ from typing import Any
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+
+import smartmot
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("opendrive", "smartmot", "scenarios", "evaluation")
@@ -50,8 +54,68 @@ def test_import_of_the_command_line_is_light() -> None:
 
 
 def test_import_of_the_tracker_is_light() -> None:
-    loaded = python(f"import sys, smartmot; print([m for m in {HEAVY} if m in sys.modules])")
+    code = "import sys, smartmot; smartmot.Tracker; smartmot.Pipeline; smartmot.route_ahead; "
+    loaded = python(f"{code} print([m for m in {HEAVY} if m in sys.modules])")
     assert loaded.strip() == "[]"
+
+
+def test_import_of_the_front_door_loads_nothing_yet() -> None:
+    code = """
+import time
+start_s = time.process_time()
+import smartmot
+spent_s = time.process_time() - start_s
+import sys
+loaded = [name for name in sys.modules if name.partition(".")[0] in ("numpy", "evaluation", "scenarios")]
+print(loaded, spent_s < 0.3)
+"""
+    assert python(code).strip() == "[] True"
+
+
+def test_the_front_door_gives_type_checkers_what_it_loads() -> None:
+    """The names that are exported, loaded at first use, and imported for type checkers are the same."""
+    tree = ast.parse((ROOT / "smartmot/__init__.py").read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    typed = {
+        (node.module, alias.name)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    homes: dict[str, str] = vars(smartmot)["_HOMES"]
+    assert typed == {(module, name) for module, names in homes.items() for name in names.split()}
+    assert sorted(name for _, name in typed) == sorted(smartmot.__all__)
+    assert set(smartmot.__all__) <= set(dir(smartmot))
+    for module, name in typed:
+        assert getattr(smartmot, name) is getattr(importlib.import_module(str(module)), name)
+
+
+def test_unknown_names_of_the_front_door_are_errors_with_a_suggestion() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'swep'") as caught:
+        _ = smartmot.swep  # type: ignore[attr-defined]
+    assert (caught.value.name, caught.value.obj) == ("swep", smartmot)  # from which Python suggests sweep
+    assert not hasattr(smartmot, "_hidden")
+    assert smartmot.types.CATEGORIES  # modules are loaded as well
+
+
+def test_opendrive_alone_needs_four_libraries() -> None:
+    """Numpy, scipy, shapely and lxml: a map is loaded and asked with everything else out of reach."""
+    street = ROOT / "scenarios/maps/urban_street.xodr"
+    code = f"""
+import sys
+allowed = {{"numpy", "scipy", "shapely", "lxml", "opendrive", "_smartmot"}}
+class Nothing:
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top not in allowed and top not in sys.stdlib_module_names and not top.startswith("_"):
+            raise ImportError(f"{{name}} is out of reach", name=name)
+sys.meta_path.insert(0, Nothing())
+import opendrive
+network = opendrive.load_map({str(street)!r})
+hits = network.locate([[100.0, -1.75]])
+print(len(network.lanes) > 0, len(hits.lane) > 0, len(network.findings) >= 0)
+"""
+    assert python(code).split() == ["True", "True", "True"]
 
 
 def test_help_is_light() -> None:

@@ -20,8 +20,11 @@ def command(
         bool, typer.Option("--perceptions", help="What makes detections of a LiDAR's clouds in their place.")
     ] = False,
 ) -> None:
-    """List the shipped scenarios: name, number of runs, description; or one with its parameters."""
-    from scenarios.catalogue.library import SHIPPED_SCENARIOS, describe
+    """List the shipped scenarios: name, number of runs, description; or one with its parameters.
+
+    Of the parameters: declared value with its unit, and what it is.
+    """
+    from scenarios.catalogue.library import describe, describe_all
 
     if rules:
         _list_rules()
@@ -32,14 +35,13 @@ def command(
     if perceptions:
         _list_perceptions()
         return
-    for name in SHIPPED_SCENARIOS if scenario is None else (scenario,):
-        described = describe(name)
+    for described in describe_all() if scenario is None else (describe(scenario),):
         runs = f"{described.runs} run{'s' if described.runs > 1 else ''}"
         typer.echo(f"{described.name:<20} {runs:>8}  {described.text}")
         if scenario is None:
-            typer.echo(f"{'':<31}{', '.join(key for key, _ in described.parameters)}")
-        for key, value in described.parameters if scenario is not None else ():
-            typer.echo(f"  {key} = {value}")
+            typer.echo(f"{'':<31}{', '.join(parameter.name for parameter in described.parameters)}")
+        for parameter in described.parameters if scenario is not None else ():
+            typer.echo(f"  {parameter}")
 
 
 def _list_protocols() -> None:

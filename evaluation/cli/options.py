@@ -255,8 +255,11 @@ def parse_name(text: str, allowed: Sequence[str], option: str, own: bool = False
 
 def _require(name: str, allowed: Sequence[str], option: str, own: bool, choice: str) -> None:
     if name not in allowed and not (own and ":" in name):
+        from smartmot.errors import suggestion
+
         more = " or package.module:name" if own else ""
-        raise ArgumentError(f"{option}: unknown {name!r}; use {choice}: {', '.join(allowed)}{more}")
+        close = suggestion(name, allowed)
+        raise ArgumentError(f"{option}: unknown {name!r}{close}; use {choice}: {', '.join(allowed)}{more}")
 
 
 def parse_strategies(text: str, option: str = "--strategy") -> tuple[str, ...]:
@@ -383,8 +386,11 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Setting, ...]]:
     for text in texts:
         name, equals, values = (part.strip() for part in text.partition("="))
         if name not in PARAMETERS or not equals:
+            from smartmot.errors import suggestion
+
+            close = suggestion(name, PARAMETERS) if name not in PARAMETERS else ""
             raise ArgumentError(
-                f"--vary: expected NAME=VALUES with one of {', '.join(PARAMETERS)}; got {text!r}"
+                f"--vary: expected NAME=VALUES with one of {', '.join(PARAMETERS)}; got {text!r}{close}"
             )
         if name in varied:
             raise ArgumentError(f"--vary: {name} is given twice; give all its values at once")

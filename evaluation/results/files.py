@@ -20,6 +20,8 @@ SCHEMA = 2
 TABLE_MD = "table.md"
 DRIVES_CSV = "drives.csv"
 """In place of `RUNS_CSV` in a folder of recorded drives."""
+COMPARE_JSON = "compare.json"
+"""In place of `RUNS_JSON` in a folder of a comparison."""
 LOGS_FOLDER = "logs"
 
 

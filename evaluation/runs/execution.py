@@ -76,14 +76,23 @@ def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
     Raises:
         smartmot.errors.PluginError: also whenever an object of the user's own fails.
     """
+    return record_of(spec, outcome_of(spec), keep_log)
+
+
+def outcome_of(spec: RunSpec) -> Outcome:
+    """What a run comes to; see `execute`."""
     try:
-        outcome = simulation_of(spec).run()
+        return simulation_of(spec).run()
     except (SmartMotError, ScenarioError, OpenDriveError):
         raise
     except (Exception, SystemExit) as error:
         if not spec.plugins:
             raise
         raise failure(" and ".join(spec.plugins), error) from error
+
+
+def record_of(spec: RunSpec, outcome: Outcome, keep_log: bool = True) -> RunRecord:
+    """What is kept of a finished run."""
     log = outcome.log.table() if keep_log else None
     spent = frame_time(outcome.frame_time_ms)
     # a car that has stopped may have stood between two entries of the log

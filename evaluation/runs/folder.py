@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import _smartmot
 from evaluation.errors import ArgumentError
-from evaluation.results.files import RUNS_CSV, RUNS_JSON, ResultsError, log_path
+from evaluation.results.files import COMPARE_JSON, RUNS_CSV, RUNS_JSON, ResultsError, log_path
 from evaluation.results.logs import read_log
 from evaluation.results.rows import read_runs
 from evaluation.runs.configuration import (
@@ -32,7 +32,6 @@ from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, load_named_map, perception_map
 from scenarios.strategies import STRATEGIES, make_strategy
 from smartmot.area import (
-    AdaptiveArea,
     EverythingArea,
     MapArea,
     MonitoredArea,
@@ -218,7 +217,7 @@ def refuse_comparison(path: Path) -> None:
     Raises:
         ResultsError: the folder is one.
     """
-    if not (path / "compare.json").is_file():
+    if not (path / COMPARE_JSON).is_file():
         return
     inside = path / "runs"
     if (inside / RUNS_CSV).is_file():
@@ -339,7 +338,7 @@ def _strategy(
             return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
         made = make_strategy(name, preset, view)
-        shipped = type(made) in (RectangularArea, MapArea, EverythingArea, PathArea, AdaptiveArea)
+        shipped = type(made) in (RectangularArea, MapArea, EverythingArea, PathArea)
         return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:
         return None, f"The monitored area of {name} is not drawn: {error}"

@@ -7,6 +7,7 @@ import multiprocessing.connection
 import os
 import pickle
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing.context import BaseContext
+from types import ModuleType
 from typing import Any, TypeVar
 
 from evaluation.errors import WorkerError
@@ -53,11 +55,11 @@ def execute_all(job: Callable[[Item], Result], items: Sequence[Item], workers: i
         yield from map(job, items)
         return
     before = os.environ.get(_SAFE_PATH)
-    with _safe_path():
+    with _clean_start():
         pool = ProcessPoolExecutor(workers, _context(job), _begin, (before,))
     try:
         try:
-            with _safe_path():  # the processes are started as the calls are handed over
+            with _clean_start():  # the processes are started as the calls are handed over
                 packed = pickle.dumps(job)
                 results = pool.map(_call, [packed] * len(items), map(pickle.dumps, items), chunksize=1)
         except (EOFError, OSError) as error:
@@ -88,16 +90,21 @@ def _context(job: Callable[..., Any]) -> BaseContext:
 
 
 @contextmanager
-def _safe_path() -> Iterator[None]:
-    """Interpreters started meanwhile do not look into the current folder: it may have a `random.py`.
+def _clean_start() -> Iterator[None]:
+    """Interpreters started meanwhile run nothing of the user's.
 
-    The processes at work have the module search path of this one, which has been checked.
+    They do not look into the current folder, which may have a `random.py`: the processes at work have the
+    module search path of this one, which has been checked. And they do not run the script that started them
+    once more, as `multiprocessing` wants it for scripts whose own functions are called: all that is called
+    here is in modules.
     """
-    before = os.environ.get(_SAFE_PATH)
+    before, main = os.environ.get(_SAFE_PATH), sys.modules["__main__"]
     os.environ[_SAFE_PATH] = "1"
+    sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:
+        sys.modules["__main__"] = main
         _restore(before)
 
 

@@ -35,7 +35,12 @@ if TYPE_CHECKING:
 
 
 def compare_cpna(
-    suite: CpnaSuite, out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
+    suite: CpnaSuite,
+    out: Path,
+    pictures: str | None,
+    workers: int = 1,
+    quiet: bool = False,
+    console: rich.console.Console | None = None,
 ) -> Judged:
     """Run a CPNA comparison.
 
@@ -45,13 +50,14 @@ def compare_cpna(
         pictures: their format; None: no pictures.
         workers: processes.
         quiet: print nothing.
+        console: where to print; None: the terminal.
 
     Returns:
         Every run with the pass criteria of its file.
     """
     site = load_site(suite)
     specs = suite.specs(site)
-    console = rich.console.Console(quiet=quiet)
+    console = console or rich.console.Console(quiet=quiet)
     judged = _compare(
         specs,
         suite_configuration(suite, site, out),
@@ -103,10 +109,15 @@ def suite_configuration(suite: CpnaSuite, site: Site, out: Path) -> dict[str, ob
 
 
 def compare_files(
-    specs: Sequence[RunSpec], out: Path, pictures: str | None, workers: int = 1, quiet: bool = False
+    specs: Sequence[RunSpec],
+    out: Path,
+    pictures: str | None,
+    workers: int = 1,
+    quiet: bool = False,
+    console: rich.console.Console | None = None,
 ) -> Judged:
     """Run scenario files; see `compare_cpna`."""
-    console = rich.console.Console(quiet=quiet)
+    console = console or rich.console.Console(quiet=quiet)
     notes = perception_notes(specs)
     configuration = configuration_of(specs, out, notes)
     judged = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from scenarios.catalogue.parameters import INTERNAL, MEANINGS
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.distributions import expand
 from scenarios.openscenario.reading.document import Node, parse
+from smartmot.errors import suggestion
 
 DEFINITIONS = Path(__file__).parents[1] / "definitions"
 
@@ -33,6 +35,29 @@ SHIPPED_SCENARIOS = (
 
 
 @dataclass(frozen=True, slots=True)
+class ScenarioParameter:
+    """What may be set in a scenario.
+
+    Args:
+        name: of the parameter.
+        value: declared one, as the file has it; of a distribution that of its first run.
+        kind: declared type: double, integer, string, boolean ...
+        unit: of its values; empty for names, ratios and truth values, and where the file is not ours.
+        text: what it is; empty where the file is not ours.
+    """
+
+    name: str
+    value: str
+    kind: str
+    unit: str = ""
+    text: str = ""
+
+    def __str__(self) -> str:
+        value = f"{self.name} = {self.value}{f' {self.unit}' if self.unit else ''}"
+        return f"{value:<36}{self.text or self.kind}"
+
+
+@dataclass(frozen=True, slots=True)
 class ScenarioDescription:
     """What a file holds.
 
@@ -40,13 +65,17 @@ class ScenarioDescription:
         name: file name without ending.
         text: description from its header.
         runs: how many it asks for.
-        parameters: names and declared values of what may be set.
+        parameters: what may be set; of the shipped ones without what follows from others (`INTERNAL`).
     """
 
     name: str
     text: str
     runs: int
-    parameters: tuple[tuple[str, str], ...]
+    parameters: tuple[ScenarioParameter, ...]
+
+    def __repr__(self) -> str:
+        runs = f"{self.runs} run{'s' if self.runs > 1 else ''}"
+        return "\n  ".join([f"{self.name} ({runs}): {self.text}", *map(str, self.parameters)])
 
 
 def shipped_scenario(name: str) -> Path:
@@ -56,7 +85,8 @@ def shipped_scenario(name: str) -> Path:
         ScenarioError: there is none of that name.
     """
     if name not in SHIPPED_SCENARIOS:
-        raise ScenarioError(f"no shipped scenario {name!r}; there are: {', '.join(SHIPPED_SCENARIOS)}")
+        close = suggestion(name, SHIPPED_SCENARIOS)
+        raise ScenarioError(f"no shipped scenario {name!r}{close}; there are: {', '.join(SHIPPED_SCENARIOS)}")
     return DEFINITIONS / f"{name}.xosc"
 
 
@@ -82,9 +112,21 @@ def describe(name: str) -> ScenarioDescription:
     header = Node(parse(path), path, {}).need("FileHeader")
     scenario = variations[0].path
     declared = Node(parse(scenario), scenario, {}).get("ParameterDeclarations")
-    parameters = [
-        (node.text("name"), str(variations[0].parameters.get(node.text("name"), node.text("value"))))
-        for node in (declared.all("ParameterDeclaration") if declared else ())
-        if not node.text("name").startswith("_")
-    ]
+    is_shipped = scenario_name(scenario) in SHIPPED_SCENARIOS
+    parameters = []
+    for node in declared.all("ParameterDeclaration") if declared else ():
+        name = node.text("name")
+        if name.startswith("_") or (is_shipped and name in INTERNAL):
+            continue
+        value = str(variations[0].parameters.get(name, node.text("value")))
+        unit, text = MEANINGS[name] if is_shipped else ("", "")
+        parameters.append(ScenarioParameter(name, value, node.text("parameterType", "string"), unit, text))
+    if is_shipped:
+        order = list(MEANINGS)
+        parameters.sort(key=lambda parameter: order.index(parameter.name))
     return ScenarioDescription(path.stem, header.text("description", ""), len(variations), tuple(parameters))
+
+
+def describe_all() -> tuple[ScenarioDescription, ...]:
+    """The shipped scenarios, described: tests first, then what they are variations of."""
+    return tuple(map(describe, SHIPPED_SCENARIOS))

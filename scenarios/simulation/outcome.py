@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from scenarios.openscenario.running.driving.criteria import Criterion
 from scenarios.openscenario.running.results import Contact
@@ -47,7 +48,7 @@ class Milestones:
     resumed_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Outcome:
     """What a run came to; None where it did not happen.
 
@@ -133,3 +134,46 @@ class Outcome:
     def impact_speed_mps(self) -> float:
         """How fast the ego was then, forward or in reverse; 0 without contact."""
         return abs(self.contact.ego_speed_mps) if self.contact else 0.0
+
+    @property
+    def text(self) -> str:
+        """What happened, in a line."""
+        parts = []
+        if self.contact is None:
+            parts.append("no contact")
+        else:
+            parts.append(
+                f"contact with {self.contact.entity} at {self.impact_speed_mps * 3.6:.1f} km/h "
+                f"after {self.contact.time_s:.2f} s"
+            )
+        if self.flag_time_s is None:
+            parts.append("no emergency request")
+        else:
+            false = " (false activation)" if self.false_activation else ""
+            gap = "" if self.flag_distance_m is None else f", {self.flag_distance_m:.1f} m before the target"
+            parts.append(f"emergency requested at {self.flag_time_s:.2f} s{gap}{false}")
+        if self.stop_time_s is not None:
+            gap = "" if self.stop_gap_m is None else f", {self.stop_gap_m:.2f} m before the target"
+            parts.append(f"stopped at {self.stop_time_s:.2f} s{gap}")
+        return f"{'; '.join(parts)}; end at {self.end_time_s:.2f} s ({self.end_reason.value})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it but the log and the times per frame, as plain values: what JSON can hold."""
+        values = {
+            each.name: getattr(self, each.name)
+            for each in fields(self)
+            if each.name not in ("log", "frame_time_ms")
+        }
+        return values | {
+            "contact": None if self.contact is None else asdict(self.contact),
+            "end_reason": self.end_reason.value,
+            "dropped": asdict(self.dropped),
+            "notes": list(self.notes),
+            "criteria": [asdict(criterion) for criterion in self.criteria],
+            "warning_lead_s": None if self.warning_lead_s == math.inf else self.warning_lead_s,
+            "impact_speed_mps": self.impact_speed_mps,
+            "avoided": self.avoided,
+        }
+
+    def __repr__(self) -> str:
+        return f"Outcome({self.text})"

@@ -1,6 +1,5 @@
 """Monitored areas: which objects count."""
 
-from smartmot.area.adaptive import AdaptiveArea, AdaptiveAreaConfig
 from smartmot.area.everything import EverythingArea
 from smartmot.area.lanes import MapArea, MapAreaConfig, MonitoredLane, MonitoredLanes
 from smartmot.area.monitored import (
@@ -12,7 +11,6 @@ from smartmot.area.monitored import (
     is_vulnerable,
     known_path,
     outline_points,
-    reaching,
     uses_path,
 )
 from smartmot.area.path import PathArea, PathAreaConfig
@@ -21,8 +19,6 @@ from smartmot.area.way import WAYS, with_way
 
 __all__ = [
     "WAYS",
-    "AdaptiveArea",
-    "AdaptiveAreaConfig",
     "EverythingArea",
     "MapArea",
     "MapAreaConfig",
@@ -40,7 +36,6 @@ __all__ = [
     "is_vulnerable",
     "known_path",
     "outline_points",
-    "reaching",
     "uses_path",
     "with_way",
 ]

@@ -3,6 +3,7 @@
 import math
 from itertools import product
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from scenarios.catalogue.library import (
     scenario_path,
     shipped_scenario,
 )
+from scenarios.catalogue.parameters import INTERNAL, MEANINGS
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.reading.distributions import Variation, expand
 from scenarios.openscenario.reading.reader import load
@@ -175,10 +177,37 @@ def test_every_file_is_listed_and_described() -> None:
         assert found.name == name
         assert found.runs == len(expand(shipped_scenario(name)))
         assert found.text
-        values = dict(found.parameters)
-        assert {"Map", "Line_x", "Line_y", "Line_yaw", "Ego_speed_kmh"} <= set(values)
-        assert not any(key.startswith("_") for key in values)
-    assert dict(describe("cpfa").parameters)["Target_speed_kmh"] == "8"
+        names = [parameter.name for parameter in found.parameters]
+        assert names[0] == "Ego_speed_kmh"
+        assert {"Map", "Line_x", "Line_y", "Line_yaw"} <= set(names)
+        assert not any(key.startswith("_") or key in INTERNAL for key in names)
+    by_name = {parameter.name: parameter for parameter in describe("cpfa").parameters}
+    speed = by_name["Target_speed_kmh"]
+    assert (speed.value, speed.unit, speed.text) == ("8", "km/h", "speed of the target")
+
+
+def test_every_declared_parameter_is_explained_or_follows_from_others() -> None:
+    """Names with a unit in them have that unit."""
+    declared = {
+        node.get("name", "")
+        for path in DEFINITIONS.glob("*.xosc")
+        for node in ElementTree.parse(path).iter("ParameterDeclaration")
+        if not node.get("name", "").startswith("_")
+    }
+    assert declared == set(MEANINGS) | INTERNAL
+    assert not set(MEANINGS) & INTERNAL
+    ends = {"_kmh": "km/h", "_deg": "degrees", "_percent": "%", "_s": "s"}
+    for name, meaning in MEANINGS.items():
+        assert meaning.text
+        for end, unit in ends.items():
+            assert not name.endswith(end) or meaning.unit == unit, name
+
+
+def test_parameters_of_a_users_file_have_their_type(tmp_path: Path) -> None:
+    (tmp_path / "other.xosc").write_text((DEFINITIONS / "pass_through.xosc").read_text("utf-8"), "utf-8")
+    by_name = {parameter.name: parameter for parameter in describe(str(tmp_path / "other.xosc")).parameters}
+    gap = by_name["Gap"]
+    assert (gap.value, gap.kind, gap.unit, gap.text) == ("4.5", "double", "", "")
 
 
 def test_names_and_paths_find_each_other(tmp_path: Path) -> None:

@@ -24,7 +24,12 @@ from scenarios.spec import definition_of, preset_of
 
 
 def compare(
-    study: SceneStudy, out: Path, workers: int = 1, quiet: bool = False, logs: bool = False
+    study: SceneStudy,
+    out: Path,
+    workers: int = 1,
+    quiet: bool = False,
+    logs: bool = False,
+    console: rich.console.Console | None = None,
 ) -> list[Summary]:
     """Carry a comparison out, or go on with it.
 
@@ -34,6 +39,7 @@ def compare(
         workers: processes.
         quiet: print nothing.
         logs: whether to log a run per scene and strategy as well.
+        console: where to print; None: the terminal.
 
     Returns:
         The summaries, in the order of the table.
@@ -50,7 +56,7 @@ def compare(
     if not scenes:
         raise ArgumentError(f"no valid scene is left: {' '.join(invalid)}; choose other --scenes")
     items = study.items_of(scenes)
-    console = rich.console.Console(quiet=quiet)
+    console = console or rich.console.Console(quiet=quiet)
     finished, before = study.carry_out_behind_bar(items, out, "", workers, console, "comparing")
     result = compared(study, items, finished)
     written = result.write(out)

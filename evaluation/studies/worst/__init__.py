@@ -1,1 +1,0 @@
-"""The search for the case that just fails: how rare a failure is, and where it begins."""
