@@ -54,6 +54,11 @@ class MapView:
     network: LaneMap
     route: Route
 
+    @property
+    def lane_map(self) -> LaneMap | None:
+        """The map, for what can do without one; None where there is none."""
+        return self.network
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site(MapView):

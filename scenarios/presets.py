@@ -25,7 +25,7 @@ from scenarios.sources.pose_errors import (
     PoseErrors,
 )
 from scenarios.weather import DRY_FRICTION, Light, Weather
-from smartmot.area import MapAreaConfig, PathAreaConfig, RectangularConfig
+from smartmot.area import AdaptiveAreaConfig, MapAreaConfig, PathAreaConfig, RectangularConfig
 from smartmot.errors import suggestion
 from smartmot.filters.motion_models import PerCategory, Setting
 from smartmot.maps.faulty import MapErrors
@@ -68,6 +68,7 @@ class Preset:
     tracker_sigma_m: float | None = None
     detector: Plugin | None = None
     path_area: PathAreaConfig = field(default_factory=PathAreaConfig)
+    adaptive_area: AdaptiveAreaConfig = field(default_factory=AdaptiveAreaConfig)
     path_from: str = "planner"
     localisation: LocalisationErrors = field(default_factory=LocalisationErrors)
     odometry: OdometryErrors = field(default_factory=OdometryErrors)

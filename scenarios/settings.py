@@ -287,6 +287,12 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "margin_m": _number("VRU margin over the sidewalk", "m", _MAP, "map_area.vru_margin_m"),
         "half_width_m": _number("half width of the rectangle", "m", _RECTANGLE, "rectangular.half_width_m"),
         "corridor_m": _limit("half width of the corridor", "m", _PATH, "path_area.half_width_m"),
+        "probability": _number(
+            "with more than which an object that counts reaches the path",
+            "",
+            ("adaptive",),
+            "adaptive_area.probability",
+        ),
         "reach_m": _limit("how far ahead an object may count", "m", _MAP, "map_area.reach_m"),
         "length_m": Parameter(
             "greatest length of the rectangle",

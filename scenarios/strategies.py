@@ -7,12 +7,19 @@ from dataclasses import dataclass
 from scenarios.errors import ScenarioError
 from scenarios.places import MapView
 from scenarios.presets import Preset
-from smartmot.area import EverythingArea, MapArea, MonitoredAreaStrategy, PathArea, RectangularArea
+from smartmot.area import (
+    AdaptiveArea,
+    EverythingArea,
+    MapArea,
+    MonitoredAreaStrategy,
+    PathArea,
+    RectangularArea,
+)
 from smartmot.area.way import ALONG_PATH
 from smartmot.errors import suggestion
 from smartmot.plugins import is_plugin, plugin, require
 
-STRATEGIES = ("rectangular", "map", "all", "path")
+STRATEGIES = ("rectangular", "map", "all", "path", "adaptive")
 """Shipped ones; one of the user's own is named `package.module:name`."""
 
 
@@ -39,6 +46,8 @@ def make_strategy(name: str, preset: Preset, view: MapView) -> MonitoredAreaStra
         return EverythingArea()
     if name == "path":
         return PathArea(preset.path_area)
+    if name == "adaptive":
+        return AdaptiveArea(view.lane_map, preset.adaptive_area)
     raise ScenarioError(
         f"unknown strategy {name!r}{suggestion(name, STRATEGIES)}; use one of: {', '.join(STRATEGIES)}"
     )
@@ -53,7 +62,7 @@ def path_source(name: str, preset: Preset) -> str:
     """
     pipeline = preset.pipeline
     looks = ALONG_PATH in (pipeline.forecast.ego, pipeline.way, pipeline.standing)
-    return preset.path_from if looks or name == PathArea.name or is_plugin(name) else ""
+    return preset.path_from if looks or name in (PathArea.name, AdaptiveArea.name) or is_plugin(name) else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from smartmot.area import (
     ego_extent,
     is_vulnerable,
     known_path,
+    reaching,
     uses_path,
     with_way,
 )
@@ -35,6 +36,7 @@ from smartmot.forecast import (
     forecast_times,
     forecast_tracks,
 )
+from smartmot.forecast.uncertain import UncertainMotion
 from smartmot.path import PlannedPath
 from smartmot.tracking.own import ObjectTracker, limits_of_own, own, update_own
 from smartmot.tracking.tracker import ScoreLimits, Tracker, TrackerConfig, TrackerState
@@ -317,6 +319,10 @@ class Pipeline:
         counts = np.where(
             tracks.dynamic, relevance.within_reach & tracks.confirmed, relevance.in_route & known
         )
+        delay = ego.stamp_s - tracks.stamp_s
+        going = reaching(area, lambda: UncertainMotion.of(tracks, forecast, delay))
+        if going is not None:
+            counts &= going
         ttc = np.full(len(tracks), np.inf)
         if np.count_nonzero(counts):
             ttc[counts] = collision_times(ego_forecast, forecast, self.config.iou_threshold)[counts]

@@ -12,8 +12,9 @@ from evaluation.cli import options
 
 if TYPE_CHECKING:
     from evaluation.studies.answers.study import Question, Sample
+    from scenarios.settings import Settings
 
-QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune", "lidar")
+QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune", "lidar", "worst")
 
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
@@ -24,6 +25,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval study tune --split train` and then",
     "`smartmot-eval study gain --tuned results/study/tune/tuned.json`",
     "`smartmot-eval study lidar --count 40`",
+    "`smartmot-eval study worst --family 'pedestrian crosses' --strategies map --preset real`",
     "What is asked, assumed and computed: docs/answers.md. A study that was killed goes on where it was.",
 )
 
@@ -34,7 +36,8 @@ def command(
         typer.Argument(
             help="gain: of lanes over a planned path; break-even: how wrong localisation and map may be; "
             "sensor: which error costs most; trigger: which brake rule, how sensitive; tune: settings on "
-            "training scenes; lidar: what the map gains with detections from point clouds.",
+            "training scenes; lidar: what the map gains with detections from point clouds; worst: where one "
+            "just fails, and how probable that is.",
             metavar="QUESTION",
         ),
     ],
@@ -63,8 +66,8 @@ def command(
     strategies: Annotated[
         str,
         typer.Option(
-            help="gain and tune: your own beside the shipped, package.module:name; sensor and trigger: the "
-            "one that is run.",
+            help="gain and tune: `adaptive` and your own beside the shipped, package.module:name; sensor, "
+            "trigger and worst: the one that is run.",
             metavar="NAMES",
         ),
     ] = "",
@@ -84,6 +87,16 @@ def command(
     street: options.StreetName = None,
     street_density: options.StreetDensity = None,
     street_seed: options.StreetSeed = None,
+    family: Annotated[
+        str,
+        typer.Option(help="worst: situation in which the ego must brake (docs/scenes.md).", metavar="NAME"),
+    ] = "",
+    samples: Annotated[
+        int, typer.Option(min=10, max=100_000, help="worst: scenes of each level, a multiple of 5.")
+    ] = 200,
+    monte_carlo: Annotated[
+        int, typer.Option(min=0, max=10_000_000, help="worst: so many independent scenes beside, as a check.")
+    ] = 0,
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
@@ -121,10 +134,76 @@ def command(
     lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed)
     if lidar and question in ("sensor", "lidar"):
         raise ArgumentError(f"--sensor: the question {question} has its own; choose another")
+    if question == "worst":
+        _worst(
+            sample,
+            family,
+            samples,
+            monte_carlo,
+            presets,
+            rules,
+            strategies,
+            lidar,
+            out,
+            formats,
+            workers,
+            quiet,
+        )
+        return
+    for given, name in ((family, "--family"), (monte_carlo, "--monte-carlo")):
+        if given:
+            raise ArgumentError(f"{name}: {question} takes none; give it to worst")
     asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
         ask(asked, out, workers or available_cores(), quiet)
+
+
+def _worst(
+    sample: Sample,
+    family: str,
+    samples: int,
+    monte_carlo: int,
+    presets: tuple[str, ...],
+    rules: tuple[str, ...],
+    strategies: str,
+    lidar: Settings,
+    out: Path,
+    formats: tuple[str, ...],
+    workers: int | None,
+    quiet: bool,
+) -> None:
+    """The search for the case that just fails."""
+    from evaluation.errors import ArgumentError
+    from evaluation.runs.folder_lock import locked, writable_folder
+    from evaluation.runs.workers import available_cores
+    from evaluation.studies.answers.rivals import ADAPTIVE, MAP, RIVALS, Rival
+    from evaluation.studies.worst.family import FAMILIES, Family
+    from evaluation.studies.worst.search import ask
+
+    if not family:
+        raise ArgumentError(f"--family: worst needs one of {', '.join(FAMILIES)}")
+    if len(presets) > 1 or len(rules) > 1:
+        raise ArgumentError("worst: takes one --preset and one --rule")
+    family = options.parse_name(family, FAMILIES, "--family")
+    shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE)}
+    chosen = options.parse_name(strategies or MAP.name, tuple(shipped), "--strategies", own=True)
+    rival = shipped.get(chosen) or Rival(chosen, "of the user's own", chosen)
+    arm = rival.arm(presets[0], rules[0])
+    arm.having(*lidar).check()
+    if arm.plugins:
+        arm.try_out()
+    with locked(writable_folder(out)):
+        ask(
+            Family(family, arm, sample.split, sample.maps, lidar),
+            out,
+            samples=samples,
+            seed=sample.seed,
+            plain=monte_carlo,
+            formats=formats,
+            workers=workers or available_cores(),
+            quiet=quiet,
+        )
 
 
 def _rules(question: str, text: str | None) -> tuple[str, ...]:
@@ -157,7 +236,7 @@ def _question(
     from evaluation.studies.answers.break_even import BreakEven
     from evaluation.studies.answers.gain import Gain
     from evaluation.studies.answers.lidar import LidarGain
-    from evaluation.studies.answers.rivals import MAP, PATH, RIVALS, Rival
+    from evaluation.studies.answers.rivals import ADAPTIVE, MAP, PATH, RIVALS, Rival
     from evaluation.studies.answers.sensor import SensorErrors
     from evaluation.studies.answers.trigger import Trigger
     from evaluation.studies.answers.tune import Tuning
@@ -172,7 +251,7 @@ def _question(
     if strategies and name == "break-even":
         raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
     chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
-    shipped = {rival.name: rival for rival in RIVALS}
+    shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE)}
     if name == "lidar":
         if tuned is not None or strategies or rules != ("paper",):
             raise ArgumentError("lidar: takes no --tuned, --strategies and --rule; it has its own")
@@ -184,7 +263,7 @@ def _question(
         if name == "sensor":
             return SensorErrors(sample, formats, rival=rival, rule=rules[0])
         return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules, tuned=chosen_settings)
-    own = options.parse_names(strategies, (), "--strategies", own=True) if strategies else ()
+    own = options.parse_names(strategies, (ADAPTIVE.name,), "--strategies", own=True) if strategies else ()
     if name == "tune":
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
     if name == "break-even":

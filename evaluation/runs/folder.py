@@ -32,6 +32,7 @@ from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec, definition_of, load_named_map, perception_map
 from scenarios.strategies import STRATEGIES, make_strategy
 from smartmot.area import (
+    AdaptiveArea,
     EverythingArea,
     MapArea,
     MonitoredArea,
@@ -338,7 +339,7 @@ def _strategy(
             return None, f"The monitored area of {name} is not drawn: its code has changed since the run."
     try:
         made = make_strategy(name, preset, view)
-        shipped = type(made) in (RectangularArea, MapArea, EverythingArea, PathArea)
+        shipped = type(made) in (RectangularArea, MapArea, EverythingArea, PathArea, AdaptiveArea)
         return made if shipped else OwnArea(str(getattr(made, "name", name)), name, made), note
     except PluginError as error:
         return None, f"The monitored area of {name} is not drawn: {error}"

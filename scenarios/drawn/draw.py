@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from scenarios.drawn.situations.must_not import NOTHING
 from scenarios.drawn.situations.situation import Situation
 from scenarios.drawn.stage import Ground, choose_stage
 from scenarios.drawn.timeline import CLEAR_M, Timeline
-from scenarios.drawn.values import Draw, RejectedDraw, data, weighted
+from scenarios.drawn.values import Draw, Given, RejectedDraw, data, weighted
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.errors import RunError
 from scenarios.scenes.scenes import SceneRun
@@ -112,6 +112,22 @@ def draw_one(
     """Draw a scene; it depends on split, seed, kind and its number alone, and on the maps."""
     rng = np.random.default_rng([seed, SPLITS.index(split), list(KINDS).index(kind), number])
     return _draw_scene(f"{split}-{seed}-{kind}-{number:04d}", KINDS[kind], rng, folder, grounds)
+
+
+def scene_of(
+    name: str, situation: Situation, numbers: Sequence[float], folder: Path, grounds: list[Ground]
+) -> DrawnScene:
+    """The scene of a situation that some uniform numbers draw; they take the places of a generator's.
+
+    Over independent numbers, and without those that are rejected, such scenes are distributed as `draw_one`
+    draws them.
+
+    Raises:
+        RejectedDraw: it would not come to pass.
+    """
+    draw = Draw(Given(numbers))
+    ground = grounds[weighted([1.0] * len(grounds), draw.uniform())]
+    return _try_scene(name, situation, ground, draw, folder, Counter())
 
 
 def _draw_scene(

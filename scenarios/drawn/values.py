@@ -6,6 +6,7 @@ machine and every version of numpy draws the same.
 
 from __future__ import annotations
 
+import hashlib
 import tomllib
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -14,7 +15,7 @@ from functools import cache
 from itertools import accumulate
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -92,6 +93,35 @@ def law(name: str) -> Law:
         raise ScenarioError(f"{DATA.name}, {name}: {error}") from None
 
 
+class Uniform(Protocol):
+    """Where uniform numbers come from."""
+
+    def random(self) -> float:
+        """The next number of [0, 1)."""
+
+
+class Given:
+    """Uniform numbers that are given, in their order; then others, which follow from these.
+
+    Args:
+        numbers: of [0, 1).
+    """
+
+    def __init__(self, numbers: Sequence[float]) -> None:
+        self._left = [*reversed(numbers)]
+        text = ",".join(number.hex() for number in numbers)
+        self._seed = int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
+        self._more: np.random.Generator | None = None
+
+    def random(self) -> float:
+        """The next one."""
+        if self._left:
+            return self._left.pop()
+        if self._more is None:
+            self._more = np.random.default_rng(self._seed)
+        return float(self._more.random())
+
+
 class Draw:
     """The values of one draw, in the order in which they are asked for.
 
@@ -102,7 +132,7 @@ class Draw:
         values: what has been drawn so far, by name.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: Uniform) -> None:
         self._rng = rng
         self.values: dict[str, float | str] = {}
 

@@ -13,7 +13,7 @@ from scenarios.presets import pipeline_of
 from scenarios.sources.frames import Frame
 from scenarios.sources.perception import frame_view
 from scenarios.strategies import STRATEGIES, make_strategy
-from smartmot.area import EverythingArea, MapArea, RectangularArea
+from smartmot.area import AdaptiveArea, EverythingArea, MapArea, RectangularArea
 from smartmot.maps.follow import RouteFollower
 from smartmot.maps.lane_map import LaneMap
 from smartmot.maps.route import Route, RouteError
@@ -56,7 +56,10 @@ class Ways:
             raise ScenarioError("strategy map: needs a map; give one (--map FILE), or take another strategy")
         self._settings, self._map = settings, lane_map
         self.preset = settings.preset_at(1.0 / settings.preset_at(1.0).sensor.rate_hz)
-        shipped_without = self.strategy in STRATEGIES and self.strategy != MapArea.name
+        shipped_without = self.strategy in STRATEGIES and self.strategy not in (
+            MapArea.name,
+            AdaptiveArea.name,
+        )
         self._follows = lane_map is not None and not shipped_without
         self._make()
         if not self._follows:

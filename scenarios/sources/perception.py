@@ -72,6 +72,10 @@ class _FrameView(MapView):
         return self._frame.lane_map
 
     @property
+    def lane_map(self) -> LaneMap | None:
+        return self._frame.lane_map
+
+    @property
     def route(self) -> Route:
         mission = self._frame.mission or self._frame.path
         if mission is None:

@@ -1,5 +1,6 @@
 """Monitored areas: which objects count."""
 
+from smartmot.area.adaptive import AdaptiveArea, AdaptiveAreaConfig
 from smartmot.area.everything import EverythingArea
 from smartmot.area.lanes import MapArea, MapAreaConfig, MonitoredLane, MonitoredLanes
 from smartmot.area.monitored import (
@@ -11,6 +12,7 @@ from smartmot.area.monitored import (
     is_vulnerable,
     known_path,
     outline_points,
+    reaching,
     uses_path,
 )
 from smartmot.area.path import PathArea, PathAreaConfig
@@ -19,6 +21,8 @@ from smartmot.area.way import WAYS, with_way
 
 __all__ = [
     "WAYS",
+    "AdaptiveArea",
+    "AdaptiveAreaConfig",
     "EverythingArea",
     "MapArea",
     "MapAreaConfig",
@@ -36,6 +40,7 @@ __all__ = [
     "is_vulnerable",
     "known_path",
     "outline_points",
+    "reaching",
     "uses_path",
     "with_way",
 ]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from smartmot.area.monitored import MonitoredArea, Relevance, within_reach
+from smartmot.area.monitored import MonitoredArea, Relevance, reaching, within_reach
+from smartmot.forecast.uncertain import UncertainMotion
 from smartmot.geometry import from_frame, to_frame
 from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
@@ -74,6 +76,15 @@ class LocalisedArea:
     def within_reach(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) which objects are near enough in front of the ego to count at all."""
         return within_reach(self.area, self.map_SE2_odometry.boxes(boxes), category)
+
+    def reaching(self, motion: Callable[[], UncertainMotion]) -> BoolArray | None:
+        """(M,) which objects reach the path, where the area says so."""
+
+        def on_map() -> UncertainMotion:
+            seen, to_map = motion(), self.map_SE2_odometry
+            return seen.turned(to_map.turn_rad, to_map.points(seen.center_m))
+
+        return reaching(self.area, on_map)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) which points, (N, 2) odometry frame, lie on the ego's lane ahead."""

@@ -7,11 +7,13 @@ A strategy gives, for an ego state, an area that answers two questions about obj
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from smartmot.forecast.uncertain import UncertainMotion
 from smartmot.path import PlannedPath
 from smartmot.types import VULNERABLE, BoolArray, Boxes, EgoState, FloatArray, StrArray, frozen
 
@@ -45,7 +47,8 @@ class MonitoredArea(Protocol):
 
     VRUs are placed by their centres, since margins widen the area for them; all others by their outlines.
 
-    It may also have `within_reach(boxes, category)`: that part of `relevance` alone (`within_reach` below).
+    It may also have `within_reach(boxes, category)`: that part of `relevance` alone (`within_reach` below);
+    and `reaching(motion)`: which tracks count by where they are forecast to go (`reaching` below).
     """
 
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
@@ -71,6 +74,17 @@ def within_reach(area: MonitoredArea, boxes: Boxes, category: StrArray) -> BoolA
     if callable(of_area):
         return np.asarray(of_area(area, boxes, category), dtype=np.bool_)
     return area.relevance(boxes, category).within_reach
+
+
+def reaching(area: MonitoredArea, motion: Callable[[], UncertainMotion]) -> BoolArray | None:
+    """(M,) which tracks count by where they are going; None: the area does not ask.
+
+    Args:
+        area: asked if it has `reaching(motion)`.
+        motion: makes the tracks' motion, in the frame of the area.
+    """
+    of_area = getattr(area, "reaching", None)
+    return None if of_area is None else of_area(motion)
 
 
 class MonitoredAreaStrategy(Protocol):

@@ -63,6 +63,11 @@ class _Corridor:
         return [("path", np.concatenate((left, right[::-1])))]
 
 
+def corridor(way: Way, half_width_m: float | None = None) -> MonitoredArea:
+    """What is ahead along a way: within a width to each side, None: at any distance from it."""
+    return _Corridor(way, half_width_m)
+
+
 class PathArea:
     """Counts what is ahead of the ego within a corridor along its planned path; tracks everything.
 
@@ -81,5 +86,5 @@ class PathArea:
 
     def at(self, ego: EgoState, path: PlannedPath | None = None) -> MonitoredArea:
         """The corridor ahead of `ego`."""
-        corridor = _Corridor(Way(ego, path), self.config.half_width_m)
-        return with_way(corridor, ego, path, ALONG_PATH, ALONG_PATH)
+        ahead = corridor(Way(ego, path), self.config.half_width_m)
+        return with_way(ahead, ego, path, ALONG_PATH, ALONG_PATH)

@@ -8,6 +8,7 @@ for any area.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,10 @@ from smartmot.area.monitored import (
     Relevance,
     ego_frame,
     outline_points,
+    reaching,
     within_reach,
 )
+from smartmot.forecast.uncertain import UncertainMotion
 from smartmot.path import PlannedPath
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
 
@@ -57,6 +60,12 @@ class Way:
         own = np.array([[self.ego.x_m, self.ego.y_m]])
         station, offset = self.path.place(np.concatenate((own, points_m)))
         return station[1:] - station[0], offset[1:]
+
+    def course_rad(self, ahead_m: FloatArray) -> FloatArray:
+        """(N,) headings of the way at (N,) distances ahead along it, map frame."""
+        if self.path is None:
+            return np.full(len(ahead_m), self.ego.yaw_rad)
+        return self.path.poses(self.path.project(self.ego.x_m, self.ego.y_m)[0] + ahead_m)[1]
 
     def points(self, ahead_m: FloatArray, aside_m: float) -> FloatArray:
         """(K, 2) points beside the way (left positive) at (K,) distances ahead, map frame."""
@@ -118,6 +127,10 @@ class WayArea:
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the lane of the way."""
         return self.area.on_lane(center_m) if self.way == OF_AREA else self.ways[self.way].in_lane(center_m)
+
+    def reaching(self, motion: Callable[[], UncertainMotion]) -> BoolArray | None:
+        """(M,) which objects reach the path, where the area says so."""
+        return reaching(self.area, motion)
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines of the area."""

@@ -66,7 +66,7 @@ def test_twice_the_same() -> None:
         parse_vary(["margin_m=1", "margin_m=2"])
 
 
-SHARES = {"iou_threshold", "miss_rate", "miss_persistence", "heading_flip", "class_confusion"}
+SHARES = {"probability", "iou_threshold", "miss_rate", "miss_persistence", "heading_flip", "class_confusion"}
 """Parameters that are at most 1."""
 
 WHOLE = {"street_seed"}

@@ -136,13 +136,14 @@ def arm_runs(
         common: settings of all arms that do not have others.
     """
     return [
-        LabelledRun(_spec(arm, scene, scene_seed(seed, scene), common), (arm, scene))
+        LabelledRun(spec_of(arm, scene, scene_seed(seed, scene), common), (arm, scene))
         for arm in arms
         for scene in scenes
     ]
 
 
-def _spec(arm: Arm, scene: SceneRun, noise: int, common: Settings) -> RunSpec:
+def spec_of(arm: Arm, scene: SceneRun, noise: int, common: Settings = ()) -> RunSpec:
+    """A run of an arm in a scene, with a seed of the noise."""
     return RunSpec(
         scenario=scene.name,
         file=scene.file,

@@ -57,6 +57,11 @@ RIVALS: tuple[Rival, ...] = (
 that it is a rival only as published."""
 
 
-def rivals(own: Sequence[str] = ()) -> tuple[Rival, ...]:
-    """The rivals, and those of the user's own (`package.module:name`)."""
-    return (*RIVALS, *(Rival(name, "of the user's own", name) for name in own))
+ADAPTIVE = Rival("adaptive", "who reaches the planned path with more than a probability", "adaptive")
+"""Beside the others where it is asked for."""
+
+
+def rivals(more: Sequence[str] = ()) -> tuple[Rival, ...]:
+    """The rivals, and more: the adaptive area, or some of the user's own (`package.module:name`)."""
+    own = (ADAPTIVE if name == ADAPTIVE.name else Rival(name, "of the user's own", name) for name in more)
+    return (*RIVALS, *own)

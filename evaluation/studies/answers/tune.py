@@ -29,13 +29,15 @@ BOX: Mapping[str, tuple[float, float]] = MappingProxyType(
         "length_m": (12.0, 80.0),
         "margin_m": (0.0, 5.0),
         "corridor_m": (0.9, 20.0),
+        "probability": (0.0, 0.95),
         "horizon_s": (1.5, 5.0),
     }
 )
 """Least and greatest value that is tried of each parameter of an area; a trigger's are those of
 `evaluation.studies.answers.trigger.SENSITIVITIES`. Assumed: from the ego's half width to a
 lane beyond its own; the corridor, whose preset has no limit, to where it leaves out nobody of the drawn
-scenes that could be in the ego's way."""
+scenes that could be in the ego's way; the probability up to
+what is nearly certain."""
 
 
 @dataclass(frozen=True, slots=True)

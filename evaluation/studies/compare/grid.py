@@ -22,6 +22,10 @@ FAIR: Settings = (("ego_forecast", "path"), ("way", "path"), ("standing", "path"
 """Every planner knows its path: the ego is forecast along it, speed adaptation looks along it, and what
 stands counts where it leads. Strategies that share this differ by their area alone."""
 
+COMPARED = ("rectangular", "map", "all", "path")
+"""The strategies of a comparison unless the user says otherwise: the paper's two, and the two that bound what
+any area can gain."""
+
 FRONTIER: Mapping[str, tuple[Setting, ...]] = {
     "margin_m": (0.0, 0.5, 1.8, 4.0),
     "half_width_m": (0.9, 2.6, 4.0),

@@ -15,6 +15,7 @@ from evaluation.studies.answers.sensor import SensorErrors
 from evaluation.studies.answers.study import Question, Sample
 from evaluation.studies.answers.trigger import FAMILIES, Trigger
 from evaluation.studies.answers.tune import Tuning
+from evaluation.studies.compare.grid import COMPARED
 from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.detectors.clouds import ComposedClouds, DrawnClouds, KittiDrive, KittiObjects
 from evaluation.studies.detectors.comparison import DetectorComparison
@@ -25,7 +26,6 @@ from evaluation.studies.reference.outside import DrivesPart, TownsPart, drives_p
 from evaluation.studies.study import Study
 from scenarios.catalogue.maps import DEFAULT_MAP
 from scenarios.settings import Setting
-from scenarios.strategies import STRATEGIES
 from smartmot.lidar import METHODS
 from smartmot.lidar.learned import SHIPPED
 
@@ -104,8 +104,8 @@ PARTS: tuple[Study[Any, Any], ...] = (
     MechanismStudy("mechanisms", 5),
     _cpna("physical", TEN_TO[80], "physical"),
     _cpna("weather", TEN_TO[60], "physical", ("dry", "wet", "rain", "snow")),
-    SceneStudy(STRATEGIES, "physical", formats=_PNG, name="frontier_physical"),
-    SceneStudy(STRATEGIES, "paper", formats=_PNG, name="frontier_paper"),
+    SceneStudy(COMPARED, "physical", formats=_PNG, name="frontier_physical"),
+    SceneStudy(COMPARED, "paper", formats=_PNG, name="frontier_paper"),
     # without figures: single points make no curve
     SceneStudy((*BOTH, "path"), "physical", widths=THE_PAPERS, seeds=3, formats=(), name="seeds"),
     SceneStudy(THREE, "physical", ablation=True, formats=_PNG, name="ablation"),

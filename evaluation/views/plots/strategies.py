@@ -15,12 +15,12 @@ SHIPPED: dict[str, Look] = {
     "map": (BLUE, "o"),
     "path": ("#00cc66", "^"),
     "all": (BLACK, "D"),
+    "adaptive": ("#aa00ff", "v"),
     "none": (GREY, "p"),
 }
 """Of the shipped strategies, and of the run in which nothing brakes."""
 
 OWN: tuple[Look, ...] = (
-    ("#aa00ff", "v"),
     ("#663311", "P"),
     ("#ffcc00", "X"),
     ("#221199", "<"),

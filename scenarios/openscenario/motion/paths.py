@@ -106,6 +106,7 @@ class Path(Immutable):
         "length_m",
         "on_road",
         "points_m",
+        "reverse",
         "track",
         "vertex_places",
     )
@@ -136,6 +137,8 @@ class Path(Immutable):
         else:
             self._yaw_table = np.asarray(yaw_rad, float)
             self._yaw = self._yaw_table.tolist()
+        self.reverse: list[bool] | None = None
+        """Of each chord, whether the headings that a file gives it point backwards; None: of none."""
         self.length_m: float = self._station[-1]
         self.first_z_m: float | None = None
         """Height of its beginning, if the file gives one."""
@@ -166,6 +169,12 @@ class Path(Immutable):
         else:
             heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
         return x0 + part * dx, y0 + part * dy, heading
+
+    def reverse_at(self, station_m: float) -> bool:
+        """Whether the headings at an arc length point backwards, as those of who drives in reverse."""
+        if self.reverse is None:
+            return False
+        return self.reverse[bisect_right(self._station, station_m, 1, len(self._station) - 1) - 1]
 
     def lane_at(self, station_m: float) -> tuple[int, float, int] | None:
         """Lane below an arc length, road s, and +1 if s grows along the path, else -1; None if unknown."""

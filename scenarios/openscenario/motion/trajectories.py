@@ -88,8 +88,10 @@ def laps(path: Path) -> tuple[Path, int]:
     points = np.concatenate((np.tile(ring, (count, 1)), points[:1]))
     if yaw is None:
         return Path(points[:, 0], points[:, 1]), count
-    headings = np.concatenate((np.tile(yaw[: len(ring)], count), yaw[:1]))
-    return Path(points[:, 0], points[:, 1], np.unwrap(headings)), count
+    headings = np.unwrap(np.concatenate((np.tile(yaw[: len(ring)], count), yaw[:1])))
+    again = Path(points[:, 0], points[:, 1], headings)
+    again.reverse = _reverse(points, headings) if path.reverse is not None else None
+    return again, count
 
 
 def returns(path: Path) -> bool:
@@ -115,6 +117,18 @@ def _headed(shape: Polyline) -> Path:
     return _chain(np.array(rows), headed=True)
 
 
+SIDEWAYS = 1e-6
+"""Share of a chord by which headings across it may point backwards by rounding."""
+
+
+def _reverse(points_m: FloatArray, yaw_rad: FloatArray) -> list[bool] | None:
+    """Of each chord of (K, 2) points, whether the headings at its ends point backwards; None: of none."""
+    chord, middle = np.diff(points_m, axis=0), 0.5 * (yaw_rad[1:] + yaw_rad[:-1])
+    along = chord[:, 0] * np.cos(middle) + chord[:, 1] * np.sin(middle)
+    reverse = along < -SIDEWAYS * np.hypot(*chord.T)
+    return reverse.tolist() if reverse.any() else None
+
+
 def _chain(rows: FloatArray, headed: bool) -> Path:
     """Path through vertices; an entity stands between those that are at the same place.
 
@@ -130,6 +144,8 @@ def _chain(rows: FloatArray, headed: bool) -> Path:
         raise RunError("all its vertices are at the same place")
     yaw = np.unwrap(rows[:, 2])[last] if headed else None
     path = Path(rows[last, 0], rows[last, 1], yaw)
+    if yaw is not None:
+        path.reverse = _reverse(path.points_m, yaw)
     if len(last) < len(rows):
         path.vertex_places = np.concatenate(([0], np.cumsum(moves))).tolist()
     return path

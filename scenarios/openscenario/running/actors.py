@@ -195,8 +195,11 @@ class Actor:
             return state_of((pose.x_m, pose.y_m, pose.yaw_rad, speed, station, self._anchor_travelled + gone))
         x, y, yaw = self.path.pose(station)
         yaw += self._yaw_offset
-        if self.on_trajectory and self._backwards(speed):
-            yaw += math.pi
+        if self.on_trajectory:
+            if self.path.reverse_at(station):
+                speed = -speed
+            elif self.path.reverse is None and self._backwards(speed):
+                yaw += math.pi
         return state_of((x, y, yaw, speed, station, self._anchor_travelled + gone))
 
     def _towed(self, time_s: float) -> State:

@@ -103,6 +103,11 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
     def _steer(self, time_s: float, pose: Pose) -> tuple[float, float, float]:
         """Where the trajectory is joined from a place beside it: station, offset, and within which way."""
         name = self.action.trajectory.name
+        if self._path.reverse is not None:
+            raise RunError(
+                f"'{self.who.name}' is beside trajectory '{name}', whose headings point backwards, and "
+                "cannot steer to it in reverse; use followingMode='position'"
+            )
         station, left = self._path.project(pose.x_m, pose.y_m)
         speed = abs(self.who.state(time_s).speed_mps)
         within = speed * math.sqrt(6.0 * abs(left) / LATERAL_MPS2)  # 6 is the greatest curvature of the shape
@@ -128,13 +133,19 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
 
     def finish(self, time_s: float) -> None:
         """Go on along the route or the lane."""
-        go_on(self.who, self.world, time_s)
+        self._go_on(time_s)
         self.over = True
 
     def leave(self, time_s: float) -> None:
         """Go on along the route or the lane, with the present speed."""
-        go_on(self.who, self.world, time_s)
+        self._go_on(time_s)
         super().leave(time_s)
+
+    def _go_on(self, time_s: float) -> None:
+        speed_mps = self.who.state(time_s).speed_mps
+        go_on(self.who, self.world, time_s)
+        if speed_mps < 0.0 < self.who.asked_mps(time_s):  # its headings point backwards: on in reverse
+            self.drive(time_s, SpeedProfile(time_s, speed_mps))
 
 
 SAME_WAY = math.cos(math.pi / 4)

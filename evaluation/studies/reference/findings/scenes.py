@@ -11,11 +11,10 @@ from evaluation.metrics.intervals import Estimate
 from evaluation.results.tables import EMPTY, Table
 from evaluation.studies.compare.answer import answer
 from evaluation.studies.compare.differences import differences, pairs_with, told_differences
-from evaluation.studies.compare.grid import FAIR, FRONTIER, Point, fair_points
+from evaluation.studies.compare.grid import COMPARED, FAIR, FRONTIER, Point, fair_points
 from evaluation.studies.compare.measures import RunMeasures
 from evaluation.studies.compare.table import Summary, scene_table, summaries, summarise
 from evaluation.studies.reference.words import counted, listed
-from scenarios.strategies import STRATEGIES
 
 ALIKE = {
     "the rectangle": Point("rectangular", (("half_width_m", 2.6), *FAIR)),
@@ -220,7 +219,7 @@ def _text(places: Places, what: str) -> str:
 
 def told_width(runs: Sequence[RunMeasures]) -> list[str]:
     """Which width of each area."""
-    return answer(summaries(runs), fair_points(STRATEGIES))
+    return answer(summaries(runs), fair_points(COMPARED))
 
 
 def short_table(physical: Sequence[RunMeasures], paper: Sequence[RunMeasures]) -> Table:

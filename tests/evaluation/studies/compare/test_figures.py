@@ -13,10 +13,9 @@ from matplotlib.text import Annotation
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.studies.compare.figures import frontier, save
-from evaluation.studies.compare.grid import Point, fair_points
+from evaluation.studies.compare.grid import COMPARED, Point, fair_points
 from evaluation.studies.compare.table import Summary
 from evaluation.views.plots.strategies import strategy_colour
-from scenarios.strategies import STRATEGIES
 from tests.figures import text_faults
 
 NONE = Estimate(0.0, 0.0, 0.0, 10)
@@ -32,7 +31,7 @@ def summary(point: Point, avoided: float, stops: float) -> Summary:
     )  # fmt: skip
 
 
-POINTS = fair_points(STRATEGIES)
+POINTS = fair_points(COMPARED)
 VALUES = ("0.9", "2.6", "4", "0", "0.5", "1.8", "4")
 NAMES = tuple(
     name + preset for preset in ("", ", as preset") for name in ("rectangle", "map", "no area", "path")

@@ -142,6 +142,44 @@ def test_headings_of_vertices_hold_if_all_have_one_and_times_are_kept(play):
     assert at(run, "Other", 5.5) == pytest.approx((20, 22, 0.75, 4))
 
 
+def test_headings_that_point_backwards_are_those_of_who_drives_in_reverse(play):
+    """20 m back along lane -1 in 2 s, a stop of 1 s, 10 m ahead in 1 s; then on at 10 m/s."""
+    rows = ((0, 40, -1.75, 0), (2, 20, -1.75, 0), (3, 20, -1.75, 0), (4, 30, -1.75, 0))
+    run = other(play, follow(headed(*rows), BY_TIME))
+    assert at(run, "Other", 0.0) == pytest.approx((40, -1.75, 0, -10))
+    assert at(run, "Other", 1.0) == pytest.approx((30, -1.75, 0, -10))
+    assert at(run, "Other", 2.5) == pytest.approx((20, -1.75, 0, 0))
+    assert at(run, "Other", 3.5) == pytest.approx((25, -1.75, 0, 10))
+    assert at(run, "Other", 6.0) == pytest.approx((50, -1.75, 0, 10))
+
+
+def test_after_a_way_in_reverse_it_goes_on_in_reverse(play):
+    """Along the lane behind it, and stopped in the middle of it likewise."""
+    back = follow(headed((0, 90, -1.75, 0), (4, 50, -1.75, 0)), BY_TIME)
+    run = other(play, back)
+    assert at(run, "Other", 5.0) == pytest.approx((40, -1.75, 0, -10))
+    stop = trigger(condition(at_time(1)), kind="StopTrigger")
+    run = play(act(maneuver(event("e", back)), stop=stop))[1]
+    assert at(run, "Other", 1.0)[0] == pytest.approx(80)
+    assert at(run, "Other", 3.0) == pytest.approx((60, -1.75, 0, -10))
+    with pytest.raises(RunError, match="cannot steer to it in reverse"):
+        other(
+            play,
+            teleport(lane_position(90, lane=-2)),
+            follow(headed((0, 90, -1.75, 0), (4, 50, -1.75, 0)), BY_TIME, mode="follow"),
+        )
+
+
+def test_a_closed_way_in_reverse_stays_one(play):
+    """A square of 20 m, seen to the west on its eastward side: in reverse there, ahead to the west."""
+    corners = ((0, 0, 20), (2, 20, 20), (4, 20, 40), (6, 0, 40), (8, 0, 20))
+    shape = follow(headed(*((t, x, y, math.pi) for t, x, y in corners)), BY_TIME)
+    run = other(play, shape.replace('closed="false"', 'closed="true"'))
+    for start in (0.0, 8.0):
+        assert at(run, "Other", start + 1.0) == pytest.approx((10, 20, math.pi, -10))
+    assert at(run, "Other", 5.0) == pytest.approx((10, 40, math.pi, 10))
+
+
 def test_headings_do_not_hold_otherwise(play):
     some = (*WAITS[:2], (6, 20, 24, None))
     run = other(play, follow(headed(*some), BY_TIME))
