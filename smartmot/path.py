@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmot.errors import ShapeError
-from smartmot.types import FloatArray, frozen
+from smartmot.types import FloatArray, IntArray, frozen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,9 +31,12 @@ class PlannedPath:
     center_m: FloatArray
     station_m: FloatArray
     height_m: FloatArray | None = field(default=None, kw_only=True)
+    _segments: FloatArray = field(init=False, repr=False)
     _unit: FloatArray = field(init=False, repr=False)
-    _low_m: FloatArray = field(init=False, repr=False)
-    _high_m: FloatArray = field(init=False, repr=False)
+    _normal: FloatArray = field(init=False, repr=False)
+    _yaw_rad: FloatArray = field(init=False, repr=False)
+    _joint_m: FloatArray = field(init=False, repr=False)
+    _projected: tuple[float, float, tuple[float, float]] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         center = frozen(self.center_m, np.float64, (None, 2), "center_m")
@@ -51,14 +54,20 @@ class PlannedPath:
             object.__setattr__(self, "height_m", heights)
         # every frame projects points; the segments are made once
         length = np.diff(station)
-        low, high = np.zeros_like(length), length.copy()
-        low[0], high[-1] = -np.inf, np.inf  # the first and the last segment go straight on
+        unit = np.diff(center, axis=0) / length[:, None]
+        segments = np.empty((6, len(length)))
+        segments[0], segments[1], segments[2], segments[3] = *center[:-1].T, *unit.T
+        segments[4], segments[5] = 0.0, length
+        segments[4, 0], segments[5, -1] = -np.inf, np.inf  # the first and the last segment go straight on
         columns = {
             "center_m": center,
             "station_m": station,
-            "_unit": np.diff(center, axis=0) / length[:, None],
-            "_low_m": low,
-            "_high_m": high,
+            "_segments": segments,
+            "_unit": unit,
+            "_normal": np.column_stack((-unit[:, 1], unit[:, 0])),
+            "_yaw_rad": np.arctan2(unit[:, 1], unit[:, 0]),
+            "_joint_m": station[1:-1].copy(),
+            "_projected": None,
         }
         for name, column in columns.items():
             object.__setattr__(self, name, column)
@@ -87,30 +96,48 @@ class PlannedPath:
 
         Before the first and after the last point the end segments are extended straight on.
         """
-        station, offset = self.place(np.array([[x_m, y_m]]))
-        return float(station[0]), float(offset[0])
+        last = self._projected  # area, way and forecast ask for the ego's place in turn
+        if last is not None and last[0] == x_m and last[1] == y_m:
+            return last[2]
+        along, foot, lateral, k = self._feet(x_m, y_m)
+        on, offset = float(foot[k]), float(lateral[k])
+        beyond = float(along[k]) - on
+        if beyond:  # outside a corner the nearest point is the corner itself
+            offset = math.copysign(math.hypot(beyond, offset), offset)
+        place = float(self.station_m[k]) + on, offset
+        object.__setattr__(self, "_projected", (x_m, y_m, place))
+        return place
 
     def place(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(N,) stations and (N,) signed offsets, as from `project`, of many points, (N, 2) map frame."""
-        dx = points_m[:, 0, None] - self.center_m[:-1, 0]
-        dy = points_m[:, 1, None] - self.center_m[:-1, 1]
-        ux, uy = self._unit[:, 0], self._unit[:, 1]
+        along, foot, lateral, k = self._feet(points_m[:, 0, None], points_m[:, 1, None])
+        rows = np.arange(len(k))
+        foot, offset = foot[rows, k], lateral[rows, k]
+        beyond = along[rows, k] - foot
+        if np.count_nonzero(beyond):
+            offset = np.copysign(np.hypot(beyond, offset), offset)
+        return self.station_m.take(k) + foot, offset
+
+    def _feet(
+        self, x_m: float | FloatArray, y_m: float | FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Feet of one point, or of N (N, 1), on each of the S segments.
+
+        Returns:
+            (..., S) distances along each segment, unlimited and as far as the segment goes, (..., S)
+            offsets to its left, and (...) the segments whose foot is the nearest: that on the path.
+        """
+        x, y, ux, uy, low, high = self._segments
+        dx, dy = x_m - x, y_m - y
         along, lateral = dx * ux, ux * dy
         along += np.multiply(dy, uy, out=dy)
         lateral -= np.multiply(dx, uy, out=dx)
-        # the foot on each segment; the nearest of all feet is that on the path
-        foot = np.maximum(along, self._low_m)
-        np.minimum(foot, self._high_m, out=foot)
+        foot = np.maximum(along, low)
+        np.minimum(foot, high, out=foot)
         apart = np.subtract(along, foot, out=dx)
         apart *= apart
         apart += np.multiply(lateral, lateral, out=dy)
-        k = apart.argmin(axis=1)
-        rows = np.arange(len(k))
-        foot, offset = foot[rows, k], lateral[rows, k]
-        beyond = along[rows, k] - foot  # outside a corner the nearest point is the corner itself
-        if beyond.any():
-            offset = np.copysign(np.hypot(beyond, offset), offset)
-        return self.station_m[k] + foot, offset
+        return along, foot, lateral, apart.argmin(axis=-1)
 
     def poses(
         self, station_m: FloatArray, offset_m: float | FloatArray = 0.0
@@ -126,12 +153,13 @@ class PlannedPath:
         Returns:
             (T, 2) points, map frame, and (T,) headings of the path there.
         """
-        k = np.clip(np.searchsorted(self.station_m, station_m, side="right") - 1, 0, len(self._unit) - 1)
-        unit, along = self._unit[k], station_m - self.station_m[k]
-        normal = np.column_stack((-unit[:, 1], unit[:, 0]))
+        k = self._joint_m.searchsorted(station_m, side="right")
+        points = self._unit.take(k, axis=0)
+        points *= (station_m - self.station_m.take(k))[:, None]
+        points += self.center_m.take(k, axis=0)
         aside = offset_m[:, None] if isinstance(offset_m, np.ndarray) else offset_m
-        points = self.center_m[k] + unit * along[:, None] + normal * aside
-        return points, np.arctan2(unit[:, 1], unit[:, 0])
+        points += self._normal.take(k, axis=0) * aside
+        return points, self._yaw_rad.take(k)
 
     def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
         """(x_m, y_m, yaw_rad) of a point beside the path (left positive), map frame; see `poses`."""

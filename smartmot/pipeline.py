@@ -14,7 +14,7 @@ from smartmot.area import (
     WAYS,
     MonitoredArea,
     MonitoredAreaStrategy,
-    ego_extent,
+    ego_span,
     is_vulnerable,
     known_path,
     reaching,
@@ -48,6 +48,7 @@ from smartmot.types import (
     EgoState,
     FloatArray,
     Forecast,
+    IntArray,
     Threats,
     Tracks,
     unchecked,
@@ -235,10 +236,20 @@ class Pipeline:
         else:
             rule_state, command, events = decide_own(self._rule, state.rule, now)
         lost, trackable = self._used(state.tracker, detections)
-        result = FrameResult(
-            detections, lost, trackable, kept, tracks, forecast, ego_forecast, now.threats, command, events
+        result = unchecked(
+            FrameResult,
+            detections,
+            lost,
+            trackable,
+            kept,
+            tracks,
+            forecast,
+            ego_forecast,
+            now.threats,
+            command,
+            events,
         )
-        return PipelineState(tracker_state, rule_state), result
+        return unchecked(PipelineState, tracker_state, rule_state), result
 
     def area(
         self, ego: EgoState, path: PlannedPath | None = None, localised: EgoState | None = None
@@ -323,10 +334,11 @@ class Pipeline:
         going = reaching(area, lambda: UncertainMotion.of(tracks, forecast, delay))
         if going is not None:
             counts &= going
-        ttc = np.full(len(tracks), np.inf)
-        if np.count_nonzero(counts):
-            ttc[counts] = collision_times(ego_forecast, forecast, self.config.iou_threshold)[counts]
-        ahead, on_way = ego_extent(boxes, ego)[0], relevance.on_way & known
+        ttc, counting = np.full(len(tracks), np.inf), counts.nonzero()[0]
+        if len(counting):
+            of_counting = forecast if len(counting) == len(tracks) else _rows(forecast, counting)
+            ttc[counting] = collision_times(ego_forecast, of_counting, self.config.iou_threshold)
+        ahead, on_way = ego_span(boxes, ego)[0], relevance.on_way & known
         threatening, vulnerable = np.isfinite(ttc), is_vulnerable(tracks.category)
         gap = ahead - ego.length_m / 2
         return unchecked(
@@ -358,6 +370,19 @@ class Pipeline:
             path = forecast.center_m[rows, ::every]
             entering[rows] = area.on_lane(path.reshape(-1, 2)).reshape(len(rows), -1).any(axis=1)
         return entering
+
+
+def _rows(forecast: Forecast, rows: IntArray) -> Forecast:
+    """The forecast of some objects; without covariance, which no collision asks for."""
+    return unchecked(
+        Forecast,
+        forecast.time_s,
+        forecast.center_m.take(rows, axis=0),
+        forecast.yaw_rad.take(rows, axis=0),
+        forecast.size_m.take(rows, axis=0),
+        forecast.valid.take(rows, axis=0),
+        None,
+    )
 
 
 _NOTHING = np.zeros(0, dtype=np.bool_)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmot.area.monitored import Relevance, ego_extent, ego_frame
+from smartmot.area.monitored import Relevance, ego_frame, ego_span
 from smartmot.area.way import WAY_HALF_WIDTH_M
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
 
@@ -20,7 +20,7 @@ class _Everything:
         return np.ones(len(boxes), dtype=np.bool_)
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
-        ahead = ego_extent(boxes, self.ego)[1] >= 0.0
+        ahead = ego_span(boxes, self.ego)[1] >= 0.0
         return unchecked(Relevance, ahead, ahead & self.on_lane(boxes.center_m), ahead)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:

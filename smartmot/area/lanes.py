@@ -6,17 +6,17 @@ Source of the roles: the map monitor of the paper's authors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from smartmot.area.monitored import Relevance, ego_extent, is_vulnerable, outline_points
+from smartmot.area.monitored import Relevance, ego_span, is_vulnerable, outline_points
 from smartmot.area.way import PATH_CLEARANCE_M
 from smartmot.decision.braking import overhang_m
 from smartmot.errors import ConfigError
 from smartmot.maps.lane_map import LaneMap, Side
 from smartmot.maps.route import Route
-from smartmot.maps.strips import LaneStrip, StripSet, lane_strip, ring
+from smartmot.maps.strips import LaneStrip, Segments, StripSet, lane_strip, ring
 from smartmot.maps.walks import side_lane
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
 
@@ -86,13 +86,11 @@ class MonitoredLanes:
     entries: tuple[_Entry, ...]
     spans_m: FloatArray
     strips: StripSet
-    low_m: FloatArray
-    high_m: FloatArray
-    route_low_m: FloatArray
-    route_high_m: FloatArray
+    current: BoolArray
     route: Route
     path_m: tuple[float, float]
     reach_m: float | None
+    _segments: tuple[Segments | None, Segments | None] = field(default=(None, None), init=False, repr=False)
 
     @property
     def lanes(self) -> tuple[MonitoredLane, ...]:
@@ -105,18 +103,40 @@ class MonitoredLanes:
                 stretches.append(MonitoredLane(entry.strip, entry.role, True, middle, end))
         return tuple(stretches)
 
+    @property
+    def _monitored(self) -> Segments:
+        """What is monitored of the strips: what is behind and what is ahead join at the ego."""
+        monitored, ahead = self._segments
+        if monitored is None:
+            begin, _, end = self.spans_m
+            some = end > begin
+            monitored = self.strips.between(np.where(some, begin, np.inf), np.where(some, end, -np.inf))
+            object.__setattr__(self, "_segments", (monitored, ahead))
+        return monitored
+
+    @property
+    def _ahead(self) -> Segments:
+        """The route's lanes ahead of the ego."""
+        monitored, ahead = self._segments
+        if ahead is None:
+            _, middle, end = self.spans_m
+            some = self.current & (end > middle)
+            ahead = self.strips.between(np.where(some, middle, np.inf), np.where(some, end, -np.inf))
+            object.__setattr__(self, "_segments", (monitored, ahead))
+        return ahead
+
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects in a monitored lane; VRUs also in the margins."""
+        if not len(boxes):
+            return np.zeros(0, dtype=np.bool_)
         vru = is_vulnerable(category)
-        kept = np.zeros(len(boxes), dtype=np.bool_)
         vru_count = np.count_nonzero(vru)
+        if vru_count == len(vru):
+            return _any(self._monitored.in_margins(boxes.center_m[:, None])[1])
+        kept = np.zeros(len(vru), dtype=np.bool_)
         if vru_count:
-            segments = self.strips.between(self.low_m, self.high_m)
-            low_m, high_m = self.low_m[segments], self.high_m[segments]
-            station, in_margin = self.strips.place_in_margins(boxes.center_m[vru], segments)
-            kept[vru] = _any(in_margin & (station >= low_m) & (station <= high_m))
-        if vru_count < len(vru):
-            kept[~vru] = self._touched(boxes[~vru], self.low_m, self.high_m)
+            kept[vru] = _any(self._monitored.in_margins(boxes.center_m[vru][:, None])[1])
+        kept[~vru] = _touched(boxes[~vru], self._monitored)
         return kept
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
@@ -126,12 +146,10 @@ class MonitoredLanes:
         vru = is_vulnerable(category)
         vrus, vehicles = np.flatnonzero(within_reach & vru), np.flatnonzero(within_reach & ~vru)
         if len(vrus):
-            segments = self.strips.between(self.route_low_m, self.route_high_m)
-            station, in_lane, in_margin = self.strips.place(boxes.center_m[vrus], segments)
-            ahead = (station >= self.route_low_m[segments]) & (station <= self.route_high_m[segments])
-            in_route[vrus], on_way[vrus] = _any(in_margin & ahead), _any(in_lane & ahead)
+            _, in_lane, in_margin = self._ahead.place(boxes.center_m[vrus][:, None])
+            in_route[vrus], on_way[vrus] = _any(in_margin), _any(in_lane)
         if len(vehicles):
-            in_route[vehicles] = self._touched(boxes[vehicles], self.route_low_m, self.route_high_m)
+            in_route[vehicles] = _touched(boxes[vehicles], self._ahead)
             # a vehicle beside the path is passed, even where it stands with a wheel in the lane
             station, offset = self.route.place(outline_points(boxes[vehicles]))
             near = np.abs(offset) <= self.ego.width_m / 2 + PATH_CLEARANCE_M
@@ -141,27 +159,12 @@ class MonitoredLanes:
 
     def within_reach(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) boxes not wholly behind the ego's centre, and no farther ahead than objects may count."""
-        x_min, x_max, _, _ = ego_extent(boxes, self.ego)
+        x_min, x_max = ego_span(boxes, self.ego)
         return x_max >= 0.0 if self.reach_m is None else (x_max >= 0.0) & (x_min <= self.reach_m)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""
-        segments = self.strips.between(self.route_low_m, self.route_high_m)
-        station, in_lane = self.strips.place_in_lanes(center_m, segments)
-        ahead = (station >= self.route_low_m[segments]) & (station <= self.route_high_m[segments])
-        return _any(in_lane & ahead)
-
-    def _touched(self, boxes: Boxes, low_m: FloatArray, high_m: FloatArray) -> BoolArray:
-        """(N,) boxes with an outline point in a lane between two stations, (S,) each, of its segments."""
-        touched = np.zeros(len(boxes), dtype=np.bool_)
-        radius_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
-        box, segment = self.strips.near(boxes.center_m, radius_m, self.strips.between(low_m, high_m))
-        if len(box):
-            points = outline_points(boxes).reshape(-1, 9, 2)[box]
-            station, in_lane = self.strips.pairs_in_lanes(points, segment)
-            between = (station >= low_m[segment, None]) & (station <= high_m[segment, None])
-            touched[box[_any(in_lane & between)]] = True
-        return touched
+        return _any(self._ahead.in_lanes(center_m[:, None])[1])
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines: the VRU margins first, the lanes over them."""
@@ -173,9 +176,21 @@ class MonitoredLanes:
         return margins + lanes
 
 
+def _touched(boxes: Boxes, segments: Segments) -> BoolArray:
+    """(N,) boxes with an outline point in a lane where the segments count."""
+    touched = np.zeros(len(boxes), dtype=np.bool_)
+    radius_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
+    box, segment = segments.near(boxes.center_m, radius_m)
+    if len(box):
+        points = outline_points(boxes).reshape(-1, 9, 2)[box]
+        touched[box[_any(segments.pairs(segment).in_lanes(points)[1])]] = True
+    return touched
+
+
 def _any(mask: BoolArray) -> BoolArray:
     """(N,) whether any segment holds, from (N, S)."""
-    return np.asarray(mask.any(axis=1), dtype=np.bool_)
+    held: BoolArray = np.logical_or.reduce(mask, axis=1)
+    return held
 
 
 def _of_outlines(mask: BoolArray) -> BoolArray:
@@ -278,22 +293,17 @@ class MapArea:
         station, _ = self.route.project(ego.x_m, ego.y_m)
         front, beyond, reach = self.front_m(ego.speed_mps), overhang_m(ego), self.config.reach_m
         spans = self._spans(station, front + beyond, self.config.back_fraction * front)
-        begin, middle, end = spans
-        # one interval per strip: what is behind and what is ahead join at the ego
-        monitored, ahead = end > begin, self._current & (end > middle)
-        of = self.strips.strip
-        return MonitoredLanes(
+        return unchecked(
+            MonitoredLanes,
             ego,
             self._entries,
             spans,
             self.strips,
-            np.where(monitored, begin, np.inf)[of],
-            np.where(monitored, end, -np.inf)[of],
-            np.where(ahead, middle, np.inf)[of],
-            np.where(ahead, end, -np.inf)[of],
+            self._current,
             self.route,
             (max(station, 0.0), min(station + front + beyond, self.route.length_m)),
             None if reach is None else reach + beyond,
+            (None, None),
         )
 
     def _spans(self, ego_m: float, front_m: float, back_m: float) -> FloatArray:

@@ -121,8 +121,6 @@ def is_vulnerable(category: StrArray) -> BoolArray:
 
 _NINE_POINTS = np.array([(i, k) for i in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
 """Corners, middles of the edges and centre of a box, in half lengths and half widths."""
-CENTER = 4
-"""Which of the nine is the centre."""
 
 
 def outline_points(boxes: Boxes) -> FloatArray:
@@ -149,10 +147,20 @@ def ego_extent(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray, Flo
         x_min, x_max, y_min, y_max: (N,) metres, ego frame (x ahead, y left).
     """
     x, y = ego_frame(boxes.center_m, ego)
+    half_x, half_y = _shadows(boxes, ego)
+    return x - half_x, x + half_x, y - half_y, y + half_y
+
+
+def ego_span(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray]:
+    """x_min and x_max of `ego_extent` alone."""
+    x, half_x = ego_frame(boxes.center_m, ego)[0], _shadows(boxes, ego)[0]
+    return x - half_x, x + half_x
+
+
+def _shadows(boxes: Boxes, ego: EgoState) -> tuple[FloatArray, FloatArray]:
+    """(N,) half the extent of boxes along and across the ego's heading, metres."""
     turn = boxes.yaw_rad - ego.yaw_rad
     # a turned rectangle reaches as far along an axis as the shadows of its two half sides add up to
     ct, st = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     half_length, half_width = (0.5 * boxes.size_m).T
-    half_x = half_length * ct + half_width * st
-    half_y = half_length * st + half_width * ct
-    return x - half_x, x + half_x, y - half_y, y + half_y
+    return half_length * ct + half_width * st, half_length * st + half_width * ct

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smartmot.area.monitored import MonitoredArea, Relevance, ego_extent, outline_points
+from smartmot.area.monitored import MonitoredArea, Relevance, ego_span, outline_points
 from smartmot.area.way import ALONG_PATH, Way, with_way
 from smartmot.errors import ConfigError
 from smartmot.path import PlannedPath
@@ -45,7 +45,7 @@ class _Corridor:
         return np.ones(len(boxes), dtype=np.bool_)
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
-        inside = ego_extent(boxes, self.way.ego)[1] >= 0.0
+        inside = ego_span(boxes, self.way.ego)[1] >= 0.0
         if self.half_width_m is not None:
             ahead, aside = self.way.place(outline_points(boxes))
             near = (ahead >= 0.0) & (np.abs(aside) <= self.half_width_m)

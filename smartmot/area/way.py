@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from smartmot.area.monitored import (
-    CENTER,
     MonitoredArea,
     Relevance,
     ego_frame,
@@ -34,6 +33,8 @@ WAY_HALF_WIDTH_M = 1.75
 """Half an urban lane: 3.5 m is the width of the marked lanes on Euro NCAP's roads and junctions."""
 PATH_CLEARANCE_M = 0.3
 """Free space beside the ego's outline that its path asks for (ours; a parked car at the kerb is passed)."""
+_ROUNDING_M = 1e-6
+"""Offsets are rounded by less: coordinates of 1e8 m carry 1.5e-8 m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +58,9 @@ class Way:
         """(N,) distances ahead along the way and (N,) offsets to its left of points, (N, 2) map frame."""
         if self.path is None:
             return ego_frame(points_m, self.ego)
-        own = np.array([[self.ego.x_m, self.ego.y_m]])
-        station, offset = self.path.place(np.concatenate((own, points_m)))
-        return station[1:] - station[0], offset[1:]
+        station, offset = self.path.place(points_m)
+        station -= self.path.project(self.ego.x_m, self.ego.y_m)[0]
+        return station, offset
 
     def course_rad(self, ahead_m: FloatArray) -> FloatArray:
         """(N,) headings of the way at (N,) distances ahead along it, map frame."""
@@ -82,11 +83,19 @@ class Way:
 
     def meets(self, boxes: Boxes) -> tuple[BoolArray, BoolArray]:
         """(N,) boxes with an outline point ahead where the ego passes; (N,) with the centre in the lane."""
-        ahead, aside = (placed.reshape(-1, 9) for placed in self.place(outline_points(boxes)))
-        in_front, aside = ahead >= 0.0, np.abs(aside)
-        passed = in_front & (aside <= self.ego.width_m / 2 + PATH_CLEARANCE_M)
-        in_lane = in_front[:, CENTER] & (aside[:, CENTER] <= WAY_HALF_WIDTH_M)
-        return np.asarray(passed.any(axis=1), dtype=np.bool_), in_lane
+        beside_m = self.ego.width_m / 2 + PATH_CLEARANCE_M
+        ahead, aside = self.place(boxes.center_m)
+        aside = np.abs(aside)
+        in_lane = (ahead >= 0.0) & (aside <= WAY_HALF_WIDTH_M)
+        passed = np.zeros(len(aside), dtype=np.bool_)
+        # an offset is the distance from the way: no outline point is nearer to it than its circle
+        radius_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
+        rows = (aside <= radius_m + (beside_m + _ROUNDING_M)).nonzero()[0]
+        if len(rows):
+            ahead, aside = self.place(outline_points(boxes if len(rows) == len(aside) else boxes[rows]))
+            outline = (ahead >= 0.0) & (np.abs(aside) <= beside_m)
+            passed[rows] = np.logical_or.reduce(outline.reshape(-1, 9), axis=1)
+        return passed, in_lane
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +104,7 @@ class WayArea:
 
     Args:
         area: what is kept, and how far objects count.
-        ways: straight ahead, and along the planned path; by name.
+        ways: those that are not the area's own, by name.
         way: one of `WAYS`: what is on the way and on its lane.
         standing: one of `WAYS`: which objects are in the route, where that is asked of standing ones.
     """
@@ -116,8 +125,8 @@ class WayArea:
             in_route, on_way, near = of_area.in_route, of_area.on_way, of_area.within_reach
         else:
             near = within_reach(self.area, boxes, category)
-        for name in {self.standing, self.way} - {OF_AREA}:
-            passed, in_lane = self.ways[name].meets(boxes)
+        for name, way in self.ways.items():
+            passed, in_lane = way.meets(boxes)
             if name == self.standing:
                 in_route = near & passed
             if name == self.way:
@@ -158,4 +167,9 @@ def with_way(
         area = area.area
     if way == standing == OF_AREA:
         return area
-    return WayArea(area, {STRAIGHT: Way(ego, None), ALONG_PATH: Way(ego, path)}, way, standing)
+    ways = {
+        name: unchecked(Way, ego, path if name == ALONG_PATH else None)
+        for name in (way, standing)
+        if name != OF_AREA
+    }
+    return unchecked(WayArea, area, ways, way, standing)

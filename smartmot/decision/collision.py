@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from smartmot.overlap import iou_exact
-from smartmot.types import BoolArray, FloatArray, Forecast, Threats, Tracks
+from smartmot.types import BoolArray, FloatArray, Forecast, Threats, Tracks, unchecked
 
 IOU_THRESHOLD = 0.01
 """Paper, section V."""
@@ -76,9 +76,9 @@ def threats(
         return NO_THREATS
     chosen = chosen[np.argsort(time_to_collision_s[chosen], kind="stable")]
     gap = np.maximum(gap_m[chosen], 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.where(gap > 0, ego_speed_mps**2 / (2 * gap), np.inf if ego_speed_mps > 0 else 0.0)
-    return Threats(tracks.track_id[chosen], time_to_collision_s[chosen], gap, needed)
+    needed = np.full(len(gap), np.inf if ego_speed_mps > 0 else 0.0)
+    np.divide(ego_speed_mps**2, 2 * gap, out=needed, where=gap > 0)
+    return unchecked(Threats, tracks.track_id[chosen], time_to_collision_s[chosen], gap, needed)
 
 
 NO_THREATS = Threats(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))

@@ -13,7 +13,7 @@ from smartmot.decision.braking import overhang_m
 from smartmot.decision.ego_path import PathRelation, path_of_forecast, relation
 from smartmot.errors import ShapeError
 from smartmot.path import PlannedPath
-from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Threats, Tracks, frozen
+from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Threats, Tracks, frozen, unchecked
 
 STANDING_MPS = 0.1
 """Below this the ego counts as standing still."""
@@ -193,7 +193,7 @@ class PaperRule:
     def decide(self, state: AebState | None, now: Assessment) -> tuple[AebState, Command, tuple[Event, ...]]:
         """One decision; see `BrakeRule`."""
         next_state, emergency, events = decide(state or AebState(), self._situation(now), self.config)
-        return next_state, Command(emergency, now.lead), events
+        return next_state, unchecked(Command, emergency, now.lead, False, None), events
 
     def _situation(self, now: Assessment) -> Situation:
         predicted = entering = occupied = False
@@ -208,12 +208,7 @@ class PaperRule:
             relevant = now.on_way | now.threatening
             if np.count_nonzero(relevant):
                 nearest = max(float(distance[relevant].min()), 0.0)
-        return Situation(
-            stamp_s=now.ego.stamp_s,
-            collision_predicted=predicted,
-            nearest_m=nearest,
-            braking_distance_m=braking_distance,
-            vru_entering=entering,
-            way_occupied=occupied,
-            standing=now.ego.speed_mps < STANDING_MPS,
+        standing = now.ego.speed_mps < STANDING_MPS
+        return unchecked(
+            Situation, now.ego.stamp_s, predicted, nearest, braking_distance, entering, occupied, standing
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from smartmot.forecast.motion import (
     forecast_covariance,
 )
 from smartmot.path import PlannedPath
-from smartmot.types import EgoState, FloatArray, Forecast, Tracks, unchecked
+from smartmot.types import EgoState, FloatArray, Forecast, Tracks, frozen, unchecked
 
 EGO_FORECASTS = ("ctrv", "path")
 TRACK_FORECASTS = ("ctrv", "class")
@@ -64,9 +65,16 @@ class ForecastConfig:
 
 
 def forecast_times(horizon_s: float, step_s: float) -> FloatArray:
-    """(T,) times from 0 to at least the horizon in equal steps."""
-    steps = int(np.ceil(horizon_s / step_s - 1e-9))
-    return np.arange(steps + 1, dtype=np.float64) * step_s
+    """(T,) times from 0 to at least the horizon in equal steps, read-only."""
+    return _times(math.ceil(horizon_s / step_s - 1e-9), step_s)
+
+
+@lru_cache(maxsize=64)
+def _times(steps: int, step_s: float) -> FloatArray:
+    """(steps + 1,) times; every frame has the same few."""
+    time_s = np.arange(steps + 1, dtype=np.float64) * step_s
+    time_s.setflags(write=False)
+    return time_s
 
 
 def forecast_tracks(
@@ -83,8 +91,16 @@ def forecast_tracks(
     Returns:
         Poses of the M tracks at the T times, map frame; with covariance if the model is class.
     """
-    time_s = np.array(time_s, dtype=np.float64)  # the forecast's own: its arrays are read-only
-    shape, moved = (len(tracks), len(time_s)), time_s + delay_s
+    time_s = frozen(time_s, np.float64, (len(time_s),), "time_s")  # its own, unless it is read-only
+    shape = len(tracks), len(time_s)
+    if not len(tracks):
+        nothing = np.zeros(shape)
+        covariance = np.zeros((*shape, 2, 2)) if config.model == "class" else None
+        none = nothing > 0.0
+        return unchecked(
+            Forecast, time_s, np.zeros((*shape, 2)), nothing, tracks.boxes.size_m, none, covariance
+        )
+    moved = time_s + delay_s
     center, yaw = np.empty((*shape, 2)), np.empty(shape)
     center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
     limit = config.max_yaw_rate_radps

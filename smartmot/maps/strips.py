@@ -28,6 +28,9 @@ _FINE_STEP_M = 0.5
 """Spacing at which a lane is looked at before most of the samples are left out again."""
 _ROUNDING_M = 1e-6
 """Distances on a map are rounded by less."""
+_ROUNDING_ALONG_M = np.array(1e-9)
+"""Points at a joint are beside both segments, whatever the rounding."""
+_ZERO = np.array(0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,6 +159,136 @@ ALL = slice(None)
 """Every segment."""
 
 
+class Segments:
+    """Segments of strips, one or more of each; places points in them.
+
+    Args:
+        columns: what is known of the segments, rows of (S,), or (P, 1) for pairs of points and segments:
+            start x and y, direction x and y, length, station of the start, half width and its slope, reach of
+            the VRU margin to the left and its slope, the same to the right, tangents of half the turns at the
+            start and at the end, reach of the lane.
+        bends: whether any segment turns at a joint.
+        low_m, high_m: like the columns, stations between which points count; None: all do.
+    """
+
+    __slots__ = ("_bends", "_columns", "_high_m", "_low_m", "reach_m")
+
+    def __init__(
+        self,
+        columns: FloatArray,
+        bends: bool,
+        low_m: FloatArray | None = None,
+        high_m: FloatArray | None = None,
+    ) -> None:
+        self._columns, self._bends, self._low_m, self._high_m = columns, bends, low_m, high_m
+        self.reach_m: FloatArray = columns[14]
+
+    def pairs(self, segments: IntArray) -> Segments:
+        """One segment for each of P points, or rows of points: columns (P, 1)."""
+        low, high = self._low_m, self._high_m
+        return Segments(
+            self._columns.take(segments, axis=1)[..., None],
+            self._bends,
+            None if low is None else low.take(segments)[:, None],
+            None if high is None else high.take(segments)[:, None],
+        )
+
+    def near(self, center_m: FloatArray, radius_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """Circles that may reach into a lane: (P,) rows of them and (P,) segments; misses no pair.
+
+        Args:
+            center_m: (N, 2) map frame.
+            radius_m: (N,) of the circles.
+        """
+        u, lateral = self._along_and_aside(center_m[:, None])
+        # a wedge goes on for 0.55 of the half width at most, so that this covers it too
+        reach = radius_m[:, None] + self.reach_m
+        near = np.abs(lateral) <= reach
+        near &= u >= -reach
+        near &= u - self._columns[4] <= reach
+        circle, segment = near.nonzero()
+        return circle, segment
+
+    def place(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """(..., S) stations along each segment's strip, whether in the lane, and whether in its margins.
+
+        Args:
+            points_m: (..., 2) map frame, as they broadcast with the columns.
+        """
+        u, lateral, beside = self._project(points_m)
+        at, station = self._clipped(u), self._columns[5] + u
+        beside = self._counted(station, beside)
+        half = self._half_at(at)
+        in_lane: BoolArray = beside & (np.abs(lateral) <= half)
+        beside &= self._reaches(at, lateral, half)
+        return station, in_lane, beside
+
+    def in_lanes(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`place` without the margins."""
+        u, lateral, beside = self._project(points_m)
+        half = self._half_at(self._clipped(u))
+        station = np.add(self._columns[5], u, out=u)
+        beside = self._counted(station, beside)
+        beside &= np.abs(lateral, out=lateral) <= half
+        return station, beside
+
+    def in_margins(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`place` with the margins alone."""
+        u, lateral, beside = self._project(points_m)
+        at = self._clipped(u)
+        station = np.add(self._columns[5], u, out=u)
+        beside = self._counted(station, beside)
+        beside &= self._reaches(at, lateral, self._half_at(at))
+        return station, beside
+
+    def _counted(self, station_m: FloatArray, beside: BoolArray) -> BoolArray:
+        """What is beside a segment, in place, between the stations that count."""
+        if self._low_m is not None:
+            beside &= station_m >= self._low_m
+        if self._high_m is not None:
+            beside &= station_m <= self._high_m
+        return beside
+
+    def _clipped(self, u: FloatArray) -> FloatArray:
+        """(...) the same on the segment: in a wedge the widths are those of its joint."""
+        at: FloatArray = np.maximum(u, _ZERO)
+        np.minimum(at, self._columns[4], out=at)
+        return at
+
+    def _half_at(self, at: FloatArray) -> FloatArray:
+        """(...) half widths at distances along the segments."""
+        half: FloatArray = at * self._columns[7]
+        half += self._columns[6]
+        return half
+
+    def _reaches(self, at: FloatArray, lateral: FloatArray, half_m: FloatArray) -> BoolArray:
+        """(N, S) whether the VRU margins reach an offset to the left."""
+        _, _, _, _, _, _, _, _, left, left_slope, right, right_slope, *_ = self._columns
+        reaches: BoolArray = lateral <= half_m + left + at * left_slope
+        reaches &= -lateral <= half_m + right + at * right_slope
+        return reaches
+
+    def _project(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """(...) distance along each segment, offset to its left, and whether the point is beside it."""
+        u, lateral = self._along_and_aside(points_m)
+        before, beyond = np.negative(u), u - self._columns[4]
+        if self._bends:
+            aside = np.abs(lateral)
+            before -= aside * self._columns[12]
+            beyond -= np.multiply(aside, self._columns[13], out=aside)
+        return u, lateral, np.maximum(before, beyond, out=before) <= _ROUNDING_ALONG_M
+
+    def _along_and_aside(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(...) distance along each segment and offset to its left, of (..., 2) points that broadcast."""
+        x, y, ux, uy = self._columns[:4]
+        dx, dy = points_m[..., 0] - x, points_m[..., 1] - y
+        u, lateral = dx * ux, ux * dy
+        # what is not needed any more is written over: fresh memory takes as long as the sums
+        u += np.multiply(dy, uy, out=dy)
+        lateral -= np.multiply(dx, uy, out=dx)
+        return u, lateral
+
+
 class StripSet:
     """Many strips as one set of segments; places points in all of them at once.
 
@@ -167,29 +300,41 @@ class StripSet:
         self.strips = tuple(strips)
         parts = [s for s in self.strips if len(s.s_m) > 1]
         index = [i for i, s in enumerate(self.strips) if len(s.s_m) > 1]
-        empty2, empty = np.zeros((0, 2)), np.zeros(0)
-        start = np.concatenate([p.center_m[:-1] for p in parts] or [empty2])
-        delta = np.concatenate([np.diff(p.center_m, axis=0) for p in parts] or [empty2])
         self.strip: IntArray = np.repeat(index, [len(p.s_m) - 1 for p in parts]).astype(np.int64)
-        self._length = np.hypot(delta[:, 0], delta[:, 1])
-        unit = delta / np.maximum(self._length, 1e-12)[:, None]
-        self._ux, self._uy = unit[:, 0], unit[:, 1]
-        self._x, self._y = start[:, 0], start[:, 1]
+
+        def joined(values: list[FloatArray]) -> FloatArray:
+            return np.concatenate(values or [np.zeros(0)])
+
+        def ends(values: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+            """(S,) value at each segment's start and its slope along the segment."""
+            start, end = joined([v[:-1] for v in values]), joined([v[1:] for v in values])
+            return start, (end - start) / np.maximum(length, 1e-12)
+
+        delta = np.concatenate([np.diff(p.center_m, axis=0) for p in parts] or [np.zeros((0, 2))])
+        length = np.hypot(delta[:, 0], delta[:, 1])
+        station = joined([p.station_m[:-1] for p in parts])
+        half, half_slope = ends([p.half_width_m for p in parts])
         # at a joint on the outside of a bend the normals leave a wedge; half the turn there covers it
         turn = [_half_turns(p.center_m) for p in parts]
-        self._wedge_start = np.concatenate([t[:-1] for t in turn] or [empty])
-        self._wedge_end = np.concatenate([t[1:] for t in turn] or [empty])
-        self._bends = bool(self._wedge_start.any() or self._wedge_end.any())
-        self._station = np.concatenate([p.station_m[:-1] for p in parts] or [empty])
-        self._half, self._half_slope = self._ends([p.half_width_m for p in parts])
-        self._left, self._left_slope = self._ends([p.vru_left_m for p in parts])
-        self._right, self._right_slope = self._ends([p.vru_right_m for p in parts])
+        wedges = joined([t[:-1] for t in turn]), joined([t[1:] for t in turn])
+        self._bends = bool(wedges[0].any() or wedges[1].any())
         # no wedge is longer than the reach to a side times tan(0.5), 0.55; twice that is on the safe side
-        reach = max((self._widest(p) for p in parts), default=0.0)
-        past_m = 1.1 * reach + 1.0
-        self._first_m, self._last_m = self._station - past_m, self._station + self._length + past_m
-        ends = (self._half, self._half + self._length * self._half_slope)
-        self._reach_m = np.maximum(*(np.abs(end) for end in ends)) + _ROUNDING_M
+        past_m = 1.1 * max((self._widest(p) for p in parts), default=0.0) + 1.0
+        self._first_m, self._last_m = station - past_m, station + length + past_m
+        self._columns = np.stack(
+            (
+                *(joined([p.center_m[:-1, k] for p in parts]) for k in (0, 1)),
+                *(delta / np.maximum(length, 1e-12)[:, None]).T,
+                length,
+                station,
+                half,
+                half_slope,
+                *ends([p.vru_left_m for p in parts]),
+                *ends([p.vru_right_m for p in parts]),
+                *wedges,
+                np.maximum(np.abs(half), np.abs(half + length * half_slope)) + _ROUNDING_M,
+            )
+        )
 
     @staticmethod
     def _widest(strip: LaneStrip) -> float:
@@ -197,32 +342,16 @@ class StripSet:
         aside = np.maximum(np.maximum(strip.vru_left_m, strip.vru_right_m), 0.0)
         return float((np.abs(strip.half_width_m) + aside).max())
 
-    def _ends(self, values: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """(S,) value at each segment's start and its slope along the segment."""
-        start = np.concatenate([v[:-1] for v in values] or [np.zeros(0)])
-        end = np.concatenate([v[1:] for v in values] or [np.zeros(0)])
-        return start, (end - start) / np.maximum(self._length, 1e-12)
+    def between(self, low_m: FloatArray, high_m: FloatArray) -> Segments:
+        """The segments in which points between two stations of the strips, (E,) each, may be, and count."""
+        low, high = low_m.take(self.strip), high_m.take(self.strip)
+        chosen = ((self._last_m >= low) & (self._first_m <= high)).nonzero()[0]
+        columns = self._columns.take(chosen, axis=1)
+        return Segments(columns, self._bends, low.take(chosen), high.take(chosen))
 
-    def between(self, low_m: FloatArray, high_m: FloatArray) -> IntArray:
-        """Segments that can hold a point between two stations, (S,) each; at times one or two more."""
-        return np.flatnonzero((self._last_m >= low_m) & (self._first_m <= high_m))
-
-    def near(
-        self, center_m: FloatArray, radius_m: FloatArray, segments: IntArray
-    ) -> tuple[IntArray, IntArray]:
-        """Circles that may reach into a lane: (P,) rows of them and (P,) segments; misses no pair.
-
-        Args:
-            center_m: (N, 2) map frame.
-            radius_m: (N,) of the circles.
-            segments: (S,) which are asked for.
-        """
-        u, lateral = self._along_and_aside(center_m[:, None], segments)
-        # a wedge goes on for 0.55 of the half width at most, so that this covers it too
-        reach = radius_m[:, None] + self._reach_m[segments]
-        near = (np.abs(lateral) <= reach) & (u >= -reach) & (u - self._length[segments] <= reach)
-        circle, column = near.nonzero()
-        return circle, segments[column]
+    def segments(self, segments: IntArray | slice = ALL) -> Segments:
+        """All segments, or S chosen ones."""
+        return Segments(self._columns[:, segments], self._bends)
 
     def place(
         self, points_m: FloatArray, segments: IntArray | slice = ALL
@@ -237,78 +366,7 @@ class StripSet:
             (N, S) station along the segment's strip; (N, S) whether the point lies between the lane's
             borders there; (N, S) the same with the VRU margins added.
         """
-        u, lateral, beside = self._project(points_m[:, None], segments)
-        at = self._clipped(u, segments)
-        half = self._half_at(at, segments)
-        in_lane = beside & (np.abs(lateral) <= half)
-        return self._station[segments] + u, in_lane, beside & self._reaches(at, lateral, half, segments)
-
-    def place_in_lanes(
-        self, points_m: FloatArray, segments: IntArray | slice = ALL
-    ) -> tuple[FloatArray, BoolArray]:
-        """`place` without the margins."""
-        return self._in_lanes(points_m[:, None], segments)
-
-    def pairs_in_lanes(self, points_m: FloatArray, segments: IntArray) -> tuple[FloatArray, BoolArray]:
-        """`place_in_lanes` of P times K points, (P, K, 2), in one segment each, (P,): twice (P, K)."""
-        return self._in_lanes(points_m, segments[:, None])
-
-    def _in_lanes(self, points_m: FloatArray, segments: IntArray | slice) -> tuple[FloatArray, BoolArray]:
-        u, lateral, beside = self._project(points_m, segments)
-        half = self._half_at(self._clipped(u, segments), segments)
-        return self._station[segments] + u, beside & (np.abs(lateral) <= half)
-
-    def place_in_margins(
-        self, points_m: FloatArray, segments: IntArray | slice = ALL
-    ) -> tuple[FloatArray, BoolArray]:
-        """`place` with the margins alone."""
-        u, lateral, beside = self._project(points_m[:, None], segments)
-        at = self._clipped(u, segments)
-        reaches = self._reaches(at, lateral, self._half_at(at, segments), segments)
-        return self._station[segments] + u, beside & reaches
-
-    def _clipped(self, u: FloatArray, segments: IntArray | slice) -> FloatArray:
-        """(...) the same on the segment: in a wedge the widths are those of its joint."""
-        at: FloatArray = np.minimum(np.maximum(u, 0.0), self._length[segments])
-        return at
-
-    def _half_at(self, at: FloatArray, segments: IntArray | slice) -> FloatArray:
-        """(...) half widths at distances along the segments."""
-        half: FloatArray = self._half[segments] + at * self._half_slope[segments]
-        return half
-
-    def _reaches(
-        self, at: FloatArray, lateral: FloatArray, half_m: FloatArray, segments: IntArray | slice
-    ) -> BoolArray:
-        """(N, S) whether the VRU margins reach an offset to the left."""
-        left = lateral <= half_m + self._left[segments] + at * self._left_slope[segments]
-        right = -lateral <= half_m + self._right[segments] + at * self._right_slope[segments]
-        reaches: BoolArray = left & right
-        return reaches
-
-    def _project(
-        self, points_m: FloatArray, segments: IntArray | slice
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """(...) distance along each segment, offset to its left, and whether the point is beside it."""
-        u, lateral = self._along_and_aside(points_m, segments)
-        before, beyond = np.negative(u), u - self._length[segments]
-        if self._bends:
-            aside = np.abs(lateral)
-            before -= aside * self._wedge_start[segments]
-            beyond -= np.multiply(aside, self._wedge_end[segments], out=aside)
-        return u, lateral, np.maximum(before, beyond, out=before) <= 1e-9
-
-    def _along_and_aside(
-        self, points_m: FloatArray, segments: IntArray | slice
-    ) -> tuple[FloatArray, FloatArray]:
-        """(...) distance along each segment and offset to its left, of (..., 2) points that broadcast."""
-        ux, uy = self._ux[segments], self._uy[segments]
-        dx, dy = points_m[..., 0] - self._x[segments], points_m[..., 1] - self._y[segments]
-        u, lateral = dx * ux, ux * dy
-        # what is not needed any more is written over: fresh memory takes as long as the sums
-        u += np.multiply(dy, uy, out=dy)
-        lateral -= np.multiply(dx, uy, out=dx)
-        return u, lateral
+        return self.segments(segments).place(points_m[:, None])
 
 
 def _half_turns(center_m: FloatArray) -> FloatArray:

@@ -21,7 +21,8 @@ from smartmot import (
 )
 from smartmot.area import MapArea, MapAreaConfig, MonitoredArea, MonitoredLanes, Relevance, with_way
 from smartmot.area.localised import Alignment, LocalisedArea
-from smartmot.area.monitored import within_reach
+from smartmot.area.monitored import outline_points, within_reach
+from smartmot.area.way import PATH_CLEARANCE_M, WAY_HALF_WIDTH_M, Way
 from smartmot.decision.braking import BrakingDistance
 from smartmot.maps.route import route_ahead
 from smartmot.types import Boxes, EgoState
@@ -175,7 +176,24 @@ def test_an_area_derived_from_ours_is_asked_for_its_own_relevance() -> None:
     network = load_map(STREET)
     route = route_ahead(network, network.lane_index_of(("1", 0, -1)), 0.0, 0.0)
     ours = MapArea(network, route, MapAreaConfig()).at(EGO)
-    theirs = Blind(*(getattr(ours, item.name) for item in fields(ours)))
+    theirs = Blind(*(getattr(ours, item.name) for item in fields(ours) if item.init))
     asked = boxes((20.0, 0.0))
     assert with_way(ours, EGO, LEFT_TURN, "path", "path").relevance(*asked).in_route.all()
     assert not with_way(theirs, EGO, LEFT_TURN, "path", "path").relevance(*asked).in_route.any()
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_boxes_meet_the_way_where_any_of_their_outline_points_does(seed: int, straight: bool) -> None:
+    """Every point of every box is placed here; `meets` leaves out the boxes that cannot reach the way."""
+    rng = np.random.default_rng(seed)
+    n, step = 30, rng.uniform(-0.3, 0.3, 20).cumsum()
+    points = np.cumsum(5.0 * np.column_stack((np.cos(step), np.sin(step))), axis=0)
+    way = Way(EGO, None if straight else PlannedPath.through(points))
+    near = np.column_stack((rng.uniform(-20.0, 80.0, n), rng.uniform(-8.0, 8.0, n)))
+    ring = Boxes(near, rng.uniform(0.2, 12.0, (n, 2)), rng.uniform(-4.0, 4.0, n))
+    passed, in_lane = way.meets(ring)
+    ahead, aside = (placed.reshape(n, 9) for placed in way.place(outline_points(ring)))
+    on_it = (ahead >= 0.0) & (np.abs(aside) <= EGO.width_m / 2 + PATH_CLEARANCE_M)
+    np.testing.assert_array_equal(passed, on_it.any(axis=1))
+    centered = (ahead[:, 4] >= 0.0) & (np.abs(aside[:, 4]) <= WAY_HALF_WIDTH_M)
+    np.testing.assert_array_equal(in_lane, centered)
