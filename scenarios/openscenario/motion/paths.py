@@ -8,10 +8,12 @@ departs from an arc of 8 m radius by 0.04 mm.
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,6 +29,11 @@ ON_PATH_M = 1e-3
 
 CHORD_ERROR_M = SPACING_M**2 / 64.0
 """How far a chord departs from an arc of 8 m radius; wider bends have fewer points for the same departure."""
+
+Chord: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float | None, int]
+"""Arc lengths from which on and up to which a chord counts, infinite at the ends of a curve; x, y and arc
+length at its beginning, and by how much they grow along it; heading there, and by how much that grows (None:
+it stays); number."""
 
 CHUNK = 64
 """Chords that share a circle: a look at the circles of 5 km costs as much as one at 100 m of chords."""
@@ -64,8 +71,8 @@ class Track(Immutable):
         along_s: +1 where s grows along a leg, -1 where it falls.
     """
 
-    s_m: list[float]
-    leg: list[int]
+    s_m: array[float]
+    leg: array[int]
     lane: list[int]
     start_m: list[float]
     along_s: list[int]
@@ -86,6 +93,10 @@ def _circles(points_m: FloatArray) -> FloatArray:
 class Path(Immutable):
     """A curve by arc length.
 
+    Its numbers are columns, not objects of Python: with many entities those of all ways are more than a
+    processor has at hand. The chords that were looked at last are kept, as what moves along a curve mostly
+    stays on them from one look to the next; what comes out does not depend on them.
+
     Args:
         x_m, y_m: (K,) points, K >= 2, no two neighbours equal.
         yaw_rad: (K,) headings at the points, unwrapped; None: those of the chords.
@@ -93,19 +104,17 @@ class Path(Immutable):
     """
 
     __slots__ = (
-        "_chord_yaw",
-        "_chords",
         "_circles",
         "_ends",
+        "_here",
+        "_rows",
+        "_smooth",
         "_station",
-        "_table",
-        "_yaw",
-        "_yaw_table",
+        "_there",
         "both_ways",
         "first_z_m",
         "length_m",
         "on_road",
-        "points_m",
         "reverse",
         "track",
         "vertex_places",
@@ -119,24 +128,15 @@ class Path(Immutable):
         station_m: FloatArray | None = None,
     ) -> None:
         points = np.column_stack((np.asarray(x_m, float), np.asarray(y_m, float)))
-        chord = np.diff(points, axis=0)
-        if station_m is None:
-            station_m = chord_stations(points)
-        self.points_m = points
-        self._station: list[float] = station_m.tolist()
-        begins = np.column_stack((points, station_m))
-        # x, y and arc length at which each chord begins, and by how much they grow along it
-        self._table: FloatArray = np.column_stack((begins[:-1], np.diff(begins, axis=0)))
-        self._chords: list[tuple[float, ...]] = list(zip(*self._table.T.tolist(), strict=True))
-        self._ends = points[0].tolist(), points[-1].tolist()
-        self._chord_yaw: list[float] = []
-        self._yaw: list[float] | None = None
+        station = chord_stations(points) if station_m is None else np.asarray(station_m, float)
+        self._smooth = yaw_rad is not None
         if yaw_rad is None:
-            self._yaw_table: FloatArray = np.arctan2(chord[:, 1], chord[:, 0])
-            self._chord_yaw = self._yaw_table.tolist()
-        else:
-            self._yaw_table = np.asarray(yaw_rad, float)
-            self._yaw = self._yaw_table.tolist()
+            heads = np.arctan2(*np.diff(points, axis=0).T[::-1])
+            yaw_rad = np.append(heads, heads[-1])
+        self._rows: FloatArray = np.column_stack((points, station, np.asarray(yaw_rad, float)))
+        """(K, 4) x, y, arc length and heading at the points; without headings there those of their chords."""
+        self._station = array("d", station.tobytes())
+        self._ends = self._rows[0].tolist(), self._rows[-1].tolist()
         self.reverse: list[bool] | None = None
         """Of each chord, whether the headings that a file gives it point backwards; None: of none."""
         self.length_m: float = self._station[-1]
@@ -151,37 +151,57 @@ class Path(Immutable):
         """Roads below it, if it follows lanes all along."""
         self.vertex_places: list[int] | None = None
         """Which point each vertex of a polyline is, where some are at the same place; None: each its own."""
+        self._here = self._there = self._chord(0)
+
+    @property
+    def points_m(self) -> FloatArray:
+        """(K, 2) its points."""
+        return self._rows[:, :2]
+
+    def _index(self, station_m: float) -> int:
+        """Which chord an arc length is on; the first and the last one go on beyond the ends."""
+        return bisect_right(self._station, station_m, 1, len(self._station) - 1) - 1
+
+    def _chord(self, i: int) -> Chord:
+        """The numbers of a chord."""
+        (x, y, s, yaw), (next_x, next_y, next_s, next_yaw) = self._rows[i : i + 2].tolist()
+        low = s if i > 0 else -math.inf
+        high = next_s if i < len(self._station) - 2 else math.inf
+        turn = next_yaw - yaw if self._smooth else None
+        return low, high, x, y, s, next_x - x, next_y - y, next_s - s, yaw, turn, i
 
     def pose(self, station_m: float) -> tuple[float, float, float]:
         """x, y and heading at an arc length, which may lie beyond the ends."""
-        stations, yaw = self._station, self._yaw
-        # the last point begins no chord; before the first one the first chord goes on
-        i = bisect_right(stations, station_m, 1, len(stations) - 1) - 1
-        x0, y0, s0, dx, dy, ds = self._chords[i]
+        chord = self._here
+        if not chord[0] <= station_m < chord[1]:
+            chord = self._there
+            if not chord[0] <= station_m < chord[1]:
+                chord = self._here = self._chord(self._index(station_m))
+        _, _, x0, y0, s0, dx, dy, ds, yaw, turn, _ = chord
         part = (station_m - s0) / ds
-        if yaw is None:
-            heading = self._chord_yaw[i]
+        if turn is None:
+            heading = yaw
         elif part < 0.0 or part > 1.0:
             end = 0 if part < 0.0 else -1
-            (x, y), heading = self._ends[end], yaw[end]
-            beyond = station_m - stations[end]
+            x, y, s, heading = self._ends[end]
+            beyond = station_m - s
             return x + beyond * math.cos(heading), y + beyond * math.sin(heading), heading
         else:
-            heading = yaw[i] + part * (yaw[i + 1] - yaw[i])
+            heading = yaw + part * turn
         return x0 + part * dx, y0 + part * dy, heading
 
     def reverse_at(self, station_m: float) -> bool:
         """Whether the headings at an arc length point backwards, as those of who drives in reverse."""
         if self.reverse is None:
             return False
-        return self.reverse[bisect_right(self._station, station_m, 1, len(self._station) - 1) - 1]
+        return self.reverse[self._index(station_m)]
 
     def lane_at(self, station_m: float) -> tuple[int, float, int] | None:
         """Lane below an arc length, road s, and +1 if s grows along the path, else -1; None if unknown."""
         track, stations = self.track, self._station
         if track is None or not 0.0 <= station_m <= stations[-1]:
             return None
-        i = bisect_right(stations, station_m, 1, len(stations) - 1) - 1
+        i = self._index(station_m)
         leg = track.leg[i + 1]
         s0 = track.s_m[i] if track.leg[i] == leg else track.start_m[leg]
         part = (station_m - stations[i]) / (stations[i + 1] - stations[i])
@@ -189,14 +209,16 @@ class Path(Immutable):
 
     def poses(self, station_m: FloatArray) -> FloatArray:
         """(K, 3) x, y and heading at (K,) arc lengths, which may lie beyond the ends."""
-        table = self._table
-        i = np.clip(np.searchsorted(table[:, 2], station_m, side="right") - 1, 0, len(table) - 1)
-        x0, y0, s0, dx, dy, ds = table[i].T
+        rows = self._rows
+        i = np.clip(np.searchsorted(rows[:, 2], station_m, side="right") - 1, 0, len(rows) - 2)
+        begin = rows[i]
+        x0, y0, s0, yaw = begin.T
+        dx, dy, ds, turn = (rows[i + 1] - begin).T
         part = (station_m - s0) / ds
-        if self._yaw is None:
-            return np.column_stack((x0 + part * dx, y0 + part * dy, self._yaw_table[i]))
-        yaw, inside = self._yaw_table, np.clip(part, 0.0, 1.0)
-        heading = yaw[i] + inside * (yaw[i + 1] - yaw[i])
+        if not self._smooth:
+            return np.column_stack((x0 + part * dx, y0 + part * dy, yaw))
+        inside = np.clip(part, 0.0, 1.0)
+        heading = yaw + inside * turn
         beyond = (part - inside) * ds
         x, y = x0 + inside * dx + beyond * np.cos(heading), y0 + inside * dy + beyond * np.sin(heading)
         return np.column_stack((x, y, heading))
@@ -220,15 +242,17 @@ class Path(Immutable):
 
         Its cost grows with the way to that point, not with the length of the curve.
         """
-        chords, last, came = self._chords, len(self._chords) - 1, 0
-        i = bisect_right(self._station, station_m, 1, last + 1) - 1
+        last, came, chord = len(self._station) - 2, 0, self._there
+        if not chord[0] <= station_m < chord[1]:
+            chord = self._chord(self._index(station_m))
         while True:
-            x0, y0, s0, dx, dy, ds = chords[i]
+            _, _, x0, y0, s0, dx, dy, ds, _, _, i = chord
             part = ((x_m - x0) * dx + (y_m - y0) * dy) / (dx * dx + dy * dy)
             onward = 1 if part > 1.0 and i < last else -1 if part < 0.0 and i > 0 else 0
             if onward == 0 or onward == -came:  # on the chord, or at the corner between two
                 break
-            i, came = i + onward, onward
+            came, chord = onward, self._chord(i + onward)
+        self._there = chord
         if onward:
             part = 1.0 if onward > 0 else 0.0
         station = s0 + part * ds
@@ -287,24 +311,23 @@ class Path(Immutable):
 
     def turn_rad(self, station_m: float, other_m: float) -> float:
         """How much the heading turns between two arc lengths at most, whichever way."""
+        low, high, *_, turn, i = self._here
         stations, last = self._station, len(self._station) - 2
+        if 0 < i < last and low <= station_m < high and low <= other_m < high:
+            return 0.0 if turn is None else abs(turn)
         i, j = bisect_right(stations, station_m) - 1, bisect_right(stations, other_m) - 1
         i, j = min(i, j), max(i, j)
-        if j < 0 or i > last or (i == j and self._yaw is None):
+        if j < 0 or i > last or (i == j and not self._smooth):
             return 0.0
         i, j = max(i, 0), min(j, last)
-        yaw = self._yaw
-        if yaw is not None:
-            turn = 0.0
-            for k in range(i, j + 1):
-                turn += abs(yaw[k + 1] - yaw[k])
-            return turn
-        headings = self._chord_yaw[i : j + 1]
+        if self._smooth:
+            return sum(abs(b - a) for a, b in pairwise(self._rows[i : j + 2, 3].tolist()))
+        headings = self._rows[i : j + 1, 3].tolist()
         return sum(abs(math.remainder(b - a, 2 * math.pi)) for a, b in pairwise(headings))
 
     def yaw_at_points(self) -> FloatArray | None:
         """(K,) headings at the points; None where those of the chords hold."""
-        return None if self._yaw is None else self._yaw_table
+        return self._rows[:, 3] if self._smooth else None
 
     @property
     def first_m(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -392,8 +393,8 @@ class Roads(Immutable):
         path, kept = joined(pieces)
         path.on_road = True
         path.track = Track(
-            np.concatenate([piece[:, 3] for piece in pieces])[kept].tolist(),
-            np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[kept].tolist(),
+            array("d", np.concatenate([piece[:, 3] for piece in pieces])[kept].tobytes()),
+            array("q", np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[kept].tobytes()),
             [leg.lane for leg in used],
             [leg.s_start_m for leg in used],
             [leg.along_s for leg in used],
