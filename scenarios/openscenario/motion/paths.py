@@ -320,9 +320,9 @@ class Path(Immutable):
         if j < 0 or i > last or (i == j and not self._smooth):
             return 0.0
         i, j = max(i, 0), min(j, last)
+        headings: list[float] = self._rows[i : j + (2 if self._smooth else 1), 3].tolist()
         if self._smooth:
-            return sum(abs(b - a) for a, b in pairwise(self._rows[i : j + 2, 3].tolist()))
-        headings = self._rows[i : j + 1, 3].tolist()
+            return sum(abs(b - a) for a, b in pairwise(headings))
         return sum(abs(math.remainder(b - a, 2 * math.pi)) for a, b in pairwise(headings))
 
     def yaw_at_points(self) -> FloatArray | None:
