@@ -118,6 +118,7 @@
   function draw() {
     const ratio = window.devicePixelRatio || 1;
     const width = canvas.clientWidth, height = Math.round(width < NARROW_PX ? width * 1.3 : Math.min(width * 0.48, 560));
+    if (!width) return; // before the page is laid out, or while it is turned
     if (canvas.style.height !== height + "px") canvas.style.height = height + "px";
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
@@ -361,6 +362,7 @@
     slider.setAttribute("aria-valuetext", time);
     canvas.dataset.frame = frame;
     $("clock").textContent = time;
+    $("moment").href = linkTo(DATA.logs[run.index], run.timeS[frame]);
     $("status").textContent = run.status[frame];
     const story = run.stories[run.story[frame]];
     if ($("story").textContent !== story) $("story").textContent = story;
@@ -369,6 +371,22 @@
     [...$("events").children].forEach((button, k) => button.setAttribute("aria-current", String(k === current)));
     draw();
     moveCursor();
+  }
+
+  // ---- links to a run and a time --------------------------------------------------------------------
+
+  const linkTo = (log, timeS) => "#" + new URLSearchParams({ run: log, t: Number(timeS.toFixed(3)) });
+
+  // Opens what the address asks for: #run=NAME&t=SECONDS; whether it asks for a run of this page.
+  async function follow({ scroll }) {
+    const asked = new URLSearchParams(location.hash.slice(1)), log = asked.get("run");
+    if (log === null) return false;
+    if (!DATA.logs.includes(log)) {
+      $("finding").textContent = `The link is to the run ${log}, whose replay is not in this page.`;
+      return false;
+    }
+    await open(log, { scroll, timeS: asked.has("t") ? Number(asked.get("t")) : NaN });
+    return true;
   }
 
   function moveCursor() {
@@ -425,7 +443,7 @@
     draw();
   }
 
-  async function open(log, { scroll = false } = {}) {
+  async function open(log, { scroll = false, timeS = NaN } = {}) {
     const index = DATA.logs.indexOf(log);
     if (index < 0) return;
     play(false);
@@ -438,7 +456,7 @@
     listEvents();
     listLegend();
     await drawDiagram();
-    seek(run.first);
+    seek(Number.isFinite(timeS) ? frameAt(timeS) : run.first);
     showThreats();
     if (scroll) $("replay").scrollIntoView();
     document.body.dataset.run = log;
@@ -484,14 +502,29 @@
     );
   }
 
+  // Charts in the colours of the page: in the dark, what is black is light, and lines of the grid are dark.
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const LIGHT_TO_DARK = {
+    white: "#14181b", "#ffffff": "#14181b", "#000000": "#e8ebee", "#222222": "#e8ebee", "#1d2328": "#e8ebee",
+    "#e6e6e6": "#2c343b", "#999999": "#8b96a1", "#444444": "#c3cad1", "#555555": "#c3cad1", "#882255": "#d76aa0",
+  };
+
+  function themed(value) {
+    if (!dark.matches) return value;
+    if (typeof value === "string") return LIGHT_TO_DARK[value] || value;
+    if (Array.isArray(value)) return value.map(themed);
+    if (value === null || typeof value !== "object") return value;
+    return Object.fromEntries(Object.entries(value).map(([key, part]) => [key, themed(part)]));
+  }
+
   async function drawDiagram() {
-    const layout = { ...run.diagram.layout, shapes: [{
+    const layout = themed({ ...run.diagram.layout, shapes: [{
       type: "line", xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1, line: { color: "#1d2328", width: 1.2, dash: "dot" },
-    }] };
+    }] });
     const fresh = !diagram.data;
     // On a phone the names would cover each other; they stand in the list of events above.
     const narrow = diagram.clientWidth < NARROW_PX;
-    const data = run.diagram.data.map((trace) => (narrow && trace.name === "events" ? { ...trace, mode: "markers" } : trace));
+    const data = run.diagram.data.map((trace) => themed(narrow && trace.name === "events" ? { ...trace, mode: "markers" } : trace));
     await Plotly.react(diagram, data, layout, { responsive: true, displayModeBar: false });
     if (fresh) diagram.on("plotly_click", (event) => {
       play(false);
@@ -508,7 +541,7 @@
   async function drawPanels() {
     for (const [k, spec] of DATA.panels.entries()) {
       const panel = $("panel-" + k);
-      await Plotly.newPlot(panel, spec.data, spec.layout, { responsive: true, displayModeBar: false });
+      await Plotly.newPlot(panel, themed(spec.data), themed(spec.layout), { responsive: true, displayModeBar: false });
       panel.on("plotly_click", (event) => open(event.points[0].data.meta, { scroll: true }));
     }
   }
@@ -545,13 +578,22 @@
   $("closer").addEventListener("click", () => zoomBy(ZOOM_STEP));
   $("farther").addEventListener("click", () => zoomBy(1 / ZOOM_STEP));
   new ResizeObserver(() => { if (run) draw(); }).observe($("stage"));
+  dark.addEventListener("change", async () => {
+    if (run) await drawDiagram();
+    await drawPanels();
+  });
 
   async function start() {
     if (typeof DecompressionStream === "undefined") {
       $("story").textContent = "This browser is too old for the replay: it cannot unpack data (DecompressionStream).";
       return;
     }
-    await open(DATA.logs[DATA.first]);
+    if (!location.hash.startsWith("#run=") || !(await follow({ scroll: true }))) {
+      const note = $("finding").textContent;
+      await open(DATA.logs[DATA.first]);
+      if (note) $("finding").textContent = note;
+    }
+    window.addEventListener("hashchange", () => follow({ scroll: true }));
     await drawPanels();
     document.body.dataset.ready = "true";
   }

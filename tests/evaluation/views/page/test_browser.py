@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.browser import PICTURE, WIDTHS, needs_browser, opened
+from tests.browser import PICTURE, WIDTHS, comes_true, needs_browser, opened, tab_stops
 
 pytestmark = needs_browser
-
-
-@pytest.fixture(scope="module")
-def report(folder: Path, tmp_path_factory: pytest.TempPathFactory, command: Callable[..., int]) -> Path:
-    path = tmp_path_factory.mktemp("page") / "report.html"
-    assert command("report", folder, "--out", path, "--quiet") == 0
-    return path
 
 
 @pytest.fixture(scope="module", params=list(WIDTHS))
@@ -29,15 +22,6 @@ def page(report: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
 
 def frame(page: Any) -> int:
     return int(page.locator("#scene").get_attribute("data-frame"))
-
-
-def comes_true(page: Any, condition: Callable[[], bool]) -> bool:
-    """Whether a condition holds within 20 s; the page's own policy forbids what playwright would ask it."""
-    for _ in range(400):
-        if condition():
-            return True
-        page.wait_for_timeout(50)
-    return False
 
 
 def test_nothing_sticks_out_sideways(page: Any) -> None:
@@ -142,3 +126,10 @@ def test_buttons_can_be_hit_by_a_finger(page: Any) -> None:
     )
     assert boxes
     assert min(min(box) for box in boxes) >= 24
+
+
+def test_the_keyboard_comes_to_everything_and_leaves_again(page: Any) -> None:
+    stops = tab_stops(page)
+    assert [stop for stop in stops if "no outline" in stop] == []
+    buttons = page.locator("button:visible, select:visible, a[href]:visible").count()
+    assert len(stops) >= buttons
