@@ -1,6 +1,6 @@
 """Values that are made when first asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from operator import methodcaller
 from typing import Generic, TypeVar, overload
 
@@ -33,6 +33,25 @@ class Deferred(Generic[_Value]):
     def __reduce__(self) -> "tuple[Callable[[_Value], Deferred[_Value]], tuple[_Value]]":
         """Pickle the value."""
         return Deferred.of, (self(),)
+
+
+class DeferredRecords(Mapping[str, _Value]):
+    """Records by id, all made when the first of them is asked for."""
+
+    __slots__ = ("_records",)
+
+    def __init__(self, make: Callable[[], dict[str, _Value]]) -> None:
+        """Defer a call that makes them."""
+        self._records = Deferred(make)
+
+    def __getitem__(self, name: str) -> _Value:
+        return self._records()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._records())
+
+    def __len__(self) -> int:
+        return len(self._records())
 
 
 _details = methodcaller("details")

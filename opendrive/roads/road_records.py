@@ -1,6 +1,6 @@
 """The roads of a file as records that are made when they are asked for."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from lxml import etree
 
@@ -14,7 +14,7 @@ class RoadRecords(Mapping[str, Road]):
     """Roads of a file by id, each read when first asked for.
 
     Attributes:
-        geometry: geometry of all of them, read without the records; None where that was not possible.
+        geometry: geometry of all of them.
     """
 
     def __init__(
@@ -22,14 +22,15 @@ class RoadRecords(Mapping[str, Road]):
         elements: Mapping[str, etree._Element],
         read: Callable[[etree._Element], Road],
         read_details: Callable[[etree._Element], Deferred[RoadDetails]],
-        geometry: NetworkGeometry | None,
+        geometry: NetworkGeometry,
+        records: Iterable[Road],
     ) -> None:
-        """Defer the reading of `elements`."""
+        """Defer the reading of `elements`, but for the `records` that are there already."""
         self.geometry = geometry
         self._elements = elements
         self._read = read
         self._read_details = read_details
-        self._records: dict[str, Road] = {}
+        self._records = {record.id: record for record in records}
 
     def __getitem__(self, road_id: str) -> Road:
         record = self._records.get(road_id)

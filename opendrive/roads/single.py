@@ -198,7 +198,8 @@ class SingleLookup:
             else:
                 if search.best[0] > complete_m - off_m:
                     return None
-        slants = search.slants or self.is_banked
+        # The nearest point of a border that slants is not abreast of the foot.
+        slants = search.best[0] >= search.slanted_m or self.is_banked
         return None if search.is_open or (slants and search.best[0] > 0.0) else search.hit
 
     def _around(self, x_m: float, y_m: float) -> tuple[float, list[tuple[float, int]], float]:
@@ -274,13 +275,13 @@ def _clipped(value: float, high: float) -> float:
 class _Search:
     """The search for the nearest lane to one point."""
 
-    __slots__ = ("best", "hit", "is_open", "lookup", "seen", "slants", "wanted", "x_m", "y_m")
+    __slots__ = ("best", "hit", "is_open", "lookup", "seen", "slanted_m", "wanted", "x_m", "y_m")
 
     def __init__(self, lookup: SingleLookup, x_m: float, y_m: float, wanted: Sequence[bool]) -> None:
         self.lookup, self.x_m, self.y_m, self.wanted = lookup, x_m, y_m, wanted
         self.best = (float("inf"), 0.0)
         self.hit: Hit | None = None
-        self.slants = False
+        self.slanted_m = float("inf")
         self.is_open = False
         self.seen: set[int] = set()
 
@@ -295,7 +296,8 @@ class _Search:
         u, v = fc * dx + fs * dy, fc * dy - fs * dx
         off_u = u_low - u if u < u_low else (u - u_high if u > u_high else 0.0)
         off_v = v_low - v if v < v_low else (v - v_high if v > v_high else 0.0)
-        if (off_u or off_v) and hypot(off_u, off_v) > self.best[0]:
+        off_box = hypot(off_u, off_v) if off_u or off_v else 0.0
+        if off_box > self.best[0]:
             return
         low, high = lookup.first_row[cell]
         wanted = self.wanted
@@ -316,8 +318,8 @@ class _Search:
             distance = hypot(left_over, aside)
             if aside <= BORDER_M and -FOOT_M <= left_over <= FOOT_M:
                 distance = 0.0
-            elif slanted:
-                self.slants = True
+            elif slanted and off_box < self.slanted_m:
+                self.slanted_m = off_box
             rank = (distance, abs(t - 0.5 * (inner + outer)))
             if rank < self.best:
                 self.best, self.hit = rank, (lane, s, t, distance)

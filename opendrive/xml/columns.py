@@ -1,22 +1,23 @@
-"""The geometry of all roads and lanes at once, straight from the XML, for files without anything odd.
+"""The geometry of all roads and lanes at once, straight from the XML.
 
 To make a record of every lane and curve costs more than parsing the file does, and most of them are never
-asked for. Here the numbers of all elements of a kind become columns instead. What is out of order, and
-whatever needs an error, is left to the reading of the records.
+asked for. Here one walk over the file puts the numbers of all elements of a kind into columns instead. A road
+with anything out of order, and whatever needs an error, is read by its record, which then fills the columns.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from opendrive.arrays import FloatArray, IntArray, run_starts
+from opendrive.arrays import BoolArray, FloatArray, IntArray, first_rows, run_starts
 from opendrive.errors import MapContentError
 from opendrive.geometry.curves import CurveTable
 from opendrive.geometry.lateral_shape import ShapeTable
 from opendrive.geometry.profiles import CubicTable
 from opendrive.lanes.table import LaneColumns, LaneTable, RoadTable, SectionColumns
-from opendrive.model import RoadLink
+from opendrive.model import Road, RoadLink, Shape, TrafficRule
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.xml.fields import LENGTH
 from opendrive.xml.lanes import (
@@ -28,7 +29,17 @@ from opendrive.xml.lanes import (
     warn_of_lane,
     warn_of_section,
 )
-from opendrive.xml.roads import ID, JUNCTION_ID, LINE, LINK, ROAD_TYPE, RULE, SHAPE, read_shape
+from opendrive.xml.roads import (
+    ID,
+    JUNCTION_ID,
+    LINE,
+    LINK,
+    ROAD_TYPE,
+    RULE,
+    SHAPE,
+    read_road,
+    read_shape,
+)
 from opendrive.xml.values import (
     CUBIC,
     CUBIC_OFFSET,
@@ -40,188 +51,320 @@ from opendrive.xml.values import (
 )
 
 _GEOMETRY = ("s", "x", "y", "hdg", "length")
-_READ = (
-    "geometry", "elevation", "superelevation", "crossfall", "shape", "laneOffset", "laneSection", "lane",
-    "link", "predecessor", "successor", "width", "border", "height",
-)  # fmt: skip
-_ROAD_PARTS = ("planView", "elevationProfile", "lateralProfile", "lanes", "link")
+_OF_ROADS = {
+    "geometry": _GEOMETRY, "elevation": CUBIC, "superelevation": CUBIC, "crossfall_left": CUBIC,
+    "crossfall_right": CUBIC, "shape": SHAPE, "lane_offset": CUBIC, "section": ("s",),
+}  # fmt: skip
+_OF_LANES = {"width": CUBIC_OFFSET, "border": CUBIC_OFFSET, "height": HEIGHT}
+_ATTRIBUTES = _OF_ROADS | _OF_LANES
+"""Names of the numbers of each kind of element."""
 
-Elements: TypeAlias = dict[str, list[Element]]
+_ROAD_PARTS = frozenset(("planView", "elevationProfile", "lateralProfile", "lanes", "link"))
+_CROSSFALLS: dict[str, tuple[str, ...]] = {"left": ("crossfall_left",), "right": ("crossfall_right",)}
+_CROSSFALLS["both"] = (*_CROSSFALLS["left"], *_CROSSFALLS["right"])
+_ROAD_FIELDS = (ID, LENGTH, RULE, JUNCTION_ID)
 
 
 class _OddError(Exception):
     """Something that has to be read with care."""
 
 
-def read_geometry(values: Values, root: Element, roads: Sequence[Element]) -> NetworkGeometry | None:
-    """Return the geometry of `roads`, all children of that name of `root`; None if anything is odd.
+def read_geometry(values: Values, roads: Sequence[Element]) -> tuple[NetworkGeometry, list[Road]]:
+    """Return the geometry of `roads`, and the records of those that are odd.
 
-    Then nothing has been warned of; else everything that the records' reader would warn of in the geometry.
+    Everything that the records' reader would warn of in the geometry has then been warned of.
+
+    Raises:
+        MapContentError: what places a road or lane is missing or impossible.
     """
-    if sum(1 for _ in root.iterchildren("road")) != len(roads):
-        return None
-    before = len(values.warnings)
-    try:
-        return _read(root, roads, values)
-    except (_OddError, MapContentError):
-        del values.warnings[before:]
-        return None
-
-
-def _read(root: Element, roads: Sequence[Element], values: Values) -> NetworkGeometry:
-    parts: dict[str, dict[Element, int]] = {name: {} for name in _ROAD_PARTS}
+    columns: list[_RoadColumns] = []
+    odd: set[int] = set()
     for r, road in enumerate(roads):
+        before = len(values.warnings)
+        columns.append(_RoadColumns())
+        try:
+            columns[r].read(values, road)
+        except (_OddError, MapContentError):
+            del values.warnings[before:]
+            columns[r] = _RoadColumns()
+            odd.add(r)
+    tables = _Tables.of(columns)
+    odd |= tables.odd_roads()
+    records = [read_road(values, roads[r]) for r in sorted(odd)]
+    if odd:
+        for r, record in zip(sorted(odd), records, strict=True):
+            columns[r] = _RoadColumns()
+            columns[r].enter(record)
+        tables = _Tables.of(columns)
+    return tables.geometry(values), records
+
+
+class _LaneIds(dict[object, int]):
+    """Ids of lanes by their texts."""
+
+    def __missing__(self, text: object) -> int:
+        raise _OddError
+
+
+_LANE_IDS = _LaneIds(SMALL_INTEGERS)
+
+
+_LaneRow: TypeAlias = tuple[int, int, str, bool, str, tuple[int, ...], tuple[int, ...], Element | None]
+"""Section, id, type, level, direction, predecessors, successors of a lane; its element if it is still there.
+
+The section is its index in the road.
+"""
+
+
+class _RoadColumns:
+    """What the columns of a network's tables hold of one road.
+
+    Attributes:
+        numbers: numbers, or their texts, of all elements of a kind, one after the other.
+        lane_of: index in the road of the lane that each element of a kind belongs to.
+        shapes: shapes of the pieces of the reference line.
+        sections: elements of the lane sections, as far as there are any.
+        lanes: lanes, in any order within their section.
+        row: what `RoadTable` has of the road.
+    """
+
+    __slots__ = ("lane_of", "lanes", "numbers", "row", "sections", "shapes")
+
+    def __init__(self) -> None:
+        self.numbers: dict[str, list[Any]] = {name: [] for name in _ATTRIBUTES}
+        self.lane_of: dict[str, list[int]] = {name: [] for name in _OF_LANES}
+        self.shapes: list[Shape] = []
+        self.sections: list[Element | None] = []
+        self.lanes: list[_LaneRow] = []
+        self.row: tuple[str, float, TrafficRule, str | None, RoadLink | None, RoadLink | None]
+        self.row = ("", 0.0, "RHT", None, None, None)
+
+    def read(self, values: Values, road: Element) -> None:
+        """Enter the numbers of a road's elements, as texts.
+
+        Raises:
+            MapContentError: something is missing or impossible.
+            _OddError: something is not what its columns expect.
+        """
+        parts: dict[object, Element] = {}
         for part in road:
-            if (of_road := parts.get(str(part.tag))) is not None:
-                of_road[part] = r
-            elif part.tag == "type":
+            tag = part.tag
+            if tag in _ROAD_PARTS:
+                # The records' reader takes the first part of a name.
+                _check(tag not in parts)
+                parts[tag] = part
+            elif tag == "type":
                 ROAD_TYPE.read(values, part)
-    for of_road in parts.values():
-        # The records' reader takes the first part of a name.
-        _check(len(set(of_road.values())) == len(of_road))
-    _check(len(parts["planView"]) == len(parts["lanes"]) == len(roads))
+        _check("planView" in parts and "lanes" in parts)
+        for piece in parts["planView"]:
+            if piece.tag == "geometry":
+                self._add("geometry", piece)
+                is_line = len(piece) == 1 and piece[0].tag == "line"
+                self.shapes.append(LINE if is_line else read_shape(values, piece))
+        for element in parts.get("elevationProfile", ()):
+            if element.tag == "elevation":
+                self._add("elevation", element)
+        for element in parts.get("lateralProfile", ()):
+            if element.tag in ("superelevation", "shape"):
+                self._add(element.tag, element)
+            elif element.tag == "crossfall":
+                side = element.get("side", "both")
+                _check(side in _CROSSFALLS)
+                for name in _CROSSFALLS[side]:
+                    self._add(name, element)
+        for element in parts["lanes"]:
+            if element.tag == "laneSection":
+                self._add("section", element)
+                self._read_section(element)
+            elif element.tag == "laneOffset":
+                self._add("lane_offset", element)
+        _check(bool(self.shapes and self.sections))
+        links: dict[object, RoadLink | None] = {}
+        for link in parts.get("link", ()):
+            if link.tag in ("predecessor", "successor"):
+                _check(link.tag not in links)
+                links[link.tag] = LINK.read(values, link)
+        road_id, length_m, rule, junction_id = (field.read(values, road) for field in _ROAD_FIELDS)
+        self.row = road_id, length_m, rule, junction_id, links.get("predecessor"), links.get("successor")
 
-    # One walk over the file, by name; which of them stand where they count is seen from their parents.
-    elements: Elements = {tag: [] for tag in _READ}
-    for element in root.iter(*_READ):
-        elements[element.tag].append(element)
+    def _add(self, name: str, element: Element) -> None:
+        self.numbers[name] += map(element.get, _ATTRIBUTES[name])
 
-    def profiles(tag: str, part: str) -> CubicTable:
-        return CubicTable.of_rows(*_records(elements[tag], parts[part], CUBIC), len(roads))
+    def _read_section(self, section: Element) -> None:
+        k, first = len(self.sections), len(self.lanes)
+        self.sections.append(section)
+        numbers, lane_of, lanes = self.numbers, self.lane_of, self.lanes
+        for group in section:
+            sign = SIDES.get(str(group.tag))
+            for lane in group if sign is not None else ():
+                if lane.tag != "lane":
+                    continue
+                lane_id = _LANE_IDS[lane.get("id")]
+                if (lane_id > 0) - (lane_id < 0) != sign:
+                    raise _OddError
+                before: tuple[int, ...] = ()
+                after: tuple[int, ...] = ()
+                for child in lane:
+                    tag = child.tag
+                    if tag in _OF_LANES:
+                        numbers[tag] += map(child.get, _OF_LANES[tag])
+                        lane_of[tag].append(len(lanes))
+                    elif tag == "link":
+                        for link in child:
+                            if link.tag == "predecessor":
+                                before += (_LANE_IDS[link.get("id")],)
+                            elif link.tag == "successor":
+                                after += (_LANE_IDS[link.get("id")],)
+                kind, direction = lane.get("type", "none"), lane.get("direction", "standard")
+                is_level = lane.get("level") in ("true", "1")
+                lanes.append((k, lane_id, kind, is_level, direction, before, after, lane))
+        ids = [lane[1] for lane in lanes[first:]]
+        _check(len(set(ids)) == len(ids))
 
-    def crossfall(side: str) -> CubicTable:
-        sides = [element.get("side", "both") for element in elements["crossfall"]]
-        _check(set(sides) <= {"left", "right", "both"})
-        records = [e for e, of in zip(elements["crossfall"], sides, strict=True) if of in (side, "both")]
-        return CubicTable.of_rows(*_records(records, parts["lateralProfile"], CUBIC), len(roads))
-
-    table = _roads(roads, parts["link"], values)
-    return NetworkGeometry(
-        curves=_curves(elements["geometry"], parts["planView"], values),
-        elevation=profiles("elevation", "elevationProfile"),
-        superelevation=profiles("superelevation", "lateralProfile"),
-        crossfall_left=crossfall("left"),
-        crossfall_right=crossfall("right"),
-        shapes=_shapes(elements["shape"], parts["lateralProfile"], len(roads)),
-        lanes=_lanes(values, elements, parts["lanes"], table, profiles("laneOffset", "lanes")),
-        roads=table,
-    )
-
-
-def _roads(roads: Sequence[Element], links: dict[Element, int], values: Values) -> RoadTable:
-    ends: dict[str, dict[int, RoadLink | None]] = {"predecessor": {}, "successor": {}}
-    for parent, r in links.items():
-        for link in parent:
-            of_road = ends.get(str(link.tag))
-            if of_road is not None:
-                _check(r not in of_road)
-                of_road[r] = LINK.read(values, link)
-    return RoadTable(
-        id=tuple([ID.read(values, road) for road in roads]),
-        length_m=np.array([LENGTH.read(values, road) for road in roads]),
-        rule=tuple([RULE.read(values, road) for road in roads]),
-        junction_id=tuple([JUNCTION_ID.read(values, road) for road in roads]),
-        predecessor=tuple(map(ends["predecessor"].get, range(len(roads)))),
-        successor=tuple(map(ends["successor"].get, range(len(roads)))),
-    )
-
-
-def _curves(elements: list[Element], plans: dict[Element, int], values: Values) -> CurveTable:
-    pieces, _ = _children(elements, plans)
-    road, rows = _records(pieces, plans, _GEOMETRY)
-    _check(len(np.unique(road)) == len(plans))
-    _check(bool((rows[:, 4] >= 0.0).all() and (rows[:, 4] <= MAX_LENGTH_M).all()))
-    shapes = [
-        LINE if len(piece) == 1 and piece[0].tag == "line" else read_shape(values, piece, s_m, length_m)
-        for piece, s_m, length_m in zip(pieces, rows[:, 0].tolist(), rows[:, 4].tolist(), strict=True)
-    ]
-    return CurveTable.build(road, rows, shapes, len(plans))
-
-
-def _shapes(elements: list[Element], parents: dict[Element, int], roads: int) -> ShapeTable:
-    owner, rows = _records(elements, parents, SHAPE)
-    # Places of one s ascend in t.
-    together = (np.diff(owner) == 0) & (np.diff(rows[:, 0]) == 0.0)
-    _check(not (np.diff(rows[:, 1])[together] < 0.0).any())
-    return ShapeTable.stack(np.split(rows, np.searchsorted(owner, np.arange(1, roads))))
-
-
-def _lanes(
-    values: Values,
-    elements: Elements,
-    parents: dict[Element, int],
-    roads: RoadTable,
-    lane_offset: CubicTable,
-) -> LaneTable:
-    sections, _ = _children(elements["laneSection"], parents)
-    road, starts = _records(sections, parents, ("s",))
-    start_m = starts[:, 0]
-    _check(len(np.unique(road)) == len(parents))
-    _check(bool((start_m >= -OFF_ROAD_M).all() and (start_m <= roads.length_m[road] + OFF_ROAD_M).all()))
-
-    section_of: dict[Element, int] = {}
-    side_of: dict[Element, int] = {}
-    for k, parent in enumerate(sections):
-        for group in parent:
-            if (sign := SIDES.get(str(group.tag))) is not None:
-                section_of[group], side_of[group] = k, sign
-    lanes, section = _children(elements["lane"], section_of)
-    lane_id = np.array(_integers(lanes), dtype=np.int64)
-    _check(np.array_equal(np.sign(lane_id), _children(lanes, side_of)[1]))
-    order = np.lexsort((lane_id, section))
-    _check(bool(((np.diff(section[order]) != 0) | (np.diff(lane_id[order]) != 0)).all()))
-
-    lane_of = {lane: i for i, lane in enumerate(lanes)}
-    links, owner = _children(elements["link"], lane_of)
-    lane_of_link = dict(zip(links, owner.tolist(), strict=True))
-
-    def linked(tag: str) -> list[tuple[int, ...]]:
-        ids: list[tuple[int, ...]] = [()] * len(lanes)
-        links, owner = _children(elements[tag], lane_of_link)
-        for i, lane_id in zip(owner.tolist(), _integers(links), strict=True):
-            ids[i] = (*ids[i], lane_id)
-        return ids
-
-    columns = LaneColumns(
-        section=section,
-        id=lane_id,
-        type=[lane.get("type", "none") for lane in lanes],
-        level=[lane.get("level") in ("true", "1") for lane in lanes],
-        direction=[lane.get("direction", "standard") for lane in lanes],
-        predecessors=linked("predecessor"),
-        successors=linked("successor"),
-        width=_records(elements["width"], lane_of, CUBIC_OFFSET),
-        border=_records(elements["border"], lane_of, CUBIC_OFFSET),
-        height=_records(elements["height"], lane_of, HEIGHT),
-    )
-    _warn_of_lanes(values, sections, lanes, columns)
-    return LaneTable.build(roads, SectionColumns(road, start_m), columns, lane_offset)
+    def enter(self, road: Road) -> None:
+        """Enter a road that was read by its record."""
+        self.shapes = [piece.shape for piece in road.geometries]
+        for p in road.geometries:
+            self.numbers["geometry"] += (p.s_m, p.x_m, p.y_m, p.heading_rad, p.length_m)
+        for name in _OF_ROADS.keys() - {"geometry", "section"}:
+            self.numbers[name] += getattr(road, name).ravel().tolist()
+        for k, section in enumerate(road.sections):
+            self.numbers["section"].append(section.s_m)
+            self.sections.append(None)
+            for lane in section.lanes:
+                for name, lane_of in self.lane_of.items():
+                    rows: FloatArray = getattr(lane, name)
+                    self.numbers[name] += rows.ravel().tolist()
+                    lane_of += [len(self.lanes)] * len(rows)
+                links = lane.predecessors, lane.successors
+                self.lanes.append((k, lane.id, lane.type, lane.level, lane.direction, *links, None))
+        self.row = road.id, road.length_m, road.rule, road.junction_id, road.predecessor, road.successor
 
 
-def _warn_of_lanes(
-    values: Values, sections: list[Element], lanes: list[Element], columns: LaneColumns
-) -> None:
-    """Warn of lanes and lane sections as the records' reader does."""
-    start_m = np.full((2, len(lanes)), np.nan)
-    for column, (owner, rows) in zip(start_m, (columns.border, columns.width), strict=True):
-        first = run_starts(owner)
-        column[owner[first]] = rows[first, 0]
-    is_there = ~np.isnan(start_m)
-    start_m = np.where(is_there[1], start_m[1], start_m[0])
-    odd = (columns.id != 0) & ((is_there[0] == is_there[1]) | (start_m > LATE_M))
-    if not LANE_TYPES.issuperset(columns.type):
-        odd |= np.array([name not in LANE_TYPES for name in columns.type])
-    for i in np.flatnonzero(odd).tolist():
-        start = float(start_m[i]) if is_there[:, i].any() else None
-        has_both = bool(is_there[:, i].all())
-        warn_of_lane(values, lanes[i], int(columns.id[i]), columns.type[i], start, has_both)
-    count = len(sections)
-    low, high = np.zeros((2, count), dtype=np.int64)
-    np.minimum.at(low, columns.section, columns.id)
-    np.maximum.at(high, columns.section, columns.id)
-    gaps = high - low + 1 != np.bincount(columns.section, minlength=count)
-    for k in np.flatnonzero(gaps).tolist():
-        warn_of_section(values, sections[k], columns.id[columns.section == k].tolist())
+class _Tables(NamedTuple):
+    """The columns of all roads.
+
+    Attributes:
+        of: columns of each road.
+        rows: owner (K,), road (K,) and numbers (K, N) of all elements of a kind; not a number for a text
+            that is none.
+        lane_section: (L,) index of the section of each lane.
+    """
+
+    roads: list[_RoadColumns]
+    rows: dict[str, tuple[IntArray, IntArray, FloatArray]]
+    lane_section: IntArray
+
+    @classmethod
+    def of(cls, roads: list[_RoadColumns]) -> "_Tables":
+        """Put roads one after the other."""
+        every = np.arange(len(roads))
+        first_section, first_lane = (
+            first_rows(np.array([len(lists) for lists in of_roads], dtype=np.int64))
+            for of_roads in ([road.sections for road in roads], [road.lanes for road in roads])
+        )
+        rows = {}
+        for name, names in _ATTRIBUTES.items():
+            texts = list(chain.from_iterable([road.numbers[name] for road in roads]))
+            try:
+                numbers = np.fromiter(map(float, texts), np.float64, len(texts))
+            except (TypeError, ValueError):
+                numbers = np.fromiter(map(_number, texts), np.float64, len(texts))
+            numbers = numbers.reshape(-1, len(names))
+            owner = of_road = np.repeat(every, [len(road.numbers[name]) // len(names) for road in roads])
+            if name in _OF_LANES:
+                lane_of = list(chain.from_iterable([road.lane_of[name] for road in roads]))
+                owner = first_lane[of_road] + np.array(lane_of, dtype=np.int64)
+            rows[name] = owner, of_road, numbers
+        of_road = np.repeat(every, np.diff(first_lane))
+        section = [lane[0] for road in roads for lane in road.lanes]
+        return cls(roads, rows, first_section[of_road] + np.array(section, dtype=np.int64))
+
+    def odd_roads(self) -> set[int]:
+        """Return the roads in which numbers are missing, impossible, or do not ascend."""
+        odd: set[int] = set()
+        for name, (owner, road, rows) in self.rows.items():
+            # Not a number is not within either.
+            is_odd: BoolArray = np.any(~(np.abs(rows) <= MAX_NUMBER), axis=1)
+            start = rows[:, 0]
+            together = np.diff(owner) == 0
+            is_odd[1:] |= together & (np.diff(start) < 0.0)
+            if name == "geometry":
+                is_odd |= (rows[:, 4] < 0.0) | (rows[:, 4] > MAX_LENGTH_M)
+            elif name == "shape":
+                # Places of one s ascend in t.
+                is_odd[1:] |= together & (np.diff(start) == 0.0) & (np.diff(rows[:, 1]) < 0.0)
+            elif name == "section":
+                length_m = np.array([columns.row[1] for columns in self.roads])[road]
+                is_odd |= (start < -OFF_ROAD_M) | (start > length_m + OFF_ROAD_M)
+            odd.update(road[is_odd].tolist())
+        return odd
+
+    def geometry(self, values: Values) -> NetworkGeometry:
+        """Return the tables of the network; warn of lanes and lane sections as their records' reader does."""
+        count = len(self.roads)
+        tables = {name: (owner, rows) for name, (owner, _, rows) in self.rows.items()}
+
+        def profiles(name: str) -> CubicTable:
+            return CubicTable.of_rows(*tables[name], count)
+
+        ids, length_m, rules, junctions, predecessors, successors = zip(
+            *(road.row for road in self.roads), strict=True
+        )
+        roads = RoadTable(ids, np.array(length_m), rules, junctions, predecessors, successors)
+        rows = [lane for road in self.roads for lane in road.lanes]
+        _, lane_ids, *columns, elements = zip(*rows, strict=True) if rows else ((),) * 8
+        lanes = LaneColumns(
+            self.lane_section,
+            np.array(lane_ids, dtype=np.int64),
+            *columns,
+            *(tables[name] for name in ("width", "border", "height")),
+        )
+        self._warn_of_lanes(values, lanes, elements)
+        section_road, starts = tables["section"]
+        shape_road, shape_rows = tables["shape"]
+        return NetworkGeometry(
+            curves=CurveTable.build(
+                *tables["geometry"], [shape for road in self.roads for shape in road.shapes], count
+            ),
+            elevation=profiles("elevation"),
+            superelevation=profiles("superelevation"),
+            crossfall_left=profiles("crossfall_left"),
+            crossfall_right=profiles("crossfall_right"),
+            shapes=ShapeTable.stack(np.split(shape_rows, np.searchsorted(shape_road, np.arange(1, count)))),
+            lanes=LaneTable.build(
+                roads, SectionColumns(section_road, starts[:, 0]), lanes, profiles("lane_offset")
+            ),
+            roads=roads,
+        )
+
+    def _warn_of_lanes(
+        self, values: Values, columns: LaneColumns, elements: Sequence[Element | None]
+    ) -> None:
+        start_m = np.full((2, len(elements)), np.nan)
+        for column, (owner, rows) in zip(start_m, (columns.border, columns.width), strict=True):
+            first = run_starts(owner)
+            column[owner[first]] = rows[first, 0]
+        is_there = ~np.isnan(start_m)
+        start_m = np.where(is_there[1], start_m[1], start_m[0])
+        odd = (columns.id != 0) & ((is_there[0] == is_there[1]) | (start_m > LATE_M))
+        if not LANE_TYPES.issuperset(columns.type):
+            odd |= np.array([name not in LANE_TYPES for name in columns.type])
+        for i in np.flatnonzero(odd).tolist():
+            lane = elements[i]
+            if lane is not None:
+                start = float(start_m[i]) if is_there[:, i].any() else None
+                has_both = bool(is_there[:, i].all())
+                warn_of_lane(values, lane, int(columns.id[i]), columns.type[i], start, has_both)
+        sections = [section for road in self.roads for section in road.sections]
+        low, high = np.zeros((2, len(sections)), dtype=np.int64)
+        np.minimum.at(low, columns.section, columns.id)
+        np.maximum.at(high, columns.section, columns.id)
+        gaps = high - low + 1 != np.bincount(columns.section, minlength=len(sections))
+        for k in np.flatnonzero(gaps).tolist():
+            section = sections[k]
+            if section is not None:
+                warn_of_section(values, section, columns.id[columns.section == k].tolist())
 
 
 def _check(sound: bool) -> None:
@@ -229,42 +372,8 @@ def _check(sound: bool) -> None:
         raise _OddError
 
 
-def _children(elements: list[Element], parents: Mapping[Element, int]) -> tuple[list[Element], IntArray]:
-    """Return the elements whose parent is among `parents`, and the index of that."""
-    index = [parents.get(element.getparent()) for element in elements]  # type: ignore[arg-type]
-    if None in index:
-        elements = [element for element, k in zip(elements, index, strict=True) if k is not None]
-    owner = [k for k in index if k is not None]
-    return elements, np.array(owner, dtype=np.int64)
-
-
-def _records(
-    elements: list[Element], parents: Mapping[Element, int], names: tuple[str, ...]
-) -> tuple[IntArray, FloatArray]:
-    """Return owner (K,) and numbers (K, len(names)) of records, ascending in the first of them."""
-    elements, owner = _children(elements, parents)
-    rows = _numbers(elements, names)
-    _check(not ((np.diff(rows[:, 0]) < 0.0) & (np.diff(owner) == 0)).any())
-    return owner, rows
-
-
-def _numbers(elements: Sequence[Element], names: tuple[str, ...]) -> FloatArray:
-    """Return attributes of elements (K, len(names)); all have to be there."""
-    texts = [element.get(name) for element in elements for name in names]
+def _number(text: object) -> float:
     try:
-        # Most numbers of a map are some text for 0.
-        known = {text: float(text) for text in set(texts)}  # type: ignore[arg-type]
+        return float(text)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise _OddError from None
-    numbers = np.fromiter(map(known.__getitem__, texts), np.float64, len(texts))
-    # Not a number is not within either.
-    _check(bool((np.abs(numbers) <= MAX_NUMBER).all()))
-    return numbers.reshape(-1, len(names))
-
-
-def _integers(elements: Sequence[Element]) -> list[int]:
-    """Return the attributes id of elements as integers, such as lanes have."""
-    try:
-        return [SMALL_INTEGERS[element.get("id")] for element in elements]  # type: ignore[index]
-    except KeyError:
-        raise _OddError from None
+        return np.nan

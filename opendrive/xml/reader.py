@@ -1,24 +1,26 @@
 """OpenDRIVE XML to records.
 
 What places roads and lanes is read at once; a wrong value there is an error with file, road, element and
-line. Road marks, signals, objects and the like are read when first asked for; there, what is wrong is left
-out with a `MapWarning`. To ask for the warnings reads everything.
+line. Junctions, road marks, signals, objects and the like are read when first asked for; there, what is wrong
+is left out with a `MapWarning`. To ask for the warnings reads everything.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
 
 from opendrive.errors import MapContentError, MapWarning, WarningKind
-from opendrive.model import Deferred, Header, MapModel
+from opendrive.model import Deferred, DeferredRecords, Header, MapModel
 from opendrive.roads.road_records import RoadRecords
 from opendrive.xml.columns import read_geometry
 from opendrive.xml.document import parse, read_bytes
+from opendrive.xml.fields import Table
 from opendrive.xml.file import CONTENT, HEADER
 from opendrive.xml.lanes import read_remaining
 from opendrive.xml.layers import PERMANENT, choose_layer
-from opendrive.xml.roads import ROAD, read_known_road, read_road
+from opendrive.xml.roads import ROAD, read_known_road
 from opendrive.xml.values import Element, Values
 
 _Record = TypeVar("_Record")
@@ -43,7 +45,7 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         choose_layer(values, root, layer)
     header: Header | None = None
     roads: dict[str, Element] = {}
-    by_id: dict[str, dict[str, Any]] = {"junctions": {}, "controllers": {}}
+    by_id: dict[str, list[Element]] = {"junctions": [], "controllers": []}
     listed: dict[str, list[Any]] = {"junction_groups": [], "stations": []}
     extra: list[str] = []
     for element in root:
@@ -51,8 +53,7 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         if name == "roads":
             _add(values, element, roads, values.text(element, "id"), element)
         elif name in by_id:
-            for record in values.each(table.read, [element]):
-                _add(values, element, by_id[name], record.id, record)
+            by_id[name].append(element)
         elif name:
             listed[name] += values.each(table.read, [element])
         elif element.tag == "header" and header is None:
@@ -66,18 +67,21 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         )
     if not roads:
         raise MapContentError(f"{path}: the map has no <road>; it may be truncated")
-    geometry = read_geometry(values, root, list(roads.values()))
-    read = read_road if geometry is None else read_known_road
-    records = RoadRecords(roads, partial(read, values), partial(ROAD.details, values), geometry)
-    if geometry is None:
-        for road_id in roads:
-            records[road_id]
+    geometry, odd = read_geometry(values, list(roads.values()))
+    records = RoadRecords(
+        roads, partial(read_known_road, values), partial(ROAD.details, values), geometry, odd
+    )
+    deferred: dict[str, DeferredRecords[Any]] = {
+        name: DeferredRecords(partial(_by_id, values, table, by_id[name]))
+        for name, table in CONTENT.values()
+        if name in by_id
+    }
     return MapModel(
         header=header,
         roads=records,
-        junctions=by_id["junctions"],
-        noted=Deferred(partial(_all_warnings, values, roads)),
-        controllers=by_id["controllers"],
+        junctions=deferred["junctions"],
+        noted=Deferred(partial(_all_warnings, values, roads, deferred.values())),
+        controllers=deferred["controllers"],
         junction_groups=tuple(listed["junction_groups"]),
         stations=tuple(listed["stations"]),
         extra=tuple(extra),
@@ -92,8 +96,20 @@ def _add(values: Values, element: Element, records: dict[str, _Record], name: st
         records[name] = record
 
 
-def _all_warnings(values: Values, roads: dict[str, Element]) -> tuple[MapWarning, ...]:
+def _by_id(values: Values, table: Table[Any], elements: list[Element]) -> dict[str, Any]:
+    records: dict[str, Any] = {}
+    for element in elements:
+        for record in values.each(table.read, [element]):
+            _add(values, element, records, record.id, record)
+    return records
+
+
+def _all_warnings(
+    values: Values, roads: dict[str, Element], deferred: Iterable[DeferredRecords[Any]]
+) -> tuple[MapWarning, ...]:
     """Read what is left as far as it can be warned of, and return what was tolerated."""
+    for records in deferred:
+        len(records)
     used: set[tuple[str, str]] = set()
     for road_id, element in roads.items():
         if not values.is_plain(element, ROAD.names):

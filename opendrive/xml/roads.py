@@ -124,12 +124,13 @@ _SHAPES: dict[type[model.Shape], tuple[str, Table[Any]]] = {
 _TABLE_OF_TAG = dict(_SHAPES.values())
 
 
-def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -> model.Shape:
+def read_shape(values: Values, geometry: Element) -> model.Shape:
     """Return the shape of a piece of reference line.
 
     Raises:
         MapContentError: there is none, it is of an unknown kind, or it winds up.
     """
+    s_m, length_m = values.number(geometry, "s"), LENGTH.read(values, geometry)
     elements = [child for child in geometry if child.tag != "userData"]
     element = elements[0] if elements else None
     if len(elements) > 1:
@@ -158,10 +159,6 @@ def read_shape(values: Values, geometry: Element, s_m: float, length_m: float) -
     return shape
 
 
-def _read_shape(values: Values, geometry: Element) -> model.Shape:
-    return read_shape(values, geometry, values.number(geometry, "s"), LENGTH.read(values, geometry))
-
-
 def _write_shape(geometry: Element, shape: model.Shape) -> None:
     tag, table = _SHAPES[type(shape)]
     table.write(etree.SubElement(geometry, tag), shape)
@@ -174,7 +171,7 @@ _GEOMETRY = Table(
     y_m=number("y"),
     heading_rad=number("hdg"),
     length_m=LENGTH,
-    shape=Field(_read_shape, _write_shape),
+    shape=Field(read_shape, _write_shape),
 )
 ORDER_RULE = "asam.net:xodr:1.4.0:road.geometry.elem_asc_order"
 _PIECES = children_of("geometry", _GEOMETRY)

@@ -6,9 +6,9 @@ import pytest
 
 from opendrive import MapContentError, load_map, read_map
 from opendrive.roads.geometry import NetworkGeometry
+from opendrive.xml import columns
+from opendrive.xml.roads import read_road
 
-# What is out of order is read record by record.
-LEAST_SHARE = 0.9
 CROSSFALL = '<crossfall s="{s}" a="{a}" b="0" c="0" d="0" side="{side}"/>'
 SHAPE = '<shape s="{s}" t="{t}" a="0.1" b="0.01" c="0" d="0"/>'
 LATERAL = "<lateralProfile>{}</lateralProfile><lanes>"
@@ -39,15 +39,26 @@ def assert_equal_tables(first, second):
 def test_columns_equal_what_the_records_give(shared, map_name):
     model = read_map(shared / "maps" / f"{map_name}.xodr")
     by_records = NetworkGeometry.collect(tuple(model.roads.values()))
-    if model.roads.geometry is not None:
-        assert_equal_tables(model.roads.geometry, by_records)
+    assert_equal_tables(model.roads.geometry, by_records)
 
 
-def test_most_maps_are_read_in_columns(network_of, shared):
-    names = [file.stem for file in (shared / "maps").glob("*.xodr")]
-    in_columns = [name for name in names if network_of(name).model.roads.geometry is not None]
-    assert len(in_columns) >= LEAST_SHARE * len(names)
-    assert {"Town01", "Town03", "Town04"} <= set(in_columns)
+def test_only_odd_roads_are_read_by_their_records(tmp_path, text, monkeypatch):
+    """Of three roads, one with records out of order: the others are read when they are asked for."""
+    names = ("first", "odd", "last")
+    roads = [text.road(road_id=name) for name in names]
+    roads[1] = roads[1].replace("<lanes>", f"<lanes>{OFFSET.format(s=9)}{OFFSET.format(s=0)}", 1)
+    file = tmp_path / "odd.xodr"
+    file.write_text(text.document("".join(roads)), encoding="utf-8")
+    read = []
+    monkeypatch.setattr(
+        columns, "read_road", lambda values, road: read.append(road.get("id")) or read_road(values, road)
+    )
+    network = load_map(file)
+    assert read == ["odd"]
+    assert_equal_tables(
+        network.model.roads.geometry, NetworkGeometry.collect(tuple(network.model.roads.values()))
+    )
+    assert [(w.kind.value, w.road_id) for w in network.model.warnings] == [("order", "odd")]
 
 
 def test_a_road_is_read_when_asked_for_and_once(network_of):
@@ -78,7 +89,7 @@ def test_a_pickled_network_is_the_same(network_of):
 )
 def test_what_is_wrong_in_a_clean_looking_map_is_named_at_once(load, text, old, new):
     clean = text.document(text.road(road_id="seven"))
-    assert load(clean, whole=True).model.roads.geometry is not None
+    assert len(load(clean, whole=True).lanes) == 2
     assert old in clean
     with pytest.raises(MapContentError, match=r"road 'seven', <\w+>, line \d+: "):
         load(clean.replace(old, new, 1), whole=True)
@@ -87,24 +98,43 @@ def test_what_is_wrong_in_a_clean_looking_map_is_named_at_once(load, text, old, 
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("<planView>", "<planView/><planView>"),
         ('<lane id="-1"', '<lane id="-1"/><lane id="-1"'),
-        ("<lanes>", LATERAL.format(CROSSFALL.format(s=0, a=0, side="up"))),
+        ('<lane id="-1"', '<lane id="-45"'),
+        ("</lane>", '<height sOffset="0" inner="0.1"/></lane>'),
         ("<lanes>", LATERAL.format(SHAPE.format(s=0, t=1) + SHAPE.format(s=0, t=-1))),
         ("<lanes>", f"<lanes>{OFFSET.format(s=9)}{OFFSET.format(s=0)}"),
+        ("<laneSection", '<laneSection s="400"/><laneSection'),
+        ("<planView>", "<link><successor elementType='road'/></link><planView>"),
+        ("<planView>", "<link/><link/><planView>"),
     ],
 )
-def test_odd_maps_are_read_by_their_records(tmp_path, text, old, new):
-    content = text.document(text.road())
+def test_odd_roads_are_as_their_records_say(tmp_path, text, old, new):
+    """Between two roads that are not odd."""
+    odd = text.road().replace(old, new, 1)
+    assert odd != text.road()
     file = tmp_path / "odd.xodr"
-    file.write_text(content.replace(old, new, 1), encoding="utf-8")
-    if new.startswith("<planView/>") or 'side="up"' in new:
-        with pytest.raises(MapContentError, match=r"no <geometry>|'side' is 'up'"):
-            load_map(file)
-    else:
-        network = load_map(file)
-        assert network.model.roads.geometry is None
-        assert len(network.lanes) == 2
+    file.write_text(
+        text.document(text.road(road_id="first") + odd + text.road(road_id="last")), encoding="utf-8"
+    )
+    network = load_map(file)
+    assert_equal_tables(
+        network.model.roads.geometry, NetworkGeometry.collect(tuple(network.model.roads.values()))
+    )
+    assert {w.road_id for w in network.model.warnings} == {"r"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<planView>", "<planView/><planView>", "no <geometry>"),
+        ("<lanes>", LATERAL.format(CROSSFALL.format(s=0, a=0, side="up")), "'side' is 'up'"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_by_the_record(tmp_path, text, old, new, message):
+    file = tmp_path / "odd.xodr"
+    file.write_text(text.document(text.road().replace(old, new, 1)), encoding="utf-8")
+    with pytest.raises(MapContentError, match=message):
+        load_map(file)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +165,5 @@ def test_crossfall_shapes_and_what_is_tolerated_are_read_in_columns(tmp_path, te
     file.write_text(text.document(plain + text.road().replace(old, new, 1)), encoding="utf-8")
     network = load_map(file)
     geometry = network.model.roads.geometry
-    assert geometry is not None
     assert_equal_tables(geometry, NetworkGeometry.collect(tuple(network.model.roads.values())))
     assert [warning.kind.value for warning in network.model.warnings] == kinds
