@@ -11,7 +11,7 @@ import numpy as np
 import _smartmot
 from evaluation.results.files import ResultsError
 from evaluation.views.plots.ground import Area
-from evaluation.views.plots.log_rows import boxes_of, of_kind
+from evaluation.views.plots.log_rows import boxes_of, of_kind, placed_signals
 from smartmot.area import MonitoredAreaStrategy
 from smartmot.geometry import wrap_angle
 from smartmot.types import Boxes, EgoState, FloatArray
@@ -136,7 +136,7 @@ def frames_of(log: pd.DataFrame, strategy: MonitoredAreaStrategy | None = None) 
 
 def _signals_of(log: pd.DataFrame, time_s: FloatArray) -> pd.DataFrame:
     """Rows of traffic signals that have a place, by time, with the frame from which on each holds."""
-    rows = of_kind(log, "signal").dropna(subset=["x_m", "y_m"]).sort_values("time_s", kind="stable")
+    rows = placed_signals(log)
     frame = np.searchsorted(time_s, rows["time_s"].to_numpy(np.float64) - 1e-6)
     return rows.assign(frame=frame)[frame < len(time_s)].reset_index(drop=True)
 

@@ -11,9 +11,9 @@ import numpy as np
 from evaluation.views.plots.fitting import fitted, set_title
 from evaluation.views.plots.ground import Area, draw_areas, draw_map, lane_outlines
 from evaluation.views.plots.labels import Rectangle
-from evaluation.views.plots.log_rows import frame_at, of_kind
+from evaluation.views.plots.log_rows import frame_at, of_kind, placed_signals, signals_at
 from evaluation.views.plots.map_ids import draw_ids
-from evaluation.views.plots.objects import draw_objects
+from evaluation.views.plots.objects import draw_objects, draw_signals
 from evaluation.views.plots.polygons import Pose, draw_polygons
 from evaluation.views.plots.style import BLACK, FONT_PT, MPS_TO_KMH, SMALL_PT, WIDTH_IN, new_figure
 from smartmot.geometry import corners
@@ -66,6 +66,7 @@ def birdseye(
     _add_title(figure, axes, title)
     handles = draw_map(axes, network, pose, _AROUND_EGO) + draw_areas(axes, areas, pose)
     handles += draw_objects(axes, frame, pose)
+    draw_signals(axes, signals_at(placed_signals(log), float(ego["time_s"])), pose)
     _add_legend(figure, axes, handles)
     return figure
 

@@ -37,6 +37,16 @@ def events_of(rows: pd.DataFrame, layers: Container[str] | None = None) -> list[
     ]
 
 
+def placed_signals(log: pd.DataFrame) -> pd.DataFrame:
+    """Rows of traffic signals that have a place, by time."""
+    return of_kind(log, "signal").dropna(subset=["x_m", "y_m"]).sort_values("time_s", kind="stable")
+
+
+def signals_at(rows: pd.DataFrame, time_s: float) -> pd.DataFrame:
+    """Of rows of traffic signals by time, for each signal the last one up to a time."""
+    return rows[rows["time_s"] <= time_s + TIME_TOLERANCE_S].drop_duplicates("category", keep="last")
+
+
 def boxes_of(rows: pd.DataFrame, suffix: str = "") -> tuple[FloatArray, FloatArray, FloatArray]:
     """Centres (N, 2), lengths and widths (N, 2) and headings (N,) in rows, map frame, metres and radians.
 

@@ -10,7 +10,7 @@ import numpy as np
 from evaluation.views.plots.labels import place_labels
 from evaluation.views.plots.log_rows import boxes_of, of_kind
 from evaluation.views.plots.polygons import Pose, draw_polygons
-from evaluation.views.plots.style import BLACK, BLUE, GREEN, GREY, VERMILLION
+from evaluation.views.plots.style import BLACK, BLUE, GREEN, GREY, SMALL_PT, VERMILLION
 from smartmot.geometry import corners, to_frame
 from smartmot.types import FloatArray
 
@@ -53,6 +53,32 @@ def signal_lamp(state: str) -> str:
         return state
     words = [word.lower() for word in re.findall("[A-Z]?[a-z]+|[A-Z]+", state)]
     return next((lamp for lamp, known in _LAMP_WORDS.items() if any(word in known for word in words)), state)
+
+
+def draw_signals(axes: Axes, signals: pd.DataFrame, pose: Pose) -> None:
+    """A lamp and a word where each traffic signal stands, one below the other where several have one pole.
+
+    Args:
+        axes: in the frame of the pose, metres.
+        signals: rows of the log that hold, one per signal.
+        pose: of that frame on the map.
+    """
+    from matplotlib.transforms import ScaledTranslation
+
+    places: dict[tuple[float, float], int] = {}
+    for signal, state, x_m, y_m in signals[["category", "label", "x_m", "y_m"]].itertuples(index=False):
+        above = places[x_m, y_m] = places.get((x_m, y_m), -1) + 1
+        ahead, left = to_frame(np.array([x_m, y_m]), *pose).tolist()
+        at, beside = (
+            axes.transData + ScaledTranslation(right_pt / 72, -above * 9 / 72, axes.figure.dpi_scale_trans)
+            for right_pt in (0, 5)
+        )
+        lamp = signal_lamp(state)
+        axes.plot([ahead], [left], "o", markersize=6, markeredgewidth=1.5, zorder=6.5, transform=at,
+            markeredgecolor=HOUSING_COLOUR, gid=f"signal {signal}",
+            markerfacecolor=SIGNAL_COLOURS.get(lamp, SIGNAL_COLOURS["off"]))  # fmt: skip
+        axes.text(ahead, left, f"{signal}: {lamp}", fontsize=SMALL_PT, va="center", zorder=6.5, clip_on=True,
+            transform=beside)  # fmt: skip
 
 
 def draw_objects(axes: Axes, frame: pd.DataFrame, pose: Pose) -> list[Patch]:

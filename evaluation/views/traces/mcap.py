@@ -13,6 +13,7 @@ from evaluation.errors import ArgumentError
 from evaluation.metrics.criticality import criticality
 from evaluation.results.files import write_whole
 from evaluation.views.pictures import told_of_writing
+from evaluation.views.plots.log_rows import placed_signals, signals_at
 from evaluation.views.traces import signals
 from evaluation.views.traces.lanes import lanes_near
 from evaluation.views.traces.run import (
@@ -28,6 +29,7 @@ from smartmot.area import MonitoredAreaStrategy
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
+    import pandas as pd
     from foxglove import Context
 
 OPTION = "--mcap"
@@ -128,8 +130,23 @@ def _topics(run: LoggedRun, context: Context) -> tuple[list[Messages], tuple[str
         _signals(run, ego, stamps_ns, context),
     ]
     topics += _perception(run, ego, context)
+    changes = placed_signals(run.log)
+    if len(changes):
+        topics.append((channel("/traffic_signals"), _lights(run, changes)))
     events = _events(run, context)
     return [*topics, events], notes
+
+
+def _lights(run: LoggedRun, changes: pd.DataFrame) -> list[tuple[int, Any]]:
+    """What all traffic signals show, whenever one of them changes."""
+    from evaluation.views.traces import scene
+
+    times = np.unique(changes["time_s"].to_numpy(np.float64))
+    stamps_ns = run.stamps_ns(times)
+    lit = [signals_at(changes, time_s)[["category", "label", "x_m", "y_m"]] for time_s in times.tolist()]
+    rows = [list(held.itertuples(index=False, name=None)) for held in lit]
+    stamps = scene.timestamps(stamps_ns)
+    return _paired(stamps_ns, [scene.signal_scene(*part) for part in zip(rows, stamps, strict=True)])
 
 
 def _perception(run: LoggedRun, ego: TimedRows, context: Context) -> list[Messages]:

@@ -13,6 +13,8 @@ import numpy as np
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError, write_whole
 from evaluation.views.pictures import told_of_writing
+from evaluation.views.plots.log_rows import placed_signals, signals_at
+from evaluation.views.plots.objects import signal_lamp
 from evaluation.views.traces.lanes import lanes_near
 from evaluation.views.traces.run import (
     HEIGHTS_M,
@@ -27,6 +29,7 @@ from opendrive import RoadNetwork
 from smartmot.types import FloatArray
 
 if TYPE_CHECKING:
+    import pandas as pd
     from osi3.osi_groundtruth_pb2 import GroundTruth
     from osi3.osi_version_pb2 import InterfaceVersion
 
@@ -41,6 +44,15 @@ _VEHICLES = {
     "motorcycle": "TYPE_MOTORBIKE",
 }
 """Classes of OSI's vehicles by category."""
+LIGHT_IDS = HOST_ID + 1
+"""Identifiers of traffic lights, from this one on."""
+_LIGHTS = {
+    "red": ("COLOR_RED", "MODE_CONSTANT"),
+    "yellow": ("COLOR_YELLOW", "MODE_CONSTANT"),
+    "green": ("COLOR_GREEN", "MODE_CONSTANT"),
+    "off": ("COLOR_UNKNOWN", "MODE_OFF"),
+}
+"""Colour and mode of OSI's traffic lights by the lamp that is lit."""
 _LENGTH = struct.Struct("<I")
 """Before each message of a trace: its length."""
 
@@ -125,6 +137,7 @@ def ground_truth(run: LoggedRun) -> tuple[list[GroundTruth], tuple[str, ...]]:
     _add_objects(messages, ego, [HOST_ID] * len(ego), ["car"] * len(ego), run, _ego_motion(ego))
     identities = [int(value) for value in actors["id"].tolist()]
     _add_objects(messages, actors, identities, actors.text, run, _motion(actors))
+    _add_lights(messages, ego.time_s, placed_signals(run.log))
     return messages, (*run.notes, *_add_map(messages[0], run, ego))
 
 
@@ -197,6 +210,29 @@ def _add_objects(
                 added.vehicle_classification.role = vehicle.ROLE_CIVIL
             else:
                 added.type = MovingObject.TYPE_OTHER
+
+
+def _add_lights(messages: Sequence[GroundTruth], time_s: FloatArray, changes: pd.DataFrame) -> None:
+    """Add the lamp that is lit of every traffic signal to the message of each time."""
+    from osi3.osi_trafficlight_pb2 import TrafficLight
+
+    from evaluation.views.traces.osi_lanes import OPENDRIVE
+
+    kind = TrafficLight.Classification
+    identity = {signal: LIGHT_IDS + k for k, signal in enumerate(sorted(set(changes["category"])))}
+    for message, now_s in zip(messages, time_s.tolist() if len(changes) else (), strict=False):
+        rows = signals_at(changes, now_s)[["category", "label", "x_m", "y_m"]]
+        for signal, state, x_m, y_m in rows.itertuples(index=False):
+            lamp = signal_lamp(state)
+            light = message.traffic_light.add()
+            light.id.value = identity[signal]
+            light.base.position.x, light.base.position.y = x_m, y_m
+            color, mode = _LIGHTS.get(lamp, ("COLOR_OTHER", "MODE_OTHER"))
+            light.classification.color = kind.Color.Value(color)
+            light.classification.mode = kind.Mode.Value(mode)
+            source = light.source_reference.add()
+            source.type = OPENDRIVE
+            source.identifier.append(str(signal))
 
 
 def _add_map(message: GroundTruth, run: LoggedRun, ego: TimedRows) -> tuple[str, ...]:

@@ -17,6 +17,9 @@ from opendrive.lanes.table import LaneKey
 from opendrive.model import RoadMark
 from smartmot.types import FloatArray
 
+OPENDRIVE = "net.asam.opendrive"
+"""Type of a reference to an element of an OpenDRIVE map (osi_common.proto, ExternalReference)."""
+
 BOUNDARY_IDS, LANE_IDS = 2_000_000_000, 3_000_000_000
 """First identifiers: over those of road users, which are small."""
 
@@ -107,7 +110,7 @@ def _add_lane(
     lanes = network.lanes
     key, lane_type, along = lanes.key[lane], str(lanes.lane_type[lane]), bool(lanes.direction[lane] > 0)
     added = truth.lane.add(id=_identifier(LANE_IDS + lane))
-    source = added.source_reference.add(type="net.asam.opendrive")
+    source = added.source_reference.add(type=OPENDRIVE)
     section = network.model.roads[key.road_id].sections[key.section]
     source.identifier.extend((key.road_id, repr(section.s_m), str(key.lane_id)))
     lane_class = added.classification

@@ -33,7 +33,7 @@ from evaluation.views.plots.ground import (
     OTHER_LANE_COLOUR,
     Area,
 )
-from evaluation.views.plots.objects import TRACK_COLOURS
+from evaluation.views.plots.objects import SIGNAL_COLOURS, TRACK_COLOURS, signal_lamp
 from evaluation.views.plots.style import GREY
 from evaluation.views.traces.lanes import NearLanes
 from evaluation.views.traces.run import HEIGHTS_M, NANOSECONDS, TimedRows
@@ -77,6 +77,12 @@ _LEVELS = {
     "forecasted_pedestrian": LogLevel.Warning,
     "warning": LogLevel.Warning,
 }
+
+_LAMP_M = 0.6
+"""Side of the plate where a traffic signal stands, about as wide as a housing is high: seen from above."""
+
+Signal = tuple[str, str, float, float]
+"""Id and state of a traffic signal, and its place on the map, metres."""
 
 Entities = Callable[[slice, Timestamp], list[SceneEntity]]
 """Makes the entities of some rows at their time."""
@@ -191,6 +197,29 @@ def map_scene(network: DriveMap, near: NearLanes, stamp: Timestamp) -> SceneUpda
             )
         )
     return SceneUpdate(entities=entities)
+
+
+def signal_scene(signals: Sequence[Signal], stamp: Timestamp) -> SceneUpdate:
+    """What traffic signals show from a time on: one entity each, a plate on the ground with a word above."""
+    entities = []
+    for name, state, x_m, y_m in signals:
+        lamp = signal_lamp(state)
+        plate = CubePrimitive(
+            pose=Pose(position=Vector3(x=x_m, y=y_m, z=0.5 * _FOOTPRINT_M), orientation=_LEVEL),
+            size=Vector3(x=_LAMP_M, y=_LAMP_M, z=_FOOTPRINT_M),
+            color=_colour(SIGNAL_COLOURS.get(lamp, SIGNAL_COLOURS["off"]), 1.0),
+        )
+        entities.append(
+            SceneEntity(
+                timestamp=stamp,
+                frame_id=MAP,
+                id=f"signal {name}",
+                metadata=[_pair("state", state)],
+                cubes=[plate],
+                texts=[_text(x_m, y_m, _ABOVE_M, f"{name}: {lamp}")],
+            )
+        )
+    return SceneUpdate(deletions=[_everything_before(stamp)], entities=entities)
 
 
 def event_log(stamp: Timestamp, layer: str, name: str) -> Log:

@@ -21,7 +21,10 @@ from evaluation.views.account.explain import explain
 from evaluation.views.film.run import RunDrawing
 from evaluation.views.frames import LogFrames, frames_of
 from evaluation.views.page.payload import pack_run, read_run
+from evaluation.views.plots.birdseye import birdseye
 from evaluation.views.plots.objects import HOUSING_COLOUR, SIGNAL_COLOURS, signal_lamp
+from evaluation.views.traces.run import LoggedRun
+from opendrive import load_map
 from tests.evaluation.views.conftest import call
 from tests.scenarios.openscenario.conftest import (
     EGO_AT_START,
@@ -150,6 +153,75 @@ def test_a_film_shows_which_lamp_is_lit(folder: Path, frames: LogFrames) -> None
     assert lamps(drawing, 2.5) == {"red"}
     assert lamps(drawing, 3.2) == {"red", "yellow"}
     assert lamps(drawing, 1.0) == {"green"}
+
+
+@pytest.fixture(scope="module")
+def logged(folder: Path, log: pd.DataFrame) -> LoggedRun:
+    return LoggedRun(str(read_runs(folder)["log"].iloc[0]), log)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "words"),
+    [(1.0, {"1: green"}), (2.6, {"1: red"}), (3.4, {"1: red", "2: yellow"})],
+)
+def test_a_still_shows_the_lamp_and_where_it_stands(
+    scenario: Path, log: pd.DataFrame, time_s: float, words: set[str]
+) -> None:
+    """The ego looks east from x = 10 + 10 t (its box 1.5 m further)."""
+    figure = birdseye(load_map(scenario.with_name("two_roads.xodr")), log, time_s, [])
+    axes = figure.axes[0]
+    assert {text.get_text() for text in axes.texts} >= words
+    lines = {str(line.get_gid()): line for line in axes.lines if str(line.get_gid()).startswith("signal ")}
+    assert set(lines) == {f"signal {word[0]}" for word in words}
+    ego = log[(log["kind"] == "ego") & ((log["time_s"] - time_s).abs() < 0.051)].iloc[0]
+    for word in words:
+        place, line = {"1": RED_LIGHT, "2": POLE}[word[0]], lines[f"signal {word[0]}"]
+        offset = np.hypot(
+            line.get_xdata()[0] - (place[0] - ego["x_m"]), line.get_ydata()[0] - (place[1] - ego["y_m"])
+        )
+        assert offset < 1.0  # the still's frame is the nearest that perception has
+        assert to_rgb(line.get_markerfacecolor()) == to_rgb(SIGNAL_COLOURS[word[3:]])
+
+
+def test_a_trace_of_osi_has_the_lamp_that_is_lit(logged: LoggedRun) -> None:
+    light = pytest.importorskip("osi3.osi_trafficlight_pb2").TrafficLight.Classification
+    from evaluation.views.traces.osi import HOST_ID, ground_truth
+
+    messages, _ = ground_truth(logged)
+    shown = {}
+    for message in messages:
+        now = message.timestamp.seconds + message.timestamp.nanos * 1e-9
+        shown[round(now, 2)] = {
+            lamp.source_reference[0].identifier[0]: (
+                light.Color.Name(lamp.classification.color),
+                lamp.id.value,
+            )
+            for lamp in message.traffic_light
+        }
+        places = {
+            lamp.source_reference[0].identifier[0]: lamp.base.position for lamp in message.traffic_light
+        }
+        assert all((p.x, p.y) == pytest.approx({"1": RED_LIGHT, "2": POLE}[k]) for k, p in places.items())
+    assert shown[1.0] == {"1": ("COLOR_GREEN", HOST_ID + 1)}
+    assert shown[2.5] == {"1": ("COLOR_RED", HOST_ID + 1)}
+    assert shown[3.5] == {"1": ("COLOR_RED", HOST_ID + 1), "2": ("COLOR_YELLOW", HOST_ID + 2)}
+
+
+def test_an_mcap_says_what_all_show_whenever_one_changes(logged: LoggedRun) -> None:
+    pytest.importorskip("foxglove")
+    reader = pytest.importorskip("mcap.reader")
+    decoder = pytest.importorskip("mcap_protobuf.decoder")
+    from evaluation.views.traces.mcap import mcap_bytes
+
+    content = io.BytesIO(mcap_bytes(logged)[0])
+    made = reader.make_reader(content, decoder_factories=[decoder.DecoderFactory()])
+    said = [
+        (message.log_time * 1e-9, [(entity.id, entity.texts[0].text) for entity in update.entities])
+        for _, _, message, update in made.iter_decoded_messages(topics=["/traffic_signals"])
+    ]
+    assert [time for time, _ in said] == pytest.approx([0.0, 2.0, 3.0], abs=0.1)
+    assert said[0][1] == [("signal 1", "1: green")]
+    assert said[2][1] == [("signal 1", "1: red"), ("signal 2", "2: yellow")]
 
 
 @pytest.mark.parametrize(
