@@ -50,7 +50,7 @@ class RouteNotFoundError(OpenDriveError):
 
 
 class WarningKind(StrEnum):
-    """Kinds of defects that are tolerated; `docs/opendrive.md` says how each is read."""
+    """Kinds of what is tolerated; `docs/opendrive.md` says how each is read."""
 
     BEYOND_ROAD = "beyond the road"
     ARC_WITHOUT_CURVATURE = "arc without curvature"
@@ -88,6 +88,15 @@ class WarningKind(StrEnum):
     UNKNOWN_LANE_TYPE = "unknown lane type"
     UNKNOWN_VALUE = "unknown value"
     WIDTH_AND_BORDER = "width and border"
+
+    @property
+    def is_defect(self) -> bool:
+        """Whether what was read may not be what was meant; else only a rule of the standard is broken."""
+        return self not in (
+            WarningKind.RULE,
+            WarningKind.ARC_WITHOUT_CURVATURE,
+            WarningKind.CONSTANT_SPIRAL,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -173,7 +173,7 @@ def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:
         accounts = list(maps_of(Path(file), layer))
         for line in folder_table(iter(accounts)):
             typer.echo(line)
-        return int(strict and any(account.refusal or account.found for account in accounts))
+        return int(strict and any(account.refusal or account.defects for account in accounts))
     network = None
     try:
         network = load_map(shipped_map(file) if file in SHIPPED_MAPS else file, layer=layer)
@@ -190,7 +190,7 @@ def _check(file: str, strict: bool, findings: Path | None, layer: str) -> int:
             findings.write_bytes(findings_xqar(file, _version(), warnings, place))
     for line in warning_table(warnings):
         typer.echo(line)
-    return int(network is None or (strict and bool(network.warnings)))
+    return int(network is None or (strict and any(warning.kind.is_defect for warning in network.warnings)))
 
 
 def _version() -> str:

@@ -23,6 +23,7 @@ class MapAccount:
         lanes: how many lanes it has.
         refusal: why it was refused; empty if it was not.
         found: how often each kind of finding was found, the most frequent first.
+        defects: how many of the findings are defects, not only broken rules of the standard.
         processor_s: processor time of reading and checking it, s.
     """
 
@@ -31,6 +32,7 @@ class MapAccount:
     lanes: int
     refusal: str
     found: tuple[tuple[str, int], ...]
+    defects: int
     processor_s: float
 
 
@@ -39,7 +41,7 @@ def maps_of(folder: Path, layer: str) -> Iterator[MapAccount]:
     for file in sorted(folder.rglob(f"*{SUFFIX}")):
         name = file.relative_to(folder).as_posix()
         start_s = process_time()
-        roads, lanes, refusal, kinds = 0, 0, "", Counter[str]()
+        roads, lanes, refusal, defects, kinds = 0, 0, "", 0, Counter[str]()
         try:
             network = load_map(file, layer=layer)
         except MapReadError as error:
@@ -47,7 +49,9 @@ def maps_of(folder: Path, layer: str) -> Iterator[MapAccount]:
         else:
             roads, lanes = len(network.roads), len(network.lanes)
             kinds.update(finding.kind.value for finding in network.findings)
-        yield MapAccount(name, roads, lanes, refusal, tuple(kinds.most_common()), process_time() - start_s)
+            defects = sum(finding.kind.is_defect for finding in network.findings)
+        spent_s = process_time() - start_s
+        yield MapAccount(name, roads, lanes, refusal, tuple(kinds.most_common()), defects, spent_s)
 
 
 def folder_table(accounts: Iterator[MapAccount]) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from lxml import etree
 
-from opendrive.errors import MapContentError, MapWarning, WarningKind
+from opendrive.errors import MapContentError, MapWarning
 
 CHECKER = "smartmot_opendrive"
 
@@ -19,11 +19,12 @@ def refuse_warnings(warnings: Sequence[MapWarning]) -> None:
     """Refuse a map that has any defect.
 
     Raises:
-        MapContentError: there is a warning; the first one and their number are named.
+        MapContentError: there is one; the first one and their number are named.
     """
-    if warnings:
-        first = warnings[0]
-        more = f" (and {len(warnings) - 1} more)" if len(warnings) > 1 else ""
+    defects = [warning for warning in warnings if warning.kind.is_defect]
+    if defects:
+        first = defects[0]
+        more = f" (and {len(defects) - 1} more)" if len(defects) > 1 else ""
         where = f"road {first.road_id!r}, " if first.road_id else ""
         raise MapContentError(
             f"{where}<{first.element}>: {first.kind}: {first.message}{more}; load without strict to tolerate"
@@ -48,7 +49,7 @@ def warning_table(warnings: Sequence[MapWarning]) -> list[str]:
     lines = [
         "  ".join([*(cell.ljust(n) for cell, n in zip(row, widths, strict=False)), row[5]]) for row in rows
     ]
-    broken = sum(warning.kind is WarningKind.RULE for warning in warnings)
+    broken = sum(not warning.kind.is_defect for warning in warnings)
     total = f"{len(warnings) - broken} defects"
     return [*lines, f"{total}, {broken} broken rules of the standard" if broken else total]
 
@@ -129,7 +130,7 @@ def _add_issue(checker: Any, number: int, warning: MapWarning, at: Place | None)
         "Issue",
         issueId=str(number),
         description=", ".join([*where, warning.element]) + f": {warning.message}",
-        level="2" if warning.kind is WarningKind.RULE else "1",
+        level="1" if warning.kind.is_defect else "2",
         ruleUID=_rule(warning),
     )
     if at is not None:

@@ -112,6 +112,15 @@ def test_a_folder_is_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert call("map", tmp_path, "--check", "--strict") == 1
 
 
+def test_broken_rules_alone_are_no_defects_of_a_map_or_a_folder(tmp_path: Path) -> None:
+    content = shipped_map("urban_street").read_text(encoding="utf-8")
+    assert "<line/>" in content
+    file = tmp_path / "level.xodr"
+    file.write_text(content.replace("<line/>", '<arc curvature="0"/>', 1), encoding="utf-8")
+    assert call("map", file, "--check", "--strict") == 0
+    assert call("map", tmp_path, "--check", "--strict") == 0
+
+
 def test_a_layer_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("map", FIELD / "lane_layers_1_9.xodr", "--layer", "temporary") == 0
     assert "1 shoulder" in capsys.readouterr().out

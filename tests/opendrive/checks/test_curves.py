@@ -100,6 +100,14 @@ def test_strict_names_the_first_defect_and_their_number(load, text, tmp_path):
     assert "60.00" in table[2]
 
 
+@pytest.mark.parametrize("shape", ['<arc curvature="0"/>', '<spiral curvStart="0.01" curvEnd="0.01"/>'])
+def test_what_is_read_exactly_is_no_defect(load, text, tmp_path, shape):
+    """The standard asks for none; junctions that other tools write have them."""
+    network = load(text.road(line(0, 0, 0, 0, 100).replace("<line/>", shape)))
+    assert warning_table(network.warnings)[-1] == "0 defects, 1 broken rules of the standard"
+    assert len(load_map(tmp_path / "map.xodr", strict=True).lanes) == 2
+
+
 def test_strict_passes_a_sound_map(load, text, tmp_path):
     assert warning_table(load(text.road()).warnings) == ["0 defects"]
     assert len(load_map(tmp_path / "map.xodr", strict=True).lanes) == 2
