@@ -22,6 +22,12 @@ from scenarios.openscenario.expressions import Value
 from scenarios.reading import ReadError, read_text, shown
 from scenarios.simulation.driver import DriverBrake
 
+WIDEST_M = 2.55
+"""No vehicle is wider (Directive 96/53/EC, Annex I): a place within more is checked by nothing."""
+
+MOST_MPS2 = 20.0
+"""Of a driver: twice what tires hold on dry asphalt; more is another unit."""
+
 MAX_CELLS = 2000
 """Of one protocol: as many are a run of an hour, more are a mistake."""
 MAX_NAME = 60
@@ -144,6 +150,14 @@ def read_protocol(file: Path) -> ProtocolTable:
     tests = [_test(table, drivers) for table in top.tables("tests")]
     if not tests:
         top.refuse("tests", "there is none; write at least one [[tests]]")
+    named = {
+        each.content.get("driver")
+        for table in top.tables("tests")
+        for each in (table, *table.tables("columns"))
+    }
+    for name in drivers:
+        if name not in named:
+            top.table("drivers").refuse(name, "no test has this driver")
     _require_unique(top, "tests", [test.name for test in tests])
     cells = sum(len(test.speeds_kmh) * len(test.columns) for test in tests)
     if cells > MAX_CELLS:
@@ -277,7 +291,7 @@ def _driver(table: _Table) -> DriverBrake:
         table.value(key)
     try:
         return DriverBrake(
-            table.number("decel_mps2") or 0.0,
+            table.number("decel_mps2", 0.0, MOST_MPS2) or 0.0,
             table.number("ramp_s") or 0.0,
             table.number("after_warning_s"),
             table.number("at_ttc_s"),
@@ -299,6 +313,8 @@ def _test(table: _Table, drivers: Mapping[str, DriverBrake]) -> TableTest:
     if min(speeds) <= 0.0:
         table.refuse("speeds_kmh", "a test speed must be positive")
     parameters, parameter = table.parameters("parameters"), table.text("speed_parameter", SPEED_PARAMETER)
+    if table.has("columns") and not table.tables("columns"):
+        table.refuse("columns", "empty; write at least one, or leave it out")
     columns = tuple(_column(each, table, drivers) for each in table.tables("columns")) or (
         Column("", {}, _named_driver(table, drivers, None), table.number("place_percent", 0.0, 100.0)),
     )
@@ -306,9 +322,15 @@ def _test(table: _Table, drivers: Mapping[str, DriverBrake]) -> TableTest:
     for given in (parameters, *(column.parameters for column in columns)):
         if parameter in given:
             table.refuse("parameters", f"{parameter} is the test speed; write it in speeds_kmh")
-    tolerance_m = table.number("place_tolerance_m")
+    tolerance_m = table.number("place_tolerance_m", 0.0, WIDEST_M)
     if tolerance_m is not None and any(column.place_percent is None for column in columns):
         table.refuse("place_percent", "missing, though there is a place_tolerance_m")
+    if tolerance_m is None and any(column.place_percent is not None for column in columns):
+        table.refuse("place_tolerance_m", "missing, though there is a place_percent")
+    meets = table.truth("meets", True)
+    for key in ("place_tolerance_m", "relative_impact"):
+        if not meets and table.content.get(key):
+            table.refuse(key, "has no effect where meets is false: nothing is met")
     return TableTest(
         name=name,
         source=table.text("source"),
@@ -318,7 +340,7 @@ def _test(table: _Table, drivers: Mapping[str, DriverBrake]) -> TableTest:
         parameters=parameters,
         columns=columns,
         lighting=Lighting(table.choice("lighting", tuple(Lighting), Lighting.DAY)),
-        meets=table.truth("meets", True),
+        meets=meets,
         relative_impact=table.truth("relative_impact", False),
         to_standstill=table.truth("to_standstill", False),
         place_tolerance_m=tolerance_m,
@@ -377,5 +399,11 @@ def _rule(test: _Table, speeds: Sequence[float]) -> PassRule:
             table.refuse("impact_at_most_kmh", f"{len(impacts)} limits for {len(speeds)} test speeds")
     elif table.has("impact_at_most_kmh"):
         impacts = (table.number("impact_at_most_kmh") or 0.0,) * len(speeds)
+    for limit, speed in zip(impacts or (), speeds, strict=False):
+        if limit >= speed:
+            table.refuse("impact_at_most_kmh", f"{limit:g} passes whatever happens at {speed:g} km/h")
     warning = Warned(table.choice("warning", tuple(Warned), "")) if table.has("warning") else None
-    return PassRule(impacts, warning, table.number("added_decel_below_mps2"))
+    added = table.number("added_decel_below_mps2")
+    if added == 0.0:
+        table.refuse("added_decel_below_mps2", "0 never passes: the deceleration must be below it")
+    return PassRule(impacts, warning, added)

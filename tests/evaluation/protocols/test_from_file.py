@@ -204,6 +204,47 @@ WRONG = {
         'lighting = "dusk"',
         "tests[2].lighting: unknown 'dusk'; use one of: day",
     ),
+    "empty columns": (
+        "speeds_kmh = [30]",
+        "speeds_kmh = [30]\ncolumns = []",
+        "tests[2].columns: empty; write at least one, or leave it out",
+    ),
+    "a place without tolerance": (
+        "place_tolerance_m = 0.1\n",
+        "",
+        "tests[1].place_tolerance_m: missing, though there is a place_percent",
+    ),
+    "a tolerance wider than a car": (
+        "place_tolerance_m = 0.1",
+        "place_tolerance_m = 10",
+        "tests[1].place_tolerance_m: must be a number from 0 to 2.55, got 10",
+    ),
+    "a place where nothing is met": (
+        "meets = false",
+        "meets = false\nplace_percent = 50\nplace_tolerance_m = 0.1",
+        "tests[2].place_tolerance_m: has no effect where meets is false",
+    ),
+    "a relative impact where nothing is met": (
+        "meets = false",
+        "meets = false\nrelative_impact = true",
+        "tests[2].relative_impact: has no effect where meets is false",
+    ),
+    "a limit that cannot fail": (
+        "[0, 10.0]",
+        "[0, 40]",
+        "tests[1].pass.impact_at_most_kmh: 40 passes whatever happens at 40 km/h",
+    ),
+    "a limit that cannot be kept": (
+        "added_decel_below_mps2 = 1.0",
+        "added_decel_below_mps2 = 0",
+        "tests[2].pass.added_decel_below_mps2: 0 never passes",
+    ),
+    "a driver without a test": (', driver = "late"', "", "drivers.late: no test has this driver"),
+    "a driver in another unit": (
+        "decel_mps2 = 4.0",
+        "decel_mps2 = 40",
+        "drivers.late.decel_mps2: must be a number from 0 to 20, got 40",
+    ),
     "meets as text": ("meets = false", 'meets = "no"', "tests[2].meets: must be true or false, got 'no'"),
 }
 
