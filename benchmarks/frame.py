@@ -9,6 +9,8 @@ DIR is a checkout of another version (`git worktree add DIR COMMIT`): it works i
 both take turns. A time is the least of all rounds, since other processes only ever add to it; shown are
 medians over the frames, in milliseconds of processor time. The last column is the greatest difference of
 tracks, forecasts, times to collision and commands between the two; the exit status is 1 if it is over 1e-9.
+Last come the slow updates of the tracker: 99th percentile and greatest time over the median of all updates
+of a process that has just been started, the first ones included; medians of several processes.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ if not __package__:
 
 import numpy as np
 
+import smartmot
 from smartmot import Boxes, Detections, Tracker, tracker_config
 from smartmot.pipeline import FrameResult, Pipeline
 
@@ -39,6 +42,12 @@ GOAL_MS = {3: 0.08, 30: 0.25, 200: 1.0}
 TRACKED = (10, 30, 100, 300, 1000)
 TOLERANCE = 1e-9
 FRAME_S = 0.1
+UPDATES = 200
+"""Of the tracker in a turn: the 99th percentile is the third greatest time."""
+FRESH = 5
+"""Processes in which the slowest updates are looked for."""
+SPREAD_GOAL = 3.0
+"""The 99th percentile of an update over its median is meant to stay under this in a fresh process."""
 TRACKER = "default"
 
 Timed = Callable[[], tuple[list[float], list[list[float]]]]
@@ -115,7 +124,7 @@ def tracking(count: int) -> Timed:
             np.ones(count),
             np.full(count, "car"),
         )
-        for k, rows in enumerate(grid(count, 100 if count <= 100 else 40))
+        for k, rows in enumerate(grid(count, UPDATES))
     ]
 
     def timed() -> tuple[list[float], list[list[float]]]:
@@ -130,8 +139,10 @@ def tracking(count: int) -> Timed:
     return timed
 
 
-def work() -> None:
+def work(root: Path) -> None:
     """Answer requests, one per line: {"kind": ..., "count": ...}; scenes are made when first asked for."""
+    if not Path(smartmot.__file__).is_relative_to(root):
+        raise SystemExit(f"benchmarks.frame: {smartmot.__file__} is not in {root}; empty PYTHONPATH")
     scenes: dict[tuple[str, int], Timed] = {}
     made = {"frame": perception, "tracker": tracking}
     for line in sys.stdin:
@@ -203,6 +214,24 @@ def compare(versions: list[Version], kind: str, count: int, rounds: int) -> bool
     return apart <= TOLERANCE
 
 
+def slow_updates(root: Path, count: int) -> None:
+    """Print one line: how much longer than the median the slow updates of a fresh process take."""
+    high, most, middle = [], [], []
+    for _ in range(FRESH):
+        version = Version(root)
+        spent = np.array(version.run("tracker", count)["ms"])
+        version.close()
+        median = float(np.median(spent))
+        middle.append(median)
+        high.append(float(np.percentile(spent, 99)) / median)
+        most.append(float(spent.max()) / median)
+    p99, greatest = statistics.median(high), statistics.median(most)
+    print(
+        f"  {count:>6}{statistics.median(middle):>12.3f}{p99:>10.2f}{SPREAD_GOAL:>8.1f}{greatest:>10.2f}",
+        flush=True,
+    )
+
+
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(
@@ -222,11 +251,14 @@ def main() -> int:
             equal &= compare(versions, kind, count, arguments.rounds)
     for version in versions:
         version.close()
+    print("updates of the tracker in fresh processes\n  objects   median ms       p99    goal  greatest")
+    for count in (int(text) for text in arguments.tracked.split(",") if text):
+        slow_updates(roots[0], count)
     return 0 if equal else 1
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--worker"]:
-        work()
+        work(Path(sys.argv[2]))
     else:
         sys.exit(main())

@@ -109,8 +109,7 @@ class MonitoredLanes:
         monitored, ahead = self._segments
         if monitored is None:
             begin, _, end = self.spans_m
-            some = end > begin
-            monitored = self.strips.between(np.where(some, begin, np.inf), np.where(some, end, -np.inf))
+            monitored = self.strips.between(begin, end, end > begin)
             object.__setattr__(self, "_segments", (monitored, ahead))
         return monitored
 
@@ -120,8 +119,7 @@ class MonitoredLanes:
         monitored, ahead = self._segments
         if ahead is None:
             _, middle, end = self.spans_m
-            some = self.current & (end > middle)
-            ahead = self.strips.between(np.where(some, middle, np.inf), np.where(some, end, -np.inf))
+            ahead = self.strips.between(middle, end, self.current & (end > middle))
             object.__setattr__(self, "_segments", (monitored, ahead))
         return ahead
 
@@ -133,9 +131,10 @@ class MonitoredLanes:
         vru_count = np.count_nonzero(vru)
         if vru_count == len(vru):
             return _any(self._monitored.in_margins(boxes.center_m[:, None])[1])
+        if not vru_count:
+            return _touched(boxes, self._monitored)
         kept = np.zeros(len(vru), dtype=np.bool_)
-        if vru_count:
-            kept[vru] = _any(self._monitored.in_margins(boxes.center_m[vru][:, None])[1])
+        kept[vru] = _any(self._monitored.in_margins(boxes.center_m[vru][:, None])[1])
         kept[~vru] = _touched(boxes[~vru], self._monitored)
         return kept
 
@@ -241,6 +240,7 @@ class MapArea:
         self._scale = self._length_m / self._long_m
         self._current = np.array([entry.role == CURRENT for entry in entries])
         self._whole = np.array([entry.role not in (CURRENT, *SIDES) for entry in entries])
+        self._crossed = bool(self._whole.any())
         self._beside = [(k, entry) for k, entry in enumerate(entries) if entry.role in SIDES]
 
     def _alongside(self, k: int, lane: int, role: str, s_span_m: tuple[float, float]) -> _Entry:
@@ -313,9 +313,10 @@ class MapArea:
         spans: FloatArray = np.minimum(np.maximum(points - self._from_m, 0.0), self._long_m)
         spans *= self._scale
         # a junction's lanes matter as a whole while the route ahead passes it
-        passed = self._whole & (spans[2] > spans[1])
-        spans[:, self._whole] = 0.0
-        spans[2, passed] = self._length_m[passed]
+        if self._crossed:
+            passed = self._whole & (spans[2] > spans[1])
+            spans[:, self._whole] = 0.0
+            spans[2, passed] = self._length_m[passed]
         for k, entry in self._beside:
             strip, start = self.route.strips[entry.k], float(self.route.entry_m[entry.k])
             s = strip.s_at(min(max(ego_m - start, 0.0), strip.length_m))

@@ -169,7 +169,7 @@ def with_way(
         return area
     ways = {
         name: unchecked(Way, ego, path if name == ALONG_PATH else None)
-        for name in (way, standing)
+        for name in ((way,) if way == standing else (way, standing))
         if name != OF_AREA
     }
     return unchecked(WayArea, area, ways, way, standing)

@@ -18,7 +18,7 @@ from smartmot.forecast.motion import (
     forecast_covariance,
 )
 from smartmot.path import PlannedPath
-from smartmot.types import EgoState, FloatArray, Forecast, Tracks, frozen, unchecked
+from smartmot.types import BoolArray, EgoState, FloatArray, Forecast, Tracks, frozen, unchecked
 
 EGO_FORECASTS = ("ctrv", "path")
 TRACK_FORECASTS = ("ctrv", "class")
@@ -92,15 +92,9 @@ def forecast_tracks(
         Poses of the M tracks at the T times, map frame; with covariance if the model is class.
     """
     time_s = frozen(time_s, np.float64, (len(time_s),), "time_s")  # its own, unless it is read-only
-    shape = len(tracks), len(time_s)
     if not len(tracks):
-        nothing = np.zeros(shape)
-        covariance = np.zeros((*shape, 2, 2)) if config.model == "class" else None
-        none = nothing > 0.0
-        return unchecked(
-            Forecast, time_s, np.zeros((*shape, 2)), nothing, tracks.boxes.size_m, none, covariance
-        )
-    moved = time_s + delay_s
+        return unchecked(Forecast, time_s, *_of_nothing(len(time_s), config.model == "class"))
+    shape, moved = (len(tracks), len(time_s)), time_s + delay_s
     center, yaw = np.empty((*shape, 2)), np.empty(shape)
     center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
     limit = config.max_yaw_rate_radps
@@ -114,8 +108,7 @@ def forecast_tracks(
         center, course = class_positions(tracks.boxes.center_m, motion, code, moved)
         yaw += course - np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])[:, None]
         covariance = forecast_covariance(tracks.covariance, code, moved)
-        valid = np.ones(shape, dtype=np.bool_)
-        return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, valid, covariance)
+        return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, _valid(*shape), covariance)
     moving = tracks.dynamic.nonzero()[0]
     if len(moving):
         velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
@@ -129,8 +122,28 @@ def forecast_tracks(
             moved,
         )
         yaw[moving] += rate[:, None] * moved
-    valid = np.ones(shape, dtype=np.bool_)
-    return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, valid, None)
+    return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, _valid(*shape), None)
+
+
+@lru_cache(maxsize=256)
+def _valid(m: int, steps: int) -> BoolArray:
+    """(M, steps) flags, read-only, of forecasts that count everywhere."""
+    valid = np.ones((m, steps), dtype=np.bool_)
+    valid.setflags(write=False)
+    return valid
+
+
+@lru_cache(maxsize=64)
+def _of_nothing(steps: int, spread: bool) -> tuple[object, ...]:
+    """What follows the times in the forecast of no tracks."""
+    nothing = np.zeros((0, steps))
+    return (
+        np.zeros((0, steps, 2)),
+        nothing,
+        np.zeros((0, 2)),
+        nothing > 0.0,
+        np.zeros((0, steps, 2, 2)) if spread else None,
+    )
 
 
 def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
@@ -140,7 +153,7 @@ def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     )
     center, yaw = ctrv_positions(x, y, course, speed, rate, time_s)
     size = np.array([[ego.length_m, ego.width_m]])
-    return unchecked(Forecast, time_s, center, yaw, size, np.ones(yaw.shape, dtype=np.bool_), None)
+    return unchecked(Forecast, time_s, center, yaw, size, _valid(*yaw.shape), None)
 
 
 def forecast_ego_along(
@@ -157,6 +170,4 @@ def forecast_ego_along(
     station, offset = path.project(ego.x_m, ego.y_m)
     center, yaw = path.poses(station + ego.speed_mps * time_s, offset if keeps_offset else 0.0)
     size = np.array([[ego.length_m, ego.width_m]])
-    return unchecked(
-        Forecast, time_s, center[None], yaw[None], size, np.ones((1, len(time_s)), dtype=np.bool_), None
-    )
+    return unchecked(Forecast, time_s, center[None], yaw[None], size, _valid(1, len(time_s)), None)

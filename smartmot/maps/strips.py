@@ -342,10 +342,13 @@ class StripSet:
         aside = np.maximum(np.maximum(strip.vru_left_m, strip.vru_right_m), 0.0)
         return float((np.abs(strip.half_width_m) + aside).max())
 
-    def between(self, low_m: FloatArray, high_m: FloatArray) -> Segments:
-        """The segments in which points between two stations of the strips, (E,) each, may be, and count."""
+    def between(self, low_m: FloatArray, high_m: FloatArray, counts: BoolArray) -> Segments:
+        """The segments in which points between two stations, (E,) each, of strips that count may be."""
         low, high = low_m.take(self.strip), high_m.take(self.strip)
-        chosen = ((self._last_m >= low) & (self._first_m <= high)).nonzero()[0]
+        near = counts.take(self.strip)
+        near &= self._last_m >= low
+        near &= self._first_m <= high
+        chosen = near.nonzero()[0]
         columns = self._columns.take(chosen, axis=1)
         return Segments(columns, self._bends, low.take(chosen), high.take(chosen))
 

@@ -86,18 +86,24 @@ class Frame:
     found: tuple[IntArray, FloatArray] | None = None
 
 
-def limits_of(config: TrackerConfig, reference: FloatArray) -> Limits:
-    """Thresholds on scores for (C,) reference scores."""
+def limits_of(config: TrackerConfig) -> Limits:
+    """Thresholds on scores where sure detections have the score 1."""
 
-    def scaled(setting: Setting, least: Setting = 0.0) -> FloatArray | None:
-        values = np.maximum(table(setting), table(least)) * reference
+    def threshold(setting: Setting, least: Setting = 0.0) -> FloatArray | None:
+        values = np.maximum(table(setting), table(least))
         return values if values.any() else None
 
     return Limits(
-        reference=reference,
-        drop=scaled(config.score_threshold),
-        first=scaled(config.second_stage_score),
-        birth=scaled(config.lifecycle.birth_score, config.second_stage_score),
-        score=scaled(config.report.score),
-        mean_score=scaled(config.report.mean_score),
+        reference=table(1.0),
+        drop=threshold(config.score_threshold),
+        first=threshold(config.second_stage_score),
+        birth=threshold(config.lifecycle.birth_score, config.second_stage_score),
+        score=threshold(config.report.score),
+        mean_score=threshold(config.report.mean_score),
     )
+
+
+def scaled(limits: Limits, reference: FloatArray) -> Limits:
+    """The thresholds of `limits_of` for (C,) reference scores."""
+    thresholds = (limits.drop, limits.first, limits.birth, limits.score, limits.mean_score)
+    return Limits(reference, *(None if values is None else values * reference for values in thresholds))

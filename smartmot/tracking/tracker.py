@@ -21,7 +21,7 @@ from smartmot.filters.motion_models import YAW, X, table
 from smartmot.geometry import wrap_angle
 from smartmot.tracking.association import Affinity, Associator
 from smartmot.tracking.evidence import UNIT, Evidence
-from smartmot.tracking.frame import COASTED, Frame, Measured, limits_of
+from smartmot.tracking.frame import COASTED, Frame, Measured, limits_of, scaled
 from smartmot.tracking.lifecycle import LONGEST_GAP_S, REST_MPS, REST_SEEN_S, Lifecycle
 from smartmot.tracking.recovery import NEW, TAKEN, Recovery, repeats
 from smartmot.tracking.report import Reporter
@@ -107,7 +107,8 @@ class Tracker:
         self._lifecycle = Lifecycle(config.lifecycle)
         self._reporter = Reporter(config, self._filter)
         reference = config.score_reference
-        self._limits = limits_of(config, table(1.0 if reference is None else reference))
+        self._unscaled = limits_of(config)
+        self._limits = scaled(self._unscaled, table(1.0 if reference is None else reference))
         hidden = config.association.hidden_gate_m
         self._recovery = None if hidden is None else Recovery(hidden, self._filter, self._associator)
         memory_s = config.evidence_memory_s
@@ -210,19 +211,12 @@ class Tracker:
         dt_s = 0.0
         if not (together and state.stamp_s == detections.stamp_s):
             dt_s = _elapsed_s(state.stamp_s, detections.stamp_s)
+        if not len(state.rows) and not len(detections.score):
+            return self._nothing(state, detections.stamp_s, state.scores)
         measured = self._measured(detections, state.scores)
         measured.trust = trust
-        if len(state) == 0 and len(measured.score) == 0:
-            nothing = unchecked(
-                TrackerState,
-                measured.stamp_s,
-                state.next_id,
-                state.rows,
-                state.filtered,
-                measured.scores,
-                state.merged,
-            )
-            return nothing, self._reporter.nothing(measured.stamp_s)
+        if not len(state.rows) and not len(measured.score):
+            return self._nothing(state, detections.stamp_s, measured.scores)
         frame = self._predicted(state, dt_s)
         if measured.shares_noise:
             frame.filtered = self._filter.widened(frame.filtered)
@@ -255,6 +249,17 @@ class Tracker:
         )
         return after, self._reporter.report(frame, measured)
 
+    def _nothing(
+        self, state: TrackerState, stamp_s: float, scores: ScoreScale | None
+    ) -> tuple[TrackerState, Tracks]:
+        """A frame without tracks and detections."""
+        if scores is None and self.config.score_reference is None:
+            scores = ScoreScale.empty()
+        after = unchecked(
+            TrackerState, stamp_s, state.next_id, state.rows, state.filtered, scores, state.merged
+        )
+        return after, self._reporter.nothing(stamp_s)
+
     def _measured(self, detections: Detections, scores: ScoreScale | None) -> Measured:
         """Detections over the score threshold, and the thresholds of the frame."""
         # counting and taking cost a fraction of any(), all() and index arrays, which add up in small frames
@@ -266,7 +271,7 @@ class Tracker:
             scores = (ScoreScale.empty() if scores is None else scores).after(detections.stamp_s, code, score)
             if scores.reference is not limits.reference:
                 # kept for the next frames; a function of the reference, so nothing is remembered by it
-                limits = self._limits = limits_of(self.config, scores.reference)
+                limits = self._limits = scaled(self._unscaled, scores.reference)
         if limits.drop is not None:
             sure = score >= limits.drop.take(code)
             if np.count_nonzero(sure) < len(score):
@@ -332,9 +337,10 @@ class Tracker:
         if len(track) == 0:
             return np.arange(n)
         velocity, noise = measured.own(detection)
-        rows, code, score = frame.rows, frame.code.take(track), measured.score.take(detection)
+        rows, score = frame.rows, measured.score.take(detection)
         measurement = measured.measurement.take(detection, axis=0)
         frame.coasting = len(track) < len(rows)
+        code = frame.code.take(track) if frame.coasting else frame.code
         if self._existence is not None:
             center = predicted.center_m
             if frame.coasting:

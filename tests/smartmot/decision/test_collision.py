@@ -165,6 +165,18 @@ def test_gate_never_changes_the_answer(seed: int, speed: float, threshold: float
     np.testing.assert_array_equal(collision_times(ego, others, threshold), _ungated(ego, others, threshold))
 
 
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_objects_meet_the_ego_at_the_same_time_whatever_others_do(seed: int) -> None:
+    """A pipeline asks for those that count alone."""
+    rng = np.random.default_rng(seed)
+    places, velocities = rng.uniform((-10, -15), (50, 15), (8, 2)), rng.uniform(-10, 10, (8, 2))
+    chosen = np.flatnonzero(rng.random(8) < 0.4)
+    together = collision_times(_ego(12.0), _moving(places, velocities, CAR))
+    alone = collision_times(_ego(12.0), _moving(places[chosen], velocities[chosen], CAR))
+    np.testing.assert_array_equal(alone, together[chosen])
+
+
 def test_nobody_to_meet() -> None:
     none = _moving(np.zeros((0, 2)), np.zeros((0, 2)), CAR)
     assert collision_times(_ego(10.0), none).shape == (0,)
