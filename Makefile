@@ -29,7 +29,7 @@ pythons:
 # What has to pass before a release: the slow checks too. `pythons` has all of `newest`.
 release-check: check oldest pythons
 	.ci/exports
-	$(VENV)/bin/smartmot-eval reports --check
+	$(VENV)/bin/smartmot-eval reference --check
 
 # Each prints ratios against peers measured in the same run; peers come from PyPI into an environment of their own.
 bench: $(VENV)/.run
@@ -53,4 +53,4 @@ $(VENV)/.dev: requirements/dev.txt $(VENV)/.run
 
 # The reference results in reports/, made again.
 reports: $(VENV)/.run
-	$(VENV)/bin/smartmot-eval reports
+	$(VENV)/bin/smartmot-eval reference

@@ -58,9 +58,7 @@ def command(
     out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results"),
     pictures: options.Pictures = True,
     form: options.PictureFormat = "png",
-    workers: Annotated[
-        int, typer.Option(min=1, help="Processes; the results are the same for any number.")
-    ] = 1,
+    workers: options.Workers = None,
     mcap: options.Mcap = False,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
@@ -71,6 +69,7 @@ def command(
     from evaluation.runs.cpna import CpnaSuite
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
+    from evaluation.runs.workers import available_cores
     from evaluation.studies.suite import compare_cpna
     from evaluation.views.traces.mcap import require_foxglove
 
@@ -96,8 +95,9 @@ def command(
     )
     if mcap:
         require_foxglove()
+    processes = workers or available_cores()
     with locked(writable_folder(out)):
-        judged = compare_cpna(suite, out, form if pictures else None, workers, quiet)
+        judged = compare_cpna(suite, out, form if pictures else None, processes, quiet)
         if mcap:
-            write_mcaps(out, quiet, workers)
+            write_mcaps(out, quiet, processes)
     gate.close(lambda: sides_of_runs(judged))

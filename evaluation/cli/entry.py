@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Annotated
 
 import typer
 
@@ -17,7 +18,7 @@ from evaluation.cli import (
     map,  # noqa: A004 - named after its command
     mot,
     ncap,
-    reports,
+    reference,
     run,
     scenes,
     study,
@@ -43,34 +44,69 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+RUNS, RESULTS, RECORDED, STUDIES, INPUTS = (
+    "Run tests and scenarios", "Look at results", "Recorded data", "Studies over many scenes",
+    "Scenarios, maps, point clouds",
+)  # fmt: skip
+"""Headings of the help."""
+
 # in the order of the help
-app.command("cpna", epilog=cpna.EXAMPLES)(cpna.command)
-app.command("run", epilog=run.EXAMPLES)(run.command)
-app.command("ncap", epilog=ncap.EXAMPLES)(ncap.command)
-app.command("list")(list.command)
-app.command("plot", epilog=views.PLOT_EXAMPLES)(views.plot)
-app.command("report", epilog=views.REPORT_EXAMPLES)(views.report)
-app.command("diff", epilog=views.DIFF_EXAMPLES)(views.diff)
-app.command("replay", epilog=views.REPLAY_EXAMPLES)(views.replay)
-app.command("map", epilog=map.EXAMPLES)(map.command)
-app.command("mot", epilog=mot.EXAMPLES)(mot.command)
-app.command("export", epilog=export.EXAMPLES)(export.command)
-app.command("drive", epilog=drive.EXAMPLES)(drive.command)
-app.command("bag", epilog=bag.EXAMPLES)(bag.command)
-app.add_typer(lidar.app, name="lidar")
-app.command("compare", epilog=compare.EXAMPLES)(compare.command)
-app.command("scenes", epilog=scenes.EXAMPLES)(scenes.command)
-app.command("study", epilog=study.EXAMPLES)(study.command)
-app.command("reports", epilog=reports.EXAMPLES)(reports.command)
+app.command("cpna", epilog=cpna.EXAMPLES, rich_help_panel=RUNS)(cpna.command)
+app.command("run", epilog=run.EXAMPLES, rich_help_panel=RUNS)(run.command)
+app.command("ncap", epilog=ncap.EXAMPLES, rich_help_panel=RUNS)(ncap.command)
+app.command("report", epilog=views.REPORT_EXAMPLES, rich_help_panel=RESULTS)(views.report)
+app.command("replay", epilog=views.REPLAY_EXAMPLES, rich_help_panel=RESULTS)(views.replay)
+app.command("plot", epilog=views.PLOT_EXAMPLES, rich_help_panel=RESULTS)(views.plot)
+app.command("diff", epilog=views.DIFF_EXAMPLES, rich_help_panel=RESULTS)(views.diff)
+app.command("compare", epilog=compare.EXAMPLES, rich_help_panel=STUDIES)(compare.command)
+app.command("study", epilog=study.EXAMPLES, rich_help_panel=STUDIES)(study.command)
+app.command("reference", epilog=reference.EXAMPLES, rich_help_panel=STUDIES)(reference.command)
+app.command("mot", epilog=mot.EXAMPLES, rich_help_panel=RECORDED)(mot.command)
+app.command("drive", epilog=drive.EXAMPLES, rich_help_panel=RECORDED)(drive.command)
+app.command("bag", epilog=bag.EXAMPLES, rich_help_panel=RECORDED)(bag.command)
+app.command("export", epilog=export.EXAMPLES, rich_help_panel=RECORDED)(export.command)
+app.command("list", rich_help_panel=INPUTS)(list.command)
+app.command("scenes", epilog=scenes.EXAMPLES, rich_help_panel=INPUTS)(scenes.command)
+app.command("map", epilog=map.EXAMPLES, rich_help_panel=INPUTS)(map.command)
+app.add_typer(lidar.app, name="lidar", rich_help_panel=INPUTS)
+
+OLD_NAMES = {"reports": "reference"}
+"""Names that commands had before; each is still understood, for one version."""
+
+
+def _print_version(asked: bool) -> None:
+    """Version of this program and of Python."""
+    if asked:
+        import platform
+        from importlib import metadata
+
+        typer.echo(f"smartmot {metadata.version('smartmot')}, Python {platform.python_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def options_of_all(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version and stop.", callback=_print_version, is_eager=True),
+    ] = False,
+) -> None:
+    """HD-map-aware tracking and automatic emergency braking, evaluated in closed loop."""
 
 
 def main() -> None:
     """Entry point: run the command; one line and status 2 for a mistake of the user, 130 for Ctrl-C."""
+    if len(sys.argv) > 1 and sys.argv[1] in OLD_NAMES:
+        old, new = sys.argv[1], OLD_NAMES[sys.argv[1]]
+        typer.echo(
+            f"smartmot-eval: {old} is now called {new}; the old name goes with the next version", err=True
+        )
+        sys.argv[1] = new
     try:
         status = app(standalone_mode=False)
         if status == INTERRUPTED:
             typer.echo(
-                "smartmot-eval: interrupted; compare, study and reports go on if started again", err=True
+                "smartmot-eval: interrupted; compare, study and reference go on if started again", err=True
             )
         sys.exit(status)
     except BrokenPipeError:

@@ -91,8 +91,20 @@ def shipped_scenario(name: str) -> Path:
 
 
 def scenario_path(name: str) -> Path:
-    """Path of a shipped scenario by its name, or of any file."""
-    return shipped_scenario(name) if name in SHIPPED_SCENARIOS else Path(name)
+    """Path of a shipped scenario by its name, or of any file.
+
+    Raises:
+        ScenarioError: the name is neither, and looks like that of a shipped one: no file is called so.
+    """
+    if name in SHIPPED_SCENARIOS:
+        return shipped_scenario(name)
+    path = Path(name)
+    if name.isidentifier() and not path.exists():
+        close = suggestion(name, SHIPPED_SCENARIOS)
+        raise ScenarioError(
+            f"no file and no shipped scenario {name!r}{close}; smartmot-eval list has their names"
+        )
+    return path
 
 
 def scenario_name(path: Path) -> str:

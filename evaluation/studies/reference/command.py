@@ -1,4 +1,4 @@
-"""The command `smartmot-eval reports`: the reference results made again, or a part of them checked."""
+"""The command `smartmot-eval reference`: the reference results made again, or a part of them checked."""
 
 from __future__ import annotations
 

@@ -35,9 +35,9 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         with (gzip.open if path.suffix == ".gz" else open)(path, "rt", newline="", encoding="utf-8") as file:
             return list(csv.DictReader(file, strict=True))
     except OSError as error:
-        raise ResultsError(f"{path}: {error.strerror}; make it with smartmot-eval reports") from None
+        raise ResultsError(f"{path}: {error.strerror}; make it with smartmot-eval reference") from None
     except (csv.Error, ValueError, EOFError, zlib.error) as error:
-        raise ResultsError(f"{path}: not a table ({error}); make it with smartmot-eval reports") from None
+        raise ResultsError(f"{path}: not a table ({error}); make it with smartmot-eval reference") from None
 
 
 def read_records(path: Path, kind: type[Record]) -> list[Record]:
@@ -76,7 +76,7 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         content = reading.read_json(path)
     except reading.ReadError as error:
-        raise ResultsError(f"{path}: {error}; make it with smartmot-eval reports") from None
+        raise ResultsError(f"{path}: {error}; make it with smartmot-eval reference") from None
     if not isinstance(content, dict):
-        raise ResultsError(f"{path}: holds no settings; make it with smartmot-eval reports")
+        raise ResultsError(f"{path}: holds no settings; make it with smartmot-eval reference")
     return content

@@ -70,7 +70,7 @@ def test_another_process_is_told_which_one_writes(tmp_path: Path, other: subproc
         ("ncap", "--protocol", "paper", "--strategy", "map"),
         ("compare", "--seeds", "1"),
         ("compare", "--growth", "--seeds", "1"),
-        ("reports", "--only", "paper"),
+        ("reference", "--only", "paper"),
         ("mot", FIELD / "nuscenes_no_score", "--format", "nuscenes"),
     ],
 )

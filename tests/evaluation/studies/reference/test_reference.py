@@ -223,7 +223,7 @@ def test_kept_runs_of_other_sides_are_refused(question: Path) -> None:
 def test_mistakes_are_named(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="--only: no part 'all'; there are: tune, gain"):
         command.choose_parts(["all"])
-    with pytest.raises(ResultsError, match="make it with smartmot-eval reports"):
+    with pytest.raises(ResultsError, match="make it with smartmot-eval reference"):
         command.check_reports(tmp_path, ["paper"])
     (tmp_path / "runs.csv").write_text("strategy,others\nmap,2\n")
     with pytest.raises(ResultsError, match="not a table of this version"):

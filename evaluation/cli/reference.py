@@ -1,4 +1,4 @@
-"""`smartmot-eval reports`: the reference results, made again or checked."""
+"""`smartmot-eval reference`: the reference results, made again or checked."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import typer
 from evaluation.cli import options
 
 EXAMPLES = options.examples(
-    "`smartmot-eval reports`",
-    "`smartmot-eval reports --only paper,static`",
-    "`smartmot-eval reports --check`",
-    "`smartmot-eval reports --only drives,towns --outside data_of_others`",
-    "`smartmot-eval reports --only gain --tables`",
+    "`smartmot-eval reference`",
+    "`smartmot-eval reference --only paper,static`",
+    "`smartmot-eval reference --check`",
+    "`smartmot-eval reference --only drives,towns --outside data_of_others`",
+    "`smartmot-eval reference --only gain --tables`",
     "Started again after it was stopped, it goes on where it was.",
 )
 
@@ -45,7 +45,10 @@ def command(
     workers: options.Workers = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Make all reference results: the paper's table and figures, scenes, ablations, growth."""
+    """Make all reference results: the paper's table and figures, scenes, ablations, growth.
+
+    They lie in the folder reports/ of the project.
+    """
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
