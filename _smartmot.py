@@ -66,6 +66,21 @@ def check(importing: str) -> None:
             raise ImportError(f"{importing} cannot be imported: {message}", name=name)
 
 
+def missing_extra(purpose: str, extra: str, error: object = None) -> str:
+    """What to say where a library that a plain install does not have is needed.
+
+    Args:
+        purpose: what needs it, as the beginning of a sentence in the plural.
+        extra: of `pyproject.toml`, which has it.
+        error: of the import, if there was one.
+
+    Returns:
+        `PURPOSE need the extra EXTRA (ERROR); install it with: pip install 'smartmot[EXTRA]'`.
+    """
+    reason = "" if error is None else f" ({' '.join(str(error).split())})"
+    return f"{purpose} need the extra {extra}{reason}; install it with: pip install 'smartmot[{extra}]'"
+
+
 class _Named:
     """Finds nothing; says why a module of ours is not found, which is asked after all others have failed."""
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import _smartmot
 from opendrive.arrays import FloatArray
 from opendrive.errors import OpenDriveError, PositionError
 from opendrive.model import GeoOffset, Header
@@ -76,10 +77,8 @@ class GeoReference:
         try:
             from pyproj import CRS, Transformer
             from pyproj.exceptions import ProjError
-        except ImportError:
-            raise GeoReferenceError(
-                "geographic positions need pyproj; install it: pip install pyproj"
-            ) from None
+        except ImportError as error:
+            raise GeoReferenceError(_smartmot.missing_extra("geographic positions", "maps", error)) from None
         try:
             transformer = Transformer.from_crs(CRS.from_user_input(text), "EPSG:4326", always_xy=True)
         except ProjError as error:

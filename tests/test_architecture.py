@@ -15,6 +15,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+import _smartmot
 import smartmot
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -157,6 +158,21 @@ def test_pins_satisfy_the_declared_dependencies(project: dict[str, Any]) -> None
     for declared, pinned in ((project["dependencies"], run), (optional, others)):
         for requirement in (r for r in map(Requirement, declared) if r.name != project["name"]):
             assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+
+
+def test_each_missing_extra_is_one_that_there_is(project: dict[str, Any]) -> None:
+    """What says that an extra is missing names one of the project's, in the words of one function."""
+    extras = set(project["optional-dependencies"])
+    sources = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    named: set[str] = set()
+    for path in sources:
+        text = path.read_text(encoding="utf-8")
+        for call in re.findall(r"missing_extra\(([^)]*)", text):
+            named |= set(re.findall(r'"([a-z]+)"', call)) & extras
+        assert "pip install 'smartmot" not in text or path.parts[-2:] == ("cli", "mot.py"), path
+    assert named >= {"ros", "osi", "foxglove", "metrics", "maps", "sumo", "lidar", "training", "film"}
+    line = _smartmot.missing_extra("ROS bags", "ros", ImportError("no rosbags"))
+    assert line == "ROS bags need the extra ros (no rosbags); install it with: pip install 'smartmot[ros]'"
 
 
 def test_nothing_lies_beside_the_checkout() -> None:

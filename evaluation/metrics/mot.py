@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from evaluation.errors import ArgumentError
 from evaluation.metrics.matching import Comparison, assigned_pairs, match_threshold
 from smartmot.types import BoolArray, IntArray
@@ -121,9 +122,7 @@ class _TrackEval:
                 setting = {"THRESHOLD": least_similarity, "PRINT_CONFIG": False}
                 self.clear, self.identity, self.hota = CLEAR(setting), Identity(setting), HOTA()
         except ImportError as error:
-            raise MetricsUnavailableError(
-                f"metrics need trackeval ({error}); install it with: pip install trackeval"
-            ) from None
+            raise MetricsUnavailableError(_smartmot.missing_extra("metrics", "metrics", error)) from None
 
     def run(self, metric: Any, counted: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Results per sequence, and of all together under "all"."""

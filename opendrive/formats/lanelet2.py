@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
+import _smartmot
 from opendrive.arrays import FloatArray
 from opendrive.errors import OpenDriveError
 from opendrive.formats.contents import (
@@ -374,10 +375,8 @@ class _File:
             return self.network.to_geographic(xy_m)
         try:
             from pyproj import Transformer
-        except ImportError:
-            raise GeoReferenceError(
-                "Lanelet2 needs pyproj; install it: pip install 'smartmot[geo]'"
-            ) from None
+        except ImportError as error:
+            raise GeoReferenceError(_smartmot.missing_extra("Lanelet2 maps", "maps", error)) from None
         moved_m = np.zeros(2)
         if len(xy_m) and np.abs(xy_m).max() > _FAR_M:
             moved_m = 1000.0 * np.round(xy_m.mean(axis=0) / 1000.0)

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 from lxml import etree
 
+import _smartmot
 from opendrive.errors import OpenDriveError
 from opendrive.formats.contents import Export
 from opendrive.formats.sumo_plain import METRE_DECIMALS, plain_network
@@ -81,7 +82,7 @@ def find_netconvert() -> Path:
                 return file
     file_name = shutil.which("netconvert")
     if file_name is None:
-        raise OpenDriveError("SUMO networks need its netconvert; install it: pip install 'smartmot[sumo]'")
+        raise OpenDriveError(_smartmot.missing_extra("SUMO networks", "sumo", "no netconvert"))
     return Path(file_name)
 
 

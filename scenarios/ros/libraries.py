@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
+import _smartmot
 from scenarios.errors import DatasetError
 
 
@@ -17,6 +18,4 @@ def require_libraries() -> None:
         try:
             import_module(name)
         except ImportError as error:
-            raise DatasetError(
-                f"ROS bags need the extra ros ({error}); install it with: pip install 'smartmot[ros]'"
-            ) from None
+            raise DatasetError(_smartmot.missing_extra("ROS bags", "ros", error)) from None

@@ -100,7 +100,7 @@ def test_without_pyproj_the_error_says_what_to_install(placed, monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(GeoReferenceError, match="pip install pyproj"):
+    with pytest.raises(GeoReferenceError, match=r"pip install 'smartmot\[maps\]'"):
         placed(UTM).to_geographic(POINTS)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import _smartmot
 from evaluation.cli import options
 from evaluation.cli.lidar.detect import NETWORK_ENDING
 from evaluation.cli.output import counting, one_line
@@ -127,7 +128,7 @@ def export_command(
         raise ArgumentError(f"--out {out}: is the network itself")
     config = LearnedConfig(source)
     if int8:
-        require(("onnx", "onnxruntime"), "--int8")
+        require(("onnx", "onnxruntime"), "networks of 8 bits (--int8)")
         from evaluation.studies.training.calibration import dataset_clouds, drawn_clouds, export_integers
 
         count = calibrate or CALIBRATION_CLOUDS
@@ -146,7 +147,7 @@ def require_torch() -> None:
     Raises:
         ArgumentError: PyTorch or what writes networks is not installed.
     """
-    require(("torch", "onnx", "onnxscript", "onnxruntime"), "training")
+    require(("torch", "onnx", "onnxscript", "onnxruntime"), "networks to be trained")
 
 
 def require(names: tuple[str, ...], purpose: str) -> None:
@@ -159,4 +160,4 @@ def require(names: tuple[str, ...], purpose: str) -> None:
 
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
-        raise ArgumentError(f"{purpose} needs {', '.join(missing)}: pip install 'smartmot[train]'")
+        raise ArgumentError(_smartmot.missing_extra(purpose, "training", f"no {', '.join(missing)}"))

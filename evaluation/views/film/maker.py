@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from evaluation.errors import ArgumentError
 from evaluation.results.files import write_whole
 
@@ -129,10 +130,8 @@ def ffmpeg(option: str) -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError:
-        raise ArgumentError(
-            f"{option}: no ffmpeg found; use --gif, or install it: "
-            "apt install ffmpeg, pip install imageio-ffmpeg"
-        ) from None
+        line = _smartmot.missing_extra("MP4 films", "film", "no ffmpeg")
+        raise ArgumentError(f"{option}: {line}, or apt install ffmpeg, or use --gif") from None
     return str(get_ffmpeg_exe())
 
 

@@ -53,7 +53,7 @@ Spec = dict[str, Any]
 def plotly_script() -> str:
     """plotly.js with the charts that the page has, scatter alone: what makes it work without network.
 
-    The file is that of plotly.js-basic-dist-min in npm's registry, with its licence beside it.
+    The file is that of plotly.js-basic-dist-min in npm's registry; its licence is LICENSE.plotly.js.
     """
     page = importlib.resources.files("evaluation.views.page")
     return (page / "plotly-basic.min.js").read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import _smartmot
 from evaluation.errors import ArgumentError
 from evaluation.metrics.criticality import criticality
 from evaluation.results.files import write_whole
@@ -48,9 +49,7 @@ def require_foxglove() -> None:
     try:
         import foxglove  # noqa: F401
     except ImportError as error:
-        raise ArgumentError(
-            f"{OPTION} needs the extra foxglove ({error}); install it with: pip install 'smartmot[foxglove]'"
-        ) from None
+        raise ArgumentError(_smartmot.missing_extra(f"{OPTION}: files", "foxglove", error)) from None
 
 
 def write_mcap(path: Path, run: LoggedRun, option: str = OPTION) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import _smartmot
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError, write_whole
 from evaluation.views.pictures import told_of_writing
@@ -66,9 +67,7 @@ def require_osi() -> None:
     try:
         import osi3.osi_groundtruth_pb2  # noqa: F401
     except ImportError as error:
-        raise ArgumentError(
-            f"{OPTION} needs the extra osi ({error}); install it with: pip install 'smartmot[osi]'"
-        ) from None
+        raise ArgumentError(_smartmot.missing_extra(f"{OPTION}: traces", "osi", error)) from None
 
 
 def write_osi(path: Path, run: LoggedRun) -> tuple[Path, tuple[str, ...]]:

@@ -18,6 +18,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+import _smartmot
 from scenarios.errors import ScenarioError
 from scenarios.sensors.lidar.shapes import BLOCK, COLUMN, ELLIPSOID, ROLLER, Bodies
 from scenarios.sensors.lidar.terrain import Relief
@@ -267,9 +268,7 @@ def _caster(compiled: bool | None) -> Caster:
     try:
         from scenarios.sensors.lidar.compiled import cast_loops
     except ModuleNotFoundError as error:
-        raise ScenarioError(
-            "lidar: compiled ray casting needs numba; install the extra: pip install 'smartmot[fast]'"
-        ) from error
+        raise ScenarioError(_smartmot.missing_extra("compiled loops of rays", "lidar", error)) from error
     return cast_loops
 
 

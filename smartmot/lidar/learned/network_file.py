@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import _smartmot
 from smartmot.errors import ConfigError
 from smartmot.lidar.learned.decoding import Decoder
 from smartmot.lidar.learned.pillars import FEATURES, PillarGrid, Pillars
@@ -145,8 +146,8 @@ def _content(path: Path) -> bytes:
 def _network(path: Path, digest: str) -> Network:
     try:
         import onnxruntime
-    except ImportError:
-        raise ConfigError("learned detectors need onnxruntime: pip install 'smartmot[onnx]'") from None
+    except ImportError as error:
+        raise ConfigError(_smartmot.missing_extra("learned detectors", "lidar", error)) from None
     content = _content(path)
     if hashlib.sha256(content).hexdigest() != digest:
         raise ConfigError(f"{path}: has changed while it was used")

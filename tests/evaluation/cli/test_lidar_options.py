@@ -53,7 +53,7 @@ def test_a_network_is_set_with_its_hash(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        (("hdl16", None, None, None, None), "--sensor: unknown 'hdl16'; use one of: truth, hdl32"),
+        (("hdl16", None, None, None, None), "--sensor: unknown 'hdl16' .*; use one of: truth, hdl32"),
         (("truth", "cutout", None, None, None), "--perception: for a LiDAR; add --sensor hdl32"),
         (("truth", None, "furnished", None, None), "--street: for a LiDAR"),
         (("hdl32", "nets", None, None, None), "--perception: unknown 'nets'.*, FILE.onnx or package.module"),

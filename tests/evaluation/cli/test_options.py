@@ -110,7 +110,7 @@ def test_wrong_names_are_answered_with_the_right_ones(text: str, message: str) -
 def test_a_single_name_is_single() -> None:
     assert parse_name(" paper ", ("paper", "physical"), "--preset") == "paper"
     for text in ("paper,physical", "", "Paper"):
-        with pytest.raises(ArgumentError, match=r"--preset: unknown '.*'; use one of: paper, physical"):
+        with pytest.raises(ArgumentError, match=r"--preset: unknown '.*'.*; use one of: paper, physical"):
             parse_name(text, ("paper", "physical"), "--preset")
 
 

@@ -197,7 +197,7 @@ def test_missing_trackeval_is_one_clear_error(
 ) -> None:
     monkeypatch.setitem(sys.modules, "trackeval.metrics", None)
     monkeypatch.setitem(sys.modules, "trackeval", None)
-    with pytest.raises(metrics.MetricsUnavailableError, match=r"pip install trackeval$"):
+    with pytest.raises(metrics.MetricsUnavailableError, match=r"pip install 'smartmot\[metrics\]'$"):
         score(sequence(1, objects([(0, 1, 0.0, 0.0)])), Objects.empty())
 
 

@@ -258,7 +258,7 @@ def test_what_is_no_network_is_refused_in_one_line(tmp_path: Path, monkeypatch: 
     assert all(part in message for part, message in zip(parts, messages, strict=True))
     file.write_bytes(upright_network(SMALL, slope=3.0))
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(ConfigError, match=r"need onnxruntime: pip install 'smartmot\[onnx\]'"):
+    with pytest.raises(ConfigError, match=r"need the extra lidar .*pip install 'smartmot\[lidar\]'"):
         preset_with(PHYSICAL, (("sensor", "hdl64"), ("perception", str(file))))
 
 

@@ -193,7 +193,7 @@ def test_mp4_has_all_pictures(folder: Path, name: str, tmp_path: Path) -> None:
 def test_without_ffmpeg_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(maker.shutil, "which", lambda _: None)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(ArgumentError, match=r"--mp4: no ffmpeg found; .*pip install imageio-ffmpeg"):
+    with pytest.raises(ArgumentError, match=r"--mp4: MP4 films need .*'smartmot\[film\]', or apt"):
         maker.ffmpeg("--mp4")
 
 
