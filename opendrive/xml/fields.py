@@ -249,8 +249,11 @@ class Table(Generic[_Record]):
 
     def _rest(self, values: Values, element: Element) -> list[Element]:
         """Return the elements that no field reads: children, and those inside the parts."""
+        if not len(element):
+            return []
         elements = children_but(element, self.tags)
-        elements += values.repeated(element, self._single)
+        if self._single:
+            elements += values.repeated(element, self._single)
         for part, tags in self._parts.items():
             elements += children_but(first(element, part), tags)
         for leftovers in self._leftovers:

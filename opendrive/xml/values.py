@@ -198,19 +198,25 @@ class Values:
 
     def content(self, element: Element) -> object:
         """Return a key that elements share whose content is equal but for where they start."""
-        items: list[object] = [element.tag, *element.items()]
+        items: list[object] = [*element.items()]
         start = element.get("sOffset")
         if start is not None and (start in self.numbers or self.is_number(start)):
             items.remove(("sOffset", start))
+        items.append(element.tag)
         if len(element):
             items += [self.content(child) for child in element]
         return tuple(items)
 
     def is_plain(self, element: Element, names: "Names") -> bool:
         """Return whether an element has nothing that can be warned of once it is read."""
-        plain, late, parts = names.plain, names.late, names.parts
+        plain, late, parts, single = names
+        seen: list[object] = []
         for child in element:
             tag = child.tag
+            if tag in single:
+                if tag in seen:
+                    return False
+                seen.append(tag)
             if tag in plain:
                 continue
             if tag in parts:
@@ -225,12 +231,7 @@ class Values:
                     return False
             elif not self.is_known(tag):
                 return False
-        return not names.single or not self._has_repeated(element, names.single)
-
-    @staticmethod
-    def _has_repeated(element: Element, tags: Collection[object]) -> bool:
-        single = [child.tag for child in element if child.tag in tags]
-        return len(single) != len(set(single))
+        return True
 
     def to_number(self, element: Element, name: str, text: str) -> float:
         """Return the text of an attribute as a finite number."""
