@@ -28,6 +28,8 @@ if TYPE_CHECKING:  # for type checkers and editors; at run time `__getattr__` lo
         sweep,
     )
     from smartmot.area import (
+        AdaptiveArea,
+        AdaptiveAreaConfig,
         EverythingArea,
         MapArea,
         MapAreaConfig,
@@ -77,8 +79,8 @@ if TYPE_CHECKING:  # for type checkers and editors; at run time `__getattr__` lo
 _HOMES = {
     "evaluation.api": "Results Run compare drive load_map load_results ncap run scenarios sweep",
     "smartmot.area": (
-        "EverythingArea MapArea MapAreaConfig MonitoredArea MonitoredAreaStrategy PathArea "
-        "PathAreaConfig RectangularArea RectangularConfig"
+        "AdaptiveArea AdaptiveAreaConfig EverythingArea MapArea MapAreaConfig MonitoredArea "
+        "MonitoredAreaStrategy PathArea PathAreaConfig RectangularArea RectangularConfig"
     ),
     "smartmot.decision.aeb": "AebConfig Event",
     "smartmot.decision.rules": "Assessment BrakeRule Command LeadObject PaperRule",
@@ -108,6 +110,8 @@ _HOMES = {
 
 __all__ = [
     "TRACKER_CONFIGS",
+    "AdaptiveArea",
+    "AdaptiveAreaConfig",
     "AebConfig",
     "Assessment",
     "AssociationConfig",

@@ -124,7 +124,8 @@ def run(
         scenario: `cpna`, the paper's test as the command `cpna` runs it; the name of a shipped scenario (see
             `smartmot.scenarios`); or an OpenSCENARIO file.
         speed_kmh: test speed; None: what the scenario declares.
-        strategy: monitored area: rectangular, map, all, path, an own one with `at`; or none, for no brake.
+        strategy: monitored area: rectangular, map, all, path, adaptive, an own one with `at`; or none, for no
+            brake.
         preset: paper, physical or real; None: paper for `cpna` and physical for all others, as the commands.
         weather: dry, wet, rain or snow.
         tracker: name of a configuration, or an own one with `update`; None: the preset's.

@@ -33,8 +33,8 @@ OUT = "Folder for tables, logs and pictures."
 StrategyNames = Annotated[
     str,
     typer.Option(
-        help="Monitored areas to compare, comma-separated: rectangular, map, all, path, or your own, "
-        "package.module:name."
+        help="Monitored areas to compare, comma-separated: rectangular, map, all, path, adaptive, or your "
+        "own, package.module:name."
     ),
 ]
 TrackerName = Annotated[

@@ -42,8 +42,8 @@ def command(
     strategy: Annotated[
         str | None,
         typer.Option(
-            help="Monitored area: rectangular, map, all, path, or your own, package.module:name. Default: "
-            "map where there is one, else path."
+            help="Monitored area: rectangular, map, all, path, adaptive, or your own, package.module:name. "
+            "Default: map where there is one, else path."
         ),
     ] = None,
     rule: Annotated[

@@ -54,7 +54,7 @@ def command(
     strategy: Annotated[
         str | None,
         typer.Option(
-            help="Monitored areas, comma-separated: rectangular, map, all, path, or your own, "
+            help="Monitored areas, comma-separated: rectangular, map, all, path, adaptive, or your own, "
             "package.module:name. Default: all that the data allow."
         ),
     ] = None,
