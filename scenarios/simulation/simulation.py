@@ -334,25 +334,37 @@ class Simulation:
         return self._sensing.area(self._frame_of(Arrival(now, Detections.empty(now)), now))
 
     def _advance(self) -> None:
-        """Move the world on by a step, and begin the next one unless the run has ended."""
-        engine, after = self.engine, self._now_s + STEP_S
+        """Move the world on by a step, or by all of them up to the next measurement; begin the next one.
+
+        Step by step where a brake may bring the ego to a stop, or detections are to arrive.
+        """
+        engine, milestones, suite = self.engine, self._milestones, self._suite
+        assert suite is not None
+        waits_for_stop = milestones.flag is not None and milestones.stop_time_s is None
+        steps = min(self._measure_step, self._step_count) - self._steps_done
+        # a change just before the end of a step leaves the engine a little before it, for one step
+        between = abs(engine.time_s - self._now_s) > 1e-12
+        if waits_for_stop or suite.waiting or engine.ego.commanded or between:
+            steps = 1
+        after = (self._steps_done + steps) * STEP_S if steps > 1 else self._now_s + STEP_S
         engine.advance(after - engine.time_s)
         if engine.over:
+            # the last step that has been completed is the one before that in which it ended
+            self._steps_done = max(self._steps_done, math.ceil(engine.time_s / STEP_S - 1e-6) - 1)
+            self._now_s = self._steps_done * STEP_S
             if engine.contact is not None:
                 reason = EndReason.CONTACT
             else:
-                begun = self._milestones.flag is not None or self._truth.target_has_begun()
+                begun = milestones.flag is not None or self._truth.target_has_begun()
                 reason = EndReason.STORYBOARD if begun else EndReason.NOT_BEGUN
             self._end(reason)
             return
-        milestones = self._milestones
-        waits_for_stop = milestones.flag is not None and milestones.stop_time_s is None
         if waits_for_stop and engine.ego_speed_mps == 0.0:
             milestones.stop_time_s, milestones.stop_gap_m = after, self._truth.gap_to_target_m(after)
             if self._rule.at_standstill:
                 self._end(EndReason.STOPPED)
                 return
-        self._steps_done += 1
+        self._steps_done += steps
         self._now_s = self._steps_done * STEP_S
         if self._steps_done in (self._measure_step, self._step_count):
             self._begin_step()

@@ -55,6 +55,11 @@ class RunningAction(ABC, Generic[ActionT_co]):
         """Adapt at the beginning of a step; whether something is new. Most actions have nothing to adapt."""
         return False
 
+    @property
+    def adapts(self) -> bool:
+        """Whether `update` has anything to do."""
+        return type(self).update is not RunningAction.update
+
     def needs(self) -> frozenset[str]:
         """Entities without which it cannot go on."""
         return frozenset()

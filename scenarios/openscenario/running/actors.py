@@ -320,6 +320,12 @@ class Actor:
             return self.coupling.tower.rests(time_s)
         return self.steady(time_s) and self.profile.final_mps == 0.0
 
+    @property
+    def has_plan(self) -> bool:
+        """Whether it goes along its path by its profile alone, forward, until something intervenes."""
+        alone = self.tow is None and self.coupling is None and not self.commanded
+        return alone and not self.unparted and not self.profile.goes_back
+
     def next_kink_s(self, after_s: float) -> float:
         """When its speed next stops to grow or to fall."""
         if self.tow is not None or self.commanded or self.coupling is not None:

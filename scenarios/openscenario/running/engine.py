@@ -25,9 +25,10 @@ from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.driving.contacts import Contacts
 from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
+from scenarios.openscenario.running.driving.leaps import quiet_until_s
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
-from scenarios.openscenario.running.initial import come_later, in_order, is_used
+from scenarios.openscenario.running.initial import come_later, in_order, is_used, target_of
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
@@ -119,12 +120,14 @@ class Engine:
         self._kink_s = math.inf
         self._samples = Samples()
         self._criteria = Criteria(definition.criteria, self.ego, locator.roads)
+        # who is on which level, and what criteria of places see, follows from the step before
+        self._may_leap = not (locator.roads.has_levels or self._criteria.looks)
         self._target_at_contact: float | None = None
         try:
             self._begin(ego_controller)
         except RunError as error:
             raise RunError(f"{definition.path}: {error}") from None
-        self.target = self._find_target()
+        self.target = target_of(definition, self.ego.name)
 
     # Start
 
@@ -164,7 +167,7 @@ class Engine:
         self._now = Instant(0.0, self._actors)
         self._first_contact(self._now)
         self._process()
-        self._sample()
+        self._sample(self._now)
 
     def _check_places(self) -> None:
         """Find places off the road that an action or a condition names before the run.
@@ -203,30 +206,6 @@ class Engine:
             return actor.left_pose
         return actor.pose(self.time_s)
 
-    def _find_target(self) -> str | None:
-        """Whom the ego is to meet.
-
-        Named in a collision condition, synchronised with the ego, set in motion by an event, or the next.
-        """
-        names: list[str] = []
-        moved: list[str] = []
-        for event in self.definition.events():
-            for condition in (c for group in event.start or () for c in group):
-                kind = condition.kind
-                if not isinstance(kind, model.EntityCondition) or self.ego.name not in kind.entities:
-                    continue
-                if isinstance(kind.kind, model.CollisionCondition) and kind.kind.entity is not None:
-                    names.insert(0, kind.kind.entity)
-            for action in event.actions:
-                if isinstance(action.action, model.SynchronizeAction):
-                    names.extend(action.entities)
-                elif isinstance(
-                    action.action, model.SpeedAction | model.FollowTrajectoryAction | model.LaneChangeAction
-                ):
-                    moved.extend(action.entities)
-        names.extend((*moved, *self._names))
-        return next((name for name in names if name != self.ego.name), None)
-
     @property
     def notes(self) -> tuple[str, ...]:
         """Lines about what the file has and is not used, and what is not as it asks for it, so far."""
@@ -254,11 +233,37 @@ class Engine:
         left_s = self.step_s if duration_s is None else duration_s
         try:
             while left_s > TOLERANCE_S and not self.over:
-                step_s = min(left_s, self.step_s)
-                self._advance(step_s)
-                left_s -= step_s
+                steps = self._leap(int((left_s + TOLERANCE_S) / self.step_s))
+                if steps == 0:
+                    self._advance(min(left_s, self.step_s))
+                left_s -= max(steps, 1) * self.step_s
         except RunError as error:
             raise RunError(f"{self.definition.path}: {error}") from None
+
+    def _leap(self, most: int) -> int:
+        """Carry out up to so many steps at once if nothing can change in them; how many (0: none).
+
+        The same to the bit as step by step: who moves by a plan is where it is, looked at before or not;
+        conditions and contacts are not looked at before they can change.
+        """
+        board, now_s = self.storyboard, self.time_s
+        if most < 2 or board.again or board.adapts or not self._may_leap:
+            return 0
+        until_s = min(self._kink_s, now_s + (most + 1) * self.step_s)
+        until_s = quiet_until_s(self._now, until_s, self._watching, self._contacts if self._meets else None)
+        steps = min(most, int((until_s - FINEST_S - now_s) / self.step_s))
+        instants: list[Instant] = []
+        for _ in range(steps):
+            now_s = round(now_s + self.step_s, TIME_DIGITS)
+            instants.append(Instant(now_s, self._actors))
+        if steps < 2 or any(part.ended(instants[-1]) for part in board.running):
+            return 0
+        if self._meets:
+            self._contacts.wait(self._now, now_s)
+        for instant in instants:
+            self._sample(instant)
+        self._move(instants[-1])
+        return steps
 
     def _advance(self, duration_s: float) -> None:
         """Move on by no more than a step."""
@@ -294,7 +299,7 @@ class Engine:
                 self._process()
         else:
             raise RunError(f"at {self.time_s:.3f} s more than {MAX_SPLITS} changes within one step")
-        self._sample()
+        self._sample(self._now)
 
     def _command_s(self) -> float:
         """When the next controller takes command, if that is to come."""
@@ -426,12 +431,11 @@ class Engine:
 
     # Results
 
-    def _sample(self) -> None:
-        now = self._now
-        states = [now.state(name) for name in self._actors]
-        self._samples.add(self.time_s, states, [actor.exists for actor in self._actors.values()])
+    def _sample(self, instant: Instant) -> None:
+        states = [instant.state(name) for name in self._actors]
+        self._samples.add(instant.time_s, states, [actor.exists for actor in self._actors.values()])
         if states:
-            self._criteria.look(self.time_s, states[self._names.index(self.ego.name)])
+            self._criteria.look(instant.time_s, instant.state(self.ego.name))
 
     @property
     def ego_speed_mps(self) -> float:
@@ -463,7 +467,8 @@ class Engine:
     def run(self, time_limit_s: float = 120.0) -> Run:
         """Run to the end of the storyboard, or to the time limit."""
         while not self.over and self.time_s < time_limit_s - TOLERANCE_S:
-            self.advance()
+            left = math.ceil((time_limit_s - TOLERANCE_S - self.time_s) / self.step_s)
+            self.advance(left * self.step_s)
         return self.result()
 
     def result(self) -> Run:

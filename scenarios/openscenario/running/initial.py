@@ -1,4 +1,4 @@
-"""The order in which initial actions are carried out, and who gets a place later.
+"""The order in which initial actions are carried out, who gets a place later, and whom the ego is to meet.
 
 They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an
 action that refers to an entity waits until that entity has its initial place and speed.
@@ -118,3 +118,28 @@ def is_used(definition: model.ScenarioDefinition, name: str) -> bool:
         for kind in kinds
         if isinstance(kind, model.EntityCondition)
     )
+
+
+def target_of(definition: model.ScenarioDefinition, ego: str) -> str | None:
+    """Whom the ego is to meet.
+
+    Named in a collision condition, synchronised with the ego, set in motion by an event, or the next.
+    """
+    names: list[str] = []
+    moved: list[str] = []
+    for event in definition.events():
+        for condition in (c for group in event.start or () for c in group):
+            kind = condition.kind
+            if not isinstance(kind, model.EntityCondition) or ego not in kind.entities:
+                continue
+            if isinstance(kind.kind, model.CollisionCondition) and kind.kind.entity is not None:
+                names.insert(0, kind.kind.entity)
+        for action in event.actions:
+            if isinstance(action.action, model.SynchronizeAction):
+                names.extend(action.entities)
+            elif isinstance(
+                action.action, model.SpeedAction | model.FollowTrajectoryAction | model.LaneChangeAction
+            ):
+                moved.extend(action.entities)
+    names.extend((*moved, *(entity.name for entity in definition.entities)))
+    return next((name for name in names if name != ego), None)

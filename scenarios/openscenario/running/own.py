@@ -37,6 +37,13 @@ class StandStill(Holding):
         since = self._actor.standing_since_s
         return math.inf if since is None else since + self._duration_s
 
+    def settled_s(self, now: Instant) -> float:
+        """Until it has stood long enough at the earliest; then as long as it rests."""
+        if self.holds(now):
+            return math.inf if self._actor.rests(now.time_s) else now.time_s
+        since = self._actor.standing_since(now.time_s, now.state(self._actor.name))
+        return (now.time_s if since is None else since) + self._least_s
+
 
 class TraveledDistance(Holding):
     """TraveledDistanceCondition."""

@@ -422,6 +422,11 @@ class Storyboard:
         return self._elements
 
     @property
+    def adapts(self) -> bool:
+        """Whether an action that goes on looks at each step what it has to do."""
+        return any(part.adapts for part in self._running)
+
+    @property
     def running(self) -> list[Running]:
         """Actions that go on."""
         return self._running

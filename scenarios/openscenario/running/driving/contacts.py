@@ -53,6 +53,20 @@ class Contacts:
         """Forget how fast everybody can be: somebody moves in another way than before."""
         self._bounded_until_s = -math.inf
 
+    def quiet_until_s(self, now: Instant, until_s: float) -> float:
+        """Until when no contact can begin or end, as far as a time; the instant itself if one can."""
+        if until_s > self._bounded_until_s:
+            self._bound(now)
+        left_m = self._waiting[0][0] - self._gone_m if self._waiting else math.inf
+        if self._unbounded or left_m <= 0.0:
+            return now.time_s
+        in_s = left_m / self._fastest_mps if self._fastest_mps > 0.0 else math.inf
+        return min(now.time_s + in_s, self._bounded_until_s, until_s)
+
+    def wait(self, now: Instant, until_s: float) -> None:
+        """Let a time pass in which no contact can begin or end."""
+        self._gone_m += self._fastest_mps * (until_s - now.time_s)
+
     def may_change(self, now: Instant, until_s: float) -> list[Observed]:
         """Contacts that can begin or end before a time."""
         if until_s > self._bounded_until_s:

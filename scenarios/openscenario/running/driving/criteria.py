@@ -62,6 +62,11 @@ class Criteria:
         self._next_s = -math.inf
         self._places = PLACES.intersection(name for name, _ in asked)
 
+    @property
+    def looks(self) -> bool:
+        """Whether it asks from time to time where the ego is."""
+        return bool(self._places)
+
     def look(self, time_s: float, state: State) -> None:
         """Take in where the ego is now, and how fast."""
         self._top_mps = max(self._top_mps, abs(state.speed_mps))

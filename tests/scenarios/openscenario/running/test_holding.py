@@ -258,6 +258,7 @@ def any_condition(r):
             m.SpeedCondition(rule, r.uniform(-5, 20), None),
             m.AngleCondition(r.uniform(-3, 3), r.uniform(0.005, 0.3)),
             m.TraveledDistanceCondition(r.uniform(0, 80)),
+            m.StandStillCondition(r.uniform(0, 2)),
         )
     )
 
