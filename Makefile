@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: run test check newest oldest pythons release-check bench reports clean
+.PHONY: run test check docs newest oldest pythons release-check release-steps bench reports clean
 
 # The main job: the pedestrian test at 10, 20, ... 60 km/h with every strategy, scored and drawn.
 run: $(VENV)/.run
@@ -19,6 +19,11 @@ check: test
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 
+# The documentation site in build/site; a warning fails it. Examples run, and their figures become part of it.
+docs: $(VENV)/.docs
+	$(VENV)/bin/python -m sphinx -b html -W --keep-going -q -j auto -c docs/site -d build/doctrees . build/site
+	@echo "build/site/docs/index.html"
+
 # The same project with other versions of its dependencies, and with every Python that is found.
 newest oldest:
 	PYTHON=$(PYTHON) .ci/versions $@
@@ -26,9 +31,19 @@ newest oldest:
 pythons:
 	.ci/pythons all
 
-# What has to pass before a release: the slow checks too. `pythons` has all of `newest`.
-release-check: check oldest pythons
+# All that comes before an upload, in a clean clone of the last commit: `git` knows what belongs to the project.
+release-check:
+	@test -z "$$(git status --porcelain)" || { echo "commit first: the last commit is what is checked" >&2; exit 1; }
+	rm -rf build/release && git clone --quiet . build/release
+	$(MAKE) -C build/release VENV=.venv release-steps
+
+# `pythons` has all of `newest`, `check` has the examples.
+release-steps: check oldest pythons
+	.ci/docs
+	.ci/distribution
 	.ci/exports
+	.ci/container
+	$(MAKE) bench
 	$(VENV)/bin/smartmot-eval reference --check
 
 # Each prints ratios against peers measured in the same run; peers come from PyPI into an environment of their own.
@@ -49,6 +64,10 @@ $(VENV)/.run: requirements/run.txt pyproject.toml
 
 $(VENV)/.dev: requirements/dev.txt $(VENV)/.run
 	$(PIP) --requirement requirements/dev.txt
+	touch $@
+
+$(VENV)/.docs: requirements/docs.txt $(VENV)/.run
+	$(PIP) --requirement requirements/docs.txt
 	touch $@
 
 # The reference results in reports/, made again.

@@ -144,7 +144,7 @@ def test_package_declares_its_types(package: str) -> None:
     assert (files(package) / "py.typed").is_file()
 
 
-@pytest.mark.parametrize("name", ["run.txt", "dev.txt", "train.txt"])
+@pytest.mark.parametrize("name", ["run.txt", "dev.txt", "train.txt", "docs.txt"])
 def test_requirements_are_exact_pins_and_nothing_else(name: str) -> None:
     for line in (ROOT / "requirements" / name).read_text().splitlines():
         assert re.fullmatch(r"#.*|-r (run|dev)\.txt|[A-Za-z0-9_.-]+==[0-9][0-9A-Za-z.]*", line), line
@@ -154,7 +154,7 @@ def test_pins_satisfy_the_declared_dependencies(project: dict[str, Any]) -> None
     run, extras = pins("run.txt"), project["optional-dependencies"]
     # netconvert has 530 MB: only .ci/exports installs it.
     optional = [requirement for name, extra in extras.items() if name != "sumo" for requirement in extra]
-    others = run | pins("dev.txt") | pins("train.txt")
+    others = run | pins("dev.txt") | pins("train.txt") | pins("docs.txt")
     for declared, pinned in ((project["dependencies"], run), (optional, others)):
         for requirement in (r for r in map(Requirement, declared) if r.name != project["name"]):
             assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
@@ -177,7 +177,7 @@ def test_each_missing_extra_is_one_that_there_is(project: dict[str, Any]) -> Non
 
 def test_nothing_lies_beside_the_checkout() -> None:
     """A user has no folder next to the project: the package and its pages name none."""
-    pages = [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
     sources = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     outside = re.compile(r"\.\./shared|/ ['\"]shared['\"]")
     assert len(sources) > 200

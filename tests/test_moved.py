@@ -109,7 +109,7 @@ def test_nothing_of_ours_uses_an_old_name() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", *(f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md"))]
+    "page", ["README.md", *(str(file.relative_to(ROOT)) for file in (ROOT / "docs").rglob("*.md"))]
 )
 def test_pages_use_no_old_name(page: str) -> None:
     if page == "docs/moved.md":

@@ -70,7 +70,7 @@ def pages() -> list[Path]:
         if path.suffix in (".j2", ".js", ".css")
     ]
     # moved.md lists names of earlier versions
-    documents = [page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != "moved.md"]
+    documents = [page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name != "moved.md"]
     return [*documents, ROOT / "README.md", ROOT / "CONTRIBUTING.md", *templates]
 
 

@@ -168,7 +168,7 @@ def tracker_config(name: str) -> TrackerConfig:
     """Named configuration.
 
     Args:
-        name: One of TRACKER_CONFIGS, or a file with a detector's profile (*.json): `default` for that
+        name: One of TRACKER_CONFIGS, or a file with a detector's profile (`NAME.json`): `default` for that
             detector.
 
     Returns:
