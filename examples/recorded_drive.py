@@ -2,8 +2,8 @@
 
     python examples/recorded_drive.py [FOLDER]
 
-The script writes the drive itself, as CSV files that any recording can be brought to (docs/mot.md): a car at
-10 m/s, a pedestrian who steps into its way, and another who stays on the sidewalk.
+The script writes the drive itself, as CSV files that any recording can be brought to
+(docs/formats.md): a car at 10 m/s, a pedestrian who steps into its way, and one who stays beside it.
 """
 
 import csv

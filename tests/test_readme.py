@@ -75,3 +75,9 @@ def test_the_paper_is_cited_alike_everywhere(citation: dict[str, object]) -> Non
     for author in paper["authors"]:
         assert f"{author['given-names']} {author['family-names']}" in sources
         assert author["family-names"] in readme
+
+
+def test_the_newest_section_of_the_changelog_is_this_version(citation: dict[str, object]) -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = [line for line in text.splitlines() if line.startswith("## ")]
+    assert versions[0].split()[1] == citation["version"]

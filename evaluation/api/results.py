@@ -143,7 +143,7 @@ class Results:
 
         Args:
             run: one of `logs`.
-            file: the film, *.gif or *.mp4.
+            file: the film, GIF or MP4 by its ending.
 
         Raises:
             ArgumentError: there is no such run, or the film cannot be written.

@@ -72,7 +72,7 @@ class Run:
             return self._written(Path(folder)).report(file)
 
     def replay(self, file: str | Path) -> Path:
-        """Write a film of the run, *.gif or *.mp4; see `Results.replay`."""
+        """Write a film of the run, GIF or MP4 by its ending; see `Results.replay`."""
         with tempfile.TemporaryDirectory() as folder:
             return self._written(Path(folder)).replay(self.spec.log, file)
 

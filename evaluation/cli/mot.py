@@ -33,7 +33,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot my_csv_folder --offline`",
     "`smartmot-eval mot kitti/training --config my_tracker:MyTracker --fail-on 'car/hota<80,id_switches>20'`",
     "`smartmot-eval mot my_csv_folder --detectors lidar=lidar.json,camera=camera.json`",
-    "Formats, metrics and the files written: docs/mot.md. Metrics: pip install 'smartmot[metrics]'.",
+    "Formats: docs/formats.md. Metrics (pip install 'smartmot[metrics]') and files written: docs/mot.md.",
 )
 
 MOST_LISTED = 6

@@ -170,7 +170,7 @@ ColumnPairs = Annotated[
     typer.Option(
         "--columns",
         help="What a table's columns hold: pairs of our name (with unit) and the table's, comma-separated, "
-        "such as x_m=xCenter,yaw_deg=heading; docs/mot.md.",
+        "such as x_m=xCenter,yaw_deg=heading; docs/formats.md.",
         metavar="OURS=THEIRS,...",
     ),
 ]

@@ -1,6 +1,6 @@
 """Detections, labels, ego poses and tracks as CSV: one header line, units in the names, columns in any order.
 
-Files of a folder (docs/mot.md says what each column means)::
+Files of a folder (docs/formats.md says what each column means)::
 
     detections.csv   [sequence,] stamp_s | frame, x_m, y_m | ahead_m, left_m, length_m, width_m, yaw_rad
                      [, score] [, category] [, height_m] [, z_m] [, vx_mps, vy_mps]
@@ -124,9 +124,11 @@ def _table(path: Path, needed: Collection[str], classes: ClassMap, frame_s: floa
     else:
         table = read_headed_table(path, needed, _NUMBERS)
     if not (_stands_still(table) or all(name in table for name in _VEHICLE)):
-        raise DatasetError(f"{path}:1: columns missing: x_m and y_m, or ahead_m and left_m (see docs/mot.md)")
+        raise DatasetError(
+            f"{path}:1: columns missing: x_m and y_m, or ahead_m and left_m (see docs/formats.md)"
+        )
     if "stamp_s" not in table and "frame" not in table:
-        raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/mot.md)")
+        raise DatasetError(f"{path}:1: a column 'stamp_s' or 'frame' is needed (see docs/formats.md)")
     return _completed(table, classes, frame_s)
 
 

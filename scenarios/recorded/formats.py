@@ -98,5 +98,5 @@ def _recognised(folder: Path) -> str:
     raise DatasetError(
         f"{folder}: no detections/ (kitti), {DETECTIONS} (csv), {POSES} or scenario_*.parquet (argoverse), "
         "infos/simbev_infos_*.json (simbev), metadata.yaml, *.db3, *.mcap (bag) or *.json (nuscenes) in it; "
-        "see docs/mot.md"
+        "see docs/formats.md"
     )

@@ -99,7 +99,9 @@ def read_kitti(folder: Path) -> Dataset:
     stems = (path.stem for path in (folder / "label_02").glob("*.txt")) if labels_only else files
     names = list(lengths) if lengths else sorted(stems)
     if not names:
-        raise DatasetError(f"{folder}: no detections/*/<seq>.txt or detections/<seq>.txt (see docs/mot.md)")
+        raise DatasetError(
+            f"{folder}: no detections/*/<seq>.txt or detections/<seq>.txt (see docs/formats.md)"
+        )
     classes = read_classes(folder, CATEGORY_OF_TYPE)
     sequences = [
         _read_sequence(

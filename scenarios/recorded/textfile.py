@@ -133,7 +133,7 @@ def read_text(path: Path) -> str:
     try:
         return reading.read_text(path)
     except reading.NoFileError as error:
-        raise DatasetError(f"{path}: {error}; for the folder's layout see docs/mot.md") from None
+        raise DatasetError(f"{path}: {error}; for the folder's layout see docs/formats.md") from None
     except reading.ReadError as error:
         raise DatasetError(f"{path}: {error}") from None
 
@@ -203,13 +203,13 @@ def header_names(path: Path) -> list[str]:
 
 def missing_columns(names: Iterable[str]) -> str:
     """What a message says of columns that are not there."""
-    return f"columns missing: {', '.join(names)} (see docs/mot.md)"
+    return f"columns missing: {', '.join(names)} (see docs/formats.md)"
 
 
 def _header(path: Path, lines: list[tuple[int, str]]) -> tuple[int, str]:
     """Number and text of the line that names the columns."""
     if not lines:
-        raise DatasetError(f"{path}:1: empty; the first line must name the columns (docs/mot.md)")
+        raise DatasetError(f"{path}:1: empty; the first line must name the columns (docs/formats.md)")
     return lines[0]
 
 

@@ -24,6 +24,7 @@ from tests.documents.inputs import run_command, write_inputs
 WITH_PYTHON = {page for page in PAGES if python_of(page)}
 ELSEWHERE = {
     "docs/gym.md": "tests/evaluation/gym/test_gym.py",
+    "docs/python.md": "tests/test_examples.py",
     "docs/rules.md": "tests/smartmot/decision/test_shipped.py",
 }
 """Pages whose blocks the tests of their subject run."""
@@ -186,6 +187,7 @@ def _results_are_there(names: dict[str, Any]) -> None:
 
 CHECKS: dict[str, tuple[Callable[[], dict[str, Any]], Callable[[dict[str, Any]], None] | None]] = {
     "docs/errors.md": (dict, _noise_is_known),
+    "docs/formats.md": (dict, None),
     "docs/howto/aeb.md": (lambda: {"my_frames": _my_frames}, _chain_brakes),
     "docs/howto/maps.md": (dict, _lanes_are_found),
     "docs/howto/tracking.md": (lambda: {"my_detections": _my_detections}, _tracker_runs),

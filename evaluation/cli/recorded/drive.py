@@ -31,7 +31,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval drive kitti/training --vary ego_forecast=ctrv --vary way=area --vary standing=area`",
     "`smartmot-eval drive kitti/training --strategy path --fail-on 'false_activations>0'`",
     "`smartmot-eval drive my_csv_folder --ego 12.0,2.55,3.1 --gif drive.gif`",
-    "Formats: docs/mot.md. Verdicts, exposure and the files written: docs/drives.md.",
+    "Formats: docs/formats.md. Verdicts, exposure and the files written: docs/drives.md.",
 )
 
 

@@ -34,7 +34,7 @@ def read_feather(
     import pyarrow as pa  # type: ignore[import-untyped]
 
     if not path.is_file():
-        raise DatasetError(f"{path}: no such file; for the folder's layout see docs/mot.md")
+        raise DatasetError(f"{path}: no such file; for the folder's layout see docs/formats.md")
     kinds = {**dict.fromkeys(numbers, pa.float64()), **dict.fromkeys(integers, pa.int64())}
     kinds |= dict.fromkeys(texts, pa.string())
     try:
@@ -69,7 +69,7 @@ def _table(path: Path, needed: Collection[str]) -> Any:
         names = pa.ipc.open_file(file).schema.names
         missing = [name for name in needed if name not in names]
         if missing:
-            raise DatasetError(f"{path}: columns missing: {', '.join(missing)} (see docs/mot.md)")
+            raise DatasetError(f"{path}: columns missing: {', '.join(missing)} (see docs/formats.md)")
         for name in needed:
             if names.count(name) > 1:
                 raise DatasetError(f"{path}: column {name!r} is there twice")

@@ -150,7 +150,9 @@ def read_argoverse(folder: Path) -> Dataset:
         detected = _read_boxes(folder / DETECTIONS, classes, numbers=("score",))
     tables = [table for table in (labelled, detected) if table is not None]
     if not tables:
-        raise DatasetError(f"{folder}: no {' or '.join((*ANNOTATIONS, DETECTIONS))} in it; see docs/mot.md")
+        raise DatasetError(
+            f"{folder}: no {' or '.join((*ANNOTATIONS, DETECTIONS))} in it; see docs/formats.md"
+        )
     stamp_ns = np.unique(np.concatenate([table["timestamp_ns"] for table in tables]))
     if not len(stamp_ns):
         raise DatasetError(f"{tables[0].path}: no rows; there is nothing to track")
@@ -185,7 +187,7 @@ def read_cuboids(folder: Path) -> Cuboids:
     """
     table = _others(_read_labels(folder, read_classes(folder, CATEGORY_OF_CLASS)))
     if table is None:
-        raise DatasetError(f"{folder}: no {' or '.join(ANNOTATIONS)} in it; see docs/mot.md")
+        raise DatasetError(f"{folder}: no {' or '.join(ANNOTATIONS)} in it; see docs/formats.md")
     return _cuboids(table, _read_poses(folder / POSES))
 
 

@@ -191,7 +191,7 @@ def infos_of(path: Path) -> list[Path]:
     for place in _places(path):
         if files := sorted(place.glob(_INFOS_GLOB)):
             return files
-    raise DatasetError(f"{path}: no simbev/{INFOS}/{_INFOS_GLOB} in it; see docs/mot.md")
+    raise DatasetError(f"{path}: no simbev/{INFOS}/{_INFOS_GLOB} in it; see docs/formats.md")
 
 
 def _places(folder: Path) -> tuple[Path, ...]:
@@ -335,7 +335,7 @@ def _unpickled(path: Path) -> list[Any]:
     except ReadError as error:
         raise DatasetError(f"{path}: {error}") from None
     except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror}; for the folder's layout see docs/mot.md") from None
+        raise DatasetError(f"{path}: {error.strerror}; for the folder's layout see docs/formats.md") from None
 
 
 def _add(rows: _Rows, frame: int, label: object, where: str, classes: ClassMap, counts: _Counts) -> bool:

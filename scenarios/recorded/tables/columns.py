@@ -2,7 +2,7 @@
 
 The left side is a name of ours with its unit and, where that matters, its axis; the right side is the
 table's column, a number that holds for all rows, or `FILE:COLUMN` of a second table with one row per
-track. Columns that already have our names need no pair. docs/mot.md has examples.
+track. Columns that already have our names need no pair. docs/formats.md has examples.
 """
 
 from __future__ import annotations
