@@ -38,6 +38,15 @@ html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["smartmot.css"]
 html_extra_path = ["root"]
+# pages that are no part of a section have nothing to list beside them
+html_sidebars = {
+    page: []
+    for page in (
+        *(f"docs/{name}" for name in ("index", "start", "gallery", "glossary", "sources")),
+        "CHANGELOG",
+        "CONTRIBUTING",
+    )
+}
 html_theme_options = {
     "logo": {"text": "smartmot"},
     "header_links_before_dropdown": 7,

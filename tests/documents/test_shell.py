@@ -27,7 +27,7 @@ OUTSIDE = re.compile(
 )
 """Inputs of others, or of commands that take long."""
 LONG = re.compile(
-    r"^(study|compare|reports|scenes|lidar|ncap (cpna|--protocol fmvss127))\b"
+    r"^(study|compare|reference|scenes|lidar|ncap (cpna|--protocol fmvss127))\b"
     r"|results/(scenes|towns|physical|weather)|--perception|--weather|hdl32"
 )
 """Commands that take more than a few seconds of processor time."""
