@@ -466,7 +466,6 @@ class Actor:
 
     def _put(self, path: Path, station_m: float) -> None:
         self.path, self._anchor_station = path, station_m
-        self.tow = None
 
     def couple(self, time_s: float, coupling: Coupling, pose: Pose) -> None:
         """Be towed from a time on, from a pose at which the coupler is on the hitch."""

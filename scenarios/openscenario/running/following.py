@@ -337,7 +337,15 @@ def put(actor: Actor, world: World, time_s: float, pose: Pose) -> None:
 
 
 class Teleport(RunningAction[model.TeleportAction]):
-    """TeleportAction. An entity that follows a trajectory goes on from the nearest point of it."""
+    """TeleportAction. An entity that follows a trajectory goes on from the nearest point of it.
+
+    What else moves an entity sideways is stopped, as its way begins elsewhere.
+    """
+
+    def __init__(self, world: World, actor: Actor, action: model.TeleportAction) -> None:
+        super().__init__(world, actor, action)
+        if not actor.on_trajectory:
+            self.domains = frozenset({LATERAL})
 
     def start(self, time_s: float) -> None:
         """Be there."""

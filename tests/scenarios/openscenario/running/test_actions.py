@@ -110,6 +110,55 @@ def test_distance_kept(play):
     assert at(run, "Other", 6.0) == pytest.approx((66 + 7, -1.75, 0, 7))
 
 
+LANE_BESIDE = wrap(
+    '<LateralAction><LaneChangeAction><LaneChangeActionDynamics dynamicsShape="cubic" '
+    'dynamicsDimension="time" value="3"/><LaneChangeTarget><AbsoluteTargetLane value="-2"/>'
+    "</LaneChangeTarget></LaneChangeAction></LateralAction>"
+)
+ROUTE_AHEAD = wrap(
+    '<RoutingAction><AssignRouteAction><Route name="r" closed="false">'
+    + "".join(f'<Waypoint routeStrategy="shortest">{lane_position(s)}</Waypoint>' for s in (20, 250))
+    + "</Route></AssignRouteAction></RoutingAction>"
+)
+LINE_AHEAD = wrap(
+    '<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false">'
+    "<Shape><Polyline>"
+    + "".join(f"<Vertex>{lane_position(s)}</Vertex>" for s in (42, 290))
+    + "</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>"
+    '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>'
+)
+
+
+@pytest.mark.parametrize(
+    ("way", "y"),
+    [(LANE_BESIDE, -5.25), (ROUTE_AHEAD, -1.75), (LINE_AHEAD, -1.75), (teleport(lane_position(200)), -1.75)],
+)
+def test_a_distance_is_kept_whatever_way_the_entity_is_given(play, way, y):
+    """12 m ahead of the ego's point at 10 + 10 t: also while it changes lanes and on another way."""
+    keep = event("keep", distance(12, freespace="false", continuous="true").replace('"entity"', '"road"'))
+    _, run = play(act(maneuver(keep, event("way", way, later(2)))))
+    for t in (1.0, 2.0, 2.5, 4.0, 8.0):
+        assert at(run, "Other", t)[0] == pytest.approx(22 + 10 * t, abs=1e-6)
+    assert at(run, "Other", 8.0)[1:] == pytest.approx((y, 0, 10), abs=1e-6)
+
+
+def test_a_teleport_ends_a_lane_change(play):
+    """It is in the middle of lane -2 at s = 200 and goes on there; nothing brings it back to the old way."""
+    init = EGO_AT_START + private("Other", teleport(lane_position(60)), speed(10))
+    _, run = play(
+        act(
+            maneuver(
+                event("swap", LANE_BESIDE, later(1)),
+                event("put", teleport(lane_position(200, lane=-2)), later(2)),
+            )
+        ),
+        init=init,
+    )
+    assert at(run, "Other", 1.99)[0] == pytest.approx(79.9, abs=0.3)
+    for t in (2.0, 3.0, 8.0):
+        assert at(run, "Other", t) == pytest.approx((200 + 10 * (t - 2), -5.25, 0, 10))
+
+
 def test_distance_of_one_that_comes_towards(play):
     """Head on, both fronts face each other: ego's front 3.5 m, gap 20 m, the other's front 3.5 m."""
     against = '<Orientation type="relative" h="3.141592653589793"/>'
