@@ -34,8 +34,8 @@ from smartmot.filters.motion_models import (
     LinearMotion,
     X,
     Y,
-    process_noise,
     table,
+    unit_noise,
 )
 from smartmot.types import BoolArray, FloatArray, IntArray
 
@@ -113,10 +113,10 @@ class ChannelFilter:
         matrix[k:, k:] = pick @ (f[:, None, :, None] * f[:, None, :]).reshape(k * k, k * k) @ spread
         offset = np.zeros((*self._noise.shape, self._parts))
         if isinstance(self._motion, DecayingAcceleration):
-            noise = self._motion.process_noise(dt_s)
+            unit = self._motion.unit_noise(dt_s)
         else:
-            noise = process_noise(self._densities, dt_s)
-        offset[..., k:] = noise.reshape(*self._noise.shape, k * k) @ pick.T
+            unit = unit_noise(k, dt_s)
+        offset[..., k:] = self._densities @ unit.reshape(k, k * k) @ pick.T
         if len(self._steps) == _STEPS:
             self._steps.clear()
         step = self._steps[dt_s] = matrix.T.copy(), offset

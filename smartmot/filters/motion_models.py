@@ -294,17 +294,28 @@ class DecayingAcceleration:
         )
 
     def process_noise(self, dt_s: float) -> FloatArray:
-        """(C, 5, 3, 3) covariance of the noise over dt_s: the integral of F(t) D F(t)^T, by quadrature.
+        """(C, 5, 3, 3) covariance of the noise over dt_s: the integral of F(t) D F(t)^T."""
+        densities = self.densities()
+        noise: FloatArray = densities @ self.unit_noise(dt_s).reshape(3, -1)
+        return noise.reshape(*densities.shape, 3)
 
-        The integrand is made of exponentials of at most dt_s / memory_s; eight nodes are exact to rounding.
+    def unit_noise(self, dt_s: float) -> FloatArray:
+        """(3, 3, 3) covariances that a unit of noise on value, rate and acceleration each adds over dt_s.
+
+        By quadrature: the integrand is made of exponentials of at most dt_s / memory_s; eight nodes are exact
+        to rounding.
         """
         nodes, weights = _gauss()
-        f = np.stack([self.transition(0.5 * dt_s * (node + 1.0)) for node in nodes.tolist()])
-        # (K, K, K): what a unit of noise on derivative j adds to the covariance of derivatives k and l
-        share = np.einsum("n,nkj,nlj->jkl", 0.5 * dt_s * weights, f, f)
-        densities = _fading_densities(self)
-        noise: FloatArray = densities @ share.reshape(3, -1)
-        return noise.reshape(*densities.shape, 3)
+        time, memory_s = 0.5 * dt_s * (nodes + 1.0), self.memory_s
+        left = -np.expm1(-time / memory_s)
+        # (derivative that the noise is on, derivative, node): columns of `transition` at the nodes
+        column = np.zeros((3, 3, len(nodes)))
+        column[0, 0] = column[1, 1] = 1.0
+        column[1, 0] = time
+        column[2, 0], column[2, 1] = memory_s * (time - memory_s * left), memory_s * left
+        column[2, 2] = 1.0 - left
+        spread: FloatArray = (column * (0.5 * dt_s * weights)) @ column.swapaxes(1, 2)
+        return spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,21 +363,21 @@ def process_noise(densities: FloatArray, dt_s: float) -> FloatArray:
         (..., K, K) integral of F(t) diag(densities) F(t)^T over dt_s.
     """
     k = densities.shape[-1]
-    power, divisor = _impulses(k)
-    noise: FloatArray = densities @ (dt_s**power / divisor).reshape(k, -1)
+    noise: FloatArray = densities @ unit_noise(k, dt_s).reshape(k, -1)
     return noise.reshape(*densities.shape[:-1], k, k)
+
+
+def unit_noise(order: int, dt_s: float) -> FloatArray:
+    """(K, K, K) covariances that a unit of noise on each of K derivatives adds; see `process_noise`."""
+    power, divisor = _impulses(order)
+    unit: FloatArray = dt_s**power / divisor
+    return unit
 
 
 @lru_cache(maxsize=1)
 def _gauss() -> tuple[FloatArray, FloatArray]:
     """Eight nodes and weights of Gauss and Legendre."""
     return np.polynomial.legendre.leggauss(8)
-
-
-@lru_cache(maxsize=8)
-def _fading_densities(motion: DecayingAcceleration) -> FloatArray:
-    """(C, 5, 3) densities of a motion: measured times differ in every frame, the motion does not."""
-    return motion.densities()
 
 
 @lru_cache(maxsize=4)
