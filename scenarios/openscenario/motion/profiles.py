@@ -20,6 +20,12 @@ PieceShape: TypeAlias = Literal["step", "linear", "cubic", "sinusoidal", "rising
 SLOPES = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2, "rising": 2.0, "falling": 2.0}
 """The greatest slope of a shape, in units of change / duration."""
 
+SHARES = dict.fromkeys(("step", "linear", "cubic", "sinusoidal"), 0.5) | {
+    "rising": 1.0 / 3.0,
+    "falling": 2.0 / 3.0,
+}
+"""How much of a change counts on average over its duration."""
+
 
 @dataclass(frozen=True, slots=True)
 class Piece(Immutable):
@@ -33,8 +39,7 @@ class Piece(Immutable):
     @property
     def length_m(self) -> float:
         """Distance covered."""
-        share = {"rising": 1.0 / 3.0, "falling": 2.0 / 3.0}.get(self.shape, 0.5)
-        return (self.start_mps + share * (self.end_mps - self.start_mps)) * self.duration_s
+        return (self.start_mps + SHARES[self.shape] * (self.end_mps - self.start_mps)) * self.duration_s
 
     def after(self, time_s: float) -> tuple[float, float]:
         """Distance and speed after a time within the piece."""
@@ -94,12 +99,10 @@ class SpeedProfile(Immutable):
         self.end_s = time_s
         self.length_m = distance_m
         self.final_mps = self._pieces[-1].end_mps if self._pieces else speed_mps
-        speeds = [abs(speed) for piece in self._pieces for speed in (piece.start_mps, piece.end_mps)]
-        self.fastest_mps = max(speeds, default=abs(self.final_mps))
+        speeds = [speed for piece in self._pieces for speed in (piece.start_mps, piece.end_mps)]
+        self.fastest_mps = max(map(abs, speeds), default=abs(self.final_mps))
         """Greatest speed, as an amount."""
-        self.goes_back = self.final_mps < 0.0 or any(
-            min(piece.start_mps, piece.end_mps) < 0.0 for piece in self._pieces
-        )
+        self.goes_back = self.final_mps < 0.0 or min(speeds, default=0.0) < 0.0
         """Whether a speed of it is negative."""
 
     def at(self, time_s: float) -> tuple[float, float]:
