@@ -176,4 +176,8 @@ def _road_of(scenario: str, road: Path, map_file: Path | None) -> Path | None:
     if own is None or not own.resolve().is_relative_to(road.resolve()):
         where = "takes place on a plane" if own is None else f"has a road of its own, {own}"
         typer.echo(f"smartmot-eval: --road {road} is not used: the scenario {where}", err=True)
+    elif map_file is not None and map_file.resolve() != own.resolve():
+        raise ArgumentError(
+            f"--map: {map_file} is not {own}, on which the scenario takes place by --road; leave --map out"
+        )
     return map_file or own

@@ -146,6 +146,12 @@ def test_a_road_in_place_of_a_level(
     maps.mkdir()
     shutil.copy(DEFINITIONS.parent / "maps" / "urban_street.xodr", maps / "Town99.xodr")
     assert run(scenario, "--road", maps, *out, tmp_path / "b") == (0, "")
+    other = tmp_path / "other.xodr"
+    shutil.copy(DEFINITIONS.parent / "maps" / "urban_bend.xodr", other)
+    assert run(scenario, "--road", maps, "--map", other, *out, tmp_path / "d") == (
+        2, f"smartmot-eval: --map: {other} is not {maps / 'Town99.xodr'}, on which the scenario takes place "
+        "by --road; leave --map out\n",
+    )  # fmt: skip
     status, said = run("crossing", "--road", maps, *out, tmp_path / "c")
     assert status == 0
     assert f"--road {maps} is not used: the scenario has a road of its own" in said
