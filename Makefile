@@ -8,7 +8,7 @@ PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
 # The main job: the pedestrian test at 10, 20, ... 60 km/h with every strategy, scored and drawn.
 run: $(VENV)/.run
-	$(VENV)/bin/smartmot-eval cpna --speeds 10..60 --out results
+	$(VENV)/bin/smartmot-eval cpna --speeds 10..60
 
 test: $(VENV)/.dev
 	$(VENV)/bin/python -m pytest -n 2

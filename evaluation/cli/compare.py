@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate
+from evaluation.cli.output import parse_gate, results_folder
 from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ def command(
         drive_preset = preset if "preset" in typed else "real"
         processes = workers or available_cores()
         gate = parse_gate("compare", fail_on, junit, lambda: DRIVE_MEASURES)
+        out = results_folder(context, out)
         sides = _compare_drives(source, named, vary or [], drive_preset, out, processes, quiet)
         gate.close(lambda: sides)
         return
@@ -158,6 +159,7 @@ def command(
         raise ArgumentError("--fail-on: --growth measures times; there is nothing to fail on")
     gate = parse_gate("compare", fail_on, junit, lambda: MEASURES)
     processes = workers or available_cores()
+    out = results_folder(context, out)
     with locked(writable_folder(out)):
         if growth:
             crowd = GrowthStudy(chosen, preset, conditions[0], seeds, formats=formats)

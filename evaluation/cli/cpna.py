@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, write_mcaps
+from evaluation.cli.output import parse_gate, results_folder, write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 
 EXAMPLES = options.examples(
@@ -22,6 +22,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     speeds: Annotated[
         str, typer.Option(help="Test speeds in km/h: 10..60 (step 10), 10..60:5, or 30,50.")
     ] = "10..60",
@@ -55,7 +56,7 @@ def command(
         str, typer.Option(help="none, or static: parked cars and standing people.")
     ] = "none",
     seed: options.Seed = 0,
-    out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results"),
+    out: Annotated[Path, typer.Option(help=options.OUT)] = Path("results/cpna"),
     pictures: options.Pictures = True,
     form: options.PictureFormat = "png",
     workers: options.Workers = None,
@@ -96,6 +97,7 @@ def command(
     if mcap:
         require_foxglove()
     processes = workers or available_cores()
+    out = results_folder(context, out)
     with locked(writable_folder(out)):
         judged = compare_cpna(suite, out, form if pictures else None, processes, quiet)
         if mcap:

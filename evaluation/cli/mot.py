@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate
+from evaluation.cli.output import parse_gate, results_folder
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ MOST_LISTED = 6
 
 
 def command(
+    context: typer.Context,
     directory: Annotated[
         Path, typer.Argument(help="Recorded detections, and labels if any.", metavar="PATH")
     ],
@@ -165,7 +166,7 @@ def command(
     forms = options.parse_names(write, TRACK_FORMATS, "--write") if write else None
     span = parse_frames(frames)
     films = [(path, option) for path, option in ((gif, "--gif"), (video, "--video")) if path is not None]
-    out = writable_folder(out)
+    out = writable_folder(results_folder(context, out))
     console = rich.console.Console(quiet=quiet)
     with locked(out):
         study = run.prepare(directory, tracker, form, sequence, map_file, by_map, reading, scale, profiles)

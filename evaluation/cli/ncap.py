@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, write_mcaps
+from evaluation.cli.output import parse_gate, results_folder, write_mcaps
 
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
@@ -23,6 +23,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     files: Annotated[
         list[str] | None,
         typer.Argument(
@@ -100,6 +101,7 @@ def command(
     form = options.parse_format(form)
     if mcap:
         require_foxglove()
+    out = results_folder(context, out)
     with locked(writable_folder(out)):
         sides = run_grid(
             files or [],

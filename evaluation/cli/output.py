@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -29,6 +30,54 @@ def print_written(paths: Iterable[object], notes: Iterable[str], quiet: bool) ->
         typer.echo(f"smartmot-eval: {one_line(note)}", err=True)
     for path in () if quiet else paths:
         typer.echo(path)
+
+
+CALL = ".smartmot-call"
+"""File in a default folder of results: the command, and the arguments that determine them."""
+_OF_OTHER_MATTERS = frozenset(
+    {
+        "out", "workers", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video", "page",
+        "fail_on", "junit",
+    }
+)  # fmt: skip
+"""Parameters that change no result: where, how fast, what else is made of it, and what is judged."""
+
+
+def results_folder(context: typer.Context, out: Path) -> Path:
+    """The folder for the results of a command: the one asked for, or a default one of its own.
+
+    Without `--out` a command never writes into a folder with results of another call: it takes the next that
+    is new, `results/run-2`. The same call goes into the same folder again.
+
+    Args:
+        context: of the command.
+        out: value of `--out`.
+    """
+    source = context.get_parameter_source("out")
+    if source is None or source.name != "DEFAULT":
+        return out
+    given = {name: str(value) for name, value in context.params.items() if name not in _OF_OTHER_MATTERS}
+    from evaluation.results.files import write_bytes
+
+    call = json.dumps({"command": context.info_name, "arguments": given}, sort_keys=True, indent=1)
+    folder, number = out, 1
+    while not _is_free(folder, call):
+        number += 1
+        folder = out.with_name(f"{out.name}-{number}")
+    if folder != out:
+        typer.echo(f"smartmot-eval: {out} holds results of another call; these go to {folder}", err=True)
+    write_bytes(folder / CALL, call.encode())
+    return folder
+
+
+def _is_free(folder: Path, call: str) -> bool:
+    """Whether a folder holds nothing yet, or results of the same call."""
+    if not folder.exists():
+        return True
+    try:
+        return (folder / CALL).read_text(encoding="utf-8") == call
+    except (OSError, UnicodeDecodeError):
+        return folder.is_dir() and not any(folder.iterdir())
 
 
 @contextmanager

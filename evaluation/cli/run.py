@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, write_mcaps
+from evaluation.cli.output import parse_gate, results_folder, write_mcaps
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
@@ -23,6 +23,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     scenario: Annotated[
         str,
         typer.Argument(
@@ -138,6 +139,7 @@ def command(
         typer.echo(f"smartmot-eval: {note}", err=True)
     if mcap:
         require_foxglove()
+    out = results_folder(context, out)
     with locked(writable_folder(out)):
         judged = compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
         if mcap:

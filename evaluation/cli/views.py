@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, parse_gate, print_written
+from evaluation.cli.output import counting, parse_gate, print_written, results_folder
 
 PLOT_EXAMPLES = options.examples(
     "`smartmot-eval plot results`",
@@ -142,6 +142,7 @@ def replay(
 
 
 def diff(
+    context: typer.Context,
     first: Annotated[
         Path,
         typer.Argument(help="Folder that cpna, run, ncap, compare or drive wrote.", metavar="FIRST"),
@@ -164,6 +165,7 @@ def diff(
     gate = parse_gate("diff", fail_on, junit, lambda: DIFF_MEASURES)
     folders = difference(read_results(first), read_results(second))
     console = rich.console.Console(quiet=quiet)
+    out = results_folder(context, out)
     with locked(writable_folder(out)):
         written = write_report(folders, out)
     for title, table in tables(folders):

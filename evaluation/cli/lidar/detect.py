@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, one_line
+from evaluation.cli.output import counting, one_line, results_folder
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. D
 
 
 def command(
+    context: typer.Context,
     clouds: Clouds,
     method: Method = "classical",
     out: Annotated[Path, typer.Option(help="Folder for boxes and tracks.")] = Path("results/lidar"),
@@ -105,7 +106,7 @@ def command(
     calibrations = None if calib is None else Calibrations(calib)
     account, seen = Account(), 0
     grid = config.network.grid if isinstance(config, LearnedConfig) else None
-    out = writable_folder(out)
+    out = writable_folder(results_folder(context, out))
     console = rich.console.Console(quiet=quiet)
     with locked(out):
         writer = DetectionWriter(out, calibrations, account)

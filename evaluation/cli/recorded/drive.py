@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, parse_gate, print_written
+from evaluation.cli.output import counting, parse_gate, print_written, results_folder
 from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     path: Annotated[
         Path,
         typer.Argument(
@@ -122,7 +123,7 @@ def command(
     )
     if mcap:
         require_foxglove()
-    out = writable_folder(out)
+    out = writable_folder(results_folder(context, out))
     console = rich.console.Console(quiet=quiet)
     with locked(out):
         study = prepare(asked)

@@ -105,3 +105,29 @@ def test_the_number_of_processes_has_one_default() -> None:
     assert {"cpna", "run", "ncap", "compare", "study", "reference"} <= set(having)
     assert {name for name, option in having.items() if option.default is not None} == set()
     assert {name for name, option in having.items() if option.annotation != Workers} == set()
+
+
+def test_default_folders_hold_one_call_each(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The same call goes into the same folder; another gets one of its own, and says so."""
+    monkeypatch.chdir(tmp_path)
+    run = ("run", "crossing", "--strategy", "map", "--no-pictures", "-q", "--workers", "1")
+    for words in (("--param", "Ego_speed_kmh=20"), ("--param", "Ego_speed_kmh=20", "--workers", "2")):
+        assert told(monkeypatch, capsys, *run, *words) == (0, "", "")
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["run"]
+    first = (tmp_path / "results/run/runs.csv").read_bytes()
+
+    status, _, error = told(monkeypatch, capsys, *run, "--param", "Ego_speed_kmh=30")
+    folders = Path("results/run"), Path("results/run-2")
+    assert (status, error) == (
+        0,
+        f"smartmot-eval: {folders[0]} holds results of another call; these go to {folders[1]}\n",
+    )
+    assert folders[0].joinpath("runs.csv").read_bytes() == first
+    assert len(list(folders[1].glob("logs/*.parquet"))) == 1
+
+    (tmp_path / "mine").mkdir()
+    for speed in ("20", "30"):  # what is asked for by name is used
+        assert told(monkeypatch, capsys, *run, "--param", f"Ego_speed_kmh={speed}", "--out", "mine")[0] == 0
+    assert not (tmp_path / "mine-2").exists()
