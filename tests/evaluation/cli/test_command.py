@@ -581,7 +581,7 @@ def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPa
     answer = command("cpna", "--speeds", "50")
     assert answer.status == 130
     assert (
-        answer.err.strip() == "smartmot-eval: interrupted; compare, study and reports go on if started again"
+        answer.err.strip() == "smartmot-eval: interrupted; compare, study and reference go on if started again"
     )
 
 
