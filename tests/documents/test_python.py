@@ -221,8 +221,8 @@ def test_blocks_run_as_printed(page: str, folder: Path, monkeypatch: pytest.Monk
     if page in ("docs/start.md", "docs/mcap.md", "docs/osi.md"):
         for words in (
             ["cpna", "--speeds", "40", "--quiet", "--no-pictures"],
-            ["replay", "results/CPNA_map_dry_none_40kmh_seed0", "--mcap", "run.mcap"],
-            ["replay", "results/CPNA_map_dry_none_40kmh_seed0", "--osi", "run.osi"],
+            ["replay", "results/cpna/CPNA_map_dry_none_40kmh_seed0", "--mcap", "run.mcap"],
+            ["replay", "results/cpna/CPNA_map_dry_none_40kmh_seed0", "--osi", "run.osi"],
         ):
             assert run_command(monkeypatch, words) == 0
     names = run_page(page, given())

@@ -580,9 +580,8 @@ def test_an_interrupt_is_one_line(command: Command, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("evaluation.studies.suite.compare_cpna", interrupted)
     answer = command("cpna", "--speeds", "50")
     assert answer.status == 130
-    assert (
-        answer.err.strip() == "smartmot-eval: interrupted; compare, study and reference go on if started again"
-    )
+    interrupted = "smartmot-eval: interrupted; compare, study and reference go on if started again"
+    assert answer.err.strip() == interrupted
 
 
 @pytest.mark.parametrize(
