@@ -119,7 +119,9 @@ def tab_stops(page: Any) -> list[str]:
 
 
 @contextmanager
-def opened(report: Path, width: str, theme: str = "light", at: str = "") -> Iterator[Any]:
+def opened(
+    report: Path, width: str, theme: str = "light", at: str = "", ready: str = "body[data-ready=true]"
+) -> Iterator[Any]:
     """A page, loaded; in the end nothing may be on the console or asked of the network.
 
     Args:
@@ -127,6 +129,7 @@ def opened(report: Path, width: str, theme: str = "light", at: str = "") -> Iter
         width: a name from `WIDTHS`.
         theme: one of `THEMES`.
         at: what follows the file in its address, such as `#run=NAME`.
+        ready: what is there when the page is.
     """
     assert CHROMIUM is not None, "no chromium on the PATH, and SMARTMOT_BROWSER is 'required'"
     width_px, height_px = WIDTHS[width]
@@ -139,7 +142,7 @@ def opened(report: Path, width: str, theme: str = "light", at: str = "") -> Iter
         page.on("pageerror", lambda error: console.append(str(error)))
         page.on("request", lambda request: urls.append(request.url))
         page.goto(report.as_uri() + at)
-        page.wait_for_selector("body[data-ready=true]", timeout=60_000)
+        page.wait_for_selector(ready, timeout=60_000)
         yield page
         browser.close()
     assert console == []

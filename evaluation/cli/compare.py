@@ -24,7 +24,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval compare --ablation --out results/ablation`",
     "`smartmot-eval compare --growth --out results/growth`",
     "`smartmot-eval compare --scenes 'people at the kerb' --logs --out results/kerb` and then",
-    "`smartmot-eval report results/kerb/runs`",
+    "`smartmot-eval report results/kerb`",
     "`smartmot-eval compare --strategies my_area:Corridor --fail-on 'avoided<0.9,needless_stops>0.05'`",
     "`smartmot-eval compare --drives argoverse_logs --vary rule=paper,cascade,rss --out results/drives`",
     "Scenes, parameters, measures and intervals: docs/study.md. "
@@ -80,7 +80,7 @@ def command(
     ] = False,
     logs: Annotated[
         bool,
-        typer.Option("--logs", help="Also log a run per scene and strategy into OUT/runs, for `report`."),
+        typer.Option("--logs", help="Also log a run per scene and side into OUT/runs*, for `report OUT`."),
     ] = False,
     sensor: options.SensorName = "truth",
     perception: options.PerceptionName = None,

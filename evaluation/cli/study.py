@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import parse_gate
 
 if TYPE_CHECKING:
     from evaluation.studies.answers.study import Question, Sample
@@ -106,6 +107,8 @@ def command(
         str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
     ] = "png,svg",
     workers: options.Workers = None,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Answer a question about lane filters, errors and brake rules over scenes drawn at random."""
@@ -113,11 +116,15 @@ def command(
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.workers import available_cores
     from evaluation.studies.answers.command import ask
+    from evaluation.studies.answers.results import STUDY_MEASURES, sides_of_results
     from evaluation.studies.answers.study import Sample
     from scenarios.presets import PRESETS
     from scenarios.settings import PARAMETERS
 
     question = options.parse_name(question, QUESTIONS, "QUESTION")
+    if question == "worst" and fail_on is not None:
+        raise ArgumentError("--fail-on: worst searches one case and scores no sides; it has no gate")
+    gate = parse_gate("study", fail_on, junit, lambda: STUDY_MEASURES)
     if maps is not None and not maps.is_dir():
         raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
     split = options.parse_name(
@@ -156,7 +163,8 @@ def command(
     asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
-        ask(asked, out, workers or available_cores(), quiet)
+        results = ask(asked, out, workers or available_cores(), quiet)
+    gate.close(lambda: sides_of_results(results))
 
 
 def _worst(

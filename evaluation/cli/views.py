@@ -65,6 +65,7 @@ def report(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a folder of results as one HTML page: findings, scores, diagrams, a replay of every run."""
+    from evaluation.studies.comparison_page.page import is_comparison_folder, write_comparison_page
     from evaluation.studies.drive.folder import is_drive_folder
     from evaluation.studies.drive.page import write_drive_page
     from evaluation.views.page.page import write_page
@@ -72,6 +73,8 @@ def report(
     with counting("reading runs", quiet) as done:
         if is_drive_folder(directory):
             page, notes = write_drive_page(directory, out, done)
+        elif is_comparison_folder(directory):
+            page, notes = write_comparison_page(directory, out, done, allow_plugins)
         else:
             page, notes = write_page(directory, out, done, allow_plugins)
     print_written([page], notes, quiet)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from evaluation.results.gates import Side
 from evaluation.results.tables import EMPTY, Table, fixed
 from scenarios.errors import DatasetError
 from scenarios.live.bag_writer import BagWriter
@@ -22,7 +23,7 @@ from scenarios.ros.bags.chosen import chosen_topics
 from scenarios.ros.bags.decoding import decoded, require_readable
 from scenarios.ros.frames.transforms import is_static
 from scenarios.ros.messages import Message
-from scenarios.sources.requests import Request
+from scenarios.sources.requests import EMERGENCY, Request
 from smartmot.maps.follow import MAX_FROM_LANE_M
 
 _SHOWN_NAMES = 5
@@ -223,6 +224,31 @@ def perception_notes(perception: LivePerception) -> list[str]:
     notes = [text for number, text in lines if number]
     axes = perception.velocities.note(settings.velocity_frame)
     return notes if axes is None else [*notes, axes]
+
+
+BAG_MEASURES = (
+    "requests", "warnings", "frames", "boxes", "tracks", "rejected_boxes", "late_frames", "without_pose",
+)  # fmt: skip
+"""Of a bag, for gates; docs/gates.md has their meaning."""
+
+
+def side_of_bag(result: BagResult) -> Side:
+    """What perception came to, with the times of its requests from the first frame on."""
+    counts, start_s = result.counts, 1e-9 * (result.start_ns or 0)
+    asked: dict[bool, list[str]] = {True: [], False: []}
+    for request in result.requests:
+        asked[request.kind == EMERGENCY].append(f"{request.category} at {request.time_s - start_s:.2f} s")
+    values: dict[str, float | None] = {
+        "requests": float(len(asked[True])),
+        "warnings": float(len(asked[False])),
+        "frames": float(counts.frames),
+        "boxes": float(counts.boxes),
+        "tracks": float(counts.tracks),
+        "rejected_boxes": float(counts.rejected + sum(counts.unknown_classes.values())),
+        "late_frames": float(counts.late),
+        "without_pose": float(counts.without_pose),
+    }
+    return Side(result.strategy, values, runs={"requests": asked[True], "warnings": asked[False]})
 
 
 def summary_table(result: BagResult) -> Table:

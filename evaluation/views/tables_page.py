@@ -9,15 +9,18 @@ from html import escape
 from evaluation.results.tables import Table
 
 _STYLE = """
-:root { color-scheme: light dark; --ink: #1a1a1a; --paper: #fff; --line: #c9c9c9; --quiet: #595959; }
+:root {
+  color-scheme: light dark;
+  --ink: #1a1a1a; --paper: #fff; --line: #c9c9c9; --quiet: #595959; --focus: #0072b2;
+}
 @media (prefers-color-scheme: dark) {
-  :root { --ink: #ececec; --paper: #16181a; --line: #45494d; --quiet: #a9adb1; }
+  :root { --ink: #ececec; --paper: #16181a; --line: #45494d; --quiet: #a9adb1; --focus: #6db9ec; }
 }
 body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
   padding: 12px; max-width: 1200px; }
 h1 { font-size: 1.3em; margin: 0 0 .3em; } h2 { font-size: 1.1em; margin: 1.5em 0 .3em; }
 p { margin: .2em 0; overflow-wrap: anywhere; }
-.table { overflow-x: auto; }
+.table { overflow: auto; max-height: 75vh; } :focus-visible { outline: 3px solid var(--focus); }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 3px 14px 3px 0; border-bottom: 1px solid var(--line);
   vertical-align: top; }

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, one_line
+from evaluation.cli.output import counting, one_line, parse_gate
 from evaluation.cli.recorded.options import EgoOutline, parse_vehicle
 from evaluation.errors import ArgumentError
 
@@ -87,19 +87,29 @@ def command(
     base_frame: Annotated[
         str, typer.Option(help="The vehicle's frame where there is no odometry.", metavar="NAME")
     ] = "base_link",
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Track and judge the boxes of a ROS bag, and write a bag with what perception publishes."""
     import rich.console
 
     from evaluation.results.tables import rich_table
-    from evaluation.studies.bag import BagOptions, request_table, see_bag, summary_table
+    from evaluation.studies.bag import (
+        BAG_MEASURES,
+        BagOptions,
+        request_table,
+        see_bag,
+        side_of_bag,
+        summary_table,
+    )
     from scenarios.live.settings import DATASETS, OUTPUT_FRAMES, LiveSettings
     from scenarios.recorded.vehicles import Vehicle
     from scenarios.ros.bags.writer import STORAGES
     from scenarios.ros.messages import VELOCITY_FRAMES
     from scenarios.settings import PARAMETERS
 
+    gate = parse_gate("bag", fail_on, junit, lambda: BAG_MEASURES)
     settings = LiveSettings(
         preset=options.parse_preset(preset),
         strategy=None if strategy is None else _single(options.parse_strategies(strategy)),
@@ -125,6 +135,7 @@ def command(
         console.print(rich_table(request_table(result), f"requests ({result.strategy}, {rule}, {preset})"))
     console.print(rich_table(summary_table(result)))
     console.print(f"written to {out}: {result.written} messages", highlight=False, soft_wrap=True)
+    gate.close(lambda: [side_of_bag(result)])
 
 
 def _single(names: tuple[str, ...]) -> str:

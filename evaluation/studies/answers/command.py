@@ -6,11 +6,12 @@ from pathlib import Path
 
 import rich.console
 
-from evaluation.studies.answers.study import Answer, Question, results_of
+from evaluation.studies.answers.results import Results
+from evaluation.studies.answers.study import Question, results_of
 from evaluation.studies.study import done_line
 
 
-def ask(question: Question, out: Path, workers: int = 1, quiet: bool = False) -> Answer:
+def ask(question: Question, out: Path, workers: int = 1, quiet: bool = False) -> Results:
     """Carry a question out, or go on with it; say before the runs what they can decide.
 
     Args:
@@ -18,6 +19,9 @@ def ask(question: Question, out: Path, workers: int = 1, quiet: bool = False) ->
         out: folder of all questions; the scenes and the journal are there, the answer in a folder of its own.
         workers: processes.
         quiet: print nothing.
+
+    Returns:
+        The runs, by side.
 
     Raises:
         ArgumentError: a setting is out of range.
@@ -39,4 +43,4 @@ def ask(question: Question, out: Path, workers: int = 1, quiet: bool = False) ->
         console.print(line, highlight=False)
     names = [path.name for path in written]
     console.print(done_line(len(items), before, out / question.name, names), highlight=False)
-    return answer
+    return results

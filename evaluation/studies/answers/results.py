@@ -18,6 +18,7 @@ from evaluation.metrics.intervals import (
     wilson,
 )
 from evaluation.metrics.power import POWER, holm, least_difference
+from evaluation.results.gates import Side
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.answers.measures import DECISIVE, MEASURES, Decision
 from scenarios.scenes.scenes import SceneRun
@@ -157,3 +158,26 @@ def power_lines(scenes: Sequence[SceneRun], questions: int) -> list[str]:
             f"corrected for {questions} questions: {', '.join(parts) or few}."
         )
     return lines
+
+
+STUDY_MEASURES = (*MEASURES, "cut_off", "scenes")
+"""Of a side over its scenes, for gates; docs/gates.md has their meaning."""
+
+
+def sides_of_results(results: Results) -> list[Side]:
+    """What each side came to, with the scenes that ended badly."""
+    sides = []
+    for arm, runs in results.runs.items():
+        named = list(zip((scene.name for scene in results.scenes), runs, strict=True))
+        nothing = {scene.name for scene in results.scenes if scene.must == "nothing"}
+        counted = {
+            "avoided": [name for name, run in named if name not in nothing and not run.avoided],
+            "stops": [name for name, run in named if name in nothing and run.unnecessary_stop],
+            "early": [name for name, run in named if name not in nothing and run.false_activation],
+            "cut_off": [name for name, run in named if run.cut_off],
+        }
+        values: dict[str, float | None] = {name: results.estimate(arm, name).value for name in MEASURES}
+        values |= {"cut_off": float(len(counted["cut_off"])), "scenes": float(len(named))}
+        detail = ", ".join((arm.preset, arm.text))
+        sides.append(Side(arm.name, values, detail, counted))
+    return sides

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from evaluation.results.files import log_path, write_bytes
 from evaluation.results.logs import read_log
 from evaluation.results.tables import rich_table
 from evaluation.runs.folder_lock import writable_folder
-from evaluation.studies.compare.grid import Point, study_runs
+from evaluation.studies.compare.grid import Point, shown_settings, study_runs
 from evaluation.studies.compare.study import SceneStudy, compared
 from evaluation.studies.compare.table import Summary, short_table
 from evaluation.studies.compare.valid_scenes import told_invalid_scenes, valid_scenes
@@ -21,6 +22,10 @@ from evaluation.studies.study import done_line
 from evaluation.studies.suite import compare_files
 from scenarios.scenes.scenes import SceneRun, left_out
 from scenarios.spec import definition_of, preset_of
+
+LOGGED = "runs"
+"""Folder of logged runs, and beginning of the names of those of further settings."""
+_LONGEST_SLUG = 80
 
 
 def compare(
@@ -66,31 +71,42 @@ def compare(
     console.print(done_line(len(items), before, out, [path.name for path in written]), highlight=False)
     if logs:
         folder = log_runs(study, scenes, out, workers)
-        console.print(f"logs: {folder}; smartmot-eval report {folder} makes a page of them", highlight=False)
+        console.print(
+            f"logs: {folder}*; smartmot-eval report {out} makes a page with replays", highlight=False
+        )
     for line in [*invalid, *left_out(study.scenes, full=study.full, maps=study.maps)]:
         console.print(line, highlight=False, soft_wrap=True)
     return result.rows
 
 
 def log_runs(study: SceneStudy, scenes: Sequence[SceneRun], out: Path, workers: int = 1) -> Path:
-    """Carry the scenes out once more with each strategy as the preset has it, and keep the logs.
+    """Carry the scenes out once more, with the first seed, and keep the logs.
 
-    They lie in a folder of runs of its own, as `report` and `replay` want it, with the criticality of each
-    run over time in `criticality/`.
+    Each strategy as the preset has it is in `runs`; other settings are in folders of their own beside it.
+    They are folders of runs, as `report` and `replay` want them, with the criticality of each run over time
+    in `criticality/`.
+
+    Returns:
+        The first of them.
 
     Raises:
-        ResultsError: the folder cannot be written.
+        ResultsError: a folder cannot be written.
     """
-    points = [Point(strategy) for strategy in study.strategies]
-    items = study_runs(points, scenes, study.preset, study.weather, 1, study.common)
-    folder = out / "runs"
-    specs = [item.spec for item in items]
-    compare_files(specs, folder, None, workers, quiet=True)
-    critical = writable_folder(folder / "criticality")
-    for spec in specs:
-        log = read_log(log_path(folder, spec.log))
-        columns = {str(name): log[name].to_numpy() for name in log.columns}
-        brakes = preset_of(spec, definition_of(spec)).brakes
-        content = criticality_csv(criticality(columns, brakes.max_decel_mps2))
-        write_bytes(critical / f"{spec.log}.csv", content)
-    return folder
+    by_settings: dict[str, list[Point]] = {"": [Point(strategy) for strategy in study.strategies]}
+    for point in study.points:
+        if point.settings:
+            by_settings.setdefault(point.text, []).append(point)
+    for k, (text, points) in enumerate(by_settings.items()):
+        items = study_runs(points, scenes, study.preset, study.weather, 1, study.common)
+        slug = re.sub(r"[^\w.=+-]+", "-", shown_settings(text))[:_LONGEST_SLUG]
+        folder = out / (f"{LOGGED}_{k}_{slug}" if text else LOGGED)
+        specs = [item.spec for item in items]
+        compare_files(specs, folder, None, workers, quiet=True)
+        critical = writable_folder(folder / "criticality")
+        for spec in specs:
+            log = read_log(log_path(folder, spec.log))
+            columns = {str(name): log[name].to_numpy() for name in log.columns}
+            brakes = preset_of(spec, definition_of(spec)).brakes
+            content = criticality_csv(criticality(columns, brakes.max_decel_mps2))
+            write_bytes(critical / f"{spec.log}.csv", content)
+    return out / LOGGED

@@ -218,12 +218,14 @@ def _of_comparison(folder: Path, content: Mapping[str, Any]) -> Results:
         preset = content["presets"][settings]
         facts = dict(flat(scene["parameters"], "parameters")) | dict(flat(preset, "preset"))
         files = _files(folder, scene["files"], content["files"])
-        runs.append(Run(identity, facts, files, _compared(row), _numbers(row, _COMPARED_MEASURES), None))
+        runs.append(
+            Run(identity, facts, files, compared_outcome(row), _numbers(row, _COMPARED_MEASURES), None)
+        )
     facts = dict(flat({name: content[name] for name in ("versions", "preset", "seeds")}))
     return Results(folder, "compare", facts, tuple(runs))
 
 
-def _compared(row: pd.Series[Any]) -> str:
+def compared_outcome(row: Mapping[Any, Any] | pd.Series[Any]) -> str:
     """What came of a run of a comparison."""
     if row["end_reason"] in ("time_limit", "not_begun"):
         return "cut off"

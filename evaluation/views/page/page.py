@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,12 @@ from evaluation.protocols.paper import PUBLISHED
 from evaluation.results.by_speed import comparison_table, impact_table
 from evaluation.results.files import check_writable, write_whole
 from evaluation.results.tables import Table
-from evaluation.runs.folder import RunFolder, read_folder
+from evaluation.runs.folder import Run, RunFolder, read_folder
 from evaluation.runs.specs import lidar_notes
 from evaluation.views.account.explain import Account, explain
 from evaluation.views.frames import frames_of
 from evaluation.views.page import charts
+from evaluation.views.page.comparison import HEIGHT, WIDTH, Comparison
 from evaluation.views.page.payload import pack_map, pack_run
 from evaluation.views.page.summary import Matrix, Verdict, by_scenario, score_matrix, verdicts
 from evaluation.views.pictures import told_of_writing
@@ -76,7 +77,10 @@ class RunView:
 
 @dataclass(frozen=True, slots=True)
 class PageContent:
-    """Everything that the template shows; `colours` by strategy, `recorded` of recorded drives."""
+    """Everything that the template shows.
+
+    `colours` by strategy, `recorded` of recorded drives; `comparison` stands in place of verdicts and matrix.
+    """
 
     title: str
     facts: dict[str, str]
@@ -92,6 +96,7 @@ class PageContent:
     packed_maps: list[str]
     palette: dict[str, Any]
     recorded: bool = False
+    comparison: Comparison | None = None
 
 
 def write_page(
@@ -136,32 +141,10 @@ def page_content(
     rows = folder.runs[folder.runs["log"].notna()]
     rows = rows[~rows["log"].duplicated()]
     distinct = _distinct_columns(rows)
-    views: list[RunView] = []
-    curves: dict[str, pd.DataFrame] = {}
-    networks: list[RoadNetwork] = []
-    ways: list[list[FloatArray]] = []
-    origin: FloatArray | None = None
-    for run in rows.to_dict("records"):
-        name = str(run["log"])
-        log = folder.log(name)
-        curves[name] = log[log["kind"] == "ego"]
-        setup = folder.setup(name)
-        frames = frames_of(log, setup.strategy)
-        way = frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
-        origin = np.rint(way[0]) if origin is None else origin
-        map_index = -1
-        if setup.network is not None:
-            if setup.network not in networks:
-                networks.append(setup.network)
-                ways.append([])
-            map_index = networks.index(setup.network)
-            ways[map_index].append(way)
-        account = explain(frames, run, setup)
-        packed = pack_run(frames, account, origin, charts.temporal_spec(frames, run))
-        views.append(RunView(name, str(run["strategy"]), _title(run, distinct), account, packed, map_index))
-        progress(len(views), len(rows))
+    runs = [Shown(str(run["log"]), _title(run, distinct), folder, run) for run in rows.to_dict("records")]
+    replays = replays_of(runs, progress)
+    views = replays.views
     accounts = {view.log: view.account for view in views}
-    assert origin is not None  # a folder has runs
     return PageContent(
         title=_subject(rows),
         facts=_facts(folder),
@@ -170,13 +153,81 @@ def page_content(
         matrix=score_matrix(rows, accounts),
         table=_numbers(folder),
         runs=views,
-        first=_first(views),
+        first=first_run(views),
         colours={name: colour for name, (colour, _) in strategy_looks(map(str, rows["strategy"])).items()},
-        panels=charts.speed_specs(rows, curves, many=len(set(rows["scenario"])) > _FEW),
+        panels=charts.speed_specs(rows, replays.egos, many=len(set(rows["scenario"])) > _FEW),
         legend=[(f"{v:g} km/h", *_swatch(v)) for v in sorted(set(rows["v_test_kmh"]))],
-        packed_maps=[pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)],
+        packed_maps=replays.packed_maps,
         palette=PALETTE,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run that a page is to show.
+
+    Args:
+        name: by which links on the page open it.
+        title: what sets it apart from the others.
+        folder: where it is.
+        run: its row there.
+    """
+
+    name: str
+    title: str
+    folder: RunFolder
+    run: Run
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replays:
+    """What a page needs to show runs again.
+
+    Args:
+        views: of the runs, in their order.
+        egos: rows of kind `ego` of their logs, by the name of the run.
+        packed_maps: the maps that they are on.
+    """
+
+    views: list[RunView]
+    egos: dict[str, pd.DataFrame]
+    packed_maps: list[str]
+
+
+def replays_of(
+    runs: Sequence[Shown], progress: Callable[[int, int], None] = lambda done, total: None
+) -> Replays:
+    """Read the logs of runs, and say what each came to.
+
+    Raises:
+        ResultsError: a log is missing or broken.
+    """
+    views: list[RunView] = []
+    egos: dict[str, pd.DataFrame] = {}
+    networks: list[RoadNetwork] = []
+    ways: list[list[FloatArray]] = []
+    origin = np.zeros(2)
+    for shown in runs:
+        name, log = str(shown.run["log"]), shown.folder.log(str(shown.run["log"]))
+        egos[shown.name] = log[log["kind"] == "ego"]
+        setup = shown.folder.setup(name)
+        frames = frames_of(log, setup.strategy)
+        way = frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        origin = origin if views else np.rint(way[0])
+        map_index = -1
+        if setup.network is not None:
+            if setup.network not in networks:
+                networks.append(setup.network)
+                ways.append([])
+            map_index = networks.index(setup.network)
+            ways[map_index].append(way)
+        account = explain(frames, shown.run, setup)
+        packed = pack_run(frames, account, origin, charts.temporal_spec(frames, shown.run))
+        strategy = str(shown.run["strategy"])
+        views.append(RunView(shown.name, strategy, shown.title, account, packed, map_index))
+        progress(len(views), len(runs))
+    packed_maps = [pack_map(network, way, origin) for network, way in zip(networks, ways, strict=True)]
+    return Replays(views, egos, packed_maps)
 
 
 def render(content: PageContent) -> str:
@@ -185,15 +236,18 @@ def render(content: PageContent) -> str:
 
     files = importlib.resources.files("evaluation.views.page")
     environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = environment.from_string((files / "template.html.j2").read_text(encoding="utf-8"))
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+        loader=jinja2.FunctionLoader(lambda name: (files / name).read_text(encoding="utf-8")),
+    )  # fmt: skip
+    template = environment.get_template("template.html.j2")
     return template.render(
         page=content,
+        width=WIDTH,
+        height=HEIGHT,
         colour_of=lambda title: _colour_of(title, content.colours),
         style=(files / "page.css").read_text(encoding="utf-8"),
         script=(files / "page.js").read_text(encoding="utf-8"),
-        plotly=charts.plotly_script(),
+        plotly=charts.plotly_script() if content.runs else "",
         data=_script_json(
             {
                 "palette": content.palette,
@@ -274,7 +328,7 @@ def _numbers(folder: RunFolder) -> Table:
     return comparison_table(folder.runs, PUBLISHED if folder.published else None)
 
 
-def _first(views: list[RunView]) -> int:
+def first_run(views: list[RunView]) -> int:
     """The run to open: the first false activation, else unnecessary braking, else collision, else any."""
     ranks = {kind: rank for rank, kind in enumerate(("false", "unnecessary", "hit", "mitigated"))}
     return min(range(len(views)), key=lambda index: ranks.get(views[index].account.kind, len(ranks)))

@@ -88,3 +88,33 @@ def test_a_gate_that_cannot_be_closed_is_refused_before_anything_is_run(
 def test_a_check_takes_no_gate(command: Command) -> None:  # noqa: F811
     answer = command("run", "cpna_paper", "--check", "--fail-on", "contacts>0")
     assert (answer.status, answer.err.splitlines()[0][:25]) == (2, "smartmot-eval: --fail-on:")
+
+
+def test_every_command_that_scores_has_a_gate() -> None:
+    """A command that scores writes results and judges: those named here show or write."""
+    import typer
+
+    from evaluation.cli.entry import app
+
+    without = {
+        "list", "plot", "report", "replay", "map", "export", "reports", "scenes",
+        "lidar bench", "lidar convert", "lidar detect", "lidar train", "lidar export",
+        "lidar dataset make", "lidar dataset show", "lidar dataset check",
+    }  # fmt: skip
+
+    def commands(group: object, path: tuple[str, ...] = ()) -> dict[str, set[str]]:
+        options: dict[str, set[str]] = {}
+        for name, member in getattr(group, "commands", {}).items():
+            own = (*path, name)
+            if hasattr(member, "commands"):
+                options |= commands(member, own)
+            else:
+                options[" ".join(own)] = {word for each in member.params for word in each.opts}
+        return options
+
+    known = commands(typer.main.get_command(app))
+    gated = {name for name, words in known.items() if {"--fail-on", "--junit"} <= words}
+    assert set(known) - gated == without
+    docs = (Path(__file__).parents[3] / "docs" / "gates.md").read_text(encoding="utf-8")
+    rows = "".join(line for line in docs.splitlines() if line.startswith("| `"))
+    assert [name for name in gated if f"`{name}`" not in rows] == []

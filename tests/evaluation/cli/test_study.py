@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
 
 import pytest
 
 from evaluation.cli import main
+from evaluation.studies.answers.arms import Arm
+from evaluation.studies.answers.measures import Decision
+from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.study import Question
 from evaluation.studies.answers.trigger import FAMILIES
+from scenarios.scenes.scenes import SceneRun
 
 
 def call(*arguments: str) -> int:
@@ -52,9 +57,53 @@ def test_a_mistake_is_one_line(
     assert error.count("\n") == 1
 
 
+def results() -> Results:
+    """A side that avoids one of two collisions and stops unnecessarily in one of two scenes."""
+    quiet = Decision(False, 0.0, False, False, 1.5, None, 0.0, 0.0, "stopped")
+    outcomes = {
+        "hit": ("brake", dataclasses.replace(quiet, collided=True, v_impact_kmh=20.0, end_reason="contact")),
+        "avoided": ("brake", quiet),
+        "stop": ("nothing", dataclasses.replace(quiet, unnecessary_stop=True, speed_lost_kmh=30.0)),
+        "free": ("nothing", quiet),
+    }
+    scenes = tuple(SceneRun(name, "straight", must, "", (), 50.0) for name, (must, _) in outcomes.items())
+    return Results(scenes, {Arm("map", "map"): tuple(run for _, run in outcomes.values())})
+
+
+@pytest.mark.parametrize(
+    ("rules", "status", "line"),
+    [
+        ("avoided<0.5,stops>0.5,impact>10,scenes<4", 0, ""),
+        ("map/avoided<0.9", 3, "map, physical, map: avoided 0.5, fails if < 0.9: hit, straight"),
+        ("stops>0.1", 3, "map, physical, map: stops 0.5, fails if > 0.1: stop, straight"),
+        ("impact>=10", 3, "map, physical, map: impact 10, fails if >= 10"),
+        ("warning_ttc<1", 3, "map, physical, map: warning_ttc no value, fails if < 1"),
+    ],
+)
+def test_a_study_fails_where_a_rule_is_met(
+    rules: str,
+    status: int,
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("evaluation.studies.answers.command.ask", lambda *_: results())
+    assert call("gain", "--out", str(tmp_path), "--fail-on", rules) == status
+    errors = capfd.readouterr().err.splitlines()
+    assert errors == ([f"smartmot-eval: failed: {line}"] if line else [])
+
+
+def test_the_search_for_one_case_has_no_gate(capfd: pytest.CaptureFixture[str]) -> None:
+    assert call("worst", "--family", "crossing", "--fail-on", "avoided<1") == 2
+    assert "--fail-on: worst searches one case" in capfd.readouterr().err
+
+
 def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Question] = []
-    monkeypatch.setattr("evaluation.studies.answers.command.ask", lambda question, *_: asked.append(question))
+    monkeypatch.setattr(
+        "evaluation.studies.answers.command.ask", lambda question, *_: asked.append(question) or results()
+    )
     out = ("--out", str(tmp_path))
     assert call("gain", "--preset", "physical,real", "--rule", "paper,rss", "--count", "7", *out) == 0
     assert call("break-even", "--preset", "real", "--path-from", "map", *out) == 0

@@ -148,6 +148,12 @@ def test_a_request_is_listed_with_its_time_and_written(tmp_path: Path, command: 
     flags = published(tmp_path / "seen", COLLISION.name)
     first_ns = next(time_ns for time_ns, message in flags if message.data)
     assert first_ns == START_NS + round(float(row[0]) * 1e9) + 10_000_000
+    # a gate counts the same requests, and names their times
+    gate = ("--fail-on", "requests>0,frames<80,all/warnings>0", "--junit", tmp_path / "bag.xml")
+    status, _, errors = command(bag, *options[:-1], tmp_path / "again", *gate)
+    listed = sum("emergency" in line for line in text.splitlines())
+    line = f"smartmot-eval: failed: all: requests {listed}, fails if > 0: pedestrian at {row[0]} s"
+    assert (status, errors.splitlines()[0][: len(line)], len(errors.splitlines())) == (3, line, 1)
 
 
 def test_what_was_written_can_be_read_again(tmp_path: Path, command: Command) -> None:
