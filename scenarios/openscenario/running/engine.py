@@ -235,7 +235,8 @@ class Engine:
             while left_s > TOLERANCE_S and not self.over:
                 steps = self._leap(int((left_s + TOLERANCE_S) / self.step_s))
                 if steps == 0:
-                    self._advance(min(left_s, self.step_s))
+                    # sums of steps are rounded: what differs from a step by less than can be told is one
+                    self._advance(self.step_s if left_s > self.step_s - TOLERANCE_S else left_s)
                 left_s -= max(steps, 1) * self.step_s
         except RunError as error:
             raise RunError(f"{self.definition.path}: {error}") from None

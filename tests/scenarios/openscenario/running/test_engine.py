@@ -207,3 +207,10 @@ def test_what_happens_at_the_end_of_a_step_is_sampled_there(play, when_s):
     row = round(when_s / 0.01)
     assert run.time_s[row] == when_s
     assert run.x_m[row - 1 : row + 1, 1] == pytest.approx([60.0, 250.0])
+
+
+def test_many_steps_at_once_end_where_as_many_steps_end(write):
+    """What is due at 120 s, where the time limit is, takes place."""
+    stop = trigger(condition(at_time(120.0)), kind="StopTrigger")
+    run = Engine(load(write(stop=stop))).run(120.0)
+    assert (run.stopped, run.end_time_s) == (True, 120.0)
