@@ -327,9 +327,12 @@ def _file(spec: ModuleSpec) -> Path:
     return Path(spec.origin or next(iter(folders or ()), "?")).resolve()
 
 
-@cache
-def _digest(module_name: str) -> str:
-    """Hash of the module's source, or of all files of the package that it belongs to, models included."""
+def source_files(module_name: str) -> tuple[Path, ...]:
+    """The module's source, or all files of the package that it belongs to, models included.
+
+    Raises:
+        PluginError: There is no such module.
+    """
     first = module_name.partition(".")[0]
     try:
         spec = importlib.util.find_spec(first)  # a package is not imported, only one in a package would be
@@ -338,20 +341,24 @@ def _digest(module_name: str) -> str:
     if spec is None:
         raise PluginError(f"no module {first!r}; it must be installed or lie in the current folder")
     folders = spec.submodule_search_locations
-    files = (
-        [Path(spec.origin)]
-        if folders is None and spec.origin
-        else sorted(
+    if folders is None:
+        return (Path(spec.origin),) if spec.origin and Path(spec.origin).is_file() else ()
+    return tuple(
+        sorted(
             path
-            for folder in folders or ()
+            for folder in folders
             for path in Path(folder).rglob("*")
-            if "__pycache__" not in path.parts
+            if "__pycache__" not in path.parts and path.is_file()
         )
     )
+
+
+@cache
+def _digest(module_name: str) -> str:
+    """Hash of the files of a module: see `source_files`."""
     digest = hashlib.sha256()
-    for file in files:
-        if file.is_file():
-            digest.update(file.name.encode() + file.read_bytes())
+    for file in source_files(module_name):
+        digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()[:24]
 
 

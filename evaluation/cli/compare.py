@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, results_folder
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder
 from evaluation.cli.recorded import options as recorded
 
 if TYPE_CHECKING:
     from evaluation.results.gates import Side
+    from evaluation.runs.workers import Workers
     from evaluation.studies.drive.recordings import Source
 
 EXAMPLES = options.examples(
@@ -94,6 +95,7 @@ def command(
         str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
     ] = "png,svg",
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
     quiet: options.Quiet = False,
@@ -119,7 +121,6 @@ def command(
     """
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.compare.command import compare
     from evaluation.studies.compare.study import SceneStudy
     from evaluation.studies.compare.table import MEASURES, sides_of_summaries
@@ -134,10 +135,10 @@ def command(
         source = recorded.drive_source(drives, sequence, sees, map_file, ego, reading)
         named = strategies if "strategies" in typed else None
         drive_preset = preset if "preset" in typed else "real"
-        processes = workers or available_cores()
+        who = parse_workers(workers, scheduler)
         gate = parse_gate("compare", fail_on, junit, lambda: DRIVE_MEASURES)
         out = results_folder(context, out)
-        sides = _compare_drives(source, named, vary or [], drive_preset, out, processes, quiet)
+        sides = _compare_drives(source, named, vary or [], drive_preset, out, who, quiet)
         gate.close(lambda: sides)
         return
     if ablation + growth + bool(vary) > 1:
@@ -158,12 +159,12 @@ def command(
     if growth and fail_on:
         raise ArgumentError("--fail-on: --growth measures times; there is nothing to fail on")
     gate = parse_gate("compare", fail_on, junit, lambda: MEASURES)
-    processes = workers or available_cores()
+    who = parse_workers(workers, scheduler)
     out = results_folder(context, out)
     with locked(writable_folder(out)):
         if growth:
             crowd = GrowthStudy(chosen, preset, conditions[0], seeds, formats=formats)
-            compare_growth(crowd, out, processes, quiet)
+            compare_growth(crowd, out, who, quiet)
             return
         study = SceneStudy(
             strategies=chosen,
@@ -178,7 +179,7 @@ def command(
             formats=formats,
             common=lidar,
         )
-        rows = compare(study, out, processes, quiet, logs)
+        rows = compare(study, out, who, quiet, logs)
     gate.close(lambda: sides_of_summaries(rows))
 
 
@@ -210,7 +211,7 @@ def _compare_drives(
     vary: list[str],
     preset: str,
     out: Path,
-    workers: int,
+    workers: Workers,
     quiet: bool,
 ) -> list[Side]:
     """Compare on recorded drives; what each side came to.

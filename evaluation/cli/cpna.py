@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, results_folder, write_mcaps
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 
 EXAMPLES = options.examples(
@@ -60,6 +60,7 @@ def command(
     pictures: options.Pictures = True,
     form: options.PictureFormat = "png",
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     mcap: options.Mcap = False,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
@@ -70,7 +71,6 @@ def command(
     from evaluation.runs.cpna import CpnaSuite
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.suite import compare_cpna
     from evaluation.views.traces.mcap import require_foxglove
 
@@ -94,12 +94,12 @@ def command(
         place=options.parse_place(at),
         impact_point_percent=impact_point,
     )
+    who = parse_workers(workers, scheduler)
     if mcap:
         require_foxglove()
-    processes = workers or available_cores()
     out = results_folder(context, out)
     with locked(writable_folder(out)):
-        judged = compare_cpna(suite, out, form if pictures else None, processes, quiet)
+        judged = compare_cpna(suite, out, form if pictures else None, who, quiet)
         if mcap:
-            write_mcaps(out, quiet, processes)
+            write_mcaps(out, quiet, who)
     gate.close(lambda: sides_of_runs(judged))

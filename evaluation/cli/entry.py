@@ -58,6 +58,7 @@ app.command("report", epilog=views.REPORT_EXAMPLES, rich_help_panel=RESULTS)(vie
 app.command("replay", epilog=views.REPLAY_EXAMPLES, rich_help_panel=RESULTS)(views.replay)
 app.command("plot", epilog=views.PLOT_EXAMPLES, rich_help_panel=RESULTS)(views.plot)
 app.command("diff", epilog=views.DIFF_EXAMPLES, rich_help_panel=RESULTS)(views.diff)
+app.command("rows", epilog=views.ROWS_EXAMPLES, rich_help_panel=RESULTS)(views.rows)
 app.command("compare", epilog=compare.EXAMPLES, rich_help_panel=STUDIES)(compare.command)
 app.command("study", epilog=study.EXAMPLES, rich_help_panel=STUDIES)(study.command)
 app.command("reference", epilog=reference.EXAMPLES, rich_help_panel=STUDIES)(reference.command)

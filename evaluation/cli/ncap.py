@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, results_folder, write_mcaps
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 
 EXAMPLES = options.examples(
     "`smartmot-eval ncap OSC-NCAP-scenarios/OpenSCENARIO/NCAP/AEB_VRU_2023 --protocol 2023`",
@@ -64,6 +64,7 @@ def command(
     form: options.PictureFormat = "png",
     out: Annotated[Path, typer.Option(help="Folder for tables and matrices.")] = Path("results/ncap"),
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     mcap: options.Mcap = False,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
@@ -75,7 +76,6 @@ def command(
     from evaluation.protocols.registry import ALIASES, PROTOCOLS, is_file
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.ncap.run import NCAP_MEASURES, run_grid
     from evaluation.views.traces.mcap import require_foxglove
 
@@ -99,6 +99,7 @@ def command(
         apply_performance=apply_performance,
     )
     form = options.parse_format(form)
+    who = parse_workers(workers, scheduler)
     if mcap:
         require_foxglove()
     out = results_folder(context, out)
@@ -108,12 +109,12 @@ def command(
             name,
             conditions,
             out,
-            workers or available_cores(),
+            who,
             rich.console.Console(quiet=quiet),
             keep_logs=logs or mcap,
             form=form,
             robustness=robustness,
         )
         if mcap:
-            write_mcaps(out, quiet, workers or available_cores())
+            write_mcaps(out, quiet, who)
     gate.close(lambda: sides)

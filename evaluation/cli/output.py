@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
     from evaluation.results.gates import Rule, Side
+    from evaluation.runs.workers import Workers
 
 FAILED = 3
 """Exit status where results meet a rule of `--fail-on`; 2 is a mistake of the user."""
@@ -36,7 +37,7 @@ CALL = ".smartmot-call"
 """File in a default folder of results: the command, and the arguments that determine them."""
 _OF_OTHER_MATTERS = frozenset(
     {
-        "out", "workers", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video", "page",
+        "out", "workers", "scheduler", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video", "page",
         "fail_on", "junit",
     }
 )  # fmt: skip
@@ -90,12 +91,44 @@ def counting(description: str, quiet: bool) -> Iterator[Callable[[int, int | Non
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
-def write_mcaps(out: Path, quiet: bool, workers: int = 1) -> None:
-    """Write every run of a folder of runs as MCAP, with a progress bar; see `write_run_mcaps`."""
+SchedulerAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        help="Dask scheduler whose workers carry out the runs, in place of processes of this machine; the "
+        "results are the same: docs/scale.md.",
+        metavar="tcp://HOST:PORT",
+    ),
+]
+
+
+def parse_workers(processes: int | None, scheduler: str | None) -> Workers:
+    """Who carries out the runs: `--workers` processes, by default one per core, or a scheduler's workers.
+
+    Raises:
+        ArgumentError: both are given, or the address is none, or what connects to it is missing.
+    """
+    from evaluation.errors import ArgumentError
+    from evaluation.runs.cluster.scheduler import Scheduler
+    from evaluation.runs.workers import available_cores
+
+    if scheduler is None:
+        return processes or available_cores()
+    if processes is not None:
+        raise ArgumentError("--workers: counts processes of this machine; --scheduler has its own workers")
+    return Scheduler(scheduler, lambda line: typer.echo(f"smartmot-eval: {line}", err=True))
+
+
+def write_mcaps(out: Path, quiet: bool, workers: Workers = 1) -> None:
+    """Write every run of a folder of runs as MCAP, with a progress bar; see `write_run_mcaps`.
+
+    On this machine, where the logs are.
+    """
+    from evaluation.runs.workers import local_processes
     from evaluation.views.traces.folders import MCAP_FOLDER, write_run_mcaps
 
     with counting("writing MCAP", quiet) as done:
-        notes = write_run_mcaps(out, workers, done)
+        notes = write_run_mcaps(out, local_processes(workers), done)
     print_written([out / MCAP_FOLDER], notes, quiet)
 
 

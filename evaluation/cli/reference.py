@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.output import SchedulerAddress, parse_workers
 
 EXAMPLES = options.examples(
     "`smartmot-eval reference`",
@@ -43,6 +44,7 @@ def command(
         ),
     ] = False,
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Make all reference results: the paper's table and figures, scenes, ablations, growth.
@@ -51,7 +53,6 @@ def command(
     """
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.reference.command import (
         check_reports,
         choose_parts,
@@ -70,8 +71,11 @@ def command(
             write_again(out, names, quiet)
         return
     if not check:
+        who = parse_workers(workers, scheduler)
+        if scheduler is not None and outside is not None:
+            raise ArgumentError("--outside: recordings do not travel; leave --scheduler out for their parts")
         with locked(writable_folder(out)):
-            make_reports(out, names, workers or available_cores(), quiet, outside)
+            make_reports(out, names, who, quiet, outside)
         return
     _, lacks = with_data(choose_parts(names), outside)
     for name, lack in lacks.items():

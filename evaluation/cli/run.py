@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate, results_folder, write_mcaps
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from evaluation.errors import ArgumentError
 
 EXAMPLES = options.examples(
@@ -93,6 +93,7 @@ def command(
     pictures: options.Pictures = True,
     form: options.PictureFormat = "png",
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     mcap: options.Mcap = False,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
@@ -112,7 +113,6 @@ def command(
         map_file = _road_of(scenario, road, map_file)
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.runs.specs import Conditions, scenario_specs
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.suite import compare_files
     from evaluation.views.traces.mcap import require_foxglove
     from scenarios.spec import NO_AEB
@@ -137,13 +137,14 @@ def command(
     specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions, notes)
     for note in notes:
         typer.echo(f"smartmot-eval: {note}", err=True)
+    who = parse_workers(workers, scheduler)
     if mcap:
         require_foxglove()
     out = results_folder(context, out)
     with locked(writable_folder(out)):
-        judged = compare_files(specs, out, form if pictures else None, workers or available_cores(), quiet)
+        judged = compare_files(specs, out, form if pictures else None, who, quiet)
         if mcap:
-            write_mcaps(out, quiet, workers or available_cores())
+            write_mcaps(out, quiet, who)
     gate.close(lambda: sides_of_runs(judged))
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import parse_gate
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers
 
 if TYPE_CHECKING:
+    from evaluation.runs.workers import Workers
     from evaluation.studies.answers.study import Question, Sample
     from scenarios.settings import Settings
 
@@ -107,6 +108,7 @@ def command(
         str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
     ] = "png,svg",
     workers: options.Workers = None,
+    scheduler: SchedulerAddress = None,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
     quiet: options.Quiet = False,
@@ -114,7 +116,6 @@ def command(
     """Answer a question about lane filters, errors and brake rules over scenes drawn at random."""
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.answers.command import ask
     from evaluation.studies.answers.results import STUDY_MEASURES, sides_of_results
     from evaluation.studies.answers.study import Sample
@@ -141,7 +142,10 @@ def command(
     lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed)
     if lidar and question in ("sensor", "lidar"):
         raise ArgumentError(f"--sensor: the question {question} has its own; choose another")
+    who = parse_workers(workers, scheduler)
     if question == "worst":
+        if scheduler is not None and maps is not None:
+            raise ArgumentError("--maps: a folder of maps does not travel with worst; leave --scheduler out")
         _worst(
             sample,
             family,
@@ -153,7 +157,7 @@ def command(
             lidar,
             out,
             formats,
-            workers,
+            who,
             quiet,
         )
         return
@@ -163,7 +167,7 @@ def command(
     asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
-        results = ask(asked, out, workers or available_cores(), quiet)
+        results = ask(asked, out, who, quiet)
     gate.close(lambda: sides_of_results(results))
 
 
@@ -178,13 +182,12 @@ def _worst(
     lidar: Settings,
     out: Path,
     formats: tuple[str, ...],
-    workers: int | None,
+    workers: Workers,
     quiet: bool,
 ) -> None:
     """The search for the case that just fails."""
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
-    from evaluation.runs.workers import available_cores
     from evaluation.studies.answers.rivals import ADAPTIVE, MAP, RIVALS, Rival
     from evaluation.studies.worst.family import FAMILIES, Family
     from evaluation.studies.worst.search import ask
@@ -209,7 +212,7 @@ def _worst(
             seed=sample.seed,
             plain=monte_carlo,
             formats=formats,
-            workers=workers or available_cores(),
+            workers=workers,
             quiet=quiet,
         )
 

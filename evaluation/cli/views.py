@@ -1,4 +1,4 @@
-"""`smartmot-eval plot`, `report`, `replay` and `diff`: runs that are finished, looked at again."""
+"""`smartmot-eval plot`, `report`, `replay`, `diff` and `rows`: runs that are finished, looked at again."""
 
 from __future__ import annotations
 
@@ -28,6 +28,11 @@ DIFF_EXAMPLES = options.examples(
     "`smartmot-eval diff results/before results/after`",
     "`smartmot-eval diff main/cpna branch/cpna --fail-on 'worse>0,only_first>0' --junit diff.xml`",
     "What is compared, and how runs are matched: docs/gates.md.",
+)
+ROWS_EXAMPLES = options.examples(
+    "`smartmot-eval rows results/compare --parquet rows`",
+    "`smartmot-eval rows results/seed_*/ --parquet rows --by strategy,scene`",
+    "Queries with DuckDB and pandas: docs/queries.md.",
 )
 
 
@@ -177,3 +182,31 @@ def diff(
     names = ", ".join(path.name for path in written)
     console.print(f"written to {out}: {names}", highlight=False, soft_wrap=True, markup=False)
     gate.close(lambda: sides_of_difference(folders))
+
+
+def rows(
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders with runs.csv, or with the journal of a comparison that is not finished.",
+            metavar="DIR...",
+        ),
+    ],
+    parquet: Annotated[Path, typer.Option(help="Folder for the rows; it must not exist.", metavar="OUT")],
+    by: Annotated[
+        str | None,
+        typer.Option(
+            help="Columns whose values part the rows into folders, comma-separated. Default: strategy, where "
+            "there is one.",
+            metavar="COLUMN,...",
+        ),
+    ] = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write the rows of runs as partitioned Parquet, however many there are."""
+    from evaluation.studies.rows import write_parquet
+
+    names = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
+    count = write_parquet(list(dict.fromkeys(directories)), parquet, names)
+    if not quiet:
+        typer.echo(f"{count} rows in {parquet}")

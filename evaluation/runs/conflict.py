@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from evaluation.results.rows import RunRow
 from evaluation.runs.fingerprint import fingerprint
-from evaluation.runs.workers import execute_all
+from evaluation.runs.workers import Workers, execute_all
 from scenarios.openscenario.running.engine import Engine
 from scenarios.openscenario.running.results import Contact
 from scenarios.simulation.ends import EndReason
@@ -151,17 +151,20 @@ def conflict_of(spec: RunSpec) -> Conflict:
 
 
 def conflicts(
-    specs: Iterable[RunSpec], workers: int = 1, done: Callable[[], None] = lambda: None
+    specs: Iterable[RunSpec], workers: Workers = 1, done: Callable[[], None] = lambda: None
 ) -> dict[RunSpec, Conflict]:
     """What comes to pass in runs without brakes, by their `unbraked` run; each of these is run once.
 
     Args:
         specs: the runs; what they differ in beside the scenario and its parameters plays no part.
-        workers: processes.
+        workers: processes, or a scheduler; a few runs are carried out here.
         done: called after each unbraked run.
     """
     runs = list(dict.fromkeys(map(unbraked, specs)))
-    workers = min(workers, max(len(runs) // RUNS_PER_WORKER, 1))
+    if len(runs) < 2 * RUNS_PER_WORKER:
+        workers = 1
+    elif isinstance(workers, int):
+        workers = min(workers, len(runs) // RUNS_PER_WORKER)
     by_run = {}
     for run, conflict in zip(runs, execute_all(conflict_of, runs, workers), strict=True):
         by_run[run] = conflict

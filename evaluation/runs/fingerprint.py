@@ -35,8 +35,10 @@ OF_EVALUATION = (
 """Modules of this package that what is kept of a run depends on. A test finds them from the studies' jobs."""
 
 VERSIONED = (".py", ".json", ".toml")
-"""Files of the floors below that runs depend on; scenarios, maps and networks are hashed by the runs that use
-them."""
+"""Files of the floors below that runs depend on."""
+
+HASHED_BY_RUNS = (".xosc", ".xodr", ".onnx")
+"""Their other files: scenarios, maps and networks are hashed by the runs that use them."""
 
 LIBRARIES = (
     "filterpy", "highway-env", "lxml", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "shapely",
@@ -82,11 +84,9 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
         scenarios.openscenario.errors.OpenScenarioError: the scenario cannot be read.
         ScenarioError: a file cannot be read.
     """
-    parameters = dict(spec.parameters)
     path = scenario_path(spec.file)
-    files = [file_digest(file) for file in load(path, parameters, spec.map_name).files]
-    # without a name perception uses the scenario's map, or this one in its place
-    files.append(file_digest(map_file(spec.map_name or NCAP_MAP)))
+    files = [file_digest(file) for file in (*scenario_files(spec), map_of_perception(spec))]
+    parameters = dict(spec.parameters)
     parameters.pop("Map", None)
     told_map = None if spec.map_name is None else Path(spec.map_name).name
     values = asdict(replace(spec, file=path.name, parameters=(), settings=(), map_name=told_map))
@@ -98,6 +98,16 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     if is_plugin(spec.strategy):
         hashed.append(plugin(spec.strategy).digest)
     return digest_of(hashed)
+
+
+def scenario_files(spec: RunSpec) -> tuple[Path, ...]:
+    """All files that reading a run's scenario touches; see `fingerprint` for what it raises."""
+    return load(scenario_path(spec.file), dict(spec.parameters), spec.map_name).files
+
+
+def map_of_perception(spec: RunSpec) -> Path:
+    """File of the map that perception uses: without a name that of the scenario, or this one in its place."""
+    return map_file(spec.map_name or NCAP_MAP)
 
 
 def map_file(name: str) -> Path:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
@@ -17,7 +17,7 @@ from evaluation.results.files import ResultsError
 from evaluation.runs.decoding import decode
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.folder_lock import release, take
-from evaluation.runs.workers import execute_all
+from evaluation.runs.workers import Workers, execute_as_finished
 from scenarios.reading import ReadError, parse_json, shown
 
 if TYPE_CHECKING:
@@ -31,9 +31,14 @@ else:
 Item = TypeVar("Item")
 
 RUNS = "runs.jsonl"
+_KEY = re.compile(rb'{"key": "([0-9a-f]+)"')
 _SEAL = re.compile(r', "check": "([0-9a-f]{16})"}\s*$')
 TIMES = "times.jsonl"
 """Processor times have a file of their own: they are different in every run."""
+
+
+_OPEN: set[Path] = set()
+"""Journals that this process has open."""
 
 
 class Journal(Generic[Measures]):
@@ -53,14 +58,14 @@ class Journal(Generic[Measures]):
         self._kind = kind
         runs, times = (folder / f"{prefix}{name}" for name in (RUNS, TIMES))
         self._path, self._folder = runs, folder
-        # what is torn off may be a line that a journal of this process is just writing
-        alone = take(folder)
+        take(folder)
+        # what is torn off may be a line that another journal of this process is just writing
+        self._alone = runs.resolve() not in _OPEN
         try:
-            self._lines, self._times = _read(runs, alone), _read(times, alone)
-            self._files: tuple[IO[str], IO[str]] = (
-                runs.open("a", encoding="utf-8"),
-                times.open("a", encoding="utf-8"),
-            )
+            self._lines, self._times = _read(runs, self._alone), _read(times, self._alone)
+            self._files = _opened(runs), _opened(times)
+            if self._alone:
+                _OPEN.add(runs.resolve())
         except OSError as error:
             release(folder)
             raise ResultsError(
@@ -84,6 +89,8 @@ class Journal(Generic[Measures]):
         for file in self._files:
             with contextlib.suppress(OSError):  # of a line that could not be written; that was told
                 file.close()
+        if self._alone:
+            _OPEN.discard(self._path.resolve())
         release(self._folder)
 
     def finished(self, keys: Container[str]) -> dict[str, tuple[Measures, FrameTime]]:
@@ -125,21 +132,25 @@ class Journal(Generic[Measures]):
 
     def carry_out(
         self,
-        job: Callable[[Item], tuple[Measures, FrameTime]],
+        job: Callable[[Item], Any],
         items: Mapping[str, Item],
-        workers: int,
+        workers: Workers,
         done: Callable[[int], None] = lambda count: None,
         is_whole: Callable[[Item], bool] = lambda item: True,
+        kept: Callable[[Item, Any], tuple[Measures, FrameTime]] = lambda item, result: result,
     ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:
-        """Carry out what is not finished, and write it down.
+        """Carry out what is not finished, and write each item down as it is finished.
+
+        At the end the lines of these items stand in their order, whatever order they were finished in.
 
         Args:
-            job: see `evaluation.runs.workers.execute_all`.
+            job: see `evaluation.runs.workers.execute_as_finished`.
             items: by key.
-            workers: processes.
+            workers: see there.
             done: called with the number of items that are new on disk, first of those from before.
             is_whole: whether what a finished item has written beside the journal is there; if not, it is
                 carried out again.
+            kept: what is written down of a result; it may write files beside the journal.
 
         Returns:
             What is kept of each item, by key, and how many were finished before.
@@ -151,12 +162,40 @@ class Journal(Generic[Measures]):
         before = len(by_key)
         done(before)
         missing = [key for key in items if key not in by_key]
-        fresh = execute_all(job, [items[key] for key in missing], workers)
-        for key, (measures, spent) in zip(missing, fresh, strict=True):
+        fresh = execute_as_finished(job, [items[key] for key in missing], workers)
+        for number, result in fresh:
+            key = missing[number]
+            measures, spent = kept(items[key], result)
             self.add(key, measures, spent)
             by_key[key] = measures, spent
             done(1)
+        self._sort(items)
         return by_key, before
+
+    def _sort(self, keys: Iterable[str]) -> None:
+        """Put the lines of some keys behind all others, in the order of the keys.
+
+        Raises:
+            ResultsError: the files cannot be written.
+        """
+        if not self._alone:  # a journal around this one writes into the same files
+            return
+        order = {key: place for place, key in enumerate(keys)}
+        try:
+            for file in self._files:
+                file.close()
+                _sort_lines(Path(file.name), order)
+            runs, times = (Path(file.name) for file in self._files)
+            self._files = _opened(runs), _opened(times)
+        except OSError as error:
+            raise ResultsError(
+                f"{self._path}: cannot be written ({error.strerror}); all runs are kept: make room, and "
+                "start again"
+            ) from None
+
+
+def _opened(path: Path) -> IO[str]:
+    return path.open("a", encoding="utf-8")
 
 
 def _checked(kind: type[Kept], values: Mapping[str, Any], where: str) -> Kept:
@@ -193,6 +232,37 @@ def _check(line: str) -> str:
     return hashlib.sha256(line.encode()).hexdigest()[:16]
 
 
+def _sort_lines(path: Path, order: Mapping[str, int]) -> None:
+    """Sort a file of lines by key, of which the last one counts; lines of unknown keys stay in front.
+
+    Only their places are held in memory.
+    """
+    places: dict[str, tuple[int, int]] = {}
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with path.open("rb") as file:
+            begin = 0
+            for line in file:
+                match = _KEY.match(line)
+                key = line.decode() if match is None else match.group(1).decode()
+                places.pop(key, None)  # one that was carried out again stands where it was written last
+                places[key] = begin, len(line)
+                begin += len(line)
+            ordered = sorted(places, key=lambda key: order.get(key, -1))
+            if ordered == list(places) and begin == sum(length for _, length in places.values()):
+                return
+            with part.open("wb") as sorted_file:
+                for key in ordered:
+                    file.seek(places[key][0])
+                    sorted_file.write(file.read(places[key][1]))
+                sorted_file.flush()
+                os.fsync(sorted_file.fileno())
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
 def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     """Lines by key.
 
@@ -202,21 +272,39 @@ def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     """
     if not path.exists():
         return {}
-    content = path.read_bytes()
-    end = content.rfind(b"\n") + 1
-    lines = content[:end].splitlines(keepends=True)
-    by_key: dict[str, dict[str, Any]] = {}
-    for number, line in enumerate(lines, 1):
-        try:
-            values = parse_json(_unsealed(line.decode()))
-            by_key[values.pop("key")] = values
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            if number == len(lines) and b"\0" in line:  # what a file system leaves of a power cut
-                end -= len(line)
-                break
-            raise ResultsError(
-                f"{path}: not a journal of a comparison (line {number}: {shown(error)}); remove it"
-            ) from None
-    if cut and end < len(content):
+    by_key, end = {}, 0
+    for key, values, line_end in _lines(path):
+        by_key[key], end = values, line_end
+    if cut and end < path.stat().st_size:
         os.truncate(path, end)
     return by_key
+
+
+def kept_lines(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Keys and values of a journal, line by line; of a key that is there several times the last ones count.
+
+    Raises:
+        ResultsError: a line is none of a journal.
+    """
+    return ((key, values) for key, values, _ in _lines(path))
+
+
+def _lines(path: Path) -> Iterator[tuple[str, dict[str, Any], int]]:
+    """Key, values and end of each line that is whole."""
+    end = 0
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n"):  # torn by a kill
+                return
+            try:
+                values = parse_json(_unsealed(line.decode()))
+                key = values.pop("key")
+                hash(key)
+            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                if b"\0" in line and b"\n" not in file.read():  # what a file system leaves of a power cut
+                    return
+                raise ResultsError(
+                    f"{path}: not a journal of a comparison (line {number}: {shown(error)}); remove it"
+                ) from None
+            end += len(line)
+            yield key, values, end

@@ -10,14 +10,14 @@ from pathlib import Path
 from evaluation.results.files import discard_tables, log_path
 from evaluation.results.logs import write_log
 from evaluation.runs.execution import RunRecord, execute
-from evaluation.runs.workers import execute_all
+from evaluation.runs.workers import Workers, execute_all
 from scenarios.spec import RunSpec
 
 
 def logged_runs(
     specs: Sequence[RunSpec],
     folder: Path,
-    workers: int,
+    workers: Workers,
     done: Callable[[], object] = lambda: None,
     keep_logs: bool = True,
 ) -> Iterator[RunRecord]:
@@ -26,7 +26,7 @@ def logged_runs(
     Args:
         specs: the runs.
         folder: of the results; its old tables are removed before the first log is written.
-        workers: processes.
+        workers: processes, or a scheduler.
         done: called after each run.
         keep_logs: whether logs are written at all.
 

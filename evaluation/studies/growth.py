@@ -17,6 +17,7 @@ from evaluation.results.files import configuration_json, write_files
 from evaluation.results.tables import EMPTY, Table, csv_bytes, markdown_table, rich_table
 from evaluation.runs.configuration import configuration_of
 from evaluation.runs.execution import FrameTime, frame_time, impact_speed_kmh
+from evaluation.runs.workers import Workers
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.study import Finished, LabelledRun, Study, done_line
 from evaluation.views.plots.panels import draw_band, hidden_by, panel_page
@@ -202,7 +203,7 @@ def grow(item: GrowthItem) -> tuple[GrowthRun, FrameTime]:
     return measured, spent
 
 
-def compare_growth(study: GrowthStudy, out: Path, workers: int, quiet: bool) -> list[GrowthRun]:
+def compare_growth(study: GrowthStudy, out: Path, workers: Workers, quiet: bool) -> list[GrowthRun]:
     """Run every strategy among more and more others, or go on with it; write table and figure.
 
     Raises:

@@ -15,6 +15,7 @@ from evaluation.progress import progress_bar
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.fingerprint import fingerprint
 from evaluation.runs.journal import Journal
+from evaluation.runs.workers import Workers
 from scenarios.spec import RunSpec
 
 if TYPE_CHECKING:
@@ -105,8 +106,14 @@ class Study(ABC, Generic[Item, Measures]):
 
     @staticmethod
     @abstractmethod
-    def job(item: Any) -> tuple[Any, FrameTime]:
-        """Carry out one of them."""
+    def job(item: Any) -> Any:
+        """Carry out one of them, on whichever machine: see `kept`."""
+
+    def kept(self, item: Item, result: Any) -> tuple[Measures, FrameTime]:
+        """What the journal keeps of a job's result; what stands beside the journal is written here."""
+        measures: Measures
+        measures, spent = result
+        return measures, spent
 
     def is_quick(self, item: Item) -> bool:
         """Whether a check may carry it out again; it should take a second or so."""
@@ -131,7 +138,7 @@ class Study(ABC, Generic[Item, Measures]):
         items: Sequence[Item],
         folder: Path,
         prefix: str,
-        workers: int,
+        workers: Workers,
         done: Callable[[int], None] = lambda count: None,
     ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:
         """Carry out the runs that a journal does not have; see `Journal.carry_out`.
@@ -140,12 +147,12 @@ class Study(ABC, Generic[Item, Measures]):
             items: the runs.
             folder: of the journal.
             prefix: of the journal's files.
-            workers: processes.
+            workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
             done: called with the number of runs that are new on disk, first of those from before.
         """
         with Journal(folder, self.kind, prefix) as journal:
             return journal.carry_out(
-                self.job, {item.key: item for item in items}, workers, done, self.is_whole
+                self.job, {item.key: item for item in items}, workers, done, self.is_whole, self.kept
             )
 
     def carry_out_behind_bar(
@@ -153,7 +160,7 @@ class Study(ABC, Generic[Item, Measures]):
         items: Sequence[Item],
         out: Path,
         prefix: str,
-        workers: int,
+        workers: Workers,
         console: Console,
         title: str,
     ) -> tuple[dict[str, tuple[Measures, FrameTime]], int]:

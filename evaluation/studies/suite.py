@@ -23,6 +23,7 @@ from evaluation.runs.conflict import conflicts, scored, told_without_conflict, u
 from evaluation.runs.cpna import CpnaSuite, is_published, load_site
 from evaluation.runs.logged import logged_runs
 from evaluation.runs.specs import lidar_notes, perception_notes
+from evaluation.runs.workers import Workers
 from scenarios.places import Site
 from scenarios.presets import named_preset
 from scenarios.settings import preset_with, settings_text
@@ -38,7 +39,7 @@ def compare_cpna(
     suite: CpnaSuite,
     out: Path,
     pictures: str | None,
-    workers: int = 1,
+    workers: Workers = 1,
     quiet: bool = False,
     console: rich.console.Console | None = None,
 ) -> Judged:
@@ -48,7 +49,7 @@ def compare_cpna(
         suite: what to run.
         out: folder for everything.
         pictures: their format; None: no pictures.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: print nothing.
         console: where to print; None: the terminal.
 
@@ -112,7 +113,7 @@ def compare_files(
     specs: Sequence[RunSpec],
     out: Path,
     pictures: str | None,
-    workers: int = 1,
+    workers: Workers = 1,
     quiet: bool = False,
     console: rich.console.Console | None = None,
 ) -> Judged:
@@ -144,7 +145,7 @@ def _compare(
     configuration: Mapping[str, object],
     out: Path,
     pictures: str | None,
-    workers: int,
+    workers: Workers,
     console: rich.console.Console,
     title: str,
     published: Mapping[str, Published] | None = None,

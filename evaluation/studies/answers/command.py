@@ -6,18 +6,19 @@ from pathlib import Path
 
 import rich.console
 
+from evaluation.runs.workers import Workers
 from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.study import Question, results_of
 from evaluation.studies.study import done_line
 
 
-def ask(question: Question, out: Path, workers: int = 1, quiet: bool = False) -> Results:
+def ask(question: Question, out: Path, workers: Workers = 1, quiet: bool = False) -> Results:
     """Carry a question out, or go on with it; say before the runs what they can decide.
 
     Args:
         question: what is asked.
         out: folder of all questions; the scenes and the journal are there, the answer in a folder of its own.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: print nothing.
 
     Returns:

@@ -14,6 +14,7 @@ from evaluation.results.files import log_path, write_bytes
 from evaluation.results.logs import read_log
 from evaluation.results.tables import rich_table
 from evaluation.runs.folder_lock import writable_folder
+from evaluation.runs.workers import Workers
 from evaluation.studies.compare.grid import Point, shown_settings, study_runs
 from evaluation.studies.compare.study import SceneStudy, compared
 from evaluation.studies.compare.table import Summary, short_table
@@ -31,7 +32,7 @@ _LONGEST_SLUG = 80
 def compare(
     study: SceneStudy,
     out: Path,
-    workers: int = 1,
+    workers: Workers = 1,
     quiet: bool = False,
     logs: bool = False,
     console: rich.console.Console | None = None,
@@ -41,7 +42,7 @@ def compare(
     Args:
         study: what is compared.
         out: folder for everything.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: print nothing.
         logs: whether to log a run per scene and strategy as well.
         console: where to print; None: the terminal.
@@ -79,7 +80,7 @@ def compare(
     return result.rows
 
 
-def log_runs(study: SceneStudy, scenes: Sequence[SceneRun], out: Path, workers: int = 1) -> Path:
+def log_runs(study: SceneStudy, scenes: Sequence[SceneRun], out: Path, workers: Workers = 1) -> Path:
     """Carry the scenes out once more, with the first seed, and keep the logs.
 
     Each strategy as the preset has it is in `runs`; other settings are in folders of their own beside it.

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from evaluation.runs.conflict import conflicts, unbraked
+from evaluation.runs.workers import Workers
 from scenarios.scenes.scenes import SceneRun
 from scenarios.spec import NO_AEB, RunSpec
 
 
-def valid_scenes(scenes: Sequence[SceneRun], workers: int = 1) -> tuple[tuple[SceneRun, ...], dict[str, str]]:
+def valid_scenes(
+    scenes: Sequence[SceneRun], workers: Workers = 1
+) -> tuple[tuple[SceneRun, ...], dict[str, str]]:
     """The scenes that test what they are about.
 
     A scene in which nothing should happen needs no conflict.
 
     Args:
         scenes: to be judged.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
 
     Returns:
         The valid ones, and the reason by the name of each of the others.

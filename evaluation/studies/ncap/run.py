@@ -26,6 +26,7 @@ from evaluation.runs.conflict import Conflict, conflicts, unbraked
 from evaluation.runs.execution import RunRecord
 from evaluation.runs.logged import logged_runs
 from evaluation.runs.specs import Conditions, perception_notes
+from evaluation.runs.workers import Workers, told_workers
 from evaluation.studies.ncap.cell_table import CELLS_CSV, cell_table, told_invalid
 from evaluation.studies.ncap.grid import (
     Grid,
@@ -142,7 +143,7 @@ def run_grid(
     name: str,
     conditions: Conditions,
     out: Path,
-    workers: int,
+    workers: Workers,
     console: Console,
     keep_logs: bool = False,
     form: str = "png",
@@ -155,7 +156,7 @@ def run_grid(
         name: of the protocol.
         conditions: strategies, preset, weather, night and so on.
         out: folder for everything.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         console: where to print.
         keep_logs: whether to write the log of every run, for `report` and `replay`.
         form: of the picture: png, svg or pdf.
@@ -185,7 +186,7 @@ def run_grid(
     configuration = configuration_of(specs, out, notes)  # files as they are before the first run
     with rich.progress.Progress(console=console, transient=True, disable=console.quiet) as progress:
         total = len(specs) + len(set(map(unbraked, specs)))
-        task = progress.add_task(f"running on {workers} processes", total=total)
+        task = progress.add_task(f"running on {told_workers(workers)}", total=total)
         known = conflicts(specs, workers, lambda: progress.advance(task))
         records = logged_runs(specs, out, workers, lambda: progress.advance(task), keep_logs)
         finished = [(run, record) for (run, _), record in zip(paired, records, strict=True)]

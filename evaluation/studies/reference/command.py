@@ -13,6 +13,7 @@ import rich.console
 
 from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
+from evaluation.runs.workers import Workers
 from evaluation.studies.answers.study import Question
 from evaluation.studies.reference.findings.answers import read
 from evaluation.studies.reference.kept import read_json, read_rows
@@ -56,14 +57,14 @@ def with_data(
 
 
 def make_reports(
-    out: Path, names: Sequence[str], workers: int, quiet: bool, outside: Path | None = None
+    out: Path, names: Sequence[str], workers: Workers, quiet: bool, outside: Path | None = None
 ) -> None:
     """Make the reference results, or go on with it, and the page that tells them.
 
     Args:
         out: folder of the results.
         names: parts; none: all.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: print nothing.
         outside: folder of data of others; None: parts that need them are left as they are.
 
@@ -179,7 +180,7 @@ def drift(part: Study[Any, Any], folder: Path, count: int) -> list[str]:
         if len(rows) != total:
             return [f"{part.name}: {len(rows)} runs are kept, {total} belong to it today"]
         for k, item in items.items():
-            measured, _ = part.job(item)
+            measured, _ = part.kept(item, part.job(item))
             kept = rows[k]
             lines += [
                 f"{part.name}, run {k + 1}, {name}: {kept[name] or 'nothing'} is kept, {value} comes out"

@@ -11,7 +11,7 @@ from evaluation.results.files import RUNS_CSV, log_path
 from evaluation.results.logs import read_logs, write_log
 from evaluation.results.rows import RunRow, read_runs
 from evaluation.runs.cpna import CpnaSuite, is_published, load_site
-from evaluation.runs.execution import FrameTime, execute
+from evaluation.runs.execution import FrameTime, RunRecord, execute
 from evaluation.studies.study import Finished, LabelledRun, Study
 from evaluation.studies.suite import suite_configuration, write_folder
 from evaluation.views.pictures import save_picture
@@ -51,12 +51,15 @@ class CpnaStudy(Study[CpnaItem, RunRow]):
         return [LabelledRun(spec, folder) for spec in self.suite.specs(load_site(self.suite))]
 
     @staticmethod
-    def job(item: CpnaItem) -> tuple[RunRow, FrameTime]:
-        """Carry out a run and write its log."""
-        record = execute(item.spec)
-        assert record.log is not None
-        write_log(log_of(item), record.log)
-        return record.row, record.spent
+    def job(item: CpnaItem) -> RunRecord:
+        """Carry out a run."""
+        return execute(item.spec)
+
+    def kept(self, item: CpnaItem, result: RunRecord) -> tuple[RunRow, FrameTime]:
+        """Write the log of a run."""
+        assert result.log is not None
+        write_log(log_of(item), result.log)
+        return result.row, result.spent
 
     def is_whole(self, item: CpnaItem) -> bool:
         """Whether its log is there."""

@@ -19,6 +19,7 @@ from evaluation.results.tables import Table, csv_bytes
 from evaluation.runs.configuration import versions
 from evaluation.runs.fingerprint import version
 from evaluation.runs.journal import Journal
+from evaluation.runs.workers import Workers
 from evaluation.studies.answers.study import Answer
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.suite import compare_files
@@ -73,7 +74,7 @@ def search(
     share: float = 0.2,
     seed: int = 0,
     plain: int = 0,
-    workers: int = 1,
+    workers: Workers = 1,
     quiet: bool = False,
 ) -> Searched:
     """Search a family; what was carried out before in the folder is taken from its journal.
@@ -85,7 +86,7 @@ def search(
         share: that a level goes on with.
         seed: of the draws.
         plain: independent runs that estimate the same beside; 0: none.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: no progress bar.
 
     Raises:
@@ -193,7 +194,9 @@ def _number(value: object) -> float:
     return value if isinstance(value, float) else np.nan
 
 
-def write(searched: Searched, out: Path, formats: Sequence[str] = FORMATS, workers: int = 1) -> list[Path]:
+def write(
+    searched: Searched, out: Path, formats: Sequence[str] = FORMATS, workers: Workers = 1
+) -> list[Path]:
     """Write the answer, all runs, and the nearest failures as a folder of runs with their scenes and logs.
 
     Raises:
@@ -282,7 +285,7 @@ def ask(
     seed: int,
     plain: int,
     formats: Sequence[str],
-    workers: int,
+    workers: Workers,
     quiet: bool,
 ) -> Searched:
     """Carry out a search, say what it came to, and write it."""

@@ -11,6 +11,7 @@ import pytest
 
 from evaluation.results.files import ResultsError
 from evaluation.runs.execution import FrameTime
+from evaluation.runs.folder_lock import locked
 from evaluation.runs.journal import RUNS, TIMES, Journal
 from evaluation.studies.growth import GrowthRun
 
@@ -116,3 +117,31 @@ def test_a_number_that_was_written_as_a_whole_one_stays_one(begun: Path) -> None
         journal.add("k2", replace(RUN, tracks_mean=3), SPENT)
     with Journal(begun, GrowthRun) as journal:
         assert repr(journal.finished({"k2"})["k2"][0].tracks_mean) == "3"
+
+
+def test_a_torn_line_is_cut_off_although_the_command_holds_the_folder(begun: Path) -> None:
+    """As every command does; else the next run is written behind it, and both are lost."""
+    path = begun / RUNS
+    path.write_bytes(path.read_bytes() + b'{"key": "k2", "str')
+    with locked(begun), Journal(begun, GrowthRun) as journal:
+        journal.add("k3", RUN, SPENT)
+    with locked(begun), Journal(begun, GrowthRun) as journal:
+        assert set(journal.finished({"k1", "k2", "k3"})) == {"k1", "k3"}
+
+
+def test_lines_stand_in_the_order_of_the_items_whatever_was_finished_first(tmp_path: Path) -> None:
+    items = {f"{number:024x}": number for number in range(5)}
+
+    def measured(number: int) -> tuple[GrowthRun, FrameTime]:
+        return replace(RUN, seed=number), SPENT
+
+    for name, order in (("one", [0, 1, 2, 3, 4]), ("other", [3, 0, 4])):
+        with Journal(tmp_path / name, GrowthRun) as journal:
+            for number in order:
+                journal.add(f"{number:024x}", *measured(number))
+        with Journal(tmp_path / name, GrowthRun) as journal:
+            kept, before = journal.carry_out(measured, items, 1)
+        assert before == len(order)
+        assert {key: run.seed for key, (run, _) in kept.items()} == items
+    assert (tmp_path / "one" / RUNS).read_bytes() == (tmp_path / "other" / RUNS).read_bytes()
+    assert (tmp_path / "one" / TIMES).read_bytes() == (tmp_path / "other" / TIMES).read_bytes()

@@ -16,7 +16,7 @@ import evaluation
 import opendrive
 import scenarios
 import smartmot
-from evaluation.runs.fingerprint import OF_EVALUATION, VERSIONED
+from evaluation.runs.fingerprint import HASHED_BY_RUNS, OF_EVALUATION, VERSIONED
 
 ROOT = Path(evaluation.__file__).parent
 
@@ -84,14 +84,14 @@ def _follow(module: str, node: ast.AST, found: set[Definition]) -> None:
 
 
 def _jobs() -> dict[str, tuple[str, ast.FunctionDef]]:
-    """Module and job of every study, by the name of its class."""
+    """Module and job of every study, and what it keeps of a result, by the names of class and method."""
     return {
-        owner.name: (path.relative_to(ROOT).as_posix(), job)
+        f"{owner.name}.{job.name}": (path.relative_to(ROOT).as_posix(), job)
         for path in sorted(ROOT.rglob("*.py"))
         for owner in _tree(path.relative_to(ROOT).as_posix()).body
         if isinstance(owner, ast.ClassDef) and owner.name != "Study"
         for job in owner.body
-        if isinstance(job, ast.FunctionDef) and job.name == "job"
+        if isinstance(job, ast.FunctionDef) and job.name in ("job", "kept")
     }
 
 
@@ -109,7 +109,7 @@ def test_the_jobs_are_found_and_no_module_is_listed_in_vain() -> None:
     found: set[Definition] = set()
     for module, job in _jobs().values():
         _follow(module, job, found)
-    assert len(_jobs()) == 8
+    assert len(_jobs()) == 8 + 1
     assert {("studies/answers/measures.py", "decide"), ("runs/execution.py", "frame_time")} <= found
     assert ("studies/compare/measures.py", "is_unnecessary_stop") in found
     assert {module for module, _ in found} == {*OF_EVALUATION, *BESIDE}
@@ -122,4 +122,4 @@ def test_every_shipped_file_is_in_the_version_or_hashed_by_the_runs_that_use_it(
         for path in Path(str(package.__file__)).parent.rglob("*")
         if path.is_file() and "__pycache__" not in path.parts and path.name != "py.typed"
     }
-    assert shipped == {*VERSIONED, ".xosc", ".xodr", ".onnx"}
+    assert shipped == {*VERSIONED, *HASHED_BY_RUNS}

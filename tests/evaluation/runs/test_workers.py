@@ -100,7 +100,7 @@ def test_workers_that_cannot_be_started_are_told(monkeypatch: pytest.MonkeyPatch
     def refuse(*arguments: object, **named: object) -> None:
         raise ConnectionResetError("the server is gone")
 
-    monkeypatch.setattr(workers.ProcessPoolExecutor, "map", refuse)
+    monkeypatch.setattr(workers.ProcessPoolExecutor, "submit", refuse)
     with pytest.raises(WorkerError, match=r"cannot be started \(ConnectionResetError: the server is gone\)"):
         list(execute_all(slow_for_small, range(4), 2))
 

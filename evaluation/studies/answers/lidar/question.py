@@ -9,6 +9,7 @@ from pathlib import Path
 
 from evaluation.runs.execution import FrameTime
 from evaluation.runs.specs import UPPER_BOUND
+from evaluation.runs.workers import Workers
 from evaluation.studies.answers import figures
 from evaluation.studies.answers.arms import Arm, ArmRun
 from evaluation.studies.answers.lidar import tables
@@ -159,7 +160,7 @@ class LidarGain(Question):
         items: Sequence[ArmRun],
         folder: Path,
         prefix: str,
-        workers: int,
+        workers: Workers,
         done: Callable[[int], None] = lambda count: None,
     ) -> tuple[dict[str, tuple[Decision, FrameTime]], int]:
         """See `Study.carry_out`; scene by scene: runs of one share the frames until their egos part."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import rich.console
 
 from evaluation.results.tables import rich_table
+from evaluation.runs.workers import Workers
 from evaluation.studies.drive.side_by_side.comparison import (
     DriveComparison,
     SideBySide,
@@ -18,14 +19,14 @@ from evaluation.studies.study import done_line
 
 
 def compare_drives(
-    comparison: DriveComparison, out: Path, workers: int = 1, quiet: bool = False
+    comparison: DriveComparison, out: Path, workers: Workers = 1, quiet: bool = False
 ) -> SideBySide:
     """Carry a comparison on recorded drives out, or go on with it.
 
     Args:
         comparison: what is compared.
         out: folder for everything.
-        workers: processes.
+        workers: processes, or a scheduler; see `evaluation.runs.workers.execute_as_finished`.
         quiet: print nothing.
 
     Raises:
