@@ -25,6 +25,7 @@ WITH_PYTHON = {page for page in PAGES if python_of(page)}
 ELSEWHERE = {
     "docs/gym.md": "tests/evaluation/gym/test_gym.py",
     "docs/python.md": "tests/test_examples.py",
+    "docs/queries.md": "tests/evaluation/studies/test_rows.py",
     "docs/rules.md": "tests/smartmot/decision/test_shipped.py",
 }
 """Pages whose blocks the tests of their subject run."""

@@ -17,13 +17,13 @@ from evaluation.cli import app
 from tests.documents.blocks import PAGES, ROOT, Block, blocks, commands_of
 from tests.documents.inputs import run_command, write_inputs
 
-LANGUAGES = {"python", "sh", "text", "toml", "yaml"}
+LANGUAGES = {"python", "sh", "sql", "text", "toml", "yaml"}
 DIRECTIVES = {"{toctree}", "{eval-rst}", "{command-reference}", "{example}"}
 """Blocks that the documentation site fills in."""
 
 OUTSIDE = re.compile(
     r"argoverse2|NCAP|\bdata\b|labels detections|other_drives|my_drives|my_detector|tracks\.(csv|parquet)"
-    r"|[\w./]+\.onnx|results/(network|before|bends|ncap)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
+    r"|[\w./]+\.onnx|results/(network|before|bends|ncap|compare|seed_)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
 )
 """Inputs of others, or of commands that take long."""
 LONG = re.compile(
@@ -41,7 +41,8 @@ SMALLER = (
 """Options by which commands are made small, where their line is such."""
 
 OTHER_PROGRAMS = {
-    "source", "mkdir", "ln", "cd", "colcon", "ros2", "smartmot-ros", "podman", "buildah", "mmdebstrap",
+    "source", "mkdir", "ln", "cd", "colcon", "dask", "ros2", "smartmot-ros", "podman", "buildah",
+    "mmdebstrap",
 }  # fmt: skip
 """Programs of others, and those of tests/ros and `.ci/container`."""
 
