@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+import _smartmot
 from evaluation.errors import ArgumentError, WorkerError
 from evaluation.runs.cluster.on_worker import DONE, FAILED, LOST, REFUSED, Order, Session
 
@@ -69,10 +70,8 @@ class Scheduler:
         if os.name == "nt":
             raise ArgumentError(f"{OPTION}: paths of Windows do not travel; start on Linux or macOS")
         if importlib.util.find_spec("distributed") is None:
-            raise ArgumentError(
-                f"{OPTION} needs the extra dask (no module 'distributed'); install it with: "
-                "pip install 'smartmot[dask]'"
-            )
+            error = ImportError("no module named 'distributed'", name="distributed")
+            raise ArgumentError(_smartmot.missing_extra(f"{OPTION}: workers of Dask", "dask", error))
 
     def __str__(self) -> str:
         """The workers, as a progress bar names them."""

@@ -386,5 +386,5 @@ def test_an_address_that_is_none_is_refused(address: str) -> None:
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(ArgumentError, match=r"needs the extra dask .*pip install 'smartmot\[dask\]'"):
+    with pytest.raises(ArgumentError, match=r"need the extra dask .*pip install 'smartmot\[dask\]'"):
         Scheduler("tcp://127.0.0.1:8786")
