@@ -37,8 +37,8 @@ CALL = ".smartmot-call"
 """File in a default folder of results: the command, and the arguments that determine them."""
 _OF_OTHER_MATTERS = frozenset(
     {
-        "out", "workers", "scheduler", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video", "page",
-        "fail_on", "junit",
+        "out", "workers", "scheduler", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video",
+        "page", "fail_on", "junit",
     }
 )  # fmt: skip
 """Parameters that change no result: where, how fast, what else is made of it, and what is judged."""
