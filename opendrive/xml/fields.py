@@ -252,8 +252,7 @@ class Table(Generic[_Record]):
         if not len(element):
             return []
         elements = children_but(element, self.tags)
-        if self._single:
-            elements += values.repeated(element, self._single)
+        elements += values.repeated(element, self._single) if self._single else []
         for part, tags in self._parts.items():
             elements += children_but(first(element, part), tags)
         for leftovers in self._leftovers:

@@ -52,7 +52,6 @@ MAX_LOOKS, MANY_LOOKS_S = 100, 1e-3
 MAX_SPLITS = 1000
 """More changes within one step are a fault of the scenario."""
 
-
 ABSENT = model.EntityDefinition("an absent ego", "", "unknown", 1.0, 1.0, 1.0, 0.0, 0.0)
 """The ego of a scenario without entities, which is never there."""
 
