@@ -129,7 +129,7 @@ def measure(runs: list[Any], workers: Any, processes: list[int]) -> tuple[dict[s
         "all_cpu_s": own_s + others_s,
         "journal_bytes": size,
     }
-    return values, [row for row, _ in finished.values()]
+    return values, [finished[key][0] for key in items]  # in their order, whichever was finished first
 
 
 def run_benchmark(count: int, ks: list[int], out: Path) -> None:
