@@ -97,7 +97,7 @@ def test_every_command_that_scores_has_a_gate() -> None:
     from evaluation.cli.entry import app
 
     without = {
-        "list", "plot", "report", "replay", "map", "export", "reference", "scenes",
+        "list", "plot", "report", "replay", "map", "export", "reference", "scenes", "rows",
         "lidar bench", "lidar convert", "lidar detect", "lidar train", "lidar export",
         "lidar dataset make", "lidar dataset show", "lidar dataset check",
     }  # fmt: skip

@@ -69,7 +69,7 @@ def made_by_reports(out: Path) -> Path:
     conditions = Conditions(("map",), "paper", ("rain",), "urban_street")
     study = CpnaStudy("small", CpnaSuite((30.0,), conditions))
     items = study.items(out)
-    study.write(out, items, {item.key: study.job(item) for item in items})
+    study.write(out, items, {item.key: study.kept(item, study.job(item)) for item in items})
     return out
 
 

@@ -127,7 +127,7 @@ def test_with_a_map_its_lanes_are_monitored_and_off_it_the_rectangle(
     data = write([(60.0, 0.0)], seconds=8.0, y_m=-1.75)
     options = Options(Source(data, map_file=MAPS / "urban_street.xodr"))
     study = prepare(options)
-    assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
+    assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path", "adaptive"]
     result = drive_all(study, tmp_path / "out", SILENT)
     by_strategy = {drive.spec.strategy: emergencies(drive) for drive in result.drives}
     assert by_strategy["map"] == [(UNDECIDED, "entered")]
@@ -312,7 +312,10 @@ def test_detections_of_some_and_labels_of_others_are_not_counted_together(
         (["--vary", "map_kerb_m=1"], "--vary map_kerb_m: means nothing without a map, and 0 has none"),
         (["--vary", "localisation_lateral_m=1"], "--vary localisation_lateral_m: means nothing without"),
         (["--vary", "path_from=map"], "--vary path_from: means nothing without a map"),
-        (["--vary", "margin_m=1"], "--vary margin_m: means nothing for rectangular, all, path; it is a "),
+        (
+            ["--vary", "margin_m=1"],
+            "--vary margin_m: means nothing for rectangular, all, path, adaptive; it ",
+        ),
         (["--vary", "speed=1"], "--vary: expected NAME=VALUES with one of"),
         (["--vary", "half_width_m=-1"], "--vary half_width_m=-1, rule paper: "),
         (["--vary", "r157_ttc_s=2"], "--vary r157_ttc_s=2, rule paper: r157_ttc_s is a parameter of rule="),

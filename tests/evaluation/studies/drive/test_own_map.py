@@ -27,7 +27,7 @@ def test_the_map_of_a_log(tmp_path: Path) -> None:
     study = prepare(Options(Source(argoverse_log.log(tmp_path / "log")), preset="physical"))
     [recording] = study.recordings
     assert isinstance(study.maps[recording.map_path], VectorMap)
-    assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path"]
+    assert [spec.strategy for spec in study.specs] == ["rectangular", "map", "all", "path", "adaptive"]
     # the EGO_VEHICLE box of the data set, poses at the rear axle
     assert (recording.vehicle.length_m, recording.vehicle.center_ahead_m) == (4.877, 1.42)
     result = drive_all(study, tmp_path / "out", NoProgress())
@@ -43,7 +43,8 @@ def test_a_log_without_a_map(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"log_map_archive_street\.json: line 1: not JSON"):
         prepare(Options(Source(log)))
     archive.unlink()
-    assert [spec.strategy for spec in prepare(Options(Source(log))).specs] == ["rectangular", "all", "path"]
+    strategies = [spec.strategy for spec in prepare(Options(Source(log))).specs]
+    assert strategies == ["rectangular", "all", "path", "adaptive"]
     with pytest.raises(ArgumentError, match="strategy map: the data have no map"):
         prepare(Options(Source(log), strategies=("map",)))
 
