@@ -77,6 +77,7 @@ def test_an_object_of_this_process_is_refused() -> None:
 
 @pytest.mark.parametrize("absolute", [False, True])
 def test_own_scenario_catalogs_maps_and_network_travel(folder: Path, absolute: bool) -> None:
+    pytest.importorskip("onnxruntime")
     at = (lambda text: str(folder / text)) if absolute else str
     run = spec(
         at("scenarios/cpna_paper.xosc"),
