@@ -213,23 +213,26 @@ def section(content: dict[str, Any] | None) -> str:
             if kind == "pool"
             else f"scheduler, {k} worker{'s' * (k != '1')}"
         )
+        beside = f"{1e3 * costs['per_run_s']:.1f} ms | {costs['start_s']:.1f} s"
+        if kind == "pool" and k != "1":
+            beside = "– | –"  # processes of a local pool are children of another one, and are not measured
         lines.append(
             f"| {who} | {costs['efficiency']:.2f} | {costs['busy']:.2f} | {costs['busy_started']:.2f} | "
-            f"{1e3 * costs['per_run_s']:.1f} ms | {costs['start_s']:.1f} s |"
+            f"{beside} |"
         )
     last = max(
         (name for name in content["results"] if name.startswith("scheduler")), key=lambda n: int(n[10:])
     )
     costs = overheads(content, last)
     total_h = MILLION * (run_s + costs["per_run_s"]) / 3600
-    beside = costs["per_run_s"] / (run_s + costs["per_run_s"])
+    share = costs["per_run_s"] / (run_s + costs["per_run_s"])
     feeds = run_s / costs["caller_s"]
     size = content["results"][last]["all"]["journal_bytes"] / runs
     lines += [
         "",
         "A million of these runs need by that:",
         "",
-        f"- {total_h:.0f} hours of one core, {100 * beside:.1f} % of them beside the runs;",
+        f"- {total_h:.0f} hours of one core, {100 * share:.1f} % of them beside the runs;",
         *(
             f"- with {cores} workers {total_h / cores:.1f} hours;"
             for cores in (16, 64, 256)

@@ -144,6 +144,8 @@ def command(
         raise ArgumentError(f"--sensor: the question {question} has its own; choose another")
     who = parse_workers(workers, scheduler)
     if question == "worst":
+        if tuned is not None:
+            raise ArgumentError("--tuned: worst takes none; it runs what --strategies names as it is")
         if scheduler is not None and maps is not None:
             raise ArgumentError("--maps: a folder of maps does not travel with worst; leave --scheduler out")
         _worst(

@@ -35,6 +35,9 @@ FAMILIES = tuple(situation.name for situation in KINDS["brake"])
 NUMBERS = 192
 """Uniform numbers of a scene, more than most draws ask for; the last of a sample is the seed of the noise."""
 
+CUT_OFF_RUN = "the run was cut off"
+"""Why there is no margin of a scene that can be."""
+
 _SEEDS = 10**9
 
 
@@ -139,7 +142,7 @@ def come(case: Case) -> tuple[Came, FrameTime]:
         margin = None if cut else (-max(v_impact, 1e-9) if collided else gap)
         came = Came(
             margin,
-            "the run was cut off" if cut else "",
+            CUT_OFF_RUN if cut else "",
             collided,
             v_impact,
             gap,

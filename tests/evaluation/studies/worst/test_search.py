@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ from evaluation.errors import ArgumentError
 from evaluation.results.rows import read_runs
 from evaluation.studies.answers.rivals import MAP, PATH
 from evaluation.studies.worst import search as module
-from evaluation.studies.worst.family import NUMBERS, Family, come, least_gap_m
-from evaluation.studies.worst.search import Searched, search, write
+from evaluation.studies.worst.family import CUT_OFF_RUN, NUMBERS, Family, come, least_gap_m
+from evaluation.studies.worst.search import Searched, answer, search, write
 from scenarios.drawn import draw
 from scenarios.drawn.draw import KINDS, copy_maps, grounds_of, scene_of
 from scenarios.drawn.values import Given, RejectedDraw
@@ -151,3 +152,12 @@ def test_it_writes_words_numbers_a_figure_and_the_nearest_failures(
 def test_a_family_that_is_not_known_is_named() -> None:
     with pytest.raises(ArgumentError, match="pedestrian crosses"):
         Family("somebody crosses", MAP.arm("physical", "paper"))
+
+
+def test_runs_that_were_cut_off_are_counted_in_words(found: tuple[Searched, Path]) -> None:
+    searched, _ = found
+    assert not any("cut off" in sentence for sentence in answer(searched).sentences)
+    case, came = searched.cases[0]
+    cut = replace(came, margin=None, rejected=CUT_OFF_RUN)
+    more = replace(searched, cases=(*searched.cases, (case, cut)))
+    assert any(sentence.startswith("1 runs were cut off") for sentence in answer(more).sentences)
