@@ -10,8 +10,9 @@ PIP := $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 run: $(VENV)/.run
 	$(VENV)/bin/smartmot-eval cpna --speeds 10..60
 
+# Neighbours stay together, as they share results. Bytecode is kept: some tests start Python many times.
 test: $(VENV)/.dev
-	$(VENV)/bin/python -m pytest -n 2
+	PYTHONDONTWRITEBYTECODE= $(VENV)/bin/python -m pytest -n 2 --dist worksteal
 
 check: test
 	$(VENV)/bin/ruff check .

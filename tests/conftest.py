@@ -1,6 +1,7 @@
-"""Small recordings made by hand."""
+"""Small recordings made by hand, and what makes a long session quick."""
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,23 @@ KITTI = Path(__file__).parents[1].parent / "shared" / "kitti"
 Rows = list[tuple[int, int, float, float]]
 MakeObjects = Callable[..., Objects]
 MakeSequence = Callable[..., Sequence]
+
+
+def pytest_collection_finish() -> None:
+    """What has been collected stays: Python's collector of garbage need not look through it again."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_process() -> Iterator[None]:
+    """Without `--workers`, work is done in this process: those of a pool import everything anew.
+
+    Tests of several processes ask for them.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)
+        yield
 
 
 @pytest.fixture

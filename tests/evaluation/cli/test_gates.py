@@ -19,12 +19,16 @@ CASES = {
         "contacts>0",
         "contacts>1",
     ),
-    "ncap": (["ncap", "cpna", "--protocol", "r152"], "rectangular/score_percent<=100", "cells_invalid>0"),
+    "ncap": (
+        ["ncap", "--protocol", "paper", "--strategy", "map"],
+        "map/score_percent<=100",
+        "cells_invalid>0",
+    ),
     "compare": (
         [
             "compare",
             "--scenes",
-            "people at the kerb",
+            "people on the sidewalk",
             "--strategies",
             "path",
             "--seeds",

@@ -41,7 +41,7 @@ def networks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_networks_are_varied_beside_one_another(networks: list[str], tmp_path: Path) -> None:
     varied = ("--vary", "sensor=mid70", "--vary", f"perception={','.join(networks)}")
-    scenes = ("--scenes", "people at the kerb", "--seeds", 1, "--workers", 1, "--strategies", "map")
+    scenes = ("--scenes", "people on the sidewalk", "--seeds", 1, "--workers", 1, "--strategies", "map")
     assert call("compare", *varied, *scenes, "--out", "out", "--format", "png") == 0
     rows = list(csv.DictReader((tmp_path / "out" / "table.csv").read_text(encoding="utf-8").splitlines()))
     named = [row["settings"].split("perception=")[1].split("@")[0] for row in rows]
