@@ -26,7 +26,7 @@ from scenarios.strategies import STRATEGIES
 from smartmot.area import WAYS
 from smartmot.decision.aeb import AebConfig
 from smartmot.decision.required_deceleration import LAST_POINT_TO_BRAKE
-from smartmot.decision.shipped import PAPER_RULE, RULES
+from smartmot.decision.shipped import PAPER_RULE, RULES, with_brakes
 from smartmot.errors import ConfigError
 from smartmot.forecast import EGO_FORECASTS
 from smartmot.lidar.learned import SHIPPED
@@ -177,6 +177,7 @@ TRIGGERS: Mapping[str, str] = MappingProxyType(
         "autoware": "autoware_response_s",
         "autoware_readme": "autoware_response_s",
         "r157": "r157_ttc_s",
+        "staged": "staged_margin_s",
     }
 )
 """The parameter of each shipped brake rule that decides how early it brakes; a field of the rule as well."""
@@ -192,11 +193,9 @@ def _put_rule(preset: Preset, value: Setting) -> Preset:
     if name == _rule_of(preset):
         return preset
     rule = plugin(name) if is_plugin(name) else RULES[name]
-    if rule is LAST_POINT_TO_BRAKE:
-        # the brakes on a dry road: the rule does not know the weather; it decides once in a frame
-        brakes, frame_s = PRESETS.get(preset.name, preset).brakes, 1.0 / preset.sensor.rate_hz
-        rule = replace(rule, delay_s=brakes.delay_s + frame_s, build_up_s=brakes.build_up_s)
-        rule = replace(rule, required_decel_mps2=brakes.max_decel_mps2)
+    # the brakes on a dry road: the rule does not know the weather; it decides once in a frame
+    brakes, frame_s = PRESETS.get(preset.name, preset).brakes, 1.0 / preset.sensor.rate_hz
+    rule = with_brakes(rule, brakes.delay_s + frame_s, brakes.build_up_s, brakes.max_decel_mps2)
     return _with(preset, ("pipeline", "aeb"), rule)
 
 
@@ -452,6 +451,7 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "rss_response_s": _trigger("response time of the ego (RSS)", "s", "rss_response_s"),
         "autoware_response_s": _trigger("response time (Autoware)", "s", "autoware_response_s"),
         "r157_ttc_s": _trigger("time to collision that triggers", "s", "r157_ttc_s"),
+        "staged_margin_s": _trigger("margin over the time that is needed", "s", "staged_margin_s"),
     }
 )
 """Parameters by name, in the order in which their values are put."""

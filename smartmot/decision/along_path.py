@@ -72,16 +72,23 @@ class Braking:
         warned: whether it warns.
         stage: of the brake; 0: none.
         clear_since_s: since when there is no reason to brake; None: there is one.
+        begun_s: since when it brakes; None: it does not.
     """
 
     started: bool = False
     warned: bool = False
     stage: int = 0
     clear_since_s: float | None = None
+    begun_s: float | None = None
 
 
 def next_braking(
-    state: Braking, now: Assessment, stage: int, goes_on: bool, warned: bool = False
+    state: Braking,
+    now: Assessment,
+    stage: int,
+    goes_on: bool,
+    warned: bool = False,
+    clear_s: float = CLEAR_S,
 ) -> tuple[Braking, tuple[Event, ...]]:
     """What becomes of a braking; the stage rises until it is let go.
 
@@ -91,6 +98,7 @@ def next_braking(
         stage: that the present frame asks for; 0: none.
         goes_on: whether a braking goes on although the frame asks for none.
         warned: whether the frame asks for a warning; while it brakes a rule that warns goes on to do so.
+        clear_s: time without a reason to brake before it is let go.
 
     Returns:
         The next state, and the events of the frame, named as those of the paper's rule.
@@ -102,7 +110,7 @@ def next_braking(
     since: float | None = None
     if not stage and state.stage and not goes_on:
         since = stamp if state.clear_since_s is None else state.clear_since_s
-    released = since is not None and stamp - since >= CLEAR_S - 1e-9
+    released = since is not None and stamp - since >= clear_s - 1e-9
     held = 0 if released else max(stage, state.stage)
     if warned and not state.warned:
         names.append(("monitors", "warning"))
@@ -116,4 +124,5 @@ def next_braking(
         names += [("monitors", "free_lane"), ("unexpected", "end_unexpected"), ("selector", "follow_path")]
     warns = warned or (state.warned and held > 0)
     events = tuple(Event(stamp, layer, name) for layer, name in names)
-    return Braking(True, warns, held, None if released else since), events
+    begun = None if not held else stamp if state.begun_s is None else state.begun_s
+    return Braking(True, warns, held, None if released else since, begun), events

@@ -30,6 +30,7 @@ from smartmot.decision.aeb import AebConfig
 from smartmot.decision.required_deceleration import RequiredDeceleration
 from smartmot.decision.rules import PaperRule
 from smartmot.decision.shipped import RULES
+from smartmot.decision.staged import Staged
 from smartmot.errors import ConfigError
 from smartmot.filters.motion_models import PerCategory, table
 from smartmot.plugins import Plugin
@@ -318,6 +319,17 @@ def test_the_last_point_to_brake_is_that_of_the_presets_own_brakes_on_a_dry_road
         brakes = preset.brakes
         assert (rule.required_decel_mps2, rule.delay_s, rule.build_up_s) == (
             brakes.max_decel_mps2, brakes.delay_s + 0.05, brakes.build_up_s
+        )  # fmt: skip
+
+
+def test_the_staged_rule_reckons_with_the_brakes_of_the_preset() -> None:
+    """A frame of 0.05 s before them."""
+    for preset in (PAPER, PHYSICAL):
+        rule = preset_with(preset, (("rule", "staged"), ("staged_margin_s", 0.1))).pipeline.aeb
+        assert isinstance(rule, Staged)
+        brakes = preset.brakes
+        assert (rule.full_mps2, rule.delay_s, rule.build_up_s, rule.staged_margin_s) == (
+            brakes.max_decel_mps2, brakes.delay_s + 0.05, brakes.build_up_s, 0.1
         )  # fmt: skip
 
 

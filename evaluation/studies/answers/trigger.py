@@ -40,6 +40,7 @@ SENSITIVITIES: Mapping[str, tuple[float, ...]] = MappingProxyType(
         "rss_response_s": (0.0, 0.25, 0.5, 1.0, 1.5),
         "autoware_response_s": (0.0, 0.25, 0.5, 1.0, 1.5),
         "r157_ttc_s": (0.75, 1.0, 1.5, 2.0, 3.0),
+        "staged_margin_s": (0.0, 0.25, 0.5, 1.0, 1.5),
     }
 )
 """Values of each rule's trigger, around what its source has; assumed."""

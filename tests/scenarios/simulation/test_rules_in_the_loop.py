@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from scenarios.brakes import BrakeConfig
@@ -11,6 +12,7 @@ from scenarios.settings import preset_with
 from scenarios.simulation.outcome import Outcome
 from scenarios.simulation.simulation import Simulation
 from smartmot import EverythingArea
+from smartmot.types import Boxes, Detections
 from tests.scenarios.simulation.test_simulation import LANE_Y_M, Other, definition
 
 KMH = 1 / 3.6
@@ -43,6 +45,8 @@ def standing_car(gap_m: float) -> Other:
         ("r157", 1.5),
         # 0.45 s + v / 17.6 - 8.8 0.16 / (24 v): with a frame before it
         ("last_point_to_brake", 1.235),
+        # 0.25 s + 0.4 s 3.8 / 17.6 + 1 m / v + v / 7.6
+        ("staged", 2.236),
     ],
 )
 def test_for_a_standing_car_each_brakes_at_its_published_time_to_collision(rule: str, ttc_s: float) -> None:
@@ -52,6 +56,8 @@ def test_for_a_standing_car_each_brakes_at_its_published_time_to_collision(rule:
     assert ttc_s - FRAME_S - 0.006 <= outcome.flag_ttc_s <= ttc_s + 0.006
     if rule == "cascade":
         assert outcome.warning_ttc_s == pytest.approx(4.67 - FRAME_S / 2, abs=FRAME_S / 2 + 0.006)
+    elif rule == "staged":  # 1.2 s + 1 m / v + v / 8 are 3.01 s; forecasts reach 3 s, in steps of 0.1 s
+        assert outcome.warning_ttc_s == pytest.approx(3.0, abs=0.1 + FRAME_S)
     else:
         assert outcome.warning_time_s is None
 
@@ -110,6 +116,51 @@ def test_a_pedestrian_who_crosses_sets_it_off_on_entering_the_swept_width(rule: 
     if rule == "required_deceleration":
         enters_s = max(enters_s, least_s)
     assert outcome.flag_time_s == pytest.approx(enters_s + FRAME_S / 2, abs=FRAME_S + 0.03)
+
+
+def test_the_staged_rule_brakes_for_a_pedestrian_long_before_the_swept_width_is_entered() -> None:
+    """The same pedestrian: at 1 m + v (0.25 + 0.086 s) + v^2 / 7.6 before the line, 1.9 s before the contact;
+    the partial brake lets the pedestrian pass, and the ego drives on without having stood."""
+    walk, speed = 5 * KMH, 40 * KMH
+    walk_s = 4.0 / walk
+    other = Other("pedestrian", 160.25, LANE_Y_M - 4.0, math.pi / 2, 0.5, 0.5, walk, 60.0 - speed * walk_s)
+    outcome = driven("staged", other, 40.0)
+    needed_m = 1.0 + speed * (0.25 + 0.4 * 3.8 / 17.6) + speed**2 / 7.6
+    begins_s = (60.0 - needed_m) / speed
+    assert outcome.flag_time_s == pytest.approx(begins_s + FRAME_S / 2, abs=FRAME_S / 2 + 0.03)
+    assert outcome.avoided
+    assert outcome.peak_decel_mps2 == pytest.approx(3.8)
+    table = outcome.log.table()
+    speed_mps = table["speed_mps"][table["kind"] == "ego"]
+    assert speed_mps.min() > 0.1
+
+
+def test_the_staged_rule_lets_go_of_a_ghost_and_the_papers_rule_stands() -> None:
+    """A pedestrian on the path who is detected for 0.3 s, 15 m ahead at 50 km/h, and then never again."""
+    slowest = {}
+    for rule in ("paper", "staged"):
+        preset = preset_with(PERFECT, (("rule", rule),))
+        run = Simulation(definition(50.0, []), preset, lambda view: EverythingArea(), adapts=False)
+        perception, step, last_threat_s, braked = run.perception(), run.start(), -math.inf, []
+        while step.frame is not None and step.frame.stamp_s < 6.0:
+            frame = step.frame
+            if 1.0 <= frame.detections.stamp_s < 1.3:
+                boxes = Boxes(
+                    np.array([[100.0 + SPEED_MPS + 15.25, LANE_Y_M]]), np.full((1, 2), 0.5), np.zeros(1)
+                )
+                ghost = Detections(frame.detections.stamp_s, boxes, np.ones(1), np.array(["pedestrian"]))
+                frame = dataclasses.replace(frame, detections=ghost)
+            result = perception.step(frame)
+            if len(result.threats):
+                last_threat_s = frame.stamp_s
+            braked += [frame.stamp_s] * result.command.emergency
+            run.record(result)
+            slowest[rule] = min(slowest.get(rule, math.inf), frame.ego.speed_mps)
+            step = run.step(result.command)
+        if rule == "staged":
+            assert braked[-1] <= last_threat_s + 0.4 + FRAME_S
+    assert slowest["paper"] == 0.0
+    assert slowest["staged"] > 0.5 * SPEED_MPS
 
 
 def test_the_trigger_parameter_brakes_earlier() -> None:
