@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from scenarios.sensors import SensorConfig
 from scenarios.sensors.lidar import MID70
 from smartmot import Boxes, Detections, EgoState
 from tests.documents.blocks import PAGES, ROOT, python_of
-from tests.documents.inputs import run_command, write_inputs
+from tests.documents.inputs import run_command
 
 WITH_PYTHON = {page for page in PAGES if python_of(page)}
 ELSEWHERE = {
@@ -39,9 +40,9 @@ def run_page(page: str, names: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Current folder with small inputs under the names of the examples."""
-    write_inputs(tmp_path)
+    shutil.copytree(inputs, tmp_path, symlinks=True, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

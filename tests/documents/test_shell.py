@@ -7,6 +7,7 @@ import shlex
 import shutil
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import typer
 
 from evaluation.cli import app
 from tests.documents.blocks import PAGES, ROOT, Block, blocks, commands_of
-from tests.documents.inputs import run_command, write_inputs
+from tests.documents.inputs import run_command
 
 LANGUAGES = {"python", "sh", "sql", "text", "toml", "yaml"}
 DIRECTIVES = {"{toctree}", "{eval-rst}", "{command-reference}", "{example}"}
@@ -34,7 +35,9 @@ LONG = re.compile(
 SMALLER = (
     (r"^cpna (?!.*--speeds)", ["--speeds", "40"]),
     (r"^cpna .*10\.\.", ["--speeds", "40"]),
+    (r"^cpna .*--speeds \d+,\d", ["--speeds", "50"]),
     (r"^cpna ", ["--no-pictures", "--quiet"]),
+    (r"^run cp\w+ (?!.*--param)", ["--param", "Ego_speed_kmh=40"]),
     (r"^replay .*--(gif|mp4)", ["--fps", "2"]),
     (r"^mot .*--gif", ["--frames", "0..10"]),
 )
@@ -47,9 +50,15 @@ OTHER_PROGRAMS = {
 """Programs of others, and those of tests/ros and `.ci/container`."""
 
 
+@cache
+def _program() -> Any:
+    """The command line, as the library that reads words has it; it takes a while to be made."""
+    return typer.main.get_command(app)
+
+
 def understood(words: list[str]) -> dict[str, Any]:
     """What the program makes of the words after `smartmot-eval`, with the name of the command."""
-    command: Any = typer.main.get_command(app)
+    command = _program()
     context = command.make_context("smartmot-eval", list(words))
     while hasattr(command, "commands"):
         rest = [*getattr(context, "_protected_args", []), *context.args]
@@ -133,10 +142,10 @@ def test_other_commands_are_known() -> None:
 
 
 @pytest.fixture(scope="module")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def with_results(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Inputs, and the results of a first `smartmot-eval cpna`."""
-    folder = tmp_path_factory.mktemp("inputs")
-    write_inputs(folder)
+    folder = tmp_path_factory.mktemp("first") / "work"
+    shutil.copytree(inputs, folder, symlinks=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert run_command(patch, ["cpna", "--speeds", "40,50,60", "--quiet", "--no-pictures"]) == 0
@@ -146,14 +155,14 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("page", sorted(page for page, lines in RUNS.items() if lines))
 def test_commands_run_on_small_inputs(
     page: str,
-    inputs: Path,
+    with_results: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """In the order of the page; a rule of `--fail-on` may be met (exit status 3)."""
     folder = tmp_path / "work"
-    shutil.copytree(inputs, folder, symlinks=True)
+    shutil.copytree(with_results, folder, symlinks=True)
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "path", list(sys.path))
     for words in RUNS[page]:
