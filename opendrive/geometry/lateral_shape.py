@@ -35,23 +35,28 @@ class ShapeTable:
     @classmethod
     def stack(cls, shapes: Sequence[FloatArray]) -> "ShapeTable":
         """Stack the shapes of R roads: arrays (K, 6) of ``s, t, a, b, c, d``."""
-        places: list[FloatArray] = []
-        s_m: list[float] = []
-        owner: list[int] = []
-        for road, shape in enumerate(shapes):
-            for s in np.unique(shape[:, 0]).tolist() if len(shape) else ():
-                rows = shape[shape[:, 0] == s, 1:]
-                places.append(rows[np.argsort(rows[:, 0], kind="stable")])
-                s_m.append(s)
-                owner.append(road)
-        count = np.bincount(np.array(owner, dtype=np.int64), minlength=len(shapes))
-        at = np.array(s_m, dtype=np.float64)
+        road = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
+        return cls.build(road, np.concatenate([np.empty((0, 6)), *shapes]), len(shapes))
+
+    @classmethod
+    def build(cls, road: IntArray, rows: FloatArray, roads: int) -> "ShapeTable":
+        """Make the table from cubics.
+
+        Args:
+            road: (K,) road index.
+            rows: (K, 6) columns ``s, t, a, b, c, d``.
+            roads: number of roads R.
+        """
+        order = np.lexsort((rows[:, 1], rows[:, 0], road))
+        road, rows = road[order], rows[order]
+        is_first = np.append(True, (np.diff(road) > 0) | (np.diff(rows[:, 0]) > 0.0))[: len(rows)]
+        first, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
         return cls(
-            key=sort_keys(np.array(owner, dtype=np.int64), at),
-            first=first_rows(count),
-            s_m=at,
-            heights=CubicTable.stack(places),
-            least_t_m=np.array([rows[0, 0] for rows in places], dtype=np.float64),
+            key=sort_keys(road[first], rows[first, 0]),
+            first=first_rows(np.bincount(road[first], minlength=roads)),
+            s_m=rows[first, 0],
+            heights=CubicTable.of_rows(place, rows[:, 1:], len(first)),
+            least_t_m=rows[first, 1],
         )
 
     def __bool__(self) -> bool:

@@ -72,7 +72,7 @@ class LaneColumns(NamedTuple):
     """Lanes as they stand in a file, N of them, in any order within their section.
 
     Attributes:
-        section: (N,) index of the lane section, ascending.
+        section: (N,) index of the lane section.
         id: (N,) lane ids; 0 for centre lanes.
         type: (N,) type names.
         level: (N,) whether they are kept horizontal.
@@ -94,6 +94,47 @@ class LaneColumns(NamedTuple):
     width: tuple[IntArray, FloatArray]
     border: tuple[IntArray, FloatArray]
     height: tuple[IntArray, FloatArray]
+
+    def joined(self, other: "LaneColumns", sections: int) -> "LaneColumns":
+        """Return these lanes, in `sections` lane sections, followed by others in sections of their own."""
+        count = len(self.id)
+
+        def rows(
+            own: tuple[IntArray, FloatArray], others: tuple[IntArray, FloatArray]
+        ) -> tuple[IntArray, FloatArray]:
+            return np.append(own[0], others[0] + count), np.concatenate([own[1], others[1]])
+
+        return LaneColumns(
+            np.append(self.section, other.section + sections),
+            np.append(self.id, other.id),
+            [*self.type, *other.type],
+            [*self.level, *other.level],
+            [*self.direction, *other.direction],
+            [*self.predecessors, *other.predecessors],
+            [*self.successors, *other.successors],
+            rows(self.width, other.width),
+            rows(self.border, other.border),
+            rows(self.height, other.height),
+        )
+
+    def renumbered(self, section_of: IntArray) -> "LaneColumns":
+        """Return the lanes with new indices of their sections, without those whose index is negative."""
+        section = section_of[self.section]
+        kept = np.flatnonzero(section >= 0)
+        lane_of = np.full(len(section), -1, dtype=np.int64)
+        lane_of[kept] = np.arange(len(kept))
+        return LaneColumns(
+            section[kept],
+            self.id[kept],
+            _picked(self.type, kept),
+            _picked(self.level, kept),
+            _picked(self.direction, kept),
+            _picked(self.predecessors, kept),
+            _picked(self.successors, kept),
+            _placed(self.width, lane_of),
+            _placed(self.border, lane_of),
+            _placed(self.height, lane_of),
+        )
 
     @classmethod
     def collect(cls, sections: Iterable[LaneSection]) -> "LaneColumns":
@@ -289,7 +330,7 @@ def _picked(values: Sequence[_Value], indices: IntArray) -> list[_Value]:
 
 
 def _placed(records: tuple[IntArray, FloatArray], lane_of: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return records with the lanes' new indices, without those of centre lanes."""
+    """Return records with the lanes' new indices, without those of lanes that have none (-1)."""
     owner, rows = lane_of[records[0]], records[1]
     kept = owner >= 0
     return owner[kept], rows[kept]

@@ -67,7 +67,7 @@ def read_map(path: str | PathLike[str], layer: str = PERMANENT) -> MapModel:
         )
     if not roads:
         raise MapContentError(f"{path}: the map has no <road>; it may be truncated")
-    geometry, odd = read_geometry(values, list(roads.values()))
+    geometry, odd = read_geometry(values, root, list(roads.values()))
     records = RoadRecords(
         roads, partial(read_known_road, values), partial(ROAD.details, values), geometry, odd
     )

@@ -68,9 +68,17 @@ _LINK = Table(
 
 
 def _read_link(values: Values, element: Element) -> model.RoadLink | None:
-    if not element.get("elementId"):
+    element_id = element.get("elementId")
+    contact_point: Any = element.get("contactPoint")
+    if not element_id:
         values.warn(WarningKind.LINK, element, "the link names nothing (no elementId); not followed")
         return None
+    if (
+        contact_point in ("start", "end")
+        and element.get("elementType") == "road"
+        and len(element.keys()) == 3
+    ):
+        return model.RoadLink("road", element_id, contact_point)
     return _LINK.read(values, element)
 
 

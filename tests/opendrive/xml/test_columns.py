@@ -7,7 +7,9 @@ import pytest
 from opendrive import MapContentError, load_map, read_map
 from opendrive.roads.geometry import NetworkGeometry
 from opendrive.xml import columns
+from opendrive.xml.document import parse
 from opendrive.xml.roads import read_road
+from opendrive.xml.values import Values
 
 CROSSFALL = '<crossfall s="{s}" a="{a}" b="0" c="0" d="0" side="{side}"/>'
 SHAPE = '<shape s="{s}" t="{t}" a="0.1" b="0.01" c="0" d="0"/>'
@@ -43,10 +45,10 @@ def test_columns_equal_what_the_records_give(shared, map_name):
 
 
 def test_only_odd_roads_are_read_by_their_records(tmp_path, text, monkeypatch):
-    """Of three roads, one with records out of order: the others are read when they are asked for."""
+    """Of three roads, one with two links: the others are read when they are asked for."""
     names = ("first", "odd", "last")
     roads = [text.road(road_id=name) for name in names]
-    roads[1] = roads[1].replace("<lanes>", f"<lanes>{OFFSET.format(s=9)}{OFFSET.format(s=0)}", 1)
+    roads[1] = roads[1].replace("<planView>", "<link/><planView>", 1)
     file = tmp_path / "odd.xodr"
     file.write_text(text.document("".join(roads)), encoding="utf-8")
     read = []
@@ -58,7 +60,37 @@ def test_only_odd_roads_are_read_by_their_records(tmp_path, text, monkeypatch):
     assert_equal_tables(
         network.model.roads.geometry, NetworkGeometry.collect(tuple(network.model.roads.values()))
     )
-    assert [(w.kind.value, w.road_id) for w in network.model.warnings] == [("order", "odd")]
+    assert [(w.kind.value, w.road_id) for w in network.model.warnings] == [("ignored", "odd")]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<lanes>", f"<lanes>{OFFSET.format(s=9)}{OFFSET.format(s=0)}{OFFSET.format(s=4)}"),
+        ("<lanes>", LATERAL.format(SHAPE.format(s=0, t=1) + SHAPE.format(s=0, t=-1))),
+        ("<lanes>", LATERAL.format("".join(CROSSFALL.format(s=s, a=0, side="left") for s in (5, 0)))),
+        (
+            "</lane>",
+            '<width sOffset="3" a="1" b="0" c="0" d="0"/><width sOffset="2" a="1" b="0" c="0" d="0"/></lane>',
+        ),
+    ],
+)
+def test_records_out_of_order_are_sorted_without_their_record(tmp_path, text, monkeypatch, old, new):
+    """In every road, with the warning that the record's reader gives."""
+    roads = [text.road(road_id=name).replace(old, new, 1) for name in ("first", "second")]
+    file = tmp_path / "odd.xodr"
+    file.write_text(text.document("".join(roads)), encoding="utf-8")
+    with monkeypatch.context() as patched:
+        patched.delattr(columns, "read_road")
+        network = load_map(file)
+    assert_equal_tables(
+        network.model.roads.geometry, NetworkGeometry.collect(tuple(network.model.roads.values()))
+    )
+    values = Values(str(file))
+    for element in parse(file, file.read_bytes()).iter("road"):
+        read_road(values, element)
+    assert [w.kind.value for w in values.warnings] == ["order", "order"]
+    assert list(network.model.warnings) == values.warnings
 
 
 def test_a_road_is_read_when_asked_for_and_once(network_of):
